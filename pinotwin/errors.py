@@ -1,0 +1,48 @@
+"""Every error that pinotwin raises on purpose.
+
+One root; its children say whose input is at fault. A message is one line that names the file, the
+channel or key, what was found, what was expected, and what to do. The command line prints that line
+and exits with 2; any other exception is a bug and keeps its traceback.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class PinotwinError(Exception):
+    """Root of all errors raised on purpose."""
+
+
+class InputError(PinotwinError):
+    """Something that the user gave cannot be used; the message says what and how to mend it."""
+
+
+class MachineError(InputError):
+    """The URDF or the machine.yaml cannot be used."""
+
+
+class LogError(InputError):
+    """A log file, or a channel of it, cannot be used."""
+
+
+class DataError(InputError):
+    """The log is readable but does not hold what the task needs (too short, nothing moves...)."""
+
+
+class TwinError(InputError):
+    """A saved twin cannot be used (missing file, other schema, other machine)."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return a hint that names the known word nearest to ``name`` and lists the others.
+
+    Args:
+        name: the word that was given.
+        known: the words that exist.
+    """
+    words = sorted(str(word) for word in known)
+    close = difflib.get_close_matches(str(name), words, n=1, cutoff=0.5)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}known: {', '.join(words) if words else 'none'}"

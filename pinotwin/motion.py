@@ -1,0 +1,138 @@
+"""A log made ready for a machine: SI, the model's joint order, every channel filtered the same way.
+
+Holding a ``Motion`` is the proof that this has been done; the functions that need it ask for the type.
+Columns of the arrays follow the velocity order of ``machine.model`` (``names`` gives the joints).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError, nearest
+
+
+@dataclass(frozen=True)
+class AxisMotion:
+    """The motion of one joint; arrays of shape (n,), SI.
+
+    Attributes:
+        name: axis name.
+        index: column of the axis in the machine's arrays.
+        rotary: True for rad, False for m.
+        t: time [s].
+        q: position [m or rad].
+        v: velocity [m/s or rad/s].
+        a: acceleration [m/s² or rad/s²].
+        segments: stretches of unbroken, uniform sampling.
+        step: sampling interval [s].
+    """
+
+    name: str
+    index: int
+    rotary: bool
+    t: Floats
+    q: Floats
+    v: Floats
+    a: Floats
+    segments: tuple[slice, ...]
+    step: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A log made ready; arrays of shape (n, nv) unless said otherwise, SI.
+
+    Attributes:
+        names: joint (axis) name of every column, in the model's velocity order.
+        rotary: whether each column is a rotation.
+        t: time [s], shape (n,).
+        q: position [m or rad].
+        v: velocity.
+        a: acceleration.
+        u: motor effort [N or N·m]; NaN where the joint has no motor or no such channel.
+        qr: command, or None where the log has none; likewise its derivatives ``vr`` and ``ar``.
+        external: joint effort of the logged external loads (J^T f), zero where none.
+        segments: stretches of unbroken, uniform sampling.
+        step: sampling interval [s].
+        use: rows that identification may use, per joint: away from edges, above the thresholds.
+        decimation: keep one row in so many when the rows are fitted.
+        cutoff: corner of the zero-phase low-pass that every channel went through [Hz], inf for none.
+        source: where the log came from.
+    """
+
+    names: tuple[str, ...]
+    rotary: tuple[bool, ...]
+    t: Floats
+    q: Floats
+    v: Floats
+    a: Floats
+    u: Floats
+    segments: tuple[slice, ...]
+    step: float
+    use: Mask
+    qr: Floats | None = None
+    vr: Floats | None = None
+    ar: Floats | None = None
+    external: Floats | None = None
+    decimation: int = 1
+    cutoff: float = np.inf
+    source: str = ""
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def index(self, name: str) -> int:
+        """Return the column of a joint.
+
+        Raises:
+            DataError: there is no such joint.
+        """
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise DataError(
+                f"no joint {name!r} in this motion; {nearest(name, self.names)}"
+            ) from None
+
+    def axis(self, name: str) -> AxisMotion:
+        """Return the motion of one joint."""
+        i = self.index(name)
+        return AxisMotion(
+            name, i, self.rotary[i], self.t, self.q[:, i], self.v[:, i], self.a[:, i],
+            self.segments, self.step,
+        )  # fmt: skip
+
+    def cut(self, start: int, stop: int) -> Self:
+        """Return rows ``start:stop`` as a motion of their own."""
+        rows = slice(start, stop)
+        inside = [
+            slice(max(s.start, start) - start, min(s.stop, stop) - start)
+            for s in self.segments
+            if s.start < stop and s.stop > start
+        ]
+        arrays = {
+            name: None if (x := getattr(self, name)) is None else x[rows]
+            for name in ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external")
+        }
+        return replace(self, segments=tuple(inside), **arrays)
+
+    @classmethod
+    def join(cls, parts: Sequence[Motion]) -> Motion:
+        """Return several motions of one machine as one, their segments kept apart."""
+        first = parts[0]
+        segments: list[slice] = []
+        offset = 0
+        for part in parts:
+            segments += [slice(s.start + offset, s.stop + offset) for s in part.segments]
+            offset += len(part)
+        arrays: dict[str, Floats | None] = {}
+        for name in ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external"):
+            values = [getattr(part, name) for part in parts]
+            missing = any(x is None for x in values)
+            arrays[name] = None if missing else np.concatenate(values)
+        return replace(first, segments=tuple(segments), **arrays)  # type: ignore[arg-type]

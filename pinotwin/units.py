@@ -1,0 +1,43 @@
+"""Conversion of the units that controllers log into SI; used only where data enter or leave.
+
+Inside pinotwin every number is SI: m, rad, s, kg, N, N·m.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pinotwin.errors import LogError, nearest
+
+_DEG = math.pi / 180.0
+_REV = 2.0 * math.pi
+_G = 9.80665
+
+# Factor from the unit to SI. Electrical units pass as they are: the column's own `factor` turns them
+# into N or N·m.
+SI_FACTOR: dict[str, float] = {
+    "1": 1.0, "-": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0,
+    "m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9, "inch": 0.0254, "in": 0.0254,
+    "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _DEG, "°": _DEG, "mdeg": 1e-3 * _DEG,
+    "arcmin": _DEG / 60.0, "arcsec": _DEG / 3600.0, "rev": _REV, "turn": _REV,
+    "m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0,
+    "rad/s": 1.0, "deg/s": _DEG, "°/s": _DEG, "rev/s": _REV, "rpm": _REV / 60.0, "rev/min": _REV / 60.0,
+    "m/s^2": 1.0, "m/s²": 1.0, "mm/s^2": 1e-3, "mm/s²": 1e-3, "g": _G,
+    "rad/s^2": 1.0, "rad/s²": 1.0, "deg/s^2": _DEG, "deg/s²": _DEG,
+    "N": 1.0, "kN": 1e3, "mN": 1e-3, "Nm": 1.0, "N·m": 1.0, "N.m": 1.0, "N*m": 1.0,
+    "kNm": 1e3, "mNm": 1e-3, "Ncm": 1e-2,
+    "A": 1.0, "mA": 1e-3, "V": 1.0, "mV": 1e-3, "%": 1e-2, "degC": 1.0, "°C": 1.0, "K": 1.0,
+    "Hz": 1.0, "kHz": 1e3,
+}  # fmt: skip
+
+
+def si_factor(unit: str) -> float:
+    """Return the factor that turns a number in ``unit`` into SI.
+
+    Raises:
+        LogError: the unit is unknown; the message names the nearest known one.
+    """
+    try:
+        return SI_FACTOR[unit.strip()]
+    except KeyError:
+        raise LogError(f"unknown unit {unit!r}; {nearest(unit, SI_FACTOR)}") from None
