@@ -1,12 +1,18 @@
 """What was recorded: named channels of equal length on one clock, frozen.
 
-A log as read keeps the names and units of its file. ``Log.bound`` (see :mod:`pinotwin.columns`) gives
-the channels the names and SI units of the contract: ``t``, ``<axis>.q``, ``<axis>.u``, ``<axis>.qr``...
+A log as read keeps the names and units of its file. :func:`pinotwin.columns.bind` gives the channels
+the names and SI units of the contract: ``t``, ``<axis>.q``, ``<axis>.u``, ``<axis>.qr``...
+
+A header such as ``Y_ActPos [mm]`` or ``Time (ms)`` becomes the channel ``Y_ActPos`` or ``Time`` and the
+unit is kept in ``Log.units``; the numbers stay as the file has them. Only ``bind`` converts, and it
+says so in the notes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -14,6 +20,22 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError, nearest
+from pinotwin.units import SI_FACTOR
+
+_UNIT_AT_END = re.compile(r"^(?P<name>.*\S)\s+[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]$")
+
+ONE_UNIT: tuple[float, float] = (1.0, 0.0)
+
+
+def split_unit(header: str) -> tuple[str, str | None]:
+    """Return name and unit of a header written ``name [unit]`` or ``name (unit)``.
+
+    A bracket that does not hold a unit known to :mod:`pinotwin.units` stays part of the name.
+    """
+    match = _UNIT_AT_END.match(header.strip())
+    if match and match["unit"] in SI_FACTOR and not match["unit"].isdigit():
+        return match["name"], match["unit"]
+    return header.strip(), None
 
 
 @dataclass(frozen=True)
@@ -25,12 +47,17 @@ class Log:
         source: the file (or files) it came from, for messages.
         scalars: single numbers that the file held beside the channels (gains, constants).
         notes: what the reader noticed, one sentence each (nothing is repaired in silence).
+        units: unit of a channel as the file states it; absent where the file states none.
+        scale: (factor, offset) with which ``bind`` made a channel SI, so that
+            ``(x - offset) / factor`` is the number that the file held.
     """
 
     channels: Mapping[str, Floats]
     source: str = "log"
     scalars: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    scale: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         lengths = {name: len(x) for name, x in self.channels.items()}
@@ -42,6 +69,13 @@ class Log:
             x.flags.writeable = False
             frozen[str(name)] = x
         object.__setattr__(self, "channels", MappingProxyType(frozen))
+        for name in ("scalars", "units", "scale"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle through the constructor: read-only views of a dict cannot be pickled themselves."""
+        plain = (dict(self.scalars), self.notes, dict(self.units), dict(self.scale))
+        return Log, (dict(self.channels), self.source, *plain)
 
     def __getitem__(self, name: str) -> Floats:
         try:
@@ -61,3 +95,26 @@ class Log:
     def t(self) -> Floats:
         """Time [s], shape (n,)."""
         return self["t"]
+
+    def raw(self, name: str) -> Floats:
+        """Return a channel as the file held it, before ``bind`` scaled it, shape (n,)."""
+        factor, offset = self.scale.get(name, ONE_UNIT)
+        return (self[name] - offset) / factor
+
+    def rows(self, keep: slice | Floats) -> Log:
+        """Return some rows (a slice, a mask or indices) as a log of their own."""
+        return self.with_channels({name: x[keep] for name, x in self.channels.items()})
+
+    def with_channels(self, channels: Mapping[str, Floats], notes: Iterable[str] = ()) -> Log:
+        """Return this log with other channels and further notes."""
+        return Log(
+            channels, self.source, self.scalars, (*self.notes, *notes), self.units, self.scale
+        )
+
+    def fingerprint(self) -> str:
+        """Return a hash of names and numbers that tells two recordings apart."""
+        digest = hashlib.sha256()
+        for name in sorted(self.channels):
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(self.channels[name]).tobytes())
+        return digest.hexdigest()[:16]

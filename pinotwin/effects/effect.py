@@ -85,10 +85,8 @@ class Effect(abc.ABC):
     name: ClassVar[str]
     """Name in YAML, JSON and reports."""
 
-    @property
-    @abc.abstractmethod
-    def axis(self) -> str | None:
-        """Axis it belongs to, or None for the whole machine."""
+    axis: str | None
+    """Axis it belongs to, or None for the whole machine."""
 
     @abc.abstractmethod
     def coefficients(self) -> tuple[Coefficient, ...]:
@@ -109,6 +107,11 @@ class Effect(abc.ABC):
             np.geomspace(s.lower, s.upper, 15) if s.log else np.linspace(s.lower, s.upper, 15)
             for s in self.shapes()
         )
+
+    def fitted_to(self, motion: Motion) -> Self:
+        """Return the effect with what it takes from the log before a fit (a table's knots)."""
+        del motion
+        return self
 
     def shape_values(self) -> tuple[float, ...]:
         """Return the present values of the shapes."""

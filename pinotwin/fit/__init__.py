@@ -1,0 +1,1 @@
+"""The one solver: linear least squares and variable projection around it."""

@@ -1,0 +1,20 @@
+"""Closed-loop LTI models of the axes: identify, judge, simulate (thesis 4.2, 5.3)."""
+
+from pinotwin.loop.data import LoopData, command_rates
+from pinotwin.loop.fit import LoopFit, ParameterFit
+from pinotwin.loop.identify import identify_loop
+from pinotwin.loop.modal import ModalStep
+from pinotwin.loop.model import LoopModel
+from pinotwin.loop.structure import Section, Structure
+
+__all__ = [
+    "LoopData",
+    "LoopFit",
+    "LoopModel",
+    "ModalStep",
+    "ParameterFit",
+    "Section",
+    "Structure",
+    "command_rates",
+    "identify_loop",
+]

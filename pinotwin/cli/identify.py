@@ -1,0 +1,73 @@
+"""``pinotwin identify MACHINE LOG [LOG...] [--validate LOG] --out TWIN``."""
+
+from __future__ import annotations
+
+import argparse
+
+from pinotwin.cli.inputs import add_preparation, read_logs, settings
+from pinotwin.cli.output import add_common, say, whole_folder, write_json
+from pinotwin.cli.progress import progress
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="servo log(s); a.csv+b.csv joins columns")
+    parser.add_argument("--validate", action="append", default=[], metavar="LOG",
+                        help="log to judge on, not used to fit")  # fmt: skip
+    parser.add_argument("--no-loop", action="store_true", help="identify the open loop only")
+    parser.add_argument("--inconsistent", action="store_true",
+                        help="do not force the inertias to be physically possible")  # fmt: skip
+    add_preparation(parser)
+    add_common(parser, out="folder for the twin and its report", required=True)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify, save, and say what was found."""
+    from pinotwin.identification import identify
+    from pinotwin.machine import Machine
+    from pinotwin.report import identification_report
+    from pinotwin.twin.files import document
+
+    machine = Machine.load(args.machine)
+    logs = read_logs(args.logs)
+    validate = read_logs(args.validate)
+    with progress() as report:
+        twin = identify(
+            machine,
+            logs,
+            validate=validate or None,
+            loop=not args.no_loop,
+            consistent=not args.inconsistent,
+            report=report,
+            **settings(args),
+        )
+        with whole_folder(args.out) as folder:
+            report("writing the twin", 0.9)
+            twin.save(folder)
+            report("writing the report", 0.95)
+            page = identification_report(twin, logs, validate)
+            (folder / "report.html").write_text(page, encoding="utf-8")
+    if args.json:
+        write_json(args.json, document(twin))
+    for line in summary(twin):
+        say(line)
+    say(f"twin and report written to {args.out}")
+    return 0
+
+
+def summary(twin) -> list[str]:  # type: ignore[no-untyped-def]
+    """Return the few lines that a user wants to see first."""
+    quality = twin.quality
+    lines = [f"{twin.machine.name}: {len(twin.theta)} linear and "
+             f"{sum(p.kind == 'shape' for p in twin.parameters)} searched parameters"]  # fmt: skip
+    lines.append(f"{'axis':<8}{'fit':>9}{'held out':>10}{'of std':>9}")
+    for name, row in quality["axes"].items():
+        held = row.get("validation", row["held_out"])
+        lines.append(
+            f"{name:<8}{row['fit']:>8.2%}{held['nrmse']:>10.2%}{held['nrmse_std']:>9.2%}"
+        )
+    lines.append(f"all{quality['relative_error']:>13.2%}   (error norm / effort norm)")
+    for warning in quality["warnings"]:
+        lines.append(f"note: {warning}")
+    return lines

@@ -1,0 +1,34 @@
+"""Reading what the commands are given, with errors that name the argument."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pinotwin.log import Log
+
+
+def add_preparation(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how a log is prepared."""
+    parser.add_argument("--cutoff", type=float, metavar="HZ", help="corner of the zero-phase low-pass")
+    parser.add_argument("--decimate", type=int, metavar="N", help="fit one row in N")
+
+
+def settings(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the preparation options that were given."""
+    from pinotwin.errors import InputError
+
+    if args.cutoff is not None and args.cutoff <= 0:
+        raise InputError(f"--cutoff: {args.cutoff:g} Hz must be positive")
+    if args.decimate is not None and args.decimate < 1:
+        raise InputError(f"--decimate: {args.decimate} must be at least 1")
+    return {"cutoff": args.cutoff, "decimate": args.decimate}
+
+
+def read_logs(arguments: Sequence[str]) -> list[Log]:
+    """Read every log; ``a.csv+b.csv`` is one log whose columns lie in two files."""
+    from pinotwin.files import read_argument
+
+    return [read_argument(text) for text in arguments]

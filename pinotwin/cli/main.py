@@ -1,0 +1,92 @@
+"""Entry point ``pinotwin``: parse, run the command, and turn a known error into one line and exit code 2.
+
+Each command lives in its own module of this package, imported only when it is called, and offers
+``add_arguments(parser)`` and ``run(args) -> int``.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+COMMANDS: dict[str, str] = {
+    "check": "what is wrong with a machine or a log, and what the log can identify",
+    "identify": "find the machine's model in its logs and save it as a twin",
+    "simulate": "predict position, tracking error and effort from the command alone",
+    "diagnose": "say where a log and its model differ, which effect is missing, how far it shrinks",
+    "blind": "score the diagnosis on machines whose effect is withheld",
+    "vibration": "reconstruct the vibration of a passive joint from servo and IMU logs",
+    "record": "record field data from a virtual machine",
+    "view": "show a machine in the browser, or as one self-contained page",
+    "demo": "the whole chain on a bundled machine, and on the real EMPS drive if it is at hand",
+}
+"""Command -> what it does."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose complaint is one line."""
+
+    def error(self, message: str) -> None:  # type: ignore[override]
+        self.exit(2, f"{self.prog}: {message}; see `{self.prog} --help`\n")
+
+
+def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="pinotwin",
+        description="From a URDF and a log to a model that says where reality differs, and why.",
+    )
+    from pinotwin import __version__
+
+    parser.add_argument("--version", action="version", version=f"pinotwin {__version__}")
+    sub = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name in COMMANDS:
+        text = COMMANDS[name]
+        command = sub.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        if name in commands:
+            module = importlib.import_module(f"pinotwin.cli.{name}")
+            module.add_arguments(command)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code: 0 fine, 1 a failed check, 2 bad input.
+
+    Args:
+        argv: the words after ``pinotwin``; those of the process when None.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its own threads slow small problems
+    words = list(sys.argv[1:] if argv is None else argv)
+    named = [w for w in words[:1] if w in COMMANDS]
+    try:
+        args = _parser(named).parse_args(words)
+        module = importlib.import_module(f"pinotwin.cli.{args.command}")
+        return int(module.run(args))
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 0
+    except KeyboardInterrupt:
+        sys.stderr.write("pinotwin: stopped\n")
+        return 130
+    except Exception as error:
+        return _report(error)
+
+
+def _report(error: Exception) -> int:
+    """Print a known error as one line; let any other go on with its traceback."""
+    from pinotwin.errors import PinotwinError
+
+    if isinstance(error, PinotwinError):
+        line = " ".join(str(error).split())
+        sys.stderr.write(f"pinotwin: {line}\n")
+        return 2
+    if isinstance(error, OSError) and error.filename is not None:
+        sys.stderr.write(f"pinotwin: {error.filename}: {error.strerror}\n")
+        return 2
+    raise error
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,92 @@
+"""What the commands share: JSON files, output folders written whole or not at all, progress."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinotwin.errors import InputError
+
+
+def add_common(parser: argparse.ArgumentParser, *, out: str | None, required: bool = False) -> None:
+    """Add ``--json`` and, with ``out`` as its help, ``--out``."""
+    parser.add_argument("--json", metavar="FILE", help="write the machine-readable result here")
+    if out is not None:
+        parser.add_argument("--out", metavar="PATH", required=required, help=out)
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` with arrays as lists and numbers that JSON has no word for as None."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def write_json(path: str | Path, value: Any) -> None:
+    """Write ``value`` as JSON, whole or not at all."""
+    target = Path(path)
+    _check_parent(target)
+    text = json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    write_text(target, text)
+
+
+def write_text(target: Path, text: str) -> None:
+    """Write a text file so that a crash leaves either the old one or the new one."""
+    _check_parent(target)
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    with os.fdopen(handle, "w", encoding="utf-8") as stream:
+        stream.write(text)
+    os.chmod(name, 0o644)
+    os.replace(name, target)
+
+
+def _check_parent(target: Path) -> None:
+    if target.is_dir():
+        raise InputError(f"{target}: is a folder; give a file name")
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: folder {target.parent} does not exist; make it first")
+
+
+@contextmanager
+def whole_folder(path: str | Path) -> Iterator[Path]:
+    """Yield a folder to fill; it takes the place of ``path`` only if nothing fails.
+
+    Files of an earlier run under the same names are replaced, others stay.
+    """
+    target = Path(path)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file; give a folder for --out")
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: folder {target.parent} does not exist; make it first")
+    work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
+    try:
+        yield work
+        target.mkdir(exist_ok=True)
+        shutil.copytree(work, target, dirs_exist_ok=True)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def say(text: str = "") -> None:
+    """Print a line of the command's result."""
+    sys.stdout.write(text + "\n")

@@ -1,0 +1,181 @@
+r"""Base parameters: the smallest set that fixes the joint efforts of a machine.
+
+Some standard parameters never act on a joint, others only in fixed sums. With ``W`` the regressor
+at many random motions, the base columns W_b are independent columns of W, every other column is a
+combination of them, W = W_b P, and
+
+    tau = W pi = W_b beta,   beta = P pi
+
+The columns are taken in an order of preference, from the base outwards, each one kept if it is not
+a combination of those kept before (a QR factorisation with columns scaled to unit length). So the
+parameters of outer bodies are regrouped into inner ones, as is usual: Gautier 1991,
+doi:10.1002/rob.4620080405; Khalil, Dombre 2002, ISBN 978-1-903996-66-9. In a joint the rotor
+inertia comes first: what a link adds to it in the same way is summed into one total inertia, and
+M_Y = m_Y + Ja_Y stays free of the axes that carry Y. Products of inertia are tensor elements.
+
+The random motions do not keep to the joints' limits: efforts are analytic in the motion, so the
+rank is the same in any range, and a wide one is well conditioned. What one log can tell apart is
+another question: :mod:`pinotwin.dynamics.excitation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import solve_triangular
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.dynamics.naming import combination, labels
+from pinotwin.dynamics.parameters import (
+    body_count,
+    parameter_count,
+    parameter_names,
+    parameter_units,
+)
+from pinotwin.dynamics.regressor import regressor
+from pinotwin.errors import MachineError, nearest
+
+# Order within a body: tensor (Iyy before Ixx, so that sums read Iyy - Ixx), first moments, mass.
+_BODY_ORDER = (0, 1, 2, 3, 6, 4, 5, 7, 8, 9)
+_CLEAN = 1e-10  # scaled coefficients below this are rounding
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Which sums of standard parameters the joint efforts depend on.
+
+    Attributes:
+        P: beta = P @ pi, shape (b, p); exactly 1 and 0 in the independent columns.
+        independent: indices into ``pi``, joint by joint: W[:, :, independent] @ beta == W @ pi,
+            shape (b,).
+        names: every base parameter written out, e.g. ``Iyy_B + Ixx_C + 0.0064 m_C + Ja_B``.
+        labels: a short unique name each, e.g. ``Iyy_B*``; the star marks a sum.
+        units: SI unit of each.
+        without_effect: names of the standard parameters that no effort depends on.
+    """
+
+    P: Floats
+    independent: Ints
+    names: tuple[str, ...]
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    without_effect: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.independent)
+
+    def from_standard(self, pi: Floats) -> Floats:
+        """Return beta = P pi, shape (b,)."""
+        return self.P @ np.asarray(pi, dtype=float)
+
+    def regressor(self, model: pin.Model, q: Floats, v: Floats, a: Floats) -> Floats:
+        """Return W_b with W_b @ beta = joint effort, shape (n, nv, b)."""
+        return regressor(model, q, v, a, self.independent)
+
+
+def base_parameters(
+    model: pin.Model, *, keep: Sequence[str] = (), seed: int = 0, tolerance: float = 1e-5
+) -> BaseParameters:
+    """Return the base parameters of a model.
+
+    Args:
+        model: the machine; only its geometry matters, not its inertias.
+        keep: names of standard parameters that shall be independent, e.g. ``("m_Z",)``.
+        seed: of the random motions; the result does not depend on it.
+        tolerance: a column counts as a combination of others if all but this fraction of it is one.
+            1e-5 forgives angles written as 1.5708; far below what any log can tell.
+
+    Raises:
+        MachineError: a name in ``keep`` is unknown, without effect, or a sum of others in ``keep``.
+    """
+    names = parameter_names(model)
+    first = [_index(name, names) for name in keep]
+    W = _random_regressor(model, np.random.default_rng(seed))
+    norms = np.linalg.norm(W, axis=0)
+    alive = norms > 1e-12 * norms.max(initial=1e-300)
+    priority = _priority(model)
+    order = [k for k in [*first, *(k for k in priority if k not in first)] if alive[k]]
+    scaled = W / np.where(alive, norms, 1.0)
+    kept, K, level = _regroup(scaled, order, tolerance)
+    for name, k in zip(keep, first, strict=True):
+        if k not in kept:
+            why = "is a sum of the others kept" if alive[k] else "has no effect on any joint effort"
+            raise MachineError(f"cannot keep {name!r}: it {why}; take it out of `keep`")
+    joint_by_joint = np.argsort([priority.index(k) for k in kept])
+    chosen = np.array(kept, dtype=np.intp)[joint_by_joint]
+    K = K[joint_by_joint] * (np.where(alive, norms, 0.0) / norms[chosen][:, None])
+    P = _tidy(K, chosen, level)
+    units = parameter_units(model)
+    return BaseParameters(
+        P,
+        chosen,
+        tuple(combination(row, names) for row in P),
+        labels(P, chosen.tolist(), names),
+        tuple(units[k] for k in chosen),
+        tuple(name for name, used in zip(names, alive, strict=True) if not used),
+    )
+
+
+def _index(name: str, names: Sequence[str]) -> int:
+    if name not in names:
+        raise MachineError(f"cannot keep {name!r}: no such parameter; {nearest(name, names)}")
+    return names.index(name)
+
+
+def _random_regressor(model: pin.Model, rng: np.random.Generator) -> Floats:
+    """Return the stacked regressor of random motions, at least four rows a column."""
+    n = 50 + 4 * parameter_count(model) // max(model.nv, 1)
+    q = rng.uniform(-np.pi, np.pi, (n, model.nv))
+    v = rng.uniform(-3.0, 3.0, (n, model.nv))
+    a = rng.uniform(-10.0, 10.0, (n, model.nv))
+    return regressor(model, q, v, a).reshape(n * model.nv, -1)
+
+
+def _priority(model: pin.Model) -> list[int]:
+    """Return all parameters in the order in which they are tried as independent."""
+    order: list[int] = []
+    for i in range(1, model.njoints):
+        joint = model.joints[i]
+        order += [10 * body_count(model) + joint.idx_v + k for k in range(joint.nv)]
+        order += [10 * (i - 1) + k for k in _BODY_ORDER]
+    return order
+
+
+def _regroup(
+    scaled: Floats, order: Sequence[int], tolerance: float
+) -> tuple[list[int], Floats, float]:
+    """Return the independent columns, K with scaled = scaled[:, independent] K, and K's noise."""
+    Q = np.empty((len(scaled), len(order)))
+    kept: list[int] = []
+    rejected: list[tuple[int, float]] = []
+    for k in order:
+        base = Q[:, : len(kept)]
+        rest = scaled[:, k] - base @ (base.T @ scaled[:, k])
+        rest -= base @ (base.T @ rest)  # twice is enough (Giraud et al. 2005)
+        size = float(np.linalg.norm(rest))
+        if size > tolerance and len(kept) < len(scaled):
+            Q[:, len(kept)] = rest / size
+            kept.append(k)
+        else:
+            rejected.append((k, size))
+    base = Q[:, : len(kept)]
+    R = base.T @ scaled[:, kept]
+    K = np.zeros((len(kept), scaled.shape[1]))
+    K[range(len(kept)), kept] = 1.0
+    for k, _ in rejected:
+        K[:, k] = solve_triangular(R, base.T @ scaled[:, k])
+    # Rounded angles in the URDF leave residues of their size; exact ones only those of arithmetic.
+    level = max(_CLEAN, min(tolerance, 10.0 * max((size for _, size in rejected), default=0.0)))
+    return kept, np.where(np.abs(K) > level, K, 0.0), level
+
+
+def _tidy(K: Floats, chosen: Ints, level: float) -> Floats:
+    """Return K with the integers that it misses by rounding, and exact unit columns."""
+    whole = np.round(K)
+    P = np.where(np.abs(K - whole) < level * np.abs(whole), whole, K)
+    P = P + 0.0  # no negative zeros
+    P[:, chosen] = np.eye(len(chosen))
+    return P

@@ -1,0 +1,100 @@
+"""Motion of, and loads on, a named frame of the machine, for whole logs.
+
+Six-vectors are Pinocchio's: linear part first, then angular. ``LOCAL`` axes are those of the frame;
+``world`` axes are those of the base, at the frame's origin.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.checks import as_log
+from pinotwin.errors import DataError, MachineError, nearest
+
+
+def frame_id(model: pin.Model, frame: str) -> int:
+    """Return Pinocchio's index of a frame (a link, a joint or an operational frame).
+
+    Raises:
+        MachineError: there is no such frame; the message names the nearest one.
+    """
+    names = [f.name for f in model.frames]
+    if frame not in names:
+        raise MachineError(f"machine {model.name!r}: no frame {frame!r}; {nearest(frame, names)}")
+    return names.index(frame)
+
+
+def jacobian(model: pin.Model, frame: str, q: Floats, *, world: bool = False) -> Floats:
+    """Return the frame's Jacobian, [linear; angular] velocity = J v, shape (n, 6, nv).
+
+    Args:
+        model: the machine.
+        frame: name of the frame.
+        q: positions, shape (n, nv).
+        world: axes of the world (LOCAL_WORLD_ALIGNED) instead of those of the frame (LOCAL).
+    """
+    (q,) = as_log(model, q=q)
+    index, data = frame_id(model, frame), model.createData()
+    axes = pin.LOCAL_WORLD_ALIGNED if world else pin.LOCAL
+    J = np.empty((len(q), 6, model.nv))
+    for k, qk in enumerate(q):
+        # Pinocchio drops the last axis if nv is 1
+        J[k] = pin.computeFrameJacobian(model, data, qk, index, axes).reshape(6, model.nv)
+    return J
+
+
+def frame_rotation(model: pin.Model, frame: str, q: Floats) -> Floats:
+    """Return R_world_frame, whose columns are the frame's axes in the world, shape (n, 3, 3)."""
+    (q,) = as_log(model, q=q)
+    index, data = frame_id(model, frame), model.createData()
+    R = np.empty((len(q), 3, 3))
+    for k, qk in enumerate(q):
+        pin.forwardKinematics(model, data, qk)
+        R[k] = pin.updateFramePlacement(model, data, index).rotation
+    return R
+
+
+def frame_velocity(model: pin.Model, frame: str, q: Floats, v: Floats) -> Floats:
+    """Return the frame's velocity in its own axes [m/s; rad/s], shape (n, 6)."""
+    q, v = as_log(model, q=q, v=v)
+    index, data = frame_id(model, frame), model.createData()
+    out = np.empty((len(q), 6))
+    for k in range(len(q)):
+        pin.forwardKinematics(model, data, q[k], v[k])
+        out[k] = pin.getFrameVelocity(model, data, index, pin.LOCAL).vector
+    return out
+
+
+def frame_acceleration(model: pin.Model, frame: str, q: Floats, v: Floats, a: Floats) -> Floats:
+    """Return the classical acceleration of the frame's origin and its angular acceleration.
+
+    In the frame's own axes [m/s²; rad/s²], shape (n, 6). Gravity is not in it: an accelerometer
+    reads this minus R^T g, with R from :func:`frame_rotation`.
+    """
+    q, v, a = as_log(model, q=q, v=v, a=a)
+    index, data = frame_id(model, frame), model.createData()
+    out = np.empty((len(q), 6))
+    for k in range(len(q)):
+        pin.forwardKinematics(model, data, q[k], v[k], a[k])
+        out[k] = pin.getFrameClassicalAcceleration(model, data, index, pin.LOCAL).vector
+    return out
+
+
+def external_effort(model: pin.Model, frame: str, q: Floats, wrench_world: Floats) -> Floats:
+    """Return the joint effort J^T f of a load on a frame [N or N·m], shape (n, nv).
+
+    It adds to the motors': M a + c + g = u + J^T f.
+
+    Args:
+        model: the machine.
+        frame: name of the frame the load acts on, at its origin.
+        q: positions, shape (n, nv).
+        wrench_world: force [N] and moment [N·m] in world axes, shape (n, 6).
+    """
+    f = np.asarray(wrench_world, dtype=float)
+    J = jacobian(model, frame, q, world=True)
+    if f.shape != (len(J), 6):
+        raise DataError(f"load on {frame!r} has shape {f.shape}, expected ({len(J)}, 6)")
+    return np.einsum("nij,ni->nj", J, f)

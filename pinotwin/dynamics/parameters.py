@@ -1,0 +1,104 @@
+r"""The standard parameters of a machine as one vector, and back.
+
+    pi = [m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz] of joint 1, ... joint N, [Ja_1 ... Ja_nv]
+
+Ten inertial parameters for every joint in Pinocchio's order (mass, first moments and tensor
+elements about the joint frame: ``Inertia.toDynamicParameters``), then the reflected rotor inertia
+of every velocity (``model.armature``), which adds to the joint's inertia and carries no weight.
+Products of inertia are tensor elements, I_xy = -∫ x y dm.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.checks import require_simple
+from pinotwin.errors import MachineError
+
+BODY_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+BODY_UNITS = ("kg", *["kg·m"] * 3, *["kg·m²"] * 6)
+
+
+def body_count(model: pin.Model) -> int:
+    """Return the number of moving bodies, one per joint (the universe is not one)."""
+    return int(model.njoints) - 1
+
+
+def parameter_count(model: pin.Model) -> int:
+    """Return the length of ``pi``: ten per joint and one rotor inertia per velocity."""
+    return 10 * body_count(model) + int(model.nv)
+
+
+def parameters(model: pin.Model) -> Floats:
+    """Return ``pi`` of a model [kg, kg·m, kg·m²; rotor inertia kg or kg·m²], shape (p,)."""
+    bodies = [model.inertias[i].toDynamicParameters() for i in range(1, model.njoints)]
+    return np.concatenate([*bodies, np.asarray(model.armature, dtype=float)])
+
+
+def with_parameters(model: pin.Model, pi: Floats) -> pin.Model:
+    """Return a copy of the model that has the parameters ``pi``.
+
+    A body without mass must have zero first moments: Pinocchio stores the centre of mass, which
+    such a body has not.
+
+    Args:
+        model: the machine; it is left as it is.
+        pi: standard parameters, shape (p,).
+
+    Raises:
+        MachineError: ``pi`` has another length, or a body has first moments but no mass.
+    """
+    values = np.asarray(pi, dtype=float)
+    if values.shape != (parameter_count(model),):
+        raise MachineError(
+            f"machine {model.name!r}: pi has shape {values.shape}, "
+            f"expected ({parameter_count(model)},)"
+        )
+    copy = model.copy()
+    for i in range(1, model.njoints):
+        copy.inertias[i] = _inertia(values[10 * (i - 1) : 10 * i], model.names[i])
+    copy.armature = values[10 * body_count(model) :]
+    return copy
+
+
+def _inertia(body: Floats, name: str) -> pin.Inertia:
+    if body[0] != 0.0:
+        return pin.Inertia.FromDynamicParameters(np.ascontiguousarray(body))
+    if np.any(body[1:4]):
+        raise MachineError(
+            f"joint {name!r}: first moments {body[1:4]} without mass; give the body a mass"
+        )
+    xx, xy, yy, xz, yz, zz = body[4:]
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return pin.Inertia(0.0, np.zeros(3), tensor)
+
+
+def velocity_names(model: pin.Model) -> tuple[str, ...]:
+    """Return a name for every velocity: the joint's, numbered if the joint has several."""
+    names: list[str] = []
+    for joint, name in list(zip(model.joints, model.names, strict=True))[1:]:
+        names += [name] if joint.nv == 1 else [f"{name}{k}" for k in range(joint.nv)]
+    return tuple(names)
+
+
+def parameter_names(model: pin.Model) -> tuple[str, ...]:
+    """Return the names of ``pi``: ``m_Z``, ``mx_B``, ``Ixx_C``, ``Ja_Z``..."""
+    bodies = [f"{part}_{joint}" for joint in list(model.names)[1:] for part in BODY_NAMES]
+    return (*bodies, *(f"Ja_{name}" for name in velocity_names(model)))
+
+
+def parameter_units(model: pin.Model) -> tuple[str, ...]:
+    """Return the units of ``pi``; a rotor inertia is in kg on a slide, in kg·m² on a rotation."""
+    rotor = ["kg·m²" if turns else "kg" for turns in rotary(model)]
+    return (*BODY_UNITS * body_count(model), *rotor)
+
+
+def rotary(model: pin.Model) -> tuple[bool, ...]:
+    """Return for every velocity whether it is a rotation [rad/s] rather than a slide [m/s]."""
+    require_simple(model)
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    J = data.J.reshape(6, model.nv)  # Pinocchio drops the last axis if nv is 1
+    return tuple(bool(np.linalg.norm(column[3:]) > 0.5) for column in J.T)

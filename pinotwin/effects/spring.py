@@ -1,0 +1,31 @@
+"""A spring with a damper on a joint: what holds a passive joint (thesis Eq. 5.4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.effects.effect import AxisEffect, Coefficient
+from pinotwin.effects.symbols import effort, length
+from pinotwin.motion import AxisMotion
+
+
+@dataclass(frozen=True)
+class Spring(AxisEffect):
+    """Linear spring and damper: tau = k q + c v."""
+
+    name: ClassVar[str] = "spring"
+    axis: str
+    rotary: bool = True
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """See :meth:`Effect.coefficients`."""
+        f, x = effort(self.rotary), length(self.rotary)
+        return (Coefficient("k", f"{f}/{x}", lower=0.0), Coefficient("c", f"{f}·s/{x}", lower=0.0))
+
+    def axis_columns(self, motion: AxisMotion) -> Floats:
+        """See :meth:`AxisEffect.axis_columns`."""
+        return np.stack([motion.q, motion.v], axis=-1)

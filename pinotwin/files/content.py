@@ -1,0 +1,162 @@
+"""What every reader hands over, and how it becomes a ``Log``.
+
+A file may hold single numbers, vectors, matrices, and text, nested in structures. ``Content`` is that,
+flattened to dotted names. The log's clock is the longest dimension that holds most numbers: arrays of
+that length are channels, a matrix is split along it into ``name[0]``, ``name[1]``..., single numbers and
+short vectors become scalars, everything else is left out with a note.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import LogError
+from pinotwin.log import Log, split_unit
+
+SHORT = 64
+"""Longest vector that is kept as scalars ``name[0]``, ``name[1]``... when it is no channel."""
+
+_EPOCH_EXACT = 2.0**53
+
+
+@dataclass
+class Content:
+    """Flattened content of one file while it is being read.
+
+    Attributes:
+        arrays: dotted name -> array of any shape.
+        units: name -> unit that the file states.
+        left_out: names of what is no number (text, cells, references).
+        notes: what the reader noticed.
+        place: says where a row (counted from 0) is in the file, for messages.
+    """
+
+    arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    place: Callable[[int], str] = "row {}".format
+
+    def add(self, name: str, value: object) -> None:
+        """Take one item: fields of a record array one by one, text and objects left out."""
+        x = np.asarray(value)
+        if x.dtype.names:
+            for part in x.dtype.names:
+                self.add(f"{name}.{part}" if name else part, x[part])
+        elif x.dtype.kind in "biuf":
+            self.arrays[name] = x
+        elif x.dtype.kind in "mM":
+            self.arrays[name] = self._seconds(name, x)
+        else:
+            self.left_out.append(name)
+
+    def _seconds(self, name: str, x: NDArray[np.generic]) -> NDArray[np.generic]:
+        start = x.flat[0] if x.size else np.datetime64(0, "ns")
+        origin = start if x.dtype.kind == "M" else np.timedelta64(0, "ns")
+        self.units[name] = "s"
+        self.notes.append(f"{name}: dates and times were turned into seconds since {origin}")
+        return np.asarray((x - origin) / np.timedelta64(1, "s"))  # type: ignore[operator]
+
+
+def to_log(content: Content, source: str, only: str | None = None) -> Log:
+    """Return the log that is in the content of a file.
+
+    Args:
+        content: what was read.
+        source: the file's name, for messages.
+        only: keep names that begin with this (a file with several clocks).
+
+    Raises:
+        LogError: nothing in it is a channel.
+    """
+    arrays = {k: np.squeeze(x) for k, x in content.arrays.items() if k.startswith(only or "")}
+    if not arrays:
+        kind = f"no numbers whose name begins with {only!r}" if only else "no numbers"
+        raise LogError(f"{source}: holds {kind}; export the recorded signals as numeric columns")
+    n = _clock_length(arrays)
+    if n < 2:
+        raise LogError(f"{source}: holds a single row or only single numbers; export time series")
+    channels: dict[str, Floats] = {}
+    scalars: dict[str, float] = {}
+    notes = list(content.notes)
+    other: list[str] = []
+    for name, x in arrays.items():
+        _sort_in(name, x, n, channels, scalars, other)
+    if other:
+        notes.append(f"left out, not of length {n}: {_names(other)}")
+    if content.left_out:
+        notes.append(f"left out, not numbers: {_names(content.left_out)}")
+    channels, units = _named(channels, dict(content.units), source)
+    notes += _missing(channels, content.place)
+    return Log(channels, source, scalars, tuple(notes), units)
+
+
+def _clock_length(arrays: dict[str, NDArray[np.generic]]) -> int:
+    votes: Counter[int] = Counter()
+    for x in arrays.values():
+        if 1 <= x.ndim <= 2:
+            votes[max(x.shape)] += x.size
+    return max(votes, key=lambda n: (votes[n], n), default=0)
+
+
+def _sort_in(
+    name: str,
+    x: NDArray[np.generic],
+    n: int,
+    channels: dict[str, Floats],
+    scalars: dict[str, float],
+    other: list[str],
+) -> None:
+    if x.ndim == 0:
+        scalars[name] = float(x)
+    elif x.ndim == 1 and len(x) == n:
+        channels[name] = x.astype(float, copy=False)
+    elif x.ndim == 2 and n in x.shape:
+        rows = x if x.shape[1] == n and x.shape[0] != n else x.T
+        channels.update({f"{name}[{i}]": row.astype(float) for i, row in enumerate(rows)})
+    elif x.ndim == 1 and len(x) <= SHORT:
+        scalars.update({f"{name}[{i}]": float(value) for i, value in enumerate(x)})
+    else:
+        other.append(f"{name} {x.shape}")
+
+
+def _named(
+    channels: dict[str, Floats], units: dict[str, str], source: str
+) -> tuple[dict[str, Floats], dict[str, str]]:
+    """Take the units out of the names; refuse two channels of one name."""
+    named: dict[str, Floats] = {}
+    stated: dict[str, str] = {}
+    for header, x in channels.items():
+        name, unit = split_unit(header)
+        if name in named:
+            raise LogError(f"{source}: two channels are named {name!r}; rename one in the file")
+        named[name] = x
+        known = unit or units.get(header) or units.get(header.split("[")[0])
+        if known:
+            stated[name] = known
+    return named, stated
+
+
+def _missing(channels: dict[str, Floats], place: Callable[[int], str]) -> list[str]:
+    notes = []
+    for name, x in channels.items():
+        bad = ~np.isfinite(x)
+        if bad.any():
+            first = int(np.argmax(bad))
+            infinite = int(np.isinf(x).sum())
+            kind = "missing" if not infinite else "missing or infinite"
+            notes.append(f"{name}: {int(bad.sum())} {kind} values, first in {place(first)}")
+        elif np.abs(x).max(initial=0.0) > _EPOCH_EXACT:
+            notes.append(f"{name}: numbers above 2^53 lost their last digits as floats")
+    return notes
+
+
+def _names(names: list[str], most: int = 8) -> str:
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest

@@ -1,0 +1,77 @@
+"""How good a fit is: errors per axis, in sample and held out, whiteness, condition, bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.fit.problem import Problem
+
+CONDITION_LIMIT = 1e4
+"""Scaled condition number above which parameters trade off against each other."""
+
+
+def error_row(y: Floats, error: Floats) -> dict[str, float]:
+    """Return the figures of one axis.
+
+    ``nrmse`` is divided by the effort's RMS as in the thesis, ``nrmse_std`` by its standard deviation,
+    which gravity cannot flatter.
+    """
+    rms = float(np.sqrt(np.mean(error**2)))
+    return {
+        "rms": rms,
+        "nrmse": rms / max(float(np.sqrt(np.mean(y**2))), 1e-300),
+        "nrmse_std": rms / max(float(np.std(y)), 1e-300),
+    }
+
+
+def prediction_rows(problem: Problem, theta: Floats, names: Sequence[str]) -> dict[str, Any]:
+    """Return the error of a given theta on the rows of a problem, per axis."""
+    error = problem.y - problem.W @ theta
+    return {
+        names[joint]: error_row(problem.y[rows], error[rows])
+        for joint, rows in problem.slices.items()
+    }
+
+
+def whiteness_row(residual: Floats) -> dict[str, float]:
+    """Return lag-one correlation and Durbin-Watson statistic of one axis' residual."""
+    e = residual - residual.mean()
+    power = float(e @ e)
+    if power <= 0.0 or len(e) < 3:
+        return {"lag1": 0.0, "durbin_watson": 2.0}
+    return {
+        "lag1": float(e[1:] @ e[:-1]) / power,
+        "durbin_watson": float(np.sum(np.diff(e) ** 2)) / power,
+    }
+
+
+def warnings(quality: Mapping[str, Any], rotary: Mapping[str, bool]) -> list[str]:
+    """Return what the reader should know before trusting the numbers."""
+    out = []
+    if quality["condition"] > CONDITION_LIMIT:
+        out.append(
+            f"condition number {quality['condition']:.1e}: some parameters trade off against each "
+            "other; more varied motion would part them"
+        )
+    for group in quality["not_separable"]:
+        out.append(f"not separable on this log: {', '.join(group)}")
+    for name in quality["at_bound"]:
+        out.append(f"{name} ended at its bound")
+    for name, row in quality["axes"].items():
+        held = row["held_out"]["nrmse_std"]
+        if np.isfinite(held) and held > 2.0 * max(row["fit_std"], 1e-3) and held > 0.1:
+            out.append(
+                f"{name}: held-out error {held:.0%} of the effort's deviation against "
+                f"{row['fit_std']:.0%} in the fit: the log is too short or too uniform"
+            )
+        if row["held_out"]["nrmse_std"] > 0.5:
+            unit = "N·m" if rotary.get(name) else "N"
+            out.append(
+                f"{name}: the model explains little of this axis' effort "
+                f"({row['held_out']['rms']:.3g} {unit} left); see `pinotwin diagnose`"
+            )
+    return out

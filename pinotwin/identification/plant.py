@@ -1,0 +1,111 @@
+"""The open-loop plant: all axes in one problem, shapes searched, coefficients solved (Eq. 3.17-3.21)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.dynamics.parameters import body_count, parameters
+from pinotwin.effects import Effect, RigidBody
+from pinotwin.fit.consistency import Bodies, ConsistentFit, Evidence, consistent
+from pinotwin.fit.linear import Options, Prior
+from pinotwin.fit.problem import Problem
+from pinotwin.fit.result import LinearFit
+from pinotwin.fit.separable import Moving, SeparableFit, separable
+from pinotwin.fit.linear import linear
+from pinotwin.identification.assemble import (
+    Rows,
+    assemble,
+    choose_rows,
+    joint_columns,
+)
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.twin.twin import effect_keys, effect_slices
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What the fit of the open loop found.
+
+    Attributes:
+        effects: with the shapes found.
+        rows: which rows were fitted.
+        fit: linear fit at those shapes.
+        theta: coefficients, physically consistent where that was asked for, shape (p,).
+        pi: standard inertial parameters.
+        shape_errors: standard error of every searched shape, in the order of the effects.
+        shape_at_bound: whether it ended at a bound.
+        consistency: what the constraint did; None where it was not asked for.
+    """
+
+    effects: tuple[Effect, ...]
+    rows: Rows
+    fit: LinearFit
+    theta: Floats
+    pi: Floats
+    shape_errors: Floats
+    shape_at_bound: Mask
+    consistency: ConsistentFit | None
+
+
+def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = True) -> Plant:
+    """Identify the open-loop dynamics of a machine from one motion.
+
+    Args:
+        machine: what is believed.
+        motion: prepared log(s).
+        consistent_inertia: require inertias that a real body could have.
+    """
+    effects = tuple(effect.fitted_to(motion) for effect in machine.effects)
+    rows = choose_rows(motion)
+    options = fit_options(machine, effects)
+    fit, effects, errors, bounds = _solve(motion, effects, rows, options)
+    pi0 = parameters(machine.model)
+    if consistent_inertia:
+        found = _consistent(machine, fit, effects, pi0)
+        theta, pi = found.theta, found.pi
+    else:
+        found = None
+        theta = fit.theta
+        base = machine.base
+        pi = pi0 + np.linalg.pinv(base.P) @ (theta[_beta(effects)] - base.P @ pi0)
+    return Plant(effects, rows, fit, theta, pi, errors, bounds, found)
+
+
+def fit_options(machine: Machine, effects: Sequence[Effect]) -> Options:
+    """Return bounds from the effects, and the CAD values as prior for what the data leave open."""
+    coefficients = [c for effect in effects for c in effect.coefficients()]
+    mean = np.zeros(len(coefficients))
+    mean[_beta(effects)] = machine.base.from_standard(parameters(machine.model))
+    return Options(
+        prior=Prior(mean=mean),
+        lower=np.array([c.lower for c in coefficients]),
+        upper=np.array([c.upper for c in coefficients]),
+    )
+
+
+def _beta(effects: Sequence[Effect]) -> slice:
+    at = [isinstance(effect, RigidBody) for effect in effects].index(True)
+    return effect_slices(effects)[at]
+
+
+def _solve(
+    motion: Motion, effects: tuple[Effect, ...], rows: Rows, options: Options
+) -> tuple[LinearFit, tuple[Effect, ...], Floats, Mask]:
+    searched = [i for i, effect in enumerate(effects) if effect.shapes()]
+    searched = [i for i in searched if _joint(motion, effects[i]) in rows.joints]
+    if not searched:
+        count = sum(len(effect.shapes()) for effect in effects)
+        fit = linear(assemble(motion, effects, rows), options)
+        return fit, effects, np.full(count, np.nan), np.zeros(count, bool)
+    found = _search(motion, effects, rows, searched, options)
+    return found
+
+
+def _joint(motion: Motion, effect: Effect) -> int:
+    assert effect.axis is not None
+    return motion.index(effect.axis)

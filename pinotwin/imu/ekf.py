@@ -1,0 +1,190 @@
+"""An adaptive extended Kalman filter for orientation, with body-acceleration rejection.
+
+After Sabatini 2006 (DOI 10.1109/TBME.2006.875664; thesis Fig. 6-5), without the magnetometer and with
+the gyro's bias as a state. States: quaternion (sensor to earth), gyro bias, accelerometer bias:
+
+    q[k+1] = q[k] exp((y - b) h)        y_acc = R(q)' (0, 0, g) + b_acc + noise
+
+The accelerometer corrects only where its magnitude has stayed within ``gate`` of g for ``hold``; that is
+the adaptive part: a moving sensor is integrated, a resting one levelled. (A magnitude that merely passes
+through g says nothing, hence the hold.) The smoother runs Rauch-Tung-Striebel over the
+same states afterwards. :func:`transition` and :func:`gravity_rows` are the analytic Jacobians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+from pinotwin.imu import rotation as rot
+
+
+@dataclass(frozen=True)
+class EkfSettings:
+    """Noise levels and the gate; SI.
+
+    Attributes:
+        gyro_noise: density of the gyro's noise, with room for unmodelled errors [rad/s/sqrt(Hz)].
+        accel_noise: standard deviation of an accepted accelerometer sample about gravity [m/s²].
+        gate: accept a sample when its magnitude is this near to g [m/s²].
+        hold: and has been for so long [s].
+        bias: first gyro bias [rad/s].
+        bias_walk: its random walk [rad/s/sqrt(s)].
+        accel_bias: accelerometer bias [m/s²]; 0 leaves the state out.
+        g: gravity [m/s²].
+    """
+
+    gyro_noise: float = 1e-3
+    accel_noise: float = 1.0
+    gate: float = 0.4
+    hold: float = 0.1
+    bias: float = 0.01
+    bias_walk: float = 2e-5
+    accel_bias: float = 0.0
+    g: float = 9.81
+
+
+@dataclass(frozen=True)
+class OrientationTrack:
+    """Orientation with bias, shapes (n, ...).
+
+    Attributes:
+        q: quaternions, sensor to earth, (n, 4).
+        bias: gyro bias [rad/s], (n, 3).
+        accel_bias: accelerometer bias [m/s²], (n, 3).
+        tilt_sd: standard deviation of the inclination [rad], (n,), under the filter's own model.
+        used: share of accelerometer samples that passed the gate.
+    """
+
+    q: Floats
+    bias: Floats
+    accel_bias: Floats
+    tilt_sd: Floats
+    used: float
+
+
+@njit(cache=True)
+def transition(x, gyr, h):  # type: ignore[no-untyped-def]
+    """Return the next state (10,) and its Jacobian (10, 10) for a rate ``gyr`` [rad/s] held for h [s]."""
+    F = np.eye(10)
+    phi = (gyr - x[4:7]) * h
+    angle = np.sqrt(phi @ phi)
+    c = np.cos(0.5 * angle)
+    small = angle < 1e-4
+    s = 0.5 - angle**2 / 48.0 if small else np.sin(0.5 * angle) / angle  # exp = (c, s phi)
+    ds = -1.0 / 24.0 if small else (0.5 * c - s) / angle**2  # (ds/d angle) / angle
+    w, a, b, d = c, s * phi[0], s * phi[1], s * phi[2]
+    right = np.array([[w, -a, -b, -d], [a, w, d, -b], [b, -d, w, a], [d, b, -a, w]])
+    q = x[:4]
+    left = np.array([[q[0], -q[1], -q[2], -q[3]], [q[1], q[0], -q[3], q[2]],
+                     [q[2], q[3], q[0], -q[1]], [q[3], -q[2], q[1], q[0]]])  # fmt: skip
+    D = np.empty((4, 3))  # d exp / d phi
+    for j in range(3):
+        D[0, j] = -0.5 * s * phi[j]
+        for i in range(3):
+            D[i + 1, j] = ds * phi[i] * phi[j] + (s if i == j else 0.0)
+    F[:4, :4] = right
+    F[:4, 4:7] = -h * (left @ D)
+    y = x.copy()
+    y[:4] = right @ np.ascontiguousarray(q)
+    return y, F
+
+
+@njit(cache=True)
+def gravity_rows(x, g):  # type: ignore[no-untyped-def]
+    """Return the predicted specific force (3,) at rest and its Jacobian (3, 10)."""
+    w, a, b, c = x[0], x[1], x[2], x[3]
+    z = np.array([2 * (a * c - w * b), 2 * (b * c + w * a), w * w - a * a - b * b + c * c])
+    H = np.zeros((3, 10))
+    H[0, :4] = np.array([-b, c, -w, a]) * (2 * g)
+    H[1, :4] = np.array([a, w, c, b]) * (2 * g)
+    H[2, :4] = np.array([w, -a, -b, c]) * (2 * g)
+    for i in range(3):
+        H[i, 7 + i] = 1.0
+    return g * z + x[7:10], H
+
+
+@njit(cache=True)
+def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
+    """Filter ``turn``, rates (n - 1, 3) over the steps; ``s`` holds accel variance, gate, g, samples of hold. Returns predicted and filtered states."""
+    n = len(acc)
+    xp, xf = np.empty((n, 10)), np.empty((n, 10))
+    Pp, Pf = np.empty((n, 10, 10)), np.empty((n, 10, 10))
+    x, P, used, run = x0.copy(), P0.copy(), 0, 0
+    for k in range(n):
+        if k > 0:
+            x, F = transition(x, turn[k - 1], h)
+            P = F @ P @ F.T
+            B = np.ascontiguousarray(F[:4, 4:7])
+            P[:4, :4] += (noise[0] / h) * (B @ B.T)
+            for i in range(3):
+                P[4 + i, 4 + i] += noise[1] * h
+        xp[k], Pp[k] = x, P
+        near = abs(np.sqrt(acc[k] @ acc[k]) - s[2]) < s[1]
+        run = run + 1 if near else 0
+        if run > 0 and (run >= s[3] or run == k + 1):
+            used += 1
+            z, H = gravity_rows(x, s[2])
+            PH = P @ H.T
+            S = H @ PH + s[0] * np.eye(3)
+            gain = np.ascontiguousarray(np.linalg.solve(S, np.ascontiguousarray(PH.T)).T)
+            x = x + gain @ (acc[k] - z)
+            P = P - gain @ PH.T
+            P = 0.5 * (P + P.T)
+            x[:4] /= np.sqrt(x[:4] @ x[:4])
+        xf[k], Pf[k] = x, P
+    return xp, Pp, xf, Pf, used
+
+
+@njit(cache=True)
+def _smooth(turn, h, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
+    n = len(xf)
+    x, P = xf.copy(), Pf.copy()
+    for k in range(n - 2, -1, -1):
+        _, F = transition(xf[k], turn[k], h)
+        ridge = Pp[k + 1] + 1e-18 * np.eye(10)
+        C = np.ascontiguousarray(np.linalg.solve(ridge, F @ Pf[k]).T)
+        x[k] = xf[k] + C @ (x[k + 1] - xp[k + 1])
+        x[k, :4] /= np.sqrt(x[k, :4] @ x[k, :4])
+        P[k] = Pf[k] + C @ (P[k + 1] - Pp[k + 1]) @ C.T
+    return x, P
+
+
+def ekf(
+    gyr: Floats, acc: Floats, rate: float, settings: EkfSettings | None = None,
+    *, smooth: bool = False, rule: rot.Rule = "mean",
+) -> OrientationTrack:  # fmt: skip
+    """Return the orientation by the adaptive filter, forward only or smoothed.
+
+    Args:
+        gyr: angular rate [rad/s], (n, 3), evenly sampled.
+        acc: specific force [m/s²], (n, 3).
+        rate: sampling rate [Hz].
+        settings: noise levels and gate.
+        smooth: run the smoother over the filter's states.
+        rule: what the gyro's samples are, see :func:`pinotwin.imu.rotation.increments`.
+
+    Raises:
+        DataError: the arrays do not fit each other or are too short.
+    """
+    s = EkfSettings() if settings is None else settings
+    gyr, acc = np.ascontiguousarray(gyr, dtype=float), np.ascontiguousarray(acc, dtype=float)
+    if gyr.shape != acc.shape or gyr.ndim != 2 or gyr.shape[1] != 3 or len(gyr) < 2:
+        raise DataError(f"gyr {gyr.shape} and acc {acc.shape} must both be (n, 3) with n >= 2")
+    head = acc[: max(1, round(0.1 * rate))].mean(axis=0)
+    x0 = np.concatenate([rot.quaternion_from_gravity(head), np.zeros(6)])
+    P0 = np.diag(np.repeat([2.5e-3, s.bias**2, max(s.accel_bias, 1e-9) ** 2], [4, 3, 3]))
+    noise = np.array([0.5 * s.gyro_noise**2, s.bias_walk**2])
+    gate = np.array([s.accel_noise**2, s.gate, s.g, s.hold * rate])
+    turn = rot.increments(gyr, 1.0 / rate, rule) * rate
+    xp, Pp, x, P, used = _forward(turn, acc, 1.0 / rate, x0, P0, noise, gate)
+    if smooth:
+        x, P = _smooth(turn, 1.0 / rate, xp, Pp, x, P)
+    trace = np.maximum(np.einsum("nii->n", P[:, :4, :4]), 0.0)
+    return OrientationTrack(
+        x[:, :4], x[:, 4:7], x[:, 7:10], 2.0 * np.sqrt(trace * 2 / 3), used / len(gyr)
+    )

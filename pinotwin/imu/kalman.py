@@ -1,0 +1,120 @@
+"""A Kalman filter and Rauch-Tung-Striebel smoother for linear, time-varying models.
+
+    x[k+1] = F[k] x[k] + u[k] + w[k],  w ~ N(0, Q[k])        z[k] = H[k] x[k] + e[k],  e ~ N(0, r[k])
+
+Measurements of one time are independent of each other and are used one by one; a variance of
+infinity leaves one out. Rauch, Tung and Striebel 1965, DOI 10.2514/3.3166.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from pinotwin.arrays import Floats
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """Smoothed states of a linear model.
+
+    Attributes:
+        x: states, shape (n, d).
+        P: their covariances, shape (n, d, d).
+        log_likelihood: of the measurements under the model.
+    """
+
+    x: Floats
+    P: Floats
+    log_likelihood: float
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """The matrices of the module's equations; a leading length of 1 means constant.
+
+    Attributes:
+        F: transitions, (n - 1 or 1, d, d).
+        u: known inputs, (n - 1, d).
+        Q: covariance of the process noise, (n - 1 or 1, d, d).
+        H: measurement rows, (n or 1, m, d).
+        x0: first state, (d,).
+        P0: its covariance, (d, d).
+    """
+
+    F: Floats
+    u: Floats
+    Q: Floats
+    H: Floats
+    x0: Floats
+    P0: Floats
+
+    def smooth(self, z: Floats, variance: Floats) -> Smoothed:
+        """Return the smoothed states for measurements (n, m) with variances (n, m)."""
+        F, u, Q, H = (np.ascontiguousarray(x, dtype=float) for x in (self.F, self.u, self.Q, self.H))
+        z = np.ascontiguousarray(z, dtype=float)
+        r = np.ascontiguousarray(np.broadcast_to(variance, z.shape))
+        x0, P0 = np.ascontiguousarray(self.x0), np.ascontiguousarray(self.P0)
+        xp, Pp, xf, Pf, likelihood = _filter(F, u, Q, H, z, r, x0, P0)
+        x, P = _backward(F, xp, Pp, xf, Pf)
+        return Smoothed(x, P, float(likelihood))
+
+    def log_likelihood(self, z: Floats, variance: Floats) -> float:
+        """Return the log-likelihood of measurements alone (one forward pass)."""
+        F, u, Q, H = (np.ascontiguousarray(x, dtype=float) for x in (self.F, self.u, self.Q, self.H))
+        z = np.ascontiguousarray(z, dtype=float)
+        r = np.ascontiguousarray(np.broadcast_to(variance, z.shape))
+        x0, P0 = np.ascontiguousarray(self.x0), np.ascontiguousarray(self.P0)
+        return float(_filter(F, u, Q, H, z, r, x0, P0)[4])
+
+
+@njit(cache=True)
+def _update(x, P, h, z, r):  # type: ignore[no-untyped-def]
+    d = len(x)
+    Ph = P @ h
+    s = r + h @ Ph
+    e = z - h @ x
+    for i in range(d):
+        x[i] += Ph[i] * e / s
+        for j in range(d):
+            P[i, j] -= Ph[i] * Ph[j] / s
+    return -0.5 * (e * e / s + np.log(2.0 * np.pi * s))
+
+
+@njit(cache=True)
+def _filter(F, u, Q, H, z, r, x0, P0):  # type: ignore[no-untyped-def]
+    n, m = z.shape
+    d = len(x0)
+    xp, xf = np.empty((n, d)), np.empty((n, d))
+    Pp, Pf = np.empty((n, d, d)), np.empty((n, d, d))
+    x, P = x0.copy(), P0.copy()
+    likelihood = 0.0
+    for k in range(n):
+        if k > 0:
+            A = F[min(k - 1, len(F) - 1)]
+            x = A @ x + u[k - 1]
+            P = A @ P @ A.T + Q[min(k - 1, len(Q) - 1)]
+        xp[k], Pp[k] = x, P
+        for i in range(m):
+            if np.isfinite(r[k, i]):
+                likelihood += _update(x, P, H[min(k, len(H) - 1), i], z[k, i], r[k, i])
+        P = 0.5 * (P + P.T)
+        xf[k], Pf[k] = x, P
+    return xp, Pp, xf, Pf, likelihood
+
+
+@njit(cache=True)
+def _backward(F, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
+    n, d = xf.shape
+    x, P = xf.copy(), Pf.copy()
+    for k in range(n - 2, -1, -1):
+        A = F[min(k, len(F) - 1)]
+        scale = 1.0 / np.sqrt(np.diag(Pp[k + 1]) + 1e-300)
+        S = Pp[k + 1] * np.outer(scale, scale) + 1e-14 * np.eye(d)
+        right = np.ascontiguousarray((A @ Pf[k]) * scale.reshape(d, 1))
+        C = np.ascontiguousarray((np.linalg.solve(S, right) * scale.reshape(d, 1)).T)
+        x[k] = xf[k] + C @ (x[k + 1] - xp[k + 1])
+        P[k] = Pf[k] + C @ (P[k + 1] - Pp[k + 1]) @ C.T
+    return x, P

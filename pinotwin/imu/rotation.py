@@ -1,0 +1,176 @@
+"""Rotations: quaternions, the exponential map, and exact strapdown integration.
+
+A quaternion is ``(w, x, y, z)``, unit, and turns a vector of the sensor into the earth frame,
+``u_earth = q u_sensor q*``; its matrix is ``R_earth_sensor``, the transpose of the thesis' R_S/G.
+With the body rate w(t) [rad/s] its kinematics are ``q' = q (0, w) / 2``.
+
+Strapdown. The thesis steps R by its first-order expansion (Eq. 6.8), which leaves SO(3). Over a step
+the exact increment is ``exp(phi)`` with Bortz's rotation vector (Bortz 1971,
+DOI 10.1109/TAES.1971.310252); for rates a and b at the ends of the step h
+
+    phi = integral of w over the step + h^2 / 12 (a x b) + O(h^5),
+
+where the second term is the coning correction. Between the samples the rate is a cubic through four
+of them, so that the whole is of fourth order: (-w0 + 13 a + 13 b - w3) h / 24.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from scipy.spatial.transform import Rotation
+
+from pinotwin.arrays import Floats
+
+Rule = Literal["mean", "hold", "trapezoid", "coning"]
+
+
+def to_matrix(q: Floats) -> Floats:
+    """Return the rotation matrices of quaternions, shape (..., 4) -> (..., 3, 3)."""
+    return Rotation.from_quat(np.asarray(q, dtype=float), scalar_first=True).as_matrix()
+
+
+def from_matrix(R: Floats) -> Floats:
+    """Return the quaternions of rotation matrices, shape (..., 3, 3) -> (..., 4), w >= 0."""
+    rotation = Rotation.from_matrix(np.asarray(R, dtype=float))
+    return rotation.as_quat(canonical=True, scalar_first=True)
+
+
+def multiply(p: Floats, q: Floats) -> Floats:
+    """Return the product p q (q is applied first), shapes (..., 4) broadcast."""
+    p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
+    w = p[..., 0] * q[..., 0] - np.sum(p[..., 1:] * q[..., 1:], axis=-1)
+    v = p[..., :1] * q[..., 1:] + q[..., :1] * p[..., 1:] + np.cross(p[..., 1:], q[..., 1:])
+    return np.concatenate([w[..., None], v], axis=-1)
+
+
+def conjugate(q: Floats) -> Floats:
+    """Return the inverse of unit quaternions, shape (..., 4)."""
+    return np.asarray(q, dtype=float) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def rotate(q: Floats, v: Floats) -> Floats:
+    """Return vectors (..., 3) turned by quaternions (..., 4): from the sensor into the earth frame."""
+    q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
+    t = 2.0 * np.cross(q[..., 1:], v)
+    return v + q[..., :1] * t + np.cross(q[..., 1:], t)
+
+
+def exp(phi: Floats) -> Floats:
+    """Return the quaternions of rotation vectors [rad], shape (..., 3) -> (..., 4)."""
+    phi = np.asarray(phi, dtype=float)
+    half = 0.5 * np.linalg.norm(phi, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * phi], axis=-1)
+
+
+def log(q: Floats) -> Floats:
+    """Return the rotation vectors [rad] of quaternions, angle in [0, pi], (..., 4) -> (..., 3)."""
+    return Rotation.from_quat(np.asarray(q, dtype=float), scalar_first=True).as_rotvec()
+
+
+def skew(v: Floats) -> Floats:
+    """Return the matrices of the cross product v x, shape (..., 3) -> (..., 3, 3)."""
+    v = np.asarray(v, dtype=float)
+    S = np.zeros((*v.shape, 3))
+    S[..., 2, 1], S[..., 0, 2], S[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
+    return S - np.swapaxes(S, -1, -2)
+
+
+def nearest_rotation(M: Floats) -> Floats:
+    """Return the proper rotation nearest to a 3x3 matrix.
+
+    The determinant correction of Kabsch (1976, DOI 10.1107/S0567739476001873), which Eq. 6.19 and
+    6.25 of the thesis leave out: without it the answer can be a reflection.
+    """
+    U, _, Vt = np.linalg.svd(M)
+    return (U * np.array([1.0, 1.0, np.linalg.det(U @ Vt)])) @ Vt
+
+
+def inclination_error(q: Floats, reference: Floats) -> Floats:
+    """Return the angle between the two verticals [rad], shape (n,); heading does not enter.
+
+    As in the BROAD benchmark (Laidig et al. 2021, DOI 10.3390/data6070072). NaN where the reference is.
+    """
+    d = multiply(q, conjugate(reference))
+    return 2.0 * np.arccos(np.clip(np.hypot(d[..., 0], d[..., 3]), 0.0, 1.0))
+
+
+def quaternion_from_gravity(force: Floats) -> Floats:
+    """Return the quaternion (4,) with the least turn for which a specific force (3,) points up."""
+    up = np.asarray(force, dtype=float) / np.linalg.norm(force)
+    q = np.array([1.0 + up[2], up[1], -up[0], 0.0])
+    if np.linalg.norm(q) < 1e-8:  # upside down: any horizontal axis will do
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    return q / np.linalg.norm(q)
+
+
+def increments(gyr: Floats, step: Floats | float, rule: Rule = "coning") -> Floats:
+    """Return the rotation vectors [rad] of the steps between samples, shape (n - 1, 3).
+
+    Args:
+        gyr: angular rate at the samples [rad/s], shape (n, 3).
+        step: sampling intervals [s], one for all or shape (n - 1,).
+        rule: what the samples are. "mean": averages over the interval that ends at the stamp, as
+            strapdown sensors deliver them (two-sample coning term). Else instantaneous rates, and
+            the first "hold"s over the step, or "trapezoid", or "coning": fourth order (the cubic
+            needs one step for all; else trapezoid with the coning term).
+    """
+    a, b = gyr[:-1], gyr[1:]
+    h = np.broadcast_to(np.asarray(step, dtype=float), (len(a),))[:, None]
+    if rule == "hold":
+        return a * h
+    if rule == "mean":
+        return b * h + h**2 / 12.0 * np.cross(a, b)
+    phi = 0.5 * h * (a + b)
+    if rule == "trapezoid":
+        return phi
+    if np.ndim(step) == 0 and len(gyr) > 3:
+        phi[1:-1] += h[1:-1] / 24.0 * (a[1:-1] + b[1:-1] - a[:-2] - b[2:])
+        ends = np.array([9.0, 19.0, -5.0, 1.0]) / 24.0
+        phi[0], phi[-1] = h[0] * (ends @ gyr[:4]), h[-1] * (ends[::-1] @ gyr[-4:])
+    return phi + h**2 / 12.0 * np.cross(a, b)
+
+
+def strapdown(
+    gyr: Floats, step: Floats | float, start: Floats | None = None, rule: Rule = "coning"
+) -> Floats:
+    """Integrate angular rate into orientation; exact for a rate that follows the rule.
+
+    Args:
+        gyr: angular rate in the sensor frame [rad/s], shape (n, 3).
+        step: sampling intervals [s], one for all or shape (n - 1,).
+        start: first quaternion (4,); identity by default.
+        rule: see :func:`increments`.
+
+    Returns:
+        Quaternions, shape (n, 4).
+    """
+    return chain(increments(gyr, step, rule), start)
+
+
+def chain(phi: Floats, start: Floats | None = None) -> Floats:
+    """Return the quaternions (n, 4) reached by rotation vectors of the steps (n - 1, 3), one by one."""
+    first = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else np.asarray(start, dtype=float)
+    return _chain(first / np.linalg.norm(first), exp(phi))
+
+
+@njit(cache=True)
+def _chain(first, steps):  # type: ignore[no-untyped-def]
+    n = len(steps)
+    q = np.empty((n + 1, 4))
+    w, x, y, z = first
+    q[0, 0], q[0, 1], q[0, 2], q[0, 3] = w, x, y, z
+    for k in range(n):
+        a, b, c, d = steps[k]
+        w, x, y, z = (
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        )
+        scale = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w * scale, x * scale, y * scale, z * scale
+        q[k + 1, 0], q[k + 1, 1], q[k + 1, 2], q[k + 1, 3] = w, x, y, z
+    return q

@@ -1,0 +1,233 @@
+"""A virtual IMU: what a gyroscope and an accelerometer on a moving link would report.
+
+Measured by a triad with mounting R (sensor axes in the link frame) at p in the link frame:
+
+    gyro   y = low_pass[ (I + diag(s)) N R' w + a |.| + c (.)^3 + G f ] + b(t) + noise       [rad/s]
+    accel  y = low_pass[ (I + diag(s)) N R' f ] + b + noise                                  [m/s²]
+    f      = R_world_link' (a_origin - g) + w' x p + w x (w x p)           (specific force at p)
+
+``N`` is I plus the non-orthogonality, ``b(t)`` a constant plus a random walk. Sizes: thesis Tables
+6-3, 6-4 and B-1 (Xsens MTi-630). The sensor has its own clock: it stamps a sample that it takes at the
+true time ``t`` with ``tau``, where ``t = (1 + skew) tau + offset`` plus jitter; it may drop samples,
+leave a hole, or restart at zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import bilinear, butter, lfilter, lfilter_zi
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+_DEG = np.pi / 180.0
+_G = 9.81
+
+
+def _zeros() -> Floats:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Triad:
+    """Errors of three sensing axes; SI (rad/s for a gyro, m/s² for an accelerometer).
+
+    Attributes:
+        noise: RMS of the noise at the output, after the low-pass, per axis.
+        bias: constant bias, per axis.
+        bias_walk: random walk of the bias [unit/sqrt(s)].
+        scale: scale-factor deviations, per axis [-].
+        nonorthogonality: off-diagonal of N, (3, 3) with zero diagonal [rad].
+        asymmetry: coefficient of abs(input), per axis [-].
+        cubic: coefficient of input cubed, per axis [1/unit²].
+        g_sensitivity: response to specific force, (3, 3) [unit/(m/s²)]; gyros only.
+        cutoff: corner of the second-order Butterworth low-pass [Hz], inf for none.
+    """
+
+    noise: Floats = field(default_factory=_zeros)
+    bias: Floats = field(default_factory=_zeros)
+    bias_walk: float = 0.0
+    scale: Floats = field(default_factory=_zeros)
+    nonorthogonality: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    asymmetry: Floats = field(default_factory=_zeros)
+    cubic: Floats = field(default_factory=_zeros)
+    g_sensitivity: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    cutoff: float = np.inf
+
+    @property
+    def delay(self) -> float:
+        """Group delay of the low-pass at low frequency [s]: sqrt(2) / (2 pi cutoff)."""
+        return float(np.sqrt(2.0) / (2.0 * np.pi * self.cutoff))
+
+    def distort(self, x: Floats, force: Floats) -> Floats:
+        """Return the deterministic response to inputs in sensor axes, shapes (n, 3)."""
+        y = x @ ((np.eye(3) + np.diag(self.scale)) @ (np.eye(3) + self.nonorthogonality)).T
+        return y + self.asymmetry * np.abs(x) + self.cubic * x**3 + force @ self.g_sensitivity.T
+
+
+@dataclass(frozen=True)
+class SensorClock:
+    """The clock of a sensor and what it loses.
+
+    Attributes:
+        rate: nominal sampling rate [Hz].
+        offset: true time at stamp zero [s].
+        skew: relative error of its second, (true - stamped) / stamped [-].
+        jitter: RMS of the sampling instants about their stamps [s].
+        drop: share of samples lost at random.
+        holes: stretches ``(start, stop)`` of stamps lost altogether [s].
+        restart: stamp at which the clock starts again at zero [s], or None.
+    """
+
+    rate: float = 400.0
+    offset: float = 0.0
+    skew: float = 0.0
+    jitter: float = 0.0
+    drop: float = 0.0
+    holes: Sequence[tuple[float, float]] = ()
+    restart: float | None = None
+
+
+@dataclass(frozen=True)
+class ImuReading:
+    """What was recorded: stamps (n,) [s], gyro (n, 3) [rad/s], accelerometer (n, 3) [m/s²]."""
+
+    t: Floats
+    gyr: Floats
+    acc: Floats
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """The true motion of a link on a fine clock.
+
+    Attributes:
+        t: time, uniform [s], shape (n,).
+        R: rotation of the link in the world, (n, 3, 3); columns are the link's axes.
+        w: angular velocity in the link frame [rad/s], (n, 3).
+        a: acceleration of the link's origin in the link frame, without gravity [m/s²], (n, 3).
+    """
+
+    t: Floats
+    R: Floats
+    w: Floats
+    a: Floats
+
+
+@dataclass(frozen=True)
+class ImuSensor:
+    """An IMU with its errors, its mounting and its clock; see the module for the equations.
+
+    Attributes:
+        gyro: errors of the gyroscope.
+        accel: errors of the accelerometer.
+        clock: the sensor's own clock.
+        mounting: sensor axes in the link frame (columns), (3, 3).
+        position: place of the sensor in the link frame [m], (3,).
+        gravity: acceleration of gravity in the world [m/s²], (3,); a tilted foundation turns it.
+    """
+
+    gyro: Triad = field(default_factory=Triad)
+    accel: Triad = field(default_factory=Triad)
+    clock: SensorClock = field(default_factory=SensorClock)
+    mounting: Floats = field(default_factory=lambda: np.eye(3))
+    position: Floats = field(default_factory=_zeros)
+    gravity: Floats = field(default_factory=lambda: GRAVITY)
+
+    def inputs(self, motion: LinkMotion) -> tuple[Floats, Floats]:
+        """Return the true rate and specific force in sensor axes, shapes (n, 3)."""
+        step = motion.t[1] - motion.t[0]
+        w_dot = np.gradient(motion.w, step, axis=0, edge_order=2)
+        p, w = self.position, motion.w
+        force = motion.a - np.einsum("nji,j->ni", motion.R, self.gravity)
+        force = force + np.cross(w_dot, p) + np.cross(w, np.cross(w, p))
+        return w @ self.mounting, force @ self.mounting
+
+    def measure(self, motion: LinkMotion, rng: np.random.Generator) -> ImuReading:
+        """Return the readings for a true motion (its clock should be well above the sensor's).
+
+        Raises:
+            DataError: the motion's clock is not finer than the sensor's.
+        """
+        step = float(motion.t[1] - motion.t[0])
+        if step > 0.6 / self.clock.rate:
+            raise DataError(
+                f"the true motion is sampled at {1 / step:.0f} Hz; a virtual IMU at "
+                f"{self.clock.rate:.0f} Hz needs at least twice its rate"
+            )
+        w, force = self.inputs(motion)
+        gyr = low_pass(self.gyro.distort(w, force), self.gyro.cutoff, step)
+        acc = low_pass(self.accel.distort(force, force), self.accel.cutoff, step)
+        tau, instants = self._stamps(motion.t, rng)
+        gyr = CubicSpline(motion.t, gyr)(instants) + _errors(self.gyro, self.clock.rate, tau, rng)
+        acc = CubicSpline(motion.t, acc)(instants) + _errors(self.accel, self.clock.rate, tau, rng)
+        keep = self._kept(tau, rng)
+        if self.clock.restart is not None:
+            tau = np.where(tau >= self.clock.restart, tau - self.clock.restart, tau)
+        return ImuReading(tau[keep], gyr[keep], acc[keep])
+
+    def _stamps(self, t: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        c = self.clock
+        margin = 5.0 * c.jitter
+        low, high = ((x - c.offset) / (1.0 + c.skew) for x in (t[0] + margin, t[-1] - margin))
+        tau = np.arange(np.ceil(low * c.rate), np.floor(high * c.rate) + 1.0) / c.rate
+        return tau, (1.0 + c.skew) * tau + c.offset + rng.normal(0.0, c.jitter, len(tau))
+
+    def _kept(self, tau: Floats, rng: np.random.Generator) -> Mask:
+        keep = rng.random(len(tau)) >= self.clock.drop
+        for start, stop in self.clock.holes:
+            keep &= (tau < start) | (tau >= stop)
+        return keep
+
+
+def low_pass(x: Floats, cutoff: float, step: float) -> Floats:
+    """Return signals (n, k) after a second-order Butterworth low-pass that starts settled."""
+    if not np.isfinite(cutoff):
+        return x
+    corner = np.tan(np.pi * cutoff * step) / (np.pi * step)  # prewarped
+    b, a = bilinear(*butter(2, 2.0 * np.pi * corner, analog=True), fs=1.0 / step)
+    y, _ = lfilter(b, a, x, axis=0, zi=lfilter_zi(b, a)[:, None] * x[:1])
+    return y
+
+
+def _errors(triad: Triad, rate: float, tau: Floats, rng: np.random.Generator) -> Floats:
+    """Return bias and noise at the stamps, shape (n, 3)."""
+    n = len(tau)
+    white = rng.normal(size=(4 * n + 400, 3))
+    shaped = low_pass(white, min(triad.cutoff, 1.6 * rate), 0.25 / rate)[400::4]
+    if not np.isfinite(triad.cutoff):
+        shaped = white[400::4]
+    noise = triad.noise * shaped / np.std(shaped, axis=0)
+    steps = rng.normal(0.0, triad.bias_walk / np.sqrt(rate), (n, 3))
+    return triad.bias + np.cumsum(steps, axis=0) + noise
+
+
+def mti630(rng: np.random.Generator, number: int = 1, *, scale: float = 3e-3) -> ImuSensor:
+    """Return an Xsens MTi-630 as in thesis Tables 6-3 (number 1) or B-1 (2), 6-4, with drawn errors.
+
+    Args:
+        rng: draws scale errors, non-orthogonality, g-sensitivity and accelerometer errors.
+        number: which of the two sensors of the thesis.
+        scale: standard deviation of the gyro's scale-factor error [-].
+    """
+    bias, noise, acc = {
+        1: ([0.1329, 0.04537, 0.09289], [0.08493, 0.07997, 0.08274], [8.165, 7.291, 5.651]),
+        2: ([-0.06855, 0.03738, 0.06225], [0.1663, 0.09148, 0.08925], [8.647, 7.331, 6.408]),
+    }[number]
+    off = 1.0 - np.eye(3)
+    gyro = Triad(
+        noise=np.array(noise) * _DEG, bias=np.array(bias) * _DEG, bias_walk=5e-4 * _DEG,
+        scale=rng.normal(0.0, scale, 3), nonorthogonality=off * rng.normal(0, 0.02 * _DEG, (3, 3)),
+        asymmetry=rng.normal(0, 1e-4, 3), cubic=rng.normal(0, 3e-5, 3),
+        g_sensitivity=rng.normal(0, 1e-3 * _DEG / _G, (3, 3)), cutoff=140.0,
+    )  # fmt: skip
+    accel = Triad(
+        noise=np.array(acc) * 1e-3, bias=rng.normal(0.0, 0.02, 3), scale=rng.normal(0, 1e-3, 3),
+        nonorthogonality=off * rng.normal(0, 0.02 * _DEG, (3, 3)), cutoff=140.0,
+    )  # fmt: skip
+    return ImuSensor(gyro=gyro, accel=accel)

@@ -1,0 +1,168 @@
+"""The data of one control loop: inputs and outputs of one axis, checked once.
+
+Intersample behaviour, stated because an exact discretisation needs it: the disturbances and the
+*velocity* of the command run straight between their samples (first-order hold), so the command itself
+is piecewise parabolic. Where the log has no velocity of the command it comes from a cubic spline
+through the samples of ``qr``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+
+MINIMUM_ROWS = 64
+"""Fewest samples from which a loop is identified."""
+
+
+@dataclass(frozen=True)
+class LoopData:
+    """Inputs and outputs of one axis on one clock; n samples, SI.
+
+    Attributes:
+        step: sampling interval [s].
+        qr: position command [m or rad], shape (n,).
+        d: generalised disturbances [N or N·m], shape (n, nd) or (n,); the axis' own first.
+        outputs: shape (n, ny): tracking error, motor effort, and then any structural velocity.
+        segments: stretches of unbroken sampling; the state at the start of each is unknown.
+        vr: velocity of the command; by spline from ``qr`` where absent.
+        ar: acceleration of the command; likewise.
+        axis: name of the axis, for messages and signal names.
+        output_names: names of the outputs.
+        disturbance_names: names of the disturbances.
+    """
+
+    step: float
+    qr: Floats
+    d: Floats
+    outputs: Floats
+    segments: tuple[slice, ...] = ()
+    vr: Floats | None = None
+    ar: Floats | None = None
+    axis: str = "axis"
+    output_names: tuple[str, ...] = ("e", "u")
+    disturbance_names: tuple[str, ...] = ("d",)
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        qr = np.asarray(self.qr, dtype=float).ravel()
+        n = len(qr)
+        put(self, "qr", qr)
+        put(self, "d", _columns(self.d, n, f"{self.axis}: disturbance"))
+        put(self, "outputs", _columns(self.outputs, n, f"{self.axis}: outputs"))
+        put(self, "segments", tuple(self.segments) or (slice(0, n),))
+        put(self, "output_names", _names(self.output_names, self.outputs.shape[1], "v"))
+        put(self, "disturbance_names", _names(self.disturbance_names, self.d.shape[1], "d"))
+        if not self.step > 0:
+            raise DataError(f"{self.axis}: sampling interval {self.step} s, expected a positive one")
+        velocity, acceleration = _rates(self)
+        put(self, "vr", velocity)
+        put(self, "ar", acceleration)
+        self._check()
+
+    def _check(self) -> None:
+        channels = {"qr": self.qr, "d": self.d, "vr": self.vr, "ar": self.ar, "outputs": self.outputs}
+        for name, values in channels.items():
+            if not all(np.isfinite(values[s]).all() for s in self.segments):  # type: ignore[index]
+                raise DataError(
+                    f"{self.axis}: {name} has NaN or infinite samples inside a segment; "
+                    "split the segments around the gap"
+                )
+
+    def __len__(self) -> int:
+        return len(self.qr)
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity of the command, shape (n,)."""
+        assert self.vr is not None
+        return self.vr
+
+    @property
+    def acceleration(self) -> Floats:
+        """Acceleration of the command, shape (n,)."""
+        assert self.ar is not None
+        return self.ar
+
+    @property
+    def rows(self) -> int:
+        """Number of samples inside the segments."""
+        return sum(s.stop - s.start for s in self.segments)
+
+    def within(self, segments: Sequence[slice]) -> Self:
+        """Return the same channels with other segments."""
+        return replace(self, segments=tuple(segments))
+
+    def require_motion(self) -> None:
+        """Refuse data from which no loop can be identified.
+
+        Raises:
+            DataError: too short, or the axis never moves, or an output or disturbance is constant.
+        """
+        if self.rows < MINIMUM_ROWS:
+            raise DataError(
+                f"{self.axis}: {self.rows} samples in unbroken segments, at least {MINIMUM_ROWS} are "
+                "needed to identify the loop; give a longer log"
+            )
+        inside = np.concatenate([np.arange(s.start, s.stop) for s in self.segments])
+        if np.ptp(self.velocity[inside]) <= 1e-12:
+            raise DataError(
+                f"{self.axis}: the command never moves in this log, so its loop cannot be "
+                "identified; give a log in which the axis moves"
+            )
+        groups = [(self.output_names, self.outputs), (self.disturbance_names, self.d)]
+        for names, values in groups:
+            flat = np.flatnonzero(np.ptp(values[inside], axis=0) == 0.0)
+            if len(flat):
+                raise DataError(
+                    f"{self.axis}: channel {names[flat[0]]!r} is constant over the whole log, so its "
+                    "transfer functions cannot be identified; check the channel or leave it out"
+                )
+
+
+def command_rates(qr: Floats, step: float) -> tuple[Floats, Floats]:
+    """Return velocity and acceleration of a sampled command by a cubic spline, shapes (n,)."""
+    if len(qr) < 4:
+        velocity = np.gradient(qr, step) if len(qr) > 1 else np.zeros(len(qr))
+        return velocity, np.zeros(len(qr))
+    t = step * np.arange(len(qr))
+    spline = CubicSpline(t, qr)
+    return spline(t, 1), spline(t, 2)
+
+
+def _rates(data: LoopData) -> tuple[Floats, Floats]:
+    n = len(data.qr)
+    given = [None if x is None else np.asarray(x, dtype=float).ravel() for x in (data.vr, data.ar)]
+    for name, x in zip(("vr", "ar"), given, strict=True):
+        if x is not None and len(x) != n:
+            raise DataError(f"{data.axis}: {name} has {len(x)} samples, the command has {n}")
+    if given[0] is not None and given[1] is not None:
+        return given[0], given[1]
+    velocity, acceleration = np.zeros(n), np.zeros(n)
+    for s in data.segments:
+        if given[0] is None:
+            velocity[s], acceleration[s] = command_rates(data.qr[s], data.step)
+        else:
+            velocity[s] = given[0][s]
+            acceleration[s] = command_rates(given[0][s], data.step)[0]
+    return velocity, acceleration if given[1] is None else given[1]
+
+
+def _columns(values: Floats, n: int, what: str) -> Floats:
+    x = np.asarray(values, dtype=float)
+    x = x[:, None] if x.ndim == 1 else x
+    if x.ndim != 2 or len(x) != n:
+        raise DataError(f"{what} has shape {x.shape}, expected ({n}, k) like the command")
+    return x
+
+
+def _names(names: tuple[str, ...], count: int, stem: str) -> tuple[str, ...]:
+    extra = tuple(f"{stem}{i + 1}" for i in range(len(names), count))
+    return (tuple(names) + extra)[:count]

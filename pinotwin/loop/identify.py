@@ -1,0 +1,180 @@
+"""Identify the closed loop of an axis: poles searched, numerators projected out (thesis 4.2.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.stats import t as student
+from threadpoolctl import threadpool_limits
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError
+from pinotwin.loop.data import LoopData
+from pinotwin.loop.fit import LoopFit, ParameterFit
+from pinotwin.loop.layout import Bounds, Layout, Parameter, lay_out
+from pinotwin.loop.model import LoopModel
+from pinotwin.loop.projection import Misfit, Projection, Scales
+from pinotwin.loop.search import Found, search
+from pinotwin.loop.structure import Structure
+from pinotwin.loop.uncertainty import Covariance, covariance
+
+AT_BOUND = 1e-3
+"""A parameter this close to a bound, in parts of the logarithmic interval, has ended on it."""
+
+
+def identify_loop(
+    data: LoopData,
+    structure: Structure | None = None,
+    *,
+    weights: Floats | None = None,
+    bounds: Bounds | None = None,
+    starts: Floats | None = None,
+) -> LoopModel:
+    """Return the closed-loop model of one axis.
+
+    Args:
+        data: command, disturbances and outputs.
+        structure: numbers of poles and numerator form; three real poles and one pair where absent.
+        weights: one per output; one over its rms where absent.
+        bounds: bounds that replace the usual ones, by parameter name, [Hz] or [-], e.g.
+            ``{"p1": (1, 100), "wn1": (1, 100), "zeta1": (0.1, 1.5)}``.
+        starts: starting points of theta (logarithms of rad/s or of zeta), shape (k, np); spread ones
+            where absent.
+
+    Raises:
+        DataError: too short, or nothing moves.
+    """
+    structure = structure or Structure()
+    data.require_motion()
+    layout = lay_out(structure, data.step, (data.d.shape[1], data.outputs.shape[1]), bounds)
+    _require_rows(data, layout)
+    # On few cores OpenBLAS' own threads make the many small factorisations slower, not faster.
+    with threadpool_limits(1, "blas"):
+        found = search(data, layout, weights, starts)
+        projection = Projection(data, layout, Scales.of(data, weights))
+        misfit = projection.evaluate(found.theta)
+        held = _on_bound(layout, found.theta) != 0
+        spread = covariance(projection, found.theta, held)
+    model = _model(data, layout, found.theta, misfit.residues * projection.scales.residue_units(layout))
+    fit = _judge(data, projection, found, misfit, spread, model)
+    return LoopModel(**{**_fields(model), "fit": fit})
+
+
+def _fields(model: LoopModel) -> dict[str, object]:
+    return {name: getattr(model, name) for name in model.__dataclass_fields__}
+
+
+def _require_rows(data: LoopData, layout: Layout) -> None:
+    unknown = len(layout.parameters) + layout.residues + len(data.segments) * layout.structure.order
+    if data.rows < 3 * unknown:
+        raise DataError(
+            f"{data.axis}: {data.rows} samples in {len(data.segments)} segments for about {unknown} "
+            "unknowns; give a longer log or a structure with fewer poles"
+        )
+
+
+def _model(data: LoopData, layout: Layout, theta: Floats, residues: Floats) -> LoopModel:
+    return LoopModel(
+        data.axis, data.disturbance_names, data.output_names, data.step,
+        layout.structure, layout.shaped(theta), residues,
+    )  # fmt: skip
+
+
+def _on_bound(layout: Layout, theta: Floats) -> Floats:
+    """Return -1, 0 or 1 per parameter: on its lower bound, inside, on its upper bound."""
+    low, high = layout.box
+    near = AT_BOUND * (high - low)
+    return np.where(theta <= low + near, -1, np.where(theta >= high - near, 1, 0))
+
+
+def _judge(  # noqa: PLR0913, gathers what the search left
+    data: LoopData, projection: Projection, found: Found, misfit: Misfit, spread: Covariance,
+    model: LoopModel,
+) -> LoopFit:  # fmt: skip
+    layout = projection.layout
+    sides = _on_bound(layout, found.theta)
+    quantile = float(student.ppf(0.975, max(spread.blocks - 1, 1)))
+    parameters = [
+        _parameter(p, x, int(side), spread.poles[i, i], quantile)
+        for i, (p, x, side) in enumerate(zip(layout.parameters, found.theta, sides, strict=True))
+    ]
+    parts = misfit.residual.reshape(layout.outputs, -1)
+    rms = np.sqrt(np.sum(parts**2, axis=1) / data.rows) * projection.scales.outputs
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    size = np.sqrt(np.mean(data.outputs[rows] ** 2, axis=0))
+    return LoopFit(
+        parameters=tuple(parameters),
+        numerator_errors=_numerator_errors(model, found.theta, spread, projection),
+        nrmse=dict(zip(data.output_names, (rms / size).tolist(), strict=True)),
+        rms=dict(zip(data.output_names, rms.tolist(), strict=True)),
+        samples=data.rows,
+        blocks=spread.blocks,
+        evaluations=found.evaluations,
+        ends=found.ends,
+        notes=_notes(parameters),
+    )
+
+
+def _parameter(
+    p: Parameter, x: float, side: int, variance: float, quantile: float
+) -> ParameterFit:
+    value = math.exp(x) / p.scale
+    error = None if side else math.sqrt(max(variance, 0.0))
+    interval = None
+    if error is not None:
+        half = min(quantile * error, 50.0)
+        interval = (value * math.exp(-half), value * math.exp(half))
+    unit = "-" if p.name.startswith("zeta") else "Hz"
+    where = {-1: "lower", 0: None, 1: "upper"}[side]
+    return ParameterFit(p.name, value, unit, (p.lower, p.upper), error, interval, where)
+
+
+def _notes(parameters: list[ParameterFit]) -> tuple[str, ...]:
+    notes = [
+        f"{p.name} = {p.value:.4g} {p.unit} ended on its {p.at_bound} bound: the log does not fix it, "
+        "or the structure has a pole too many"
+        for p in parameters
+        if p.at_bound
+    ]
+    notes += [
+        f"{p.name} = {p.value:.4g} {p.unit} is known to a factor of {math.exp(1.96 * p.error):.2g} only"
+        for p in parameters
+        if p.error is not None and p.error > 0.5
+    ]
+    return tuple(notes)
+
+
+def _numerator_errors(
+    model: LoopModel, theta: Floats, spread: Covariance, projection: Projection
+) -> Mapping[str, tuple[float, ...]]:
+    """Return standard errors of all numerator coefficients, by the delta method."""
+    layout = projection.layout
+    units = projection.scales.residue_units(layout)
+    base = np.concatenate([theta, model.residues.ravel()])
+    scale = np.concatenate([np.ones(len(theta)), units.ravel()])
+    count = len(theta)
+
+    def numerators(x: Floats) -> list[Floats]:
+        values = _fields(model)
+        values["sections"] = layout.shaped(x[:count])
+        values["residues"] = x[count:].reshape(model.residues.shape)
+        moved = LoopModel(**values)  # type: ignore[arg-type]
+        return [moved.numerator(o, i)[0] for o in model.outputs for i in model.inputs]
+
+    here = numerators(base)
+    joint = spread.joint * np.outer(scale, scale)
+    size, axes = np.linalg.eigh(spread.joint)
+    del joint
+    errors = [np.zeros_like(x) for x in here]
+    # Along each principal direction of the covariance: as many differences as there are free numbers.
+    for variance, axis in zip(size, axes.T, strict=True):
+        if variance <= 1e-14 * max(size[-1], 1e-300):
+            continue
+        reach = 1e-3 * math.sqrt(variance)
+        moved = numerators(base + reach * axis * scale)
+        for total, now, then in zip(errors, here, moved, strict=True):
+            total += ((then - now) / 1e-3) ** 2
+    names = [f"{o}/{i}" for o in model.outputs for i in model.inputs]
+    return {n: tuple(np.sqrt(e).tolist()) for n, e in zip(names, errors, strict=True)}

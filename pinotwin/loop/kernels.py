@@ -1,0 +1,112 @@
+"""The inner loops: sections filtered sample by sample, compiled.
+
+States that have decayed below 1e-200 are set to zero: a long standstill would otherwise end in denormal
+numbers, which are a hundred times slower.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from pinotwin.arrays import Floats, Ints
+
+TINY = 1e-200
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _flush(x: float) -> float:
+    return 0.0 if abs(x) < TINY else x
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
+    """Filter by a first-order section and by its derivative with respect to log p.
+
+    Args:
+        c: A, B0, B1, dA, dB0, dB1.
+        w: input, shape (n,).
+        blocks: start, stop, and 1 where a new segment begins, shape (m, 3).
+        start_state: state at the start of a segment beside the equilibrium of the first input.
+        out: state and its derivative, shape (m, 2, rows).
+    """
+    x, dx = 0.0, 0.0
+    for m in range(len(blocks)):
+        first = blocks[m, 0]
+        for k in range(first, blocks[m, 1]):
+            if k == first and blocks[m, 2] == 1:
+                x, dx = w[k] + start_state[0], 0.0
+            else:
+                dx = _flush(c[0] * dx + c[3] * x + c[4] * w[k - 1] + c[5] * w[k])
+                x = _flush(c[0] * x + c[1] * w[k - 1] + c[2] * w[k])
+            out[m, 0, k - first] = x
+            out[m, 1, k - first] = dx
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def filter_second(
+    A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats
+) -> None:
+    """Filter by a second-order section and by its derivatives with respect to log wn, log zeta.
+
+    Args:
+        A: A, dA by wn, dA by zeta, shape (3, 2, 2).
+        B: for each of B0 and B1 the value and its two derivatives, shape (2, 3, 2).
+        w: input, shape (n,).
+        blocks: start, stop, and 1 where a new segment begins, shape (m, 3).
+        start_state: states at the start of a segment beside the equilibrium of the first input.
+        out: the two states, then their derivatives by wn, by zeta, shape (m, 6, rows).
+    """
+    x = 0.0
+    y = 0.0
+    dx, dy, ex, ey = 0.0, 0.0, 0.0, 0.0
+    for m in range(len(blocks)):
+        first = blocks[m, 0]
+        for k in range(first, blocks[m, 1]):
+            if k == first and blocks[m, 2] == 1:
+                x, y = w[k] + start_state[0], start_state[1]
+                dx, dy, ex, ey = 0.0, 0.0, 0.0, 0.0
+            else:
+                v, z = w[k - 1], w[k]
+                p = A[1, 0, 0] * x + A[1, 0, 1] * y + B[0, 1, 0] * v + B[1, 1, 0] * z
+                q = A[1, 1, 0] * x + A[1, 1, 1] * y + B[0, 1, 1] * v + B[1, 1, 1] * z
+                r = A[2, 0, 0] * x + A[2, 0, 1] * y + B[0, 2, 0] * v + B[1, 2, 0] * z
+                s = A[2, 1, 0] * x + A[2, 1, 1] * y + B[0, 2, 1] * v + B[1, 2, 1] * z
+                p, q = p + A[0, 0, 0] * dx + A[0, 0, 1] * dy, q + A[0, 1, 0] * dx + A[0, 1, 1] * dy
+                r, s = r + A[0, 0, 0] * ex + A[0, 0, 1] * ey, s + A[0, 1, 0] * ex + A[0, 1, 1] * ey
+                dx, dy, ex, ey = _flush(p), _flush(q), _flush(r), _flush(s)
+                p = A[0, 0, 0] * x + A[0, 0, 1] * y + B[0, 0, 0] * v + B[1, 0, 0] * z
+                q = A[0, 1, 0] * x + A[0, 1, 1] * y + B[0, 0, 1] * v + B[1, 0, 1] * z
+                x, y = _flush(p), _flush(q)
+            i = k - first
+            out[m, 0, i], out[m, 1, i] = x, y
+            out[m, 2, i], out[m, 3, i] = dx, dy
+            out[m, 4, i], out[m, 5, i] = ex, ey
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def simulate(
+    A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, start: int, stop: int, out: Floats
+) -> None:
+    """Step a modal system over the rows start:stop and add its response to ``out``.
+
+    Args:
+        A: one 2 x 2 block per section and input, shape (k, 2, 2).
+        B: input weights at start and end of the interval, shape (k, 2, 2) as [block, start/end, state].
+        C: output rows, shape (ny, k, 2).
+        w: the input of every block, shape (k, n).
+        x: states at row ``start``, shape (k, 2); holds the states at the last row on return.
+        start: first row.
+        stop: one past the last row.
+        out: shape (n, ny); added to.
+    """
+    for b in range(len(A)):
+        p, q = x[b, 0], x[b, 1]
+        for k in range(start, stop):
+            if k > start:
+                v, z = w[b, k - 1], w[b, k]
+                r = A[b, 0, 0] * p + A[b, 0, 1] * q + B[b, 0, 0] * v + B[b, 1, 0] * z
+                q = A[b, 1, 0] * p + A[b, 1, 1] * q + B[b, 0, 1] * v + B[b, 1, 1] * z
+                p, q = _flush(r), _flush(q)
+            for j in range(len(C)):
+                out[k, j] += C[j, b, 0] * p + C[j, b, 1] * q
+        x[b, 0], x[b, 1] = p, q

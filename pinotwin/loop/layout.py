@@ -1,0 +1,276 @@
+"""Where everything stands: searched parameters, filter states per input, and the ties between residues.
+
+The response of an output is ``c @ states`` with one set of section states per input (in parallel, each
+section driven by the input itself). The numerator's form (see ``structure``) is then a set of linear
+ties on the residues ``c``: with x' = A x + B w, a relative degree r means c A^k B = 0 for k < r - 1, and
+the gain at frequency zero is the sum of the residues on the first state of every section.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.errors import InputError, nearest
+from pinotwin.loop.sections import continuous, derivatives
+from pinotwin.loop.structure import Channel, Section, Structure
+
+Bounds = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One searched number.
+
+    Attributes:
+        name: ``"p1"``, ``"wn1"``, ``"zeta1"``, ``"pff"``.
+        section: index of its section.
+        value: index among the values of the section.
+        lower: lower bound, [Hz] or [-].
+        upper: upper bound.
+    """
+
+    name: str
+    section: int
+    value: int
+    lower: float
+    upper: float
+
+    @property
+    def scale(self) -> float:
+        """Factor from the unit of the bounds to rad/s or 1."""
+        return 1.0 if self.name.startswith("zeta") else 2.0 * math.pi
+
+
+@dataclass(frozen=True)
+class Slot:
+    """The states of one section driven by one input.
+
+    Attributes:
+        input: index of the input; disturbances first, then the command's velocity.
+        section: index of the section.
+        at: index of its first residue.
+        order: number of states.
+    """
+
+    input: int
+    section: int
+    at: int
+    order: int
+
+
+@dataclass(frozen=True)
+class Ties:
+    """Linear ties N.T @ c = g on the residues of one output.
+
+    Attributes:
+        allowed: residues that may differ from zero, shape (nc,).
+        N: shape (nc, m); rows that are not allowed are zero.
+        g: shape (m,).
+        dN: derivative of N by each searched parameter's logarithm, shape (np, nc, m).
+    """
+
+    allowed: Mask
+    N: Floats
+    g: Floats
+    dN: Floats
+
+    def particular(self) -> tuple[Floats, Floats]:
+        """Return residues that obey the ties (nc,), and the directions they leave free (nc, nz)."""
+        c = np.zeros(len(self.allowed))
+        basis, triangle, m = self._factor()
+        Z = np.zeros((len(self.allowed), basis.shape[1] - m))
+        Z[self.allowed] = basis[:, m:]
+        c[self.allowed] = basis[:, :m] @ np.linalg.solve(triangle.T, self.g)
+        return c, Z
+
+    def moves(self, c: Floats) -> Floats:
+        """Return how the residues must move with each parameter to keep to the ties, (nc, np)."""
+        basis, triangle, m = self._factor()
+        out = np.zeros((len(c), len(self.dN)))
+        broken = np.einsum("icm,c->mi", self.dN, c)
+        out[self.allowed] = -basis[:, :m] @ np.linalg.solve(triangle.T, broken)
+        return out
+
+    def _factor(self) -> tuple[Floats, Floats, int]:
+        N = self.N[self.allowed]
+        m = N.shape[1]
+        if not m:
+            return np.eye(len(N)), np.zeros((0, 0)), 0
+        basis, triangle = np.linalg.qr(N, mode="complete")
+        return basis, triangle[:m], m
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Parameters and residues of one structure.
+
+    Attributes:
+        structure: the structure.
+        sections: the sections; the values of free ones are starting points.
+        parameters: what is searched.
+        slots: the states per input.
+        disturbances: number of disturbances.
+        outputs: number of outputs.
+    """
+
+    structure: Structure
+    sections: tuple[Section, ...]
+    parameters: tuple[Parameter, ...]
+    slots: tuple[Slot, ...]
+    disturbances: int
+    outputs: int
+
+    @property
+    def states(self) -> int:
+        """Number of residues on states."""
+        return sum(slot.order for slot in self.slots)
+
+    @property
+    def residues(self) -> int:
+        """Number of residues of one output: states, then velocity and acceleration of the command."""
+        return self.states + 2
+
+    def shaped(self, theta: Floats) -> tuple[Section, ...]:
+        """Return the sections at ``theta``, the logarithms of the parameters in rad/s or 1."""
+        values = [list(section.values) for section in self.sections]
+        for parameter, x in zip(self.parameters, theta, strict=True):
+            values[parameter.section][parameter.value] = math.exp(x)
+        return tuple(
+            replace(section, values=tuple(v))
+            for section, v in zip(self.sections, values, strict=True)
+        )
+
+    @property
+    def box(self) -> tuple[Floats, Floats]:
+        """Bounds of theta, shapes (np,)."""
+        low = [math.log(p.lower * p.scale) for p in self.parameters]
+        high = [math.log(p.upper * p.scale) for p in self.parameters]
+        return np.array(low), np.array(high)
+
+    @property
+    def state_slots(self) -> Ints:
+        """Section of every state residue, shape (states,)."""
+        return np.concatenate([[slot.section] * slot.order for slot in self.slots]).astype(np.intp)
+
+    def ties(self, sections: Sequence[Section], output: int, scale: Floats) -> Ties:
+        """Return the ties on the residues of one output.
+
+        Args:
+            sections: the sections at the present parameters.
+            output: index of the output.
+            scale: the gain 1 in the units of the residues, per input, shape (ni,).
+        """
+        allowed = np.ones(self.residues, dtype=bool)
+        allowed[self.states :] = self.structure.passes(output)
+        ties = [
+            self._channel(sections, j, self._form(output, j), scale[j])
+            for j in range(self.disturbances + 1)
+        ]
+        N = np.concatenate([t[0] for t in ties], axis=1)
+        dN = np.concatenate([t[2] for t in ties], axis=2)
+        N[~allowed], dN[:, ~allowed] = 0.0, 0.0
+        return Ties(allowed, N, np.concatenate([t[1] for t in ties]), dN)
+
+    def _form(self, output: int, index: int) -> Channel:
+        if index < self.disturbances:
+            return self.structure.disturbance(output, index)
+        return self.structure.command(output)
+
+    def _channel(
+        self, sections: Sequence[Section], index: int, form: Channel, unit: float
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return N, g and dN of one transfer function."""
+        m = form.degree - 1 + (form.gain is not None)
+        N, dN = np.zeros((self.residues, m)), np.zeros((len(self.parameters), self.residues, m))
+        for slot in self.slots:
+            if slot.input != index:
+                continue
+            rows = slice(slot.at, slot.at + slot.order)
+            leading, slopes = _leading(sections[slot.section], form.degree - 1)
+            N[rows, : form.degree - 1] = leading[: slot.order]
+            for i, parameter in enumerate(self.parameters):
+                if parameter.section == slot.section:
+                    dN[i, rows, : form.degree - 1] = slopes[parameter.value, : slot.order]
+            if form.gain is not None:
+                N[slot.at, -1] = 1.0
+        if form.gain is not None and index == self.disturbances:
+            N[self.states, -1] = 1.0
+        g = np.zeros(m)
+        if form.gain is not None:
+            g[-1] = form.gain * unit
+        return N, g, dN
+
+
+def _leading(section: Section, count: int) -> tuple[Floats, Floats]:
+    """Return A^k B (2, count) and its derivatives (2, 2, count), scaled to the size of 100 rad/s."""
+    A, B = continuous(section)
+    dA, dB = derivatives(section)
+    out, slopes = np.zeros((2, count)), np.zeros((2, 2, count))
+    for k in range(count):
+        out[:, k], slopes[:, :, k] = B / 100.0, dB / 100.0
+        dB = (dA @ B + dB @ A.T) / 100.0
+        B = A @ B / 100.0
+    return out, slopes
+
+
+def lay_out(
+    structure: Structure, step: float, shape: tuple[int, int], bounds: Bounds | None = None
+) -> Layout:
+    """Return the layout of a structure.
+
+    Args:
+        structure: numbers of poles and numerator form.
+        step: sampling interval [s].
+        shape: number of disturbances and of outputs.
+        bounds: bounds that replace the usual ones, by parameter name, [Hz] or [-].
+
+    Raises:
+        InputError: a bound for a parameter that does not exist, or an empty interval.
+    """
+    sections = structure.sections(step)
+    parameters = _parameters(sections, step, bounds or {})
+    slots: list[Slot] = []
+    at = 0
+    for j in range(shape[0] + 1):
+        for s, section in enumerate(sections):
+            own = structure.numerators == "source" or j == shape[0] or not section.feedforward
+            if own:
+                slots.append(Slot(j, s, at, section.order))
+                at += section.order
+    return Layout(structure, sections, parameters, tuple(slots), *shape)
+
+
+def usual_bounds(name: str, step: float) -> tuple[float, float]:
+    """Return the usual bounds of a parameter [Hz] or [-]: thesis Tables 4-4 and 7-3, widened."""
+    fast = min(0.4 / step, 400.0)
+    if name == "pff":
+        return 0.1 / step, 5.0 / step
+    if name.startswith("p") or name == "wn1":
+        return min(0.5, 0.01 / step), fast
+    if name == "zeta1":
+        return 0.1, 1.5
+    return (0.005, 0.7) if name.startswith("zeta") else (min(3.0, 0.03 / step), fast)
+
+
+def _parameters(
+    sections: Sequence[Section], step: float, bounds: Bounds
+) -> tuple[Parameter, ...]:
+    found = []
+    for s, section in enumerate(sections):
+        if not section.free:
+            continue
+        found.append((section.name, s, 0))
+        if section.order == 2 and not section.feedforward:
+            found.append((section.name.replace("wn", "zeta"), s, 1))
+    names = [name for name, _, _ in found]
+    for name, (low, high) in bounds.items():
+        if name not in names:
+            raise InputError(f"bounds: no searched parameter {name!r}; {nearest(name, names)}")
+        if not 0 < low < high:
+            raise InputError(f"bounds of {name}: ({low}, {high}); expected 0 < lower < upper")
+    return tuple(Parameter(*f, *bounds.get(f[0], usual_bounds(f[0], step))) for f in found)

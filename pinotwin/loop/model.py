@@ -1,0 +1,255 @@
+"""The closed loop of one axis as found: poles, residues, and everything that is derived from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError, TwinError, nearest
+from pinotwin.loop import kernels, transfer
+from pinotwin.loop.data import command_rates
+from pinotwin.loop.fit import LoopFit
+from pinotwin.loop.layout import Layout, lay_out
+from pinotwin.loop.modal import Hold, ModalStep
+from pinotwin.loop.sections import continuous, discretise
+from pinotwin.loop.structure import Section, Structure
+
+if TYPE_CHECKING:
+    import control
+
+COMMAND = "qr"
+
+
+@dataclass(frozen=True)
+class LoopModel:
+    """Closed-loop LTI model of one axis (thesis Eq. 4.13, 5.6, 5.8); stable by construction.
+
+    Attributes:
+        axis: name of the axis.
+        disturbances: names of the disturbances.
+        outputs: names of the outputs.
+        step: sampling interval of the data [s].
+        structure: numbers of poles and form of the numerators.
+        sections: first- and second-order parts of the characteristic polynomial [rad/s].
+        residues: on the unit-gain section states per input (disturbances, then velocity of the
+            command), then on velocity and acceleration of the command, shape (ny, nc), SI.
+        fit: how it was found; None for a model made by hand.
+    """
+
+    axis: str
+    disturbances: tuple[str, ...]
+    outputs: tuple[str, ...]
+    step: float
+    structure: Structure
+    sections: tuple[Section, ...]
+    residues: Floats
+    fit: LoopFit | None = None
+
+    def __post_init__(self) -> None:
+        residues = np.array(self.residues, dtype=float)
+        residues.flags.writeable = False
+        object.__setattr__(self, "residues", residues)
+        shape = (len(self.outputs), self.layout.residues)
+        if residues.shape != shape:
+            raise TwinError(f"{self.axis}: residues have shape {residues.shape}, expected {shape}")
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs: disturbances, then the command ``qr``."""
+        return (*self.disturbances, COMMAND)
+
+    @property
+    def layout(self) -> Layout:
+        """Places of the residues."""
+        return lay_out(self.structure, self.step, (len(self.disturbances), len(self.outputs)))
+
+    @property
+    def real_poles(self) -> tuple[float, ...]:
+        """Values p of the factors s + p of plant and feedback [rad/s]."""
+        return tuple(s.values[0] for s in self.sections if s.order == 1 and not s.feedforward)
+
+    @property
+    def pole_pairs(self) -> tuple[tuple[float, float], ...]:
+        """Pairs (wn [rad/s], zeta [-]) of plant and feedback."""
+        pairs = (s.values for s in self.sections if s.order == 2 and not s.feedforward)
+        return tuple((wn, zeta) for wn, zeta in pairs)
+
+    @property
+    def poles(self) -> Floats:
+        """All poles, feed-forward included [rad/s], complex, shape (order,)."""
+        return np.concatenate([np.roots(transfer.factor(s)) for s in self.sections])
+
+    def numerator(self, output: str, input: str) -> tuple[Floats, Floats]:
+        """Return numerator and denominator of a transfer function, highest power of s first.
+
+        For the command the numerator holds the factor s; both are as the structure says (the zeros that
+        it demands are exactly zero, and the gain of u to its own d is exactly 1).
+        """
+        return transfer.fraction(self, self._output(output), self._input(input))
+
+    def transfer(self, output: str, input: str) -> control.TransferFunction:
+        """Return the transfer function from ``input`` to ``output`` as a python-control system."""
+        import control
+
+        num, den = self.numerator(output, input)
+        return control.TransferFunction(num, den, inputs=[input], outputs=[output])
+
+    def state_space(self, command: str = COMMAND) -> control.StateSpace:
+        """Return the loop as a python-control system with named signals.
+
+        Args:
+            command: ``"qr"``: the position command is the last input; ``"vr"``: velocity and acceleration
+                of the command are the last two, which any structure allows.
+
+        Raises:
+            DataError: a structure whose feed-forward has no poles cannot take ``qr`` as input.
+        """
+        return transfer.state_space(self, command)
+
+    def discrete(
+        self, step: float | None = None, hold: Hold = "foh", command: str = COMMAND
+    ) -> control.StateSpace:
+        """Return the exact discrete equivalent; ``hold`` says how inputs run between samples.
+
+        Note that with ``command="qr"`` and a first-order hold the *position* runs straight between samples,
+        while :meth:`simulate` lets the velocity run straight.
+        """
+        return transfer.discrete(self, step or self.step, hold, command)
+
+    def modal(self, step: float | None = None, hold: Hold = "foh") -> ModalStep:
+        """Return the stepping form at a sampling interval [s]."""
+        h = step or self.step
+        layout = self.layout
+        parts = discretise(self.sections, h)
+        index = [slot.section for slot in layout.slots]
+        k, ny = len(index), len(self.outputs)
+        C, rate, drive = np.zeros((ny, k, 2)), np.zeros((k, 2, 2)), np.zeros((k, 2))
+        for b, slot in enumerate(layout.slots):
+            C[:, b, : slot.order] = self.residues[:, slot.at : slot.at + slot.order]
+            rate[b], drive[b] = continuous(self.sections[slot.section])
+        D = np.zeros((ny, len(self.disturbances) + 1))
+        D[:, -1] = self.residues[:, -2]
+        B0, B1 = parts.B0[index], parts.B1[index]
+        if hold == "zoh":
+            B0, B1 = B0 + B1, np.zeros_like(B1)
+        driven = np.array([slot.input for slot in layout.slots], dtype=np.intp)
+        return ModalStep(
+            h, driven, parts.A[index], B0, B1, C, D, self.residues[:, -1].copy(), rate, drive
+        )
+
+    def simulate(
+        self, qr: Floats, d: Floats, x0: Floats | None = None, *, vr: Floats | None = None,
+        ar: Floats | None = None, step: float | None = None,
+    ) -> Floats:  # fmt: skip
+        """Return the outputs to a command and disturbances, shape (n, ny).
+
+        Args:
+            qr: command, shape (n,).
+            d: disturbances, shape (n,) or (n, nd).
+            x0: modal states at the first sample, shape (k, 2); at rest under the first inputs if absent.
+            vr: velocity of the command; by spline from ``qr`` where absent.
+            ar: acceleration of the command; likewise.
+            step: sampling interval [s]; that of the identified data where absent.
+        """
+        h = step or self.step
+        velocity, acceleration = self._rates(np.asarray(qr, dtype=float), h, vr, ar)
+        w = np.column_stack([np.asarray(d, dtype=float), velocity])
+        if w.shape[1] != len(self.disturbances) + 1:
+            raise DataError(
+                f"{self.axis}: {w.shape[1] - 1} disturbances given, the loop has "
+                f"{len(self.disturbances)} ({', '.join(self.disturbances)})"
+            )
+        modal = self.modal(h)
+        out = np.outer(velocity, modal.D[:, -1]) + np.outer(acceleration, modal.Da)
+        x = modal.equilibrium(w[0]) if x0 is None else np.array(x0, dtype=float)
+        kernels.simulate(
+            modal.A, np.stack([modal.B0, modal.B1], axis=1), modal.C,
+            np.ascontiguousarray(w.T[modal.input]), x, 0, len(w), out,
+        )  # fmt: skip
+        return out
+
+    def _rates(
+        self, qr: Floats, step: float, vr: Floats | None, ar: Floats | None
+    ) -> tuple[Floats, Floats]:
+        velocity, acceleration = (None if x is None else np.asarray(x, dtype=float) for x in (vr, ar))
+        if velocity is None:
+            velocity, spline = command_rates(qr, step)
+            return velocity, spline if acceleration is None else acceleration
+        return velocity, command_rates(velocity, step)[0] if acceleration is None else acceleration
+
+    def _output(self, name: str) -> int:
+        return _place(name, self.outputs, f"{self.axis}: no output")
+
+    def _input(self, name: str) -> int:
+        return _place(name, self.inputs, f"{self.axis}: no input")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON; :meth:`from_dict` restores them exactly."""
+        return {
+            "axis": self.axis,
+            "disturbances": list(self.disturbances),
+            "outputs": list(self.outputs),
+            "step": self.step,
+            "structure": self.structure.to_dict(),
+            "sections": [{**asdict(s), "values": list(s.values)} for s in self.sections],
+            "residues": self.residues.tolist(),
+            "fit": None if self.fit is None else self.fit.to_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Return the model that :meth:`to_dict` wrote.
+
+        Raises:
+            TwinError: a key is missing.
+        """
+        try:
+            sections = [
+                Section(**{**s, "values": tuple(float(x) for x in s["values"])})
+                for s in values["sections"]
+            ]
+            fit = values.get("fit")
+            return cls(
+                axis=values["axis"],
+                disturbances=tuple(values["disturbances"]),
+                outputs=tuple(values["outputs"]),
+                step=float(values["step"]),
+                structure=Structure.from_dict(values["structure"]),
+                sections=tuple(sections),
+                residues=np.array(values["residues"], dtype=float),
+                fit=None if fit is None else LoopFit.from_dict(fit),
+            )
+        except KeyError as missing:
+            raise TwinError(f"loop: key {missing} is missing; identify the twin again") from None
+
+    def pole_table(self) -> tuple[dict[str, Any], ...]:
+        """Return rows as thesis Tables 4-4 and 7-3: name, value, unit, bounds, 95 % interval."""
+        rows = []
+        found = {} if self.fit is None else {p.name: p for p in self.fit.parameters}
+        for section in self.sections:
+            names = [section.name]
+            if section.order == 2 and not section.feedforward:
+                names.append(section.name.replace("wn", "zeta"))
+            for name, value in zip(names, section.values, strict=False):
+                hertz = not name.startswith("zeta")
+                row: dict[str, Any] = {
+                    "name": name,
+                    "value": value / (2 * math.pi) if hertz else value,
+                    "unit": "Hz" if hertz else "-",
+                    "preassigned": not section.free,
+                }
+                if name in found:
+                    row.update(found[name].row())
+                rows.append(row)
+        return tuple(rows)
+
+
+def _place(name: str, known: Sequence[str], what: str) -> int:
+    if name not in known:
+        raise DataError(f"{what} {name!r}; {nearest(name, known)}")
+    return list(known).index(name)

@@ -1,0 +1,355 @@
+"""The misfit of a set of poles, with all numerators projected out, and its exact gradient.
+
+For poles theta the outputs are linear in the residues c, which obey linear ties N(theta).T c = g, and in
+the free response f of every segment. With c = cp + Z z, where Z spans the null space of N.T, the misfit
+
+    r(theta) = min over z, f of  || Y - Phi c - F f ||
+
+is variable projection (Golub and Pereyra 1973, doi:10.1137/0710036) in Kaufman's simplification (1975,
+doi:10.1007/BF01932995):
+
+    dr/dtheta_i = -P [dPhi_i c + Phi dc_i + dF_i f],     dc_i = -N (N.T N)^-1 dN_i.T c,
+
+with P the projector off the columns [Phi Z, F]. It gives the exact gradient of the cost. All columns of a
+block of rows, [F dF Phi dPhi Y], are first reduced to their triangular factor, so that the problem that
+is solved has a few dozen rows whatever the length of the log; nothing is squared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.loop import kernels
+from pinotwin.loop.data import LoopData
+from pinotwin.loop.layout import Layout, Ties
+from pinotwin.loop.sections import Discrete, discretise
+from pinotwin.loop.structure import Section
+
+BLOCK = 1000
+FORGOTTEN = 23.0
+"""A free response is left out after this many of its time constants (1e-10 of its start)."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """The misfit at one set of poles.
+
+    Attributes:
+        residual: in reduced coordinates; half its square is the cost.
+        jacobian: its derivative by theta.
+        residues: in scaled units, shape (ny, nc).
+    """
+
+    residual: Floats
+    jacobian: Floats
+    residues: Floats
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Units in which the fit works: every signal of size one.
+
+    Attributes:
+        inputs: disturbances and velocity of the command, shape (ni,).
+        acceleration: acceleration of the command.
+        outputs: shape (ny,).
+    """
+
+    inputs: Floats
+    acceleration: float
+    outputs: Floats
+
+    @classmethod
+    def of(cls, data: LoopData, weights: Floats | None = None) -> Scales:
+        """Return rms values over the segments; ``weights`` replace one over those of the outputs."""
+        rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+
+        def rms(x: Floats) -> Floats:
+            size = np.sqrt(np.mean(x[rows] ** 2, axis=0))
+            return np.where(size > 0, size, 1.0)
+
+        outputs = rms(data.outputs) if weights is None else 1.0 / np.asarray(weights, dtype=float)
+        inputs = np.append(rms(data.d), rms(data.velocity))
+        return cls(inputs, float(rms(data.acceleration)), outputs)
+
+    def residue_units(self, layout: Layout) -> Floats:
+        """Return the factor from scaled to SI residues, shape (ny, nc)."""
+        per_state = np.concatenate([[self.inputs[s.input]] * s.order for s in layout.slots])
+        per_column = np.concatenate([per_state, [self.inputs[-1], self.acceleration]])
+        return self.outputs[:, None] / per_column
+
+    def gains(self, output: int) -> Floats:
+        """Return the gain 1 of every input to an output in scaled units, shape (ni,)."""
+        return self.inputs / self.outputs[output]
+
+
+class Projection:
+    """The separable problem of one axis: data and structure, evaluated at poles theta."""
+
+    def __init__(self, data: LoopData, layout: Layout, scales: Scales) -> None:
+        self.layout = layout
+        self.scales = scales
+        self.step = data.step
+        self.inputs = np.ascontiguousarray(
+            np.column_stack([data.d, data.velocity]).T / scales.inputs[:, None]
+        )
+        self.direct = np.stack(
+            [data.velocity / scales.inputs[-1], data.acceleration / scales.acceleration]
+        )
+        self.outputs = np.ascontiguousarray((data.outputs / scales.outputs).T)
+        self.segments = data.segments
+
+    @cached_property
+    def blocks(self) -> Ints:
+        """Start, stop and whether a segment begins, shape (m, 3)."""
+        found = [
+            (k, min(k + BLOCK, s.stop), int(k == s.start))
+            for s in self.segments
+            for k in range(s.start, s.stop, BLOCK)
+        ]
+        return np.array(found, dtype=np.intp)
+
+    @cached_property
+    def columns(self) -> _Columns:
+        """Places of the columns."""
+        return _Columns(self.layout)
+
+    def filtered(self, discrete: Discrete) -> Floats:
+        """Return all columns in blocks: states and derivatives, direct terms, outputs.
+
+        Shape (m, columns, BLOCK); rows past the end of a block are zero.
+        """
+        out = np.zeros((len(self.blocks), self.columns.width, BLOCK))
+        for slot, at in zip(self.layout.slots, self.columns.starts, strict=True):
+            part = out[:, at : at + 2 if slot.order == 1 else at + 6]
+            run_filter(discrete, slot.section, slot.order, self.inputs[slot.input], self.blocks, part)
+        for m, (start, stop, _) in enumerate(self.blocks):
+            out[m, self.columns.direct, : stop - start] = self.direct[:, start:stop]
+            out[m, self.columns.output :, : stop - start] = self.outputs[:, start:stop]
+        return out
+
+    def evaluate(self, theta: Floats) -> Misfit:
+        """Return misfit, gradient and residues at the poles ``theta`` (logarithms)."""
+        sections = self.layout.shaped(theta)
+        discrete = discretise(sections, self.step)
+        rows, free = self._reduced(sections, discrete)
+        reduced = _Reduced(self.layout, self.columns, rows, free)
+        parts = [
+            reduced.solve(self.layout.ties(sections, k, self.scales.gains(k)), k)
+            for k in range(self.layout.outputs)
+        ]
+        return Misfit(
+            np.concatenate([p[0] for p in parts]),
+            np.concatenate([p[1] for p in parts]),
+            np.stack([p[2] for p in parts]),
+        )
+
+    def clear_free(self, discrete: Discrete, sections: Sequence[Section], columns: Floats) -> None:
+        """Take the free responses of the segments out of full-length columns, in place.
+
+        Args:
+            discrete: the discrete sections.
+            sections: the continuous ones.
+            columns: shape (rows of all segments, k).
+        """
+        longest = max(s.stop - s.start for s in self.segments)
+        n = min(_memory(sections, self.step), longest)
+        nf = sum(section.order for section in sections)
+        response = _free_response(self.layout, discrete, n)[:nf].T
+        at = 0
+        for s in self.segments:
+            own = min(n, s.stop - s.start)
+            Q, sizes, _ = np.linalg.svd(response[:own], full_matrices=False)
+            Q = Q[:, sizes > 1e-11 * sizes[0]]
+            columns[at : at + own] -= Q @ (Q.T @ columns[at : at + own])
+            at += s.stop - s.start
+
+    def _reduced(
+        self, sections: Sequence[Section], discrete: Discrete
+    ) -> tuple[Floats, list[_Free]]:
+        """Return the triangular rows of all data, and the free responses of the segments."""
+        wide = self.filtered(discrete)
+        length = _memory(sections, self.step)
+        head = -(-length // BLOCK)
+        starts = np.flatnonzero(self.blocks[:, 2])
+        stops = np.append(starts[1:], len(self.blocks))
+        response = _free_response(self.layout, discrete, head * BLOCK)
+        tail = np.ones(len(self.blocks), dtype=bool)
+        rows: list[Floats] = []
+        free: list[_Free] = []
+        for a, b in zip(starts, stops, strict=True):
+            stop = min(b, a + head)
+            tail[a:stop] = False
+            own = np.concatenate(list(wide[a:stop]), axis=1)
+            n = int(self.blocks[stop - 1, 1] - self.blocks[a, 0])
+            lower, found = _without_free(response[:, :n], own[:, :n], self.layout)
+            free.append(_Free(sum(map(len, rows)), *found))
+            rows.append(lower)
+        rows.append(np.zeros((wide.shape[1], wide.shape[1])))
+        if tail.any():
+            factors = np.linalg.qr(np.swapaxes(wide[tail], 1, 2), mode="r")
+            last = np.linalg.qr(factors.reshape(-1, wide.shape[1]), mode="r")
+            rows[-1][: len(last)] = last
+        return np.concatenate(rows), free
+
+
+@dataclass(frozen=True)
+class _Free:
+    """Free response of a segment: f = solve @ (y - phi c), and the rows of its derivative."""
+
+    row: int
+    solve: Floats  # pseudo-inverse of the triangular factor of F, (nf, nf)
+    upper: Floats  # rows of [Phi dPhi direct Y] along F, (nf, columns)
+    slopes: Floats  # columns dF off F, (rows, nd)
+
+
+class _Columns:
+    """Places of states, derivatives, direct terms and outputs among the columns of a block."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.starts: list[int] = []
+        states: list[int] = []
+        slopes: list[list[tuple[int, int]]] = [[] for _ in layout.parameters]
+        at = 0
+        for slot in layout.slots:
+            self.starts.append(at)
+            states += range(at, at + slot.order)
+            for i, parameter in enumerate(layout.parameters):
+                if parameter.section == slot.section:
+                    first = at + slot.order * (1 + parameter.value)
+                    slopes[i] += [(first + j, slot.at + j) for j in range(slot.order)]
+            at += 2 if slot.order == 1 else 6
+        self.direct = slice(at, at + 2)
+        self.output = at + 2
+        self.width = at + 2 + layout.outputs
+        self.phi = np.array([*states, at, at + 1])
+        self.slopes = [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in slopes]
+        self.free_slopes = _free_places(layout)
+
+
+def _free_places(layout: Layout) -> list[Ints]:
+    """Return, per parameter, pairs (column of dF, column of F)."""
+    places: list[list[tuple[int, int]]] = [[] for _ in layout.parameters]
+    f, d = 0, 0
+    for s, section in enumerate(layout.sections):
+        for i, parameter in enumerate(layout.parameters):
+            if parameter.section == s:
+                first = d + section.order * parameter.value
+                places[i] += [(first + j, f + j) for j in range(section.order)]
+        f += section.order
+        d += section.order * section.order
+    return [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in places]
+
+
+class _Reduced:
+    """The problem in triangular coordinates, one output at a time."""
+
+    def __init__(
+        self, layout: Layout, columns: _Columns, rows: Floats, free: list[_Free]
+    ) -> None:
+        self.layout, self.columns, self.rows, self.free = layout, columns, rows, free
+        self.phi = rows[:, columns.phi]
+
+    def solve(self, ties: Ties, output: int) -> tuple[Floats, Floats, Floats]:
+        """Return residual, Jacobian and residues of one output."""
+        particular, Z = ties.particular()
+        y = self.rows[:, self.columns.output + output]
+        target = y - self.phi @ particular
+        U, sizes, V = np.linalg.svd(self.phi @ Z, full_matrices=False)
+        good = sizes > 1e-11 * sizes.max(initial=1e-300)
+        U = U[:, good]
+        inside = U.T @ target
+        c = particular + Z @ (V[good].T @ (inside / sizes[good]))
+        residual = target - U @ inside
+        slopes = self._slopes(c, y, output) + self.phi @ ties.moves(c)
+        return residual, -(slopes - U @ (U.T @ slopes)), c
+
+    def _slopes(self, c: Floats, y: Floats, output: int) -> Floats:
+        """Return dPhi c + dF f per parameter, shape (rows, np)."""
+        out = np.zeros((len(y), len(self.layout.parameters)))
+        for i, pairs in enumerate(self.columns.slopes):
+            out[:, i] = self.rows[:, pairs[:, 0]] @ c[pairs[:, 1]]
+        for segment in self.free:
+            along = segment.upper
+            f = segment.solve @ (
+                along[:, self.columns.output + output] - along[:, self.columns.phi] @ c
+            )
+            part = slice(segment.row, segment.row + len(segment.slopes))
+            for i, pairs in enumerate(self.columns.free_slopes):
+                out[part, i] += segment.slopes[:, pairs[:, 0]] @ f[pairs[:, 1]]
+        return out
+
+
+def run_filter(
+    discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, out: Floats
+) -> None:
+    """Filter one input by one section into ``out``, from the equilibrium of its first sample."""
+    _run(discrete, s, order, w, blocks, np.zeros(2), out)
+
+
+def _run(  # noqa: PLR0913, passes on what the kernel takes
+    discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, start: Floats, out: Floats
+) -> None:
+    if order == 1:
+        parts = (discrete.A[s, 0, 0], discrete.B0[s, 0], discrete.B1[s, 0])
+        slopes = (discrete.dA[s, 0, 0, 0], discrete.dB0[s, 0, 0], discrete.dB1[s, 0, 0])
+        kernels.filter_first(np.array(parts + slopes), w, blocks, start, out)
+        return
+    A = np.concatenate([discrete.A[s][None], discrete.dA[s]])
+    B = np.stack(
+        [
+            np.concatenate([discrete.B0[s][None], discrete.dB0[s]]),
+            np.concatenate([discrete.B1[s][None], discrete.dB1[s]]),
+        ]
+    )
+    kernels.filter_second(A, B, w, blocks, start, out)
+
+
+def _memory(sections: Sequence[Section], step: float) -> int:
+    """Return after how many samples the slowest free response is forgotten."""
+    rates = []
+    for section in sections:
+        if section.order == 1:
+            rates.append(section.values[0])
+        else:
+            wn, zeta = section.values
+            over = max(zeta * zeta - 1.0, 0.0) ** 0.5
+            rates.append(wn / (zeta + over) if over else wn * zeta)
+    return int(np.ceil(FORGOTTEN / (min(rates) * step)))
+
+
+def _free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
+    """Return the free responses of all sections and then their derivatives, shape (columns, n)."""
+    silent, block = np.zeros(n), np.array([[0, n, 1]], dtype=np.intp)
+    values, slopes = [], []
+    for s, section in enumerate(layout.sections):
+        own = []
+        for j in range(section.order):
+            out = np.zeros((1, 2 if section.order == 1 else 6, n))
+            _run(discrete, s, section.order, silent, block, np.eye(2)[j], out)
+            own.append(out[0])
+        values += [x[0] for x in own]
+        for i in range(section.order):
+            slopes += [x[section.order * (1 + i)] for x in own]
+    return np.stack(values + slopes)
+
+
+def _without_free(
+    response: Floats, own: Floats, layout: Layout
+) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
+    """Return the rows of a segment's head off its free response, and what gives f."""
+    nf = sum(section.order for section in layout.sections)
+    total = np.concatenate([response, own])
+    R = np.linalg.qr(total.T, mode="r")
+    corner = R[:nf, :nf]
+    inverse = np.linalg.pinv(corner, rcond=1e-11)
+    # The count of rows must not depend on how long the free response lasts at these poles.
+    lower = np.zeros((len(total) - nf, len(total)))
+    lower[: max(len(R) - nf, 0)] = R[nf:]
+    nd = len(response)
+    return lower[:, nd:], (inverse, R[:nf, nd:], lower[:, nf:nd])

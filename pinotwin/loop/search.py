@@ -1,0 +1,159 @@
+"""The search for the poles: bounded, deterministic, from physically spread starts.
+
+The starts are a Halton sequence over the logarithmic box, narrowed to where servo loops live, beside a few
+plain guesses. They are run on the liveliest short piece of the log; the best two different ends are
+polished on all of it with the trust-region reflective method (Branch, Coleman and Li 1999,
+doi:10.1137/S1064827595289108). Poles live in logarithms of p, wn and zeta, so that every point of the
+search, and hence every result, is stable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from pinotwin.arrays import Floats
+from pinotwin.loop.data import LoopData
+from pinotwin.loop.layout import Layout
+from pinotwin.loop.projection import Misfit, Projection, Scales
+
+STARTS = 12
+PIECE = 5000
+PIECE_SECONDS = 2.5
+
+
+@dataclass(frozen=True)
+class Found:
+    """End of a search.
+
+    Attributes:
+        theta: logarithms of the parameters, shape (np,).
+        cost: half the scaled sum of squares.
+        evaluations: of the misfit, over all starts.
+        ends: cost of every end of the short search, lowest first, relative to the lowest.
+    """
+
+    theta: Floats
+    cost: float
+    evaluations: int
+    ends: tuple[float, ...] = ()
+
+
+class _Remembered:
+    """The misfit at the last point: value and gradient are asked for one after the other."""
+
+    def __init__(self, projection: Projection) -> None:
+        self.projection = projection
+        self.count = 0
+        self._theta: Floats | None = None
+        self._misfit: Misfit | None = None
+
+    def __call__(self, theta: Floats) -> Misfit:
+        if self._misfit is None or not np.array_equal(theta, self._theta):
+            self._theta, self._misfit = theta.copy(), self.projection.evaluate(theta)
+            self.count += 1
+        return self._misfit
+
+
+def polish(
+    projection: Projection, theta: Floats, tolerance: float = 1e-7, most: int = 40
+) -> Found:
+    """Return the end of one bounded search from ``theta``."""
+    misfit = _Remembered(projection)
+    low, high = projection.layout.box
+    if not len(theta):
+        return Found(theta, 0.5 * float(np.sum(misfit(theta).residual ** 2)), 1)
+    inside = np.clip(theta, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
+    found = least_squares(
+        lambda x: misfit(x).residual, inside, jac=lambda x: misfit(x).jacobian,
+        bounds=(low, high), method="trf", x_scale=0.5, xtol=tolerance, ftol=tolerance,
+        gtol=1e-12, max_nfev=most,
+    )  # fmt: skip
+    return Found(found.x, float(found.cost), misfit.count)
+
+
+def starting_points(layout: Layout, count: int = STARTS) -> Floats:
+    """Return starts for theta, shape (count, np)."""
+    low, high = layout.box
+    if not len(low):
+        return np.zeros((1, 0))
+    points = qmc.Halton(len(low), scramble=False).random(count + 1)[1:]
+    narrow_low, narrow_high = low.copy(), high.copy()
+    plain = np.empty(len(low))
+    for i, p in enumerate(layout.parameters):
+        usual = _usual(p.name)
+        narrow_low[i] = np.clip(np.log(usual[0] * p.scale), low[i], high[i])
+        narrow_high[i] = np.clip(np.log(usual[2] * p.scale), low[i], high[i])
+        plain[i] = np.clip(np.log(usual[1] * p.scale), low[i], high[i])
+    starts = narrow_low + points * (narrow_high - narrow_low)
+    starts[0] = plain
+    return starts
+
+
+def _usual(name: str) -> tuple[float, float, float]:
+    """Return low, middle and high guess of a parameter [Hz] or [-]."""
+    if name == "pff":
+        return 100.0, 400.0, 4000.0
+    if name.startswith("p"):
+        return 5.0, 30.0, 90.0
+    if name == "wn1":
+        return 3.0, 10.0, 60.0
+    if name == "zeta1":
+        return 0.3, 0.7, 1.2
+    return (0.02, 0.08, 0.4) if name.startswith("zeta") else (8.0, 25.0, 90.0)
+
+
+def search(
+    data: LoopData, layout: Layout, weights: Floats | None = None, starts: Floats | None = None
+) -> Found:
+    """Return the best poles on all data.
+
+    Args:
+        data: inputs and outputs.
+        layout: parameters and their bounds.
+        weights: one per output; one over its rms where absent.
+        starts: starting points, shape (k, np); spread ones where absent.
+    """
+    scales = Scales.of(data, weights)
+    whole = Projection(data, layout, scales)
+    begin = starting_points(layout) if starts is None else np.atleast_2d(starts)
+    piece = liveliest(data)
+    short = whole if piece is None else Projection(data.within((piece,)), layout, scales)
+    ends = sorted((polish(short, x, 1e-5, 40) for x in begin), key=lambda f: f.cost)
+    count = sum(e.evaluations for e in ends)
+    finals = [polish(whole, e.theta) for e in _different(ends)]
+    best = min(finals, key=lambda f: f.cost)
+    lowest = max(ends[0].cost, 1e-300)
+    return Found(
+        best.theta, best.cost, count + sum(f.evaluations for f in finals),
+        tuple(e.cost / lowest for e in ends),
+    )  # fmt: skip
+
+
+def _different(ends: list[Found]) -> list[Found]:
+    """Return the best end and the next one that is not the same point."""
+    for other in ends[1:]:
+        if np.max(np.abs(other.theta - ends[0].theta), initial=0.0) > 0.02:
+            return [ends[0], other]
+    return ends[:1]
+
+
+def liveliest(data: LoopData) -> slice | None:
+    """Return the short piece with most change of the command's velocity, None if all is short."""
+    length = max(PIECE, int(PIECE_SECONDS / data.step))
+    if data.rows <= 1.5 * length:
+        return None
+    best, found = -1.0, None
+    change = np.diff(data.velocity, prepend=data.velocity[0]) ** 2
+    change += 1e-3 * np.mean(change) * (np.diff(data.d[:, 0], prepend=data.d[0, 0]) != 0)
+    for s in data.segments:
+        energy = np.cumsum(change[s])
+        size = min(length, len(energy))
+        for k in range(0, len(energy) - size + 1, max(size // 4, 1)):
+            gain = float(energy[k + size - 1] - energy[k])
+            if gain > best:
+                best, found = gain, slice(s.start + k, s.start + k + size)
+    return found

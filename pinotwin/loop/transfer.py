@@ -1,0 +1,135 @@
+"""Polynomials and state spaces of an identified loop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import expm
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+from pinotwin.loop.modal import Hold
+from pinotwin.loop.structure import Section
+
+if TYPE_CHECKING:
+    import control
+
+    from pinotwin.loop.model import LoopModel
+
+
+def factor(section: Section) -> Floats:
+    """Return the section's factor of the characteristic polynomial, highest power first."""
+    if section.order == 1:
+        return np.array([1.0, section.values[0]])
+    wn, zeta = section.values
+    return np.array([1.0, 2.0 * zeta * wn, wn * wn])
+
+
+def _state_numerators(section: Section) -> tuple[Floats, ...]:
+    """Return the numerator of every state over the section's factor."""
+    if section.order == 1:
+        return (np.array([section.values[0]]),)
+    wn = section.values[0]
+    return np.array([wn * wn]), np.array([wn, 0.0])
+
+
+def fraction(model: LoopModel, output: int, index: int) -> tuple[Floats, Floats]:
+    """Return numerator and denominator of one transfer function; see ``LoopModel.numerator``."""
+    layout = model.layout
+    slots = [slot for slot in layout.slots if slot.input == index]
+    sections = [model.sections[slot.section] for slot in slots]
+    den = np.array([1.0])
+    for section in sections:
+        den = np.polymul(den, factor(section))
+    num = np.zeros(1)
+    for i, slot in enumerate(slots):
+        rest = np.array([1.0])
+        for j, other in enumerate(sections):
+            if j != i:
+                rest = np.polymul(rest, factor(other))
+        for state, own in enumerate(_state_numerators(sections[i])):
+            num = np.polyadd(num, model.residues[output, slot.at + state] * np.polymul(own, rest))
+    command = index == layout.disturbances
+    if command:
+        direct = np.array([model.residues[output, -1], model.residues[output, -2]])
+        num = np.polyadd(num, np.polymul(direct, den))
+    return _as_demanded(model, output, index, num, den), den
+
+
+def _as_demanded(
+    model: LoopModel, output: int, index: int, num: Floats, den: Floats
+) -> Floats:
+    """Return the numerator with the coefficients that the structure fixes set exactly."""
+    command = index == len(model.disturbances)
+    structure = model.structure
+    form = structure.command(output) if command else structure.disturbance(output, index)
+    improper = 0
+    if command:
+        improper = 2 if structure.passes(output)[1] else int(structure.passes(output)[0])
+    length = len(den) - form.degree if not improper else len(den) + improper - 1
+    exact = np.zeros(length)
+    tail = num[-length:]
+    exact[length - len(tail) :] = tail
+    if form.gain is not None:
+        exact[-1] = form.gain * den[-1]
+    return np.append(exact, 0.0) if command else exact
+
+
+def _parallel(model: LoopModel) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return continuous A, B, C, D with inputs (disturbances, vr, ar), idle states removed."""
+    modal = model.modal()
+    orders = [slot.order for slot in model.layout.slots]
+    keep = np.array([i for b, order in enumerate(orders) for i in range(2 * b, 2 * b + order)])
+    k, m = len(orders), modal.inputs
+    A, B = np.zeros((2 * k, 2 * k)), np.zeros((2 * k, m + 1))
+    for b in range(k):
+        rows = slice(2 * b, 2 * b + 2)
+        A[rows, rows], B[rows, modal.input[b]] = modal.rate[b], modal.drive[b]
+    C = modal.C.reshape(len(modal.C), -1)
+    D = np.column_stack([modal.D, modal.Da])
+    return A[np.ix_(keep, keep)], B[keep], C[:, keep], D
+
+
+def _matrices(model: LoopModel, command: str) -> tuple[Floats, Floats, Floats, Floats, list[str]]:
+    A, B, C, D = _parallel(model)
+    if command == "vr":
+        return A, B, C, D, [*model.disturbances, "vr", "ar"]
+    if command != "qr":
+        raise DataError(f"command: {command!r}, expected 'qr' or 'vr'")
+    if np.any(D):
+        raise DataError(
+            f"{model.axis}: feed-forward without poles takes velocity and acceleration of the command; "
+            "ask for command='vr', or identify with feedforward_poles"
+        )
+    # x' = A x + b s qr becomes z' = A z + A b qr with x = z + b qr.
+    b = B[:, -2]
+    B = np.column_stack([B[:, :-2], A @ b])
+    D = np.column_stack([D[:, :-2], C @ b])
+    return A, B, C, D, list(model.inputs)
+
+
+def state_space(model: LoopModel, command: str) -> control.StateSpace:
+    """Return the continuous system; see ``LoopModel.state_space``."""
+    import control
+
+    A, B, C, D, inputs = _matrices(model, command)
+    return control.StateSpace(A, B, C, D, inputs=inputs, outputs=list(model.outputs))
+
+
+def discrete(model: LoopModel, step: float, hold: Hold, command: str) -> control.StateSpace:
+    """Return the discrete system; see ``LoopModel.discrete``."""
+    import control
+
+    A, B, C, D, inputs = _matrices(model, command)
+    n, m = B.shape
+    M = np.zeros((n + 2 * m, n + 2 * m))
+    M[:n, :n], M[:n, n : n + m] = A * step, B * step
+    M[n : n + m, n + m :] = np.eye(m)
+    E = expm(M)
+    Ad, whole, slope = E[:n, :n], E[:n, n : n + m], E[:n, n + m :]
+    if hold == "zoh":
+        Bd, Dd = whole, D
+    else:  # the state is moved to z = x - slope w, which makes the input of the next sample vanish
+        Bd, Dd = whole - slope + Ad @ slope, D + C @ slope
+    return control.StateSpace(Ad, Bd, C, Dd, step, inputs=inputs, outputs=list(model.outputs))

@@ -1,0 +1,120 @@
+"""Intervals of poles and residues that survive coloured errors.
+
+What a model leaves is never white, so the covariance is the sandwich H^-1 M H^-1 with M from the sums of
+the score over blocks of rows longer than the memory of the score itself (batch means; Liang and Zeger
+1986, doi:10.1093/biomet/73.1.13, with time blocks as clusters). The memory is the integrated
+autocorrelation time by the initial positive sequence (Geyer 1992, doi:10.1214/ss/1177011137).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.loop.projection import Projection
+from pinotwin.loop.sections import discretise
+
+FEWEST_BLOCKS = 20
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of the poles and of what follows from them.
+
+    Attributes:
+        poles: of the logarithms of the free parameters, shape (np, np); NaN rows for those held.
+        joint: of (all logarithms, all scaled residues), held ones zero, shape (np + ny nc,) squared.
+        blocks: number of blocks.
+    """
+
+    poles: Floats
+    joint: Floats
+    blocks: int
+
+
+def covariance(projection: Projection, theta: Floats, held: Mask) -> Covariance:
+    """Return the covariance at the optimum.
+
+    Args:
+        projection: the separable problem.
+        theta: logarithms of the parameters at the optimum, shape (np,).
+        held: parameters on a bound, taken as known, shape (np,).
+    """
+    tangents, scores = _linearised(projection, theta)
+    ny, nc = projection.layout.outputs, projection.layout.residues
+    count = len(theta)
+    free = [t[:, np.concatenate([~held, np.ones(t.shape[1] - count, dtype=bool)])] for t, _ in tangents]
+    # Columns: free poles, then the free directions of the residues, output after output.
+    poles = int(np.sum(~held))
+    total = poles + sum(t.shape[1] - poles for t in free)
+    H, S = np.zeros((total, total)), np.zeros((len(free[0]), total))
+    T = np.zeros((count + ny * nc, total))
+    T[np.flatnonzero(~held), np.arange(poles)] = 1.0
+    at = poles
+    for k, G in enumerate(free):
+        places = np.concatenate([np.arange(poles), np.arange(at, at + G.shape[1] - poles)])
+        H[np.ix_(places, places)] += G.T @ G
+        S[:, places] += G * scores[k][:, None]
+        rows = slice(count + k * nc, count + (k + 1) * nc)
+        to_residues = tangents[k][1]
+        T[rows, :poles] = to_residues[:, :count][:, ~held]
+        T[rows, at : at + G.shape[1] - poles] = to_residues[:, count:]
+        at += G.shape[1] - poles
+    size = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    influence = S @ (np.linalg.pinv(H / np.outer(size, size), rcond=1e-12, hermitian=True) / size[:, None] / size)
+    length = _block_length(influence[:, :poles] if poles else influence)
+    sums = np.add.reduceat(influence, np.arange(0, len(influence), length))
+    blocks = len(sums)
+    few = blocks / max(blocks - 1, 1) * ny * len(S) / max(ny * len(S) - total, 1)
+    own = few * sums.T @ sums
+    joint = T @ own @ T.T
+    found = joint[:count, :count].copy()
+    found[held], found[:, held] = np.nan, np.nan
+    return Covariance(found, joint, blocks)
+
+
+def _linearised(
+    projection: Projection, theta: Floats
+) -> tuple[list[tuple[Floats, Floats]], list[Floats]]:
+    """Return per output (model tangent (n, np + nz), residues' tangent (nc, np + nz)) and residual."""
+    sections = projection.layout.shaped(theta)
+    discrete = discretise(sections, projection.step)
+    wide = projection.filtered(discrete)
+    lengths = projection.blocks[:, 1] - projection.blocks[:, 0]
+    rows = np.concatenate([wide[m, :, :n].T for m, n in enumerate(lengths)])
+    misfit = projection.evaluate(theta)
+    tangents, residuals = [], []
+    columns = projection.columns
+    phi = rows[:, columns.phi]
+    for k, c in enumerate(misfit.residues):
+        ties = projection.layout.ties(sections, k, projection.scales.gains(k))
+        directions, moves = ties.particular()[1], ties.moves(c)
+        slopes = np.zeros((len(rows), len(theta)))
+        for i, pairs in enumerate(columns.slopes):
+            slopes[:, i] = rows[:, pairs[:, 0]] @ c[pairs[:, 1]]
+        to_residues = np.concatenate([moves, directions], axis=1)
+        tangent = phi @ to_residues
+        tangent[:, : len(theta)] += slopes
+        both = np.column_stack([tangent, rows[:, columns.output + k] - phi @ c])
+        projection.clear_free(discrete, sections, both)
+        tangents.append((both[:, :-1], to_residues))
+        residuals.append(both[:, -1])
+    return tangents, residuals
+
+
+def _block_length(influence: Floats) -> int:
+    """Return a block length of five integrated autocorrelation times, at most a twentieth of the rows."""
+    n = len(influence)
+    longest = max(n // FEWEST_BLOCKS, 1)
+    padded = 1 << (2 * n - 1).bit_length()
+    power = np.abs(np.fft.rfft(influence - influence.mean(axis=0), padded, axis=0)) ** 2
+    correlation = np.fft.irfft(power, padded, axis=0)[: longest + 1]
+    correlation = correlation / np.maximum(correlation[0], 1e-300)
+    pairs = correlation[0 : longest - longest % 2 : 2] + correlation[1 : longest + 1 : 2][: longest // 2]
+    times = [1.0]
+    for column in pairs.T:
+        stop = np.flatnonzero(column <= 0.0)
+        times.append(2.0 * float(np.sum(column[: stop[0] if len(stop) else None])) - 1.0)
+    return int(np.clip(np.ceil(5.0 * max(times)), 1, longest))

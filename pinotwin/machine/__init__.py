@@ -1,0 +1,8 @@
+"""Machines: a tree from a URDF with axes, effects and sensors from YAML."""
+
+from __future__ import annotations
+
+from pinotwin.machine.bundled import machines
+from pinotwin.machine.machine import Axis, DataSettings, Imu, LoopShape, Machine, Passive
+
+__all__ = ["Axis", "DataSettings", "Imu", "LoopShape", "Machine", "Passive", "machines"]

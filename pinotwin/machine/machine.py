@@ -1,0 +1,234 @@
+"""What we believe about a machine: its tree from the URDF, and axes, effects and sensors from YAML."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import yaml
+
+from pinotwin.arrays import Floats
+from pinotwin.columns import Column
+from pinotwin.dynamics.base import BaseParameters, base_parameters
+from pinotwin.effects import Effect, RigidBody, Spring
+from pinotwin.errors import MachineError, nearest
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A joint with a motor and an encoder.
+
+    Attributes:
+        name: how the log names it.
+        joint: its joint in the URDF.
+        index: its column in the machine's arrays.
+        rotary: True for rad and N·m, False for m and N.
+        effects: what acts on it beside the rigid-body dynamics.
+        rotor_inertia: nominal reflected inertia of motor and screw [kg or kg·m²].
+        effort_limit: largest effort of the drive [N or N·m], inf when not given.
+        zero: joint position where the log reads zero [m or rad].
+        min_speed: rows slower than this are not used to identify the axis [m/s or rad/s].
+    """
+
+    name: str
+    joint: str
+    index: int
+    rotary: bool
+    effects: tuple[Effect, ...]
+    rotor_inertia: float = 0.0
+    effort_limit: float = np.inf
+    zero: float = 0.0
+    min_speed: float | None = None
+
+
+@dataclass(frozen=True)
+class Passive:
+    """A joint without motor or encoder, held by a spring and a damper.
+
+    Attributes:
+        name: how results name it.
+        joint: its joint in the URDF.
+        index: its column in the machine's arrays.
+        rotary: True for rad, False for m.
+        stiffness: nominal stiffness [N/m or N·m/rad], None when unknown.
+        damping: nominal damping [N·s/m or N·m·s/rad], None when unknown.
+    """
+
+    name: str
+    joint: str
+    index: int
+    rotary: bool
+    stiffness: float | None = None
+    damping: float | None = None
+
+
+@dataclass(frozen=True)
+class Imu:
+    """An inertial sensor fixed to a link."""
+
+    name: str
+    link: str
+
+
+@dataclass(frozen=True)
+class LoopShape:
+    """Order of an axis' closed loop (thesis Eq. 4.14): real poles and complex pairs."""
+
+    real_poles: int = 3
+    pole_pairs: int = 1
+
+
+@dataclass(frozen=True)
+class DataSettings:
+    """How a log of this machine is prepared; None leaves the choice to the data.
+
+    Attributes:
+        cutoff: corner of the zero-phase low-pass [Hz].
+        order: order of the Butterworth filter.
+        decimate: keep one row in so many when fitting.
+        filter_effort: low-pass the effort as well (positions always are).
+        drop: samples to drop at the start and at the end of a stretch.
+    """
+
+    cutoff: float | None = None
+    order: int = 4
+    decimate: int | None = None
+    filter_effort: bool = True
+    drop: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A machine: its tree and what is believed to act on it. See :meth:`load`.
+
+    Attributes:
+        name: name of the machine.
+        path: the machine.yaml (or the URDF) it came from.
+        urdf: the URDF file.
+        model: Pinocchio model of the axes and passive joints, everything else locked at zero.
+        axes: axis name -> axis, in the order of the YAML.
+        passive: joints without motor.
+        imus: inertial sensors.
+        loop: order of the closed loop per axis; axes that are absent take the default.
+        columns: how this controller names and scales its channels.
+        transmission: motor position = transmission @ joint position, in the model's order; None for identity.
+        data: how logs are prepared.
+    """  # noqa: E501
+
+    name: str
+    path: Path
+    urdf: Path
+    model: pin.Model
+    axes: Mapping[str, Axis]
+    passive: Mapping[str, Passive] = field(default_factory=dict)
+    imus: Mapping[str, Imu] = field(default_factory=dict)
+    loop: Mapping[str, LoopShape] = field(default_factory=dict)
+    columns: Mapping[str, Column] = field(default_factory=dict)
+    transmission: Floats | None = None
+    data: DataSettings = DataSettings()
+    spec: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Machine:
+        """Read a machine from its folder, its machine.yaml, a bare URDF, or the name of a bundled one.
+
+        Args:
+            path: folder, ``machine.yaml``, ``*.urdf`` (every moving joint an axis with the default
+                effects), or one of :func:`pinotwin.machines`.
+
+        Raises:
+            MachineError: with the file, the key and the remedy.
+        """
+        from pinotwin.machine.loading import load_machine
+
+        return load_machine(path)
+
+    @property
+    def nv(self) -> int:
+        """Number of joints of the model."""
+        return int(self.model.nv)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Axis or passive name of every column of the machine's arrays."""
+        out = [""] * self.nv
+        for part in (*self.axes.values(), *self.passive.values()):
+            out[part.index] = part.name
+        return tuple(out)
+
+    @cached_property
+    def rotary(self) -> tuple[bool, ...]:
+        """Whether each column is a rotation."""
+        out = [False] * self.nv
+        for part in (*self.axes.values(), *self.passive.values()):
+            out[part.index] = part.rotary
+        return tuple(out)
+
+    @cached_property
+    def base(self) -> BaseParameters:
+        """Base parameters of the tree, rotor inertias included (they may be zero)."""
+        return base_parameters(self.model)
+
+    @cached_property
+    def rigid_body(self) -> RigidBody:
+        """The rigid-body effect."""
+        return RigidBody(self.model, self.base)
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Everything that acts: the tree, each axis' effects, each passive joint's spring."""
+        of_axes = [effect for axis in self.axes.values() for effect in axis.effects]
+        springs = [Spring(axis=p.name, rotary=p.rotary) for p in self.passive.values()]
+        return (self.rigid_body, *of_axes, *springs)
+
+    def axis(self, name: str) -> Axis:
+        """Return an axis.
+
+        Raises:
+            MachineError: there is none of that name.
+        """
+        try:
+            return self.axes[name]
+        except KeyError:
+            raise MachineError(
+                f"{self.name}: no axis {name!r}; {nearest(name, self.axes)}"
+            ) from None
+
+    def with_effects(self, axis: str, effects: tuple[Effect, ...]) -> Machine:
+        """Return the machine with other effects on one axis."""
+        from dataclasses import replace
+
+        axes = dict(self.axes)
+        axes[axis] = replace(self.axis(axis), effects=effects)
+        return replace(self, axes=axes)
+
+    def posture(self, values: Mapping[str, float] | None = None) -> Floats:
+        """Return the configuration with the named axes at ``values`` [m or rad], others at zero."""
+        q = np.clip(
+            np.zeros(self.nv), self.model.lowerPositionLimit, self.model.upperPositionLimit
+        )
+        for name, value in (values or {}).items():
+            if name not in self.names:
+                raise MachineError(f"{self.name}: no axis {name!r}; {nearest(name, self.names)}")
+            q[self.names.index(name)] = value
+        return q
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``machine.yaml`` and the URDF into a folder and return the path of the YAML."""
+        from pinotwin.machine.loading import machine_spec
+
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        target = folder / self.urdf.name
+        if target.resolve() != self.urdf.resolve():
+            shutil.copyfile(self.urdf, target)
+        path = folder / "machine.yaml"
+        text = yaml.safe_dump(machine_spec(self), sort_keys=False, allow_unicode=True)
+        path.write_text(text, encoding="utf-8")
+        return path

@@ -1,0 +1,177 @@
+"""Reading machine.yaml: every key is known or refused with its path and the nearest known key."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from pinotwin.effects import EFFECTS, Effect
+from pinotwin.errors import MachineError, nearest
+
+DEFAULT_EFFECTS: tuple[Any, ...] = ("viscous", "coulomb")
+
+
+class _Loader(yaml.SafeLoader):
+    """SafeLoader that refuses a key given twice and keeps `y`, `no`, `on` as text.
+
+    YAML 1.1 reads the axis name ``Y`` as text but ``y`` and ``no`` as truth values; axis names must stay
+    names.
+    """
+
+
+def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    seen: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        if key in seen:
+            raise MachineError(f"line {key_node.start_mark.line + 1}: key {key!r} is given twice")
+        seen[key] = loader.construct_object(value_node, deep=True)
+    return seen
+
+
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:bool"]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Return the mapping in a YAML file.
+
+    Raises:
+        MachineError: no such file, a syntax error (with its line), or not a mapping.
+    """
+    if not path.is_file():
+        raise MachineError(f"{path}: no such file; give a machine folder or its machine.yaml")
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8-sig"), Loader=_Loader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f" line {mark.line + 1}:" if mark is not None else ""
+        problem = getattr(error, "problem", None) or "not valid YAML"
+        raise MachineError(f"{path}:{line} {problem}") from None
+    except UnicodeDecodeError:
+        raise MachineError(f"{path}: not a text file") from None
+    except MachineError as error:
+        raise MachineError(f"{path}: {error}") from None
+    if not isinstance(content, dict):
+        raise MachineError(f"{path}: expected keys such as name, urdf, axes at the top level")
+    return content
+
+
+def check_keys(given: Mapping[Any, Any], known: Sequence[str], where: str) -> None:
+    """Refuse keys that are not known.
+
+    Raises:
+        MachineError: with the path of the key and the nearest known one.
+    """
+    for key in given:
+        if key not in known:
+            raise MachineError(f"{where}{key}: unknown key; {nearest(str(key), known)}")
+
+
+def mapping(value: Any, where: str) -> dict[str, Any]:
+    """Return ``value`` as a mapping (an empty one for nothing).
+
+    Raises:
+        MachineError: it is something else.
+    """
+    if value is None:
+        return {}
+    if not isinstance(value, dict):
+        raise MachineError(f"{where.rstrip('.')}: expected keys and values, found {value!r}")
+    return value
+
+
+def number(value: Any, where: str, *, positive: bool = False) -> float:
+    """Return ``value`` as a finite float.
+
+    Raises:
+        MachineError: it is not a number, or not positive where it must be.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise MachineError(f"{where}: expected a number, found {value!r}")
+    try:
+        x = float(value)
+    except ValueError:
+        raise MachineError(f"{where}: expected a number, found {value!r}") from None
+    if not np.isfinite(x) or (positive and x <= 0.0):
+        raise MachineError(f"{where}: expected a {'positive' if positive else 'finite'} number, found {x:g}")
+    return x
+
+
+def make_effects(specs: Any, axis: str, rotary: bool, where: str) -> tuple[Effect, ...]:
+    """Return the effects of one axis from its YAML list.
+
+    Each item is a name, or a mapping of one name to its settings.
+
+    Raises:
+        MachineError: with the path of what is wrong.
+    """
+    if isinstance(specs, str) or not isinstance(specs, (list, tuple)):
+        raise MachineError(f"{where}: expected a list such as [viscous, coulomb], found {specs!r}")
+    effects = [_make(spec, axis, rotary, f"{where}[{i}]") for i, spec in enumerate(specs)]
+    names = [effect.name for effect in effects]
+    for name in names:
+        if names.count(name) > 1 and name not in ("ripple", "ripple_modulated"):
+            raise MachineError(f"{where}: {name} is listed twice")
+    return tuple(effects)
+
+
+def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
+    if isinstance(spec, str):
+        name, settings = spec, {}
+    elif isinstance(spec, dict) and len(spec) == 1:
+        name, settings = next(iter(spec.items()))
+        settings = mapping(settings, f"{where}.{name}.")
+    else:
+        raise MachineError(f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}")
+    if name == "rigid_body":
+        raise MachineError(f"{where}: rigid_body belongs to every machine; leave it out of the list")
+    if name not in EFFECTS:
+        raise MachineError(f"{where}: unknown effect {name!r}; {nearest(str(name), EFFECTS)}")
+    cls = EFFECTS[name]
+    fields = settings_of(cls)
+    check_keys(settings, tuple(fields), f"{where}.{name}.")
+    values = {fields[key]: _setting(value, f"{where}.{name}.{key}") for key, value in settings.items()}
+    return cls(axis=axis, rotary=rotary, **values)  # type: ignore[call-arg]
+
+
+def settings_of(cls: type[Effect]) -> dict[str, str]:
+    """Return YAML key -> dataclass field of what an effect lets the YAML set."""
+    return {
+        f.metadata.get("yaml", f.name): f.name
+        for f in dataclasses.fields(cls)  # type: ignore[arg-type]
+        if f.name not in ("axis", "rotary") and not f.metadata.get("internal")
+    }
+
+
+def _setting(value: Any, where: str) -> Any:
+    if isinstance(value, list):
+        return tuple(number(x, where) for x in value)
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
+
+
+def effect_spec(effect: Effect) -> Any:
+    """Return the YAML item that makes this effect again."""
+    settings: dict[str, Any] = {}
+    for f in dataclasses.fields(effect):  # type: ignore[arg-type]
+        if f.name in ("axis", "rotary") or f.metadata.get("internal"):
+            continue
+        value = getattr(effect, f.name)
+        if value == f.default or (f.name == "period" and getattr(effect, "searched", False)):
+            continue
+        plain = [x for x in value] if isinstance(value, tuple) else value
+        settings[f.metadata.get("yaml", f.name)] = plain
+    return {effect.name: settings} if settings else effect.name

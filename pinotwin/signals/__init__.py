@@ -1,0 +1,24 @@
+"""Arrays in, arrays out: filters, derivatives, spectra. Times run down the rows; nothing knows a log."""
+
+from pinotwin.signals.filters import decimate_zero_phase as decimate_zero_phase
+from pinotwin.signals.filters import derivatives as derivatives
+from pinotwin.signals.filters import differentiate as differentiate
+from pinotwin.signals.filters import edge_samples as edge_samples
+from pinotwin.signals.filters import interior as interior
+from pinotwin.signals.filters import low_pass as low_pass
+from pinotwin.signals.sampling import Clock as Clock
+from pinotwin.signals.sampling import clock as clock
+from pinotwin.signals.sampling import segments as segments
+from pinotwin.signals.sampling import uniform as uniform
+from pinotwin.signals.spectra import Spectrum as Spectrum
+from pinotwin.signals.spectra import autocorrelation as autocorrelation
+from pinotwin.signals.spectra import fit_ar as fit_ar
+from pinotwin.signals.spectra import suggest_cutoff as suggest_cutoff
+from pinotwin.signals.spectra import welch as welch
+from pinotwin.signals.spectra import whiten as whiten
+
+__all__ = [
+    "Clock", "Spectrum", "autocorrelation", "clock", "decimate_zero_phase", "derivatives",
+    "differentiate", "edge_samples", "fit_ar", "interior", "low_pass", "segments",
+    "suggest_cutoff", "uniform", "welch", "whiten",
+]  # fmt: skip

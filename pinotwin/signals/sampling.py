@@ -1,0 +1,124 @@
+"""The clock of a recording: its step, its breaks, and interpolation onto a uniform one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What the time stamps say.
+
+    Attributes:
+        step: median interval [s].
+        jitter_rms: scatter of the intervals about the step [s], breaks left out.
+        jitter_max: largest deviation of an interval from the step [s], breaks left out.
+        duplicated: rows whose stamp equals the one before.
+        backward: rows whose stamp is below the one before.
+        gaps: rows before which more than (1 + tol) steps passed.
+        missing: samples that the gaps swallowed, in steps.
+        longest: longest gap [s], 0 for none.
+    """
+
+    step: float
+    jitter_rms: float
+    jitter_max: float
+    duplicated: tuple[int, ...]
+    backward: tuple[int, ...]
+    gaps: tuple[int, ...]
+    missing: int
+    longest: float
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]."""
+        return 1.0 / self.step
+
+
+def clock(t: Floats, tol: float = 0.5) -> Clock:
+    """Describe a time axis of shape (n,) [s]; ``tol`` is the share of a step that makes a gap.
+
+    Raises:
+        DataError: fewer than two stamps, or they do not advance.
+    """
+    dt = np.diff(np.asarray(t, dtype=float))
+    forward = dt[dt > 0]
+    if not len(forward):
+        raise DataError("the time axis does not advance; check column and unit of t")
+    step = float(np.median(forward))
+    regular = dt[(dt > 0) & (dt <= (1 + tol) * step)] - step
+    gaps = np.flatnonzero(dt > (1 + tol) * step)
+    return Clock(
+        step=step,
+        jitter_rms=float(np.sqrt(np.mean(regular**2))),
+        jitter_max=float(np.abs(regular).max()),
+        duplicated=_rows(dt == 0),
+        backward=_rows(dt < 0),
+        gaps=tuple(int(i) + 1 for i in gaps),
+        missing=int(np.round(dt[gaps] / step - 1).sum()),
+        longest=float(dt[gaps].max(initial=0.0)),
+    )
+
+
+def _rows(breaks: Mask) -> tuple[int, ...]:
+    return tuple(int(i) + 1 for i in np.flatnonzero(breaks))
+
+
+def segments(t: Floats, tol: float = 0.5, valid: Mask | None = None) -> tuple[slice, ...]:
+    """Return the stretches in which every interval is within ``tol`` steps of the median one.
+
+    Args:
+        t: time [s], shape (n,).
+        tol: deviation that breaks a stretch, as a share of the median interval.
+        valid: rows that hold numbers; a stretch also breaks at one that does not. None: all.
+
+    Raises:
+        DataError: the stamps do not advance.
+    """
+    dt = np.diff(t)
+    step = clock(t, tol).step
+    good = np.isfinite(t) if valid is None else np.isfinite(t) & valid
+    joined = (np.abs(dt - step) <= tol * step) & good[1:] & good[:-1]
+    edges = np.flatnonzero(~joined) + 1
+    starts, stops = np.r_[0, edges], np.r_[edges, len(t)]
+    return tuple(
+        slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True) if good[a] and b > a
+    )
+
+
+def uniform(
+    t: Floats, x: Floats, rate: float, stretches: Sequence[slice]
+) -> tuple[Floats, Floats, tuple[slice, ...]]:
+    """Interpolate linearly onto one uniform grid within each stretch.
+
+    Args:
+        t: time [s], increasing within each stretch, shape (n,).
+        x: samples, shape (n, k).
+        rate: rate of the new grid [Hz].
+        stretches: unbroken stretches of ``t``; nothing is made up between them.
+
+    Returns:
+        new time (m,), samples (m, k), and the stretches in these.
+
+    Raises:
+        DataError: there is no stretch.
+    """
+    times, values, parts = [], [], []
+    done = 0
+    for part in stretches:
+        span = t[part.stop - 1] - t[part.start]
+        grid = t[part.start] + np.arange(int(np.floor(span * rate + 1e-6)) + 1) / rate
+        columns = [np.interp(grid, t[part], x[part, j]) for j in range(x.shape[1])]
+        times.append(grid)
+        values.append(np.column_stack(columns) if columns else np.empty((len(grid), 0)))
+        parts.append(slice(done, done + len(grid)))
+        done += len(grid)
+    if not times:
+        raise DataError("no unbroken stretch to resample; check the time axis")
+    return np.concatenate(times), np.concatenate(values), tuple(parts)

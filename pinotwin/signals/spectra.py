@@ -1,0 +1,200 @@
+r"""Spectra, correlation, autoregressive noise models, and the corner frequency that suits a recording.
+
+**The corner.** A measured position is motion plus a noise of its own (quantisation, interpolation error
+of the encoder), nearly white. The acceleration is its second derivative: the noise grows with ``f^4`` while
+the motion dies out, so that the acceleration's spectrum falls to a minimum and rises again. Motion and
+noise are about equally strong at the minimum; where the spectrum has risen to twice that for good, there is
+no motion left to win. That is the corner an axis asks for. Of several axes the highest is taken, unless the
+noise let through would exceed 1 % of some axis' acceleration power: noise in a regressor biases its
+coefficient by that share (errors in variables), while motion cut off costs nothing but information, since
+the effort goes through the same filter. In any case 99 % of every axis' velocity power stays, for the
+friction's sake. The spectrum is taken of the second difference, so that slow motion does not leak into weak
+high frequencies, and averaged over half octaves, so that a line is no edge.
+Measured: EMPS CORNER_EMPS Hz (its authors took 100), TX40 CORNER_TX Hz, KR300 CORNER_KR Hz.
+
+AR models by Burg's recursion: Burg 1975; Kay & Marple 1981, doi:10.1109/PROC.1981.12184.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+
+
+BEARABLE = 0.01
+"""Largest share of noise in the acceleration's power."""
+NEEDED = 0.99
+"""Share of the velocity's power that stays in any case."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """One-sided power spectral density.
+
+    Attributes:
+        f: frequency [Hz], shape (m,).
+        density: unit² / Hz, shape (m,) or (m, k).
+    """
+
+    f: Floats
+    density: Floats
+
+
+def welch(
+    x: Floats,
+    rate: float,
+    segments: Sequence[slice] | None = None,
+    length: int | None = None,
+) -> Spectrum:
+    """Return the power spectral density by Welch's method (Hann, half overlap, linear trend removed).
+
+    Args:
+        x: samples, shape (n,) or (n, k).
+        rate: sampling rate [Hz].
+        segments: unbroken stretches, averaged by their length; those below ``length`` are not used.
+        length: samples per window; None takes an eighth of the longest stretch, 64 to 8192.
+
+    Raises:
+        DataError: no stretch is long enough.
+    """
+    parts = [slice(0, len(x))] if segments is None else list(segments)
+    longest = max((p.stop - p.start for p in parts), default=0)
+    size = length or min(longest, int(np.clip(longest // 8, 64, 8192)))
+    if longest < max(size, 16):
+        raise DataError(
+            f"the longest unbroken stretch has {longest} samples; a spectrum needs {max(size, 16)}"
+        )
+    total, weight, f = np.zeros(1), 0, np.empty(0)
+    for part in parts:
+        n = part.stop - part.start
+        if n >= size:
+            f, density = signal.welch(
+                x[part], fs=rate, nperseg=size, detrend="linear", axis=0, scaling="density"
+            )
+            total = total + density * n
+            weight += n
+    return Spectrum(f, total / weight)
+
+
+def suggest_cutoff(
+    q: Floats, rate: float, segments: Sequence[slice] | None = None
+) -> float:
+    """Return the corner [Hz] of the low-pass that suits the acceleration of these positions.
+
+    See the module's docstring for the rule. Axes that do not move have no say.
+
+    Args:
+        q: measured positions, shape (n,) or (n, k).
+        rate: sampling rate [Hz].
+        segments: unbroken stretches; None: one.
+
+    Returns:
+        the corner, or infinity if the motion reaches the Nyquist frequency (or nothing moves).
+    """
+    q = q[:, None] if q.ndim == 1 else q
+    parts = [slice(0, len(q))] if segments is None else list(segments)
+    parts = [p for p in parts if p.stop - p.start >= 34]
+    if not parts:
+        return np.inf
+    second = np.concatenate([np.diff(q[p], 2, axis=0) for p in parts]) * rate**2
+    bounds = np.cumsum([0, *(p.stop - p.start - 2 for p in parts)])
+    inner = [slice(int(a), int(b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    moving = np.std(second, axis=0) > 0
+    if not moving.any():
+        return np.inf
+    spectrum = welch(second[:, moving], rate, inner)
+    asked = [_corner(spectrum.f, s, rate) for s in spectrum.density.T]
+    known = [x for x in asked if x is not None]
+    if not known:
+        return np.inf
+    wanted, bearable, needed = np.array(known).T
+    corner = max(min(wanted.max(), bearable.min()), needed.max())
+    return np.inf if corner >= 0.45 * rate else float(corner)
+
+
+def _corner(f: Floats, density: Floats, rate: float) -> tuple[float, float, float] | None:
+    """Return the corners that one axis asks for, can bear, and needs; None if it does not move."""
+    gain = (2.0 * np.sin(np.pi * f / rate) * rate) ** 4
+    smooth = _half_octave_means(f, density)
+    # Divided by f, the noise at the top of the band stays below the motion's own peak.
+    peak = 1 + int(np.argmax(smooth[1:] / f[1:]))
+    if peak >= len(f) // 2:
+        return None
+    least = peak + int(np.argmin(smooth[peak:]))
+    end = int(np.flatnonzero(smooth <= 2.0 * smooth[least])[-1])
+    top = (f > 0.6 * rate / 2) & (f < 0.95 * rate / 2)
+    noise = np.median(density[top] / gain[top]) * gain if least < len(f) - 2 else 0.0 * gain
+    motion = np.clip(density - noise, 0.0, None)
+    too_much = np.flatnonzero(np.cumsum(noise) > BEARABLE * motion[: least + 1].sum())
+    speed = np.cumsum(motion[1 : least + 1] / f[1 : least + 1] ** 2)
+    return (
+        float(f[end]) if end < len(f) - 2 else np.inf,
+        float(f[too_much[0]]) if len(too_much) else np.inf,
+        float(f[1 + np.searchsorted(speed, NEEDED * speed[-1])]),
+    )
+
+
+def _half_octave_means(f: Floats, density: Floats) -> Floats:
+    total = np.r_[0.0, np.cumsum(density)]
+    low = np.searchsorted(f, f / 2**0.25)
+    high = np.searchsorted(f, f * 2**0.25, side="right")
+    return np.asarray((total[high] - total[low]) / (high - low))
+
+
+def autocorrelation(x: Floats, max_lag: int) -> Floats:
+    """Return the autocorrelation at lags 0..max_lag, shape (max_lag + 1,); biased, mean removed.
+
+    Raises:
+        DataError: the signal is constant or shorter than the lag.
+    """
+    x = np.asarray(x, dtype=float) - np.mean(x)
+    if len(x) <= max_lag or not x.any():
+        raise DataError(f"autocorrelation to lag {max_lag} needs a longer signal that varies")
+    size = 1 << int(2 * len(x) - 1).bit_length()
+    power = np.abs(np.fft.rfft(x, size)) ** 2
+    r = np.fft.irfft(power, size)[: max_lag + 1]
+    return r / r[0]
+
+
+def fit_ar(x: Floats, order: int) -> tuple[Floats, float]:
+    """Fit ``x_k + a_1 x_(k-1) + ... + a_p x_(k-p) = e_k`` by Burg's recursion (always stable).
+
+    Args:
+        x: samples with mean removed, shape (n,).
+        order: p.
+
+    Returns:
+        ``[1, a_1, ..., a_p]`` of shape (p + 1,) and the variance of ``e``.
+
+    Raises:
+        DataError: fewer than 2 * order + 2 samples.
+    """
+    x = np.asarray(x, dtype=float)
+    if len(x) < 2 * order + 2:
+        raise DataError(f"an AR model of order {order} needs {2 * order + 2} samples, not {len(x)}")
+    forward, backward = x[1:].copy(), x[:-1].copy()
+    a = np.ones(1)
+    variance = float(np.mean(x**2))
+    for _ in range(order):
+        power = forward @ forward + backward @ backward
+        k = -2.0 * (forward @ backward) / power if power > 0 else 0.0
+        a = np.r_[a, 0.0] + k * np.r_[a, 0.0][::-1]
+        variance *= 1.0 - k**2
+        forward, backward = (forward + k * backward)[1:], (backward + k * forward)[:-1]
+    return a, variance
+
+
+def whiten(x: Floats, a: Floats) -> Floats:
+    """Return the signals after the prediction-error filter ``a``, from its p-th sample on.
+
+    Args:
+        x: samples, shape (n,) or (n, k).
+        a: ``[1, a_1, ..., a_p]`` from :func:`fit_ar`.
+    """
+    return np.asarray(signal.lfilter(a, [1.0], x, axis=0)[len(a) - 1 :])

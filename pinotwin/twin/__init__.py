@@ -1,0 +1,8 @@
+"""Twins: identified machines that predict, save, load and judge themselves."""
+
+from __future__ import annotations
+
+from pinotwin.twin.parameters import Parameter
+from pinotwin.twin.twin import Twin
+
+__all__ = ["Parameter", "Twin"]

@@ -1,0 +1,178 @@
+"""A twin on disk: ``twin.json`` (versioned), the identified URDF, and the machine it belongs to."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from pinotwin.arrays import Floats
+from pinotwin.effects import Effect
+from pinotwin.errors import TwinError
+from pinotwin.machine import Machine
+from pinotwin.machine.loading import machine_spec
+from pinotwin.machine.urdf import with_inertias
+from pinotwin.twin.parameters import Parameter
+from pinotwin.twin.twin import Twin, effect_slices
+
+SCHEMA = "pinotwin.twin/1"
+
+
+def save(twin: Twin, folder: Path) -> Path:
+    """See :meth:`Twin.save`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    machine = twin.machine
+    (folder / f"{machine.name}.urdf").write_bytes(with_inertias(machine.urdf, twin.model))
+    (folder / "machine.yaml").write_text(_yaml(twin), encoding="utf-8")
+    text = json.dumps(document(twin), indent=2, ensure_ascii=False, allow_nan=False)
+    (folder / "twin.json").write_text(text + "\n", encoding="utf-8")
+    return folder
+
+
+def _yaml(twin: Twin) -> str:
+    spec = machine_spec(twin.machine)
+    spec["urdf"] = f"{twin.machine.name}.urdf"
+    for name, axis in twin.machine.axes.items():
+        rotor = float(twin.model.armature[axis.index])
+        if rotor > 0.0:
+            spec["axes"][name]["rotor_inertia"] = rotor
+        else:
+            spec["axes"][name].pop("rotor_inertia", None)
+    return yaml.safe_dump(spec, sort_keys=False, allow_unicode=True)
+
+
+def document(twin: Twin) -> dict[str, Any]:
+    """Return the contents of twin.json."""
+    return plain(
+        {
+            "schema": SCHEMA,
+            "machine": twin.machine.name,
+            "axes": list(twin.machine.axes),
+            "parameters": [row.as_dict() for row in twin.parameters],
+            "effects": [
+                {"key": key, "effect": effect.name, "axis": effect.axis, "fields": _fields(effect)}
+                for key, effect in zip(twin.keys, twin.effects, strict=True)
+            ],
+            "theta": twin.theta,
+            "covariance": twin.covariance,
+            "standard_inertial_parameters": twin.pi,
+            "loops": {name: loop.to_dict() for name, loop in twin.loops.items()},
+            "quality": twin.quality,
+            "not_separable": [list(group) for group in twin.groups],
+            "data": list(twin.data),
+            "settings": twin.settings,
+        }
+    )
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` in JSON's own types; numbers that are not finite become None."""
+    if isinstance(value, dict) or hasattr(value, "items"):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _fields(effect: Effect) -> dict[str, Any]:
+    """Return what :func:`_remade` needs to make the effect again, shapes included."""
+    if effect.axis is None:
+        return {}
+    return {
+        f.name: getattr(effect, f.name)
+        for f in dataclasses.fields(effect)  # type: ignore[arg-type]
+        if f.name not in ("axis", "rotary")
+    }
+
+
+def load(folder: Path) -> Twin:
+    """See :meth:`Twin.load`."""
+    path = folder / "twin.json" if folder.is_dir() else folder
+    if not path.is_file():
+        raise TwinError(f"{path}: no such file; give the folder that `pinotwin identify` wrote")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise TwinError(f"{path}: not valid JSON ({error}); identify the twin again") from None
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        found = content.get("schema") if isinstance(content, dict) else None
+        raise TwinError(f"{path}: schema {found!r}, this version reads {SCHEMA!r}; identify again")
+    machine = Machine.load(path.parent)
+    try:
+        return _twin(machine, content)
+    except (KeyError, ValueError, TypeError) as error:
+        raise TwinError(f"{path}: damaged twin ({error}); identify it again") from None
+
+
+def _twin(machine: Machine, content: dict[str, Any]) -> Twin:
+    effects = tuple(_remade(machine, item) for item in content["effects"])
+    theta = np.array(content["theta"], dtype=float)
+    if len(theta) != effect_slices(effects)[-1].stop:
+        raise ValueError("the number of coefficients does not fit the effects")
+    return Twin(
+        machine=machine,
+        effects=effects,
+        theta=theta,
+        covariance=np.array(content["covariance"], dtype=float),
+        parameters=tuple(_parameter(row) for row in content["parameters"]),
+        pi=np.array(content["standard_inertial_parameters"], dtype=float),
+        loops=_loops(content["loops"]),
+        quality=content["quality"],
+        data=content["data"],
+        settings=content["settings"],
+        groups=content["not_separable"],
+    )
+
+
+def _remade(machine: Machine, item: dict[str, Any]) -> Effect:
+    if item["axis"] is None:
+        return machine.rigid_body
+    for effect in machine.effects:
+        if effect.name == item["effect"] and effect.axis == item["axis"]:
+            fields = {k: tuple(v) if isinstance(v, list) else v for k, v in item["fields"].items()}
+            return dataclasses.replace(effect, **fields)  # type: ignore[type-var]
+    raise ValueError(f"effect {item['key']} is not in machine.yaml")
+
+
+def _parameter(row: dict[str, Any]) -> Parameter:
+    value, error = row["value"], row["standard_error"]
+    return Parameter(
+        name=row["name"],
+        effect=row["effect"],
+        kind=row["kind"],
+        value=np.nan if value is None else float(value),
+        unit=row["unit"],
+        error=np.nan if error is None else float(error),
+        determined=bool(row["determined"]),
+        verdict=row["verdict"],
+        prior=row["prior"],
+    )
+
+
+def _loops(content: dict[str, Any]) -> dict[str, Any]:
+    if not content:
+        return {}
+    from pinotwin.loop import LoopModel
+
+    return {name: LoopModel.from_dict(item) for name, item in content.items()}
+
+
+def fingerprint(values: dict[str, Floats]) -> str:
+    """Return a short hash of channels, to tell whether two results used the same data."""
+    import hashlib
+
+    digest = hashlib.sha256()
+    for name in sorted(values):
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(values[name], dtype=float).tobytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,147 @@
+"""What was found: a machine with numbers, which predicts and which can judge itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import with_parameters
+from pinotwin.effects import Effect
+from pinotwin.errors import TwinError, nearest
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.twin.parameters import Parameter
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """An identified machine.
+
+    Attributes:
+        machine: what was believed.
+        effects: the effects with the shapes that were found.
+        theta: their linear coefficients, in the order of the effects, shape (p,).
+        covariance: of ``theta``, shape (p, p); zero rows for what the data leave open.
+        parameters: the table of all parameters.
+        pi: standard inertial parameters with ``P pi = beta``; physically consistent unless
+            ``quality["consistency"]`` says otherwise.
+        loops: closed loop of each axis that has one.
+        quality: how good the fit is: errors per axis, whiteness, condition, held-out errors.
+        data: fingerprints of the logs that were used.
+        settings: how they were prepared.
+        groups: parameters that these data cannot tell apart.
+    """
+
+    machine: Machine
+    effects: tuple[Effect, ...]
+    theta: Floats
+    covariance: Floats
+    parameters: tuple[Parameter, ...]
+    pi: Floats
+    loops: Mapping[str, Any] = field(default_factory=dict)
+    quality: Mapping[str, Any] = field(default_factory=dict)
+    data: Sequence[Mapping[str, Any]] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    groups: Sequence[Sequence[str]] = ()
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """Key of every effect: ``rigid_body`` or ``<axis>.<name>``, numbered when repeated."""
+        return effect_keys(self.effects)
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Where each effect's coefficients are in ``theta``."""
+        return effect_slices(self.effects)
+
+    @cached_property
+    def model(self) -> pin.Model:
+        """Pinocchio model with the identified inertias and rotor inertias."""
+        return with_parameters(self.machine.model, self.pi)
+
+    def coefficients(self, key: str) -> Floats:
+        """Return the coefficients of one effect, e.g. ``twin.coefficients("Y.coulomb")``.
+
+        Raises:
+            TwinError: it has no such effect.
+        """
+        if key not in self.keys:
+            raise TwinError(f"{self.machine.name}: no effect {key!r}; {nearest(key, self.keys)}")
+        return self.theta[self.slices[self.keys.index(key)]]
+
+    def parameter(self, name: str) -> Parameter:
+        """Return one row of the parameter table by its full name.
+
+        Raises:
+            TwinError: there is none of that name.
+        """
+        for row in self.parameters:
+            if row.name == name:
+                return row
+        names = [row.name for row in self.parameters]
+        raise TwinError(f"{self.machine.name}: no parameter {name!r}; {nearest(name, names)}")
+
+    def parts(self, motion: Motion) -> dict[str, Floats]:
+        """Return the effort of each effect, key -> (n, nv) [N or N·m]."""
+        nv = self.machine.nv
+        return {
+            key: effect.columns(motion).effort(self.theta[s], nv)
+            for key, effect, s in zip(self.keys, self.effects, self.slices, strict=True)
+        }
+
+    def effort(self, motion: Motion) -> Floats:
+        """Return the motor effort that this motion takes, shape (n, nv) [N or N·m]."""
+        total = np.zeros((len(motion), self.machine.nv))
+        for part in self.parts(motion).values():
+            total += part
+        if motion.external is not None:
+            total -= motion.external
+        return total
+
+    def motion(self, log: Log) -> Motion:
+        """Return a log of this machine prepared as the ones the twin was identified from."""
+        from pinotwin.preparation import prepare
+
+        return prepare(self.machine, log, **self.settings)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""
+        from pinotwin.twin.files import save
+
+        return save(self, Path(folder))
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Twin:
+        """Read a twin from its folder.
+
+        Raises:
+            TwinError: the folder holds no twin, or one of another schema.
+        """
+        from pinotwin.twin.files import load
+
+        return load(Path(folder))
+
+
+def effect_keys(effects: Sequence[Effect]) -> tuple[str, ...]:
+    """Return a unique key for each effect."""
+    keys: list[str] = []
+    for effect in effects:
+        plain = effect.name if effect.axis is None else f"{effect.axis}.{effect.name}"
+        count = sum(k == plain or k.startswith(plain + "#") for k in keys)
+        keys.append(plain if count == 0 else f"{plain}#{count + 1}")
+    return tuple(keys)
+
+
+def effect_slices(effects: Sequence[Effect]) -> tuple[slice, ...]:
+    """Return where each effect's coefficients lie when all are put end to end."""
+    counts = [len(effect.coefficients()) for effect in effects]
+    ends = np.cumsum(counts)
+    return tuple(slice(int(e - c), int(e)) for e, c in zip(ends, counts, strict=True))

@@ -1,0 +1,110 @@
+"""Playback of a trajectory as an animation inside the page, and where a scene goes: file or browser."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import meshcat
+import numpy as np
+import pinocchio as pin
+from meshcat.animation import Animation
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError, InputError
+from pinotwin.viewer.scene import Scene, joint_path, joint_poses
+
+MAX_FRAMES = 1800
+"""Longest animation; a longer log is shown at fewer frames per second."""
+
+
+def play(drawn: Scene, t: Floats, q: Floats, fps: float = 30.0) -> Scene:
+    """Return the scene with a trajectory as animation, in real time.
+
+    Args:
+        drawn: the scene.
+        t: time [s], increasing, shape (n,).
+        q: configurations in the model's order, shape (n, nq); rows with NaN are left out.
+        fps: frames per second; less where the trajectory is long.
+
+    Raises:
+        DataError: shapes do not fit, or fewer than two usable rows.
+    """
+    t, q = np.asarray(t, dtype=float), np.asarray(q, dtype=float)
+    if q.ndim != 2 or q.shape != (len(t), drawn.model.nq):
+        raise DataError(f"playback: q has shape {q.shape}, expected ({len(t)}, {drawn.model.nq})")
+    good = np.isfinite(t) & np.all(np.isfinite(q), axis=1)
+    t, q = t[good], q[good]
+    if len(t) < 2 or np.any(np.diff(t) <= 0):
+        raise DataError("playback: needs at least two rows with increasing time")
+    rate = min(fps, MAX_FRAMES / (t[-1] - t[0]))
+    times = np.arange(t[0], t[-1], 1.0 / rate)
+    sampled = np.column_stack([np.interp(times, t, column) for column in q.T])
+
+    playing = replace(drawn, page=drawn.page.copy(), q=sampled[0])
+    clips = Animation(default_framerate=rate)
+    for k, row in enumerate(sampled):
+        poses = joint_poses(drawn.model, pin.normalize(drawn.model, row))
+        for joint in range(1, drawn.model.njoints):
+            with clips.at_frame(playing.viewer(), k) as frame:
+                node = frame[joint_path(drawn.model, joint)]
+                node.set_property("position", "vector3", poses[joint].translation.tolist())
+                turn = pin.Quaternion(poses[joint].rotation).coeffs()
+                node.set_property("quaternion", "quaternion", turn.tolist())
+    playing.viewer().set_animation(clips, play=True, repetitions=1000)
+    return playing
+
+
+def save_html(path: str | Path, drawn: Scene, *, controls: bool = True) -> Path:
+    """Write the scene as one self-contained page that opens without network; return its path.
+
+    Args:
+        path: the file; its folder is made.
+        drawn: the scene.
+        controls: whether to keep meshcat's control panel (needed to pause a playback).
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(drawn.page.html(drawn.name, controls), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: the page cannot be written ({error.strerror})") from None
+    return path
+
+
+@dataclass(frozen=True)
+class Live:
+    """A scene in a browser; ends with the program, or earlier by ``close``.
+
+    Attributes:
+        url: where the browser finds it.
+        window: meshcat's connection to its server.
+    """
+
+    url: str
+    window: Any
+
+    def close(self) -> None:
+        """Stop the server of this window."""
+        server = self.window.server_proc
+        server.kill()
+        server.wait()
+        for stream in (server.stdout, server.stderr):
+            stream.close()
+        self.window.zmq_socket.close(linger=0)
+
+
+def show(drawn: Scene, *, open_browser: bool = True) -> Live:
+    """Serve the scene on this computer and open it in the browser."""
+    with contextlib.redirect_stdout(io.StringIO()):  # meshcat announces its address by print
+        viewer = meshcat.Visualizer()
+    drawn.page.replay(viewer.window)
+    if open_browser:
+        viewer.open()
+    return Live(viewer.url(), viewer.window)

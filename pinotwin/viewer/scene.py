@@ -1,0 +1,225 @@
+"""A machine drawn at a posture: its shapes, and on request its joint frames and centres of mass.
+
+Shapes are loaded by Pinocchio's ``MeshcatVisualizer``. They hang below one node per joint, so that a
+posture, a frame of a playback or a colour touches one node and everything fixed to that joint follows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import meshcat
+import meshcat.geometry as mg
+import numpy as np
+import pinocchio as pin
+from pinocchio.visualize import MeshcatVisualizer
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.viewer.page import Message, Page
+from pinotwin.viewer.posture import configuration
+from pinotwin.viewer.stage import bounds, corners, set_stage
+
+ROOT = "machine"
+_AXIS_COLOURS = (0xC8453B, 0x3E9B5F, 0x3B74B8)
+_MASS_COLOUR = 0xC2378B
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A drawn machine.
+
+    Attributes:
+        model: the kinematics.
+        visual: the shapes.
+        page: what was drawn.
+        q: the configuration it was drawn at, shape (nq,).
+        name: the machine's name.
+    """
+
+    model: pin.Model
+    visual: pin.GeometryModel
+    page: Page
+    q: Floats
+    name: str
+
+    def viewer(self) -> meshcat.Visualizer:
+        """Return a meshcat visualiser that draws on this scene's page."""
+        return meshcat.Visualizer(window=self.page)
+
+    def node(self, joint: int) -> meshcat.Visualizer:
+        """Return the node that moves with a joint (0: the base)."""
+        return self.viewer()[joint_path(self.model, joint)]
+
+
+def joint_path(model: pin.Model, joint: int) -> str:
+    """Return the place of a joint in meshcat's tree."""
+    return f"{ROOT}/{model.names[joint]}"
+
+
+def visual_model(
+    model: pin.Model, urdf_path: str | Path, package_dirs: Sequence[str | Path] = ()
+) -> pin.GeometryModel:
+    """Return the shapes of a URDF for a model that was built from it (or reduced from that).
+
+    Args:
+        model: the kinematics; its links are found by name.
+        urdf_path: the URDF.
+        package_dirs: folders that hold the packages of ``package://`` meshes.
+
+    Raises:
+        MachineError: a mesh is missing or cannot be read.
+    """
+    folders = [str(folder) for folder in package_dirs]
+    try:
+        return pin.buildGeomFromUrdf(model, str(urdf_path), pin.GeometryType.VISUAL, None, folders)
+    except ValueError as error:
+        why = " ".join(str(error).split())
+        raise MachineError(
+            f"{urdf_path}: its shapes cannot be loaded ({why}); give the folder of the mesh packages"
+        ) from None
+
+
+def scene(
+    urdf_path: str | Path,
+    package_dirs: Sequence[str | Path] = (),
+    *,
+    posture: Mapping[str, float] | None = None,
+    frames: bool = False,
+    masses: bool = False,
+) -> Scene:
+    """Draw the machine of a URDF; see :func:`draw`.
+
+    Raises:
+        MachineError: the URDF cannot be loaded.
+    """
+    try:
+        model = pin.buildModelFromUrdf(str(urdf_path))
+    except (ValueError, RuntimeError) as error:
+        raise MachineError(f"{urdf_path}: not a URDF that loads ({error})") from None
+    visual = visual_model(model, urdf_path, package_dirs)
+    return draw(model, visual, posture=posture, frames=frames, masses=masses)
+
+
+def draw(
+    model: pin.Model,
+    visual: pin.GeometryModel,
+    *,
+    posture: Mapping[str, float] | None = None,
+    frames: bool = False,
+    masses: bool = False,
+    name: str | None = None,
+) -> Scene:
+    """Draw a machine.
+
+    Args:
+        model: the kinematics.
+        visual: the shapes.
+        posture: joint name -> position [m or rad]; joints not named are at zero.
+        frames: draw a triad at every joint (x red, y green, z blue).
+        masses: draw a sphere at every centre of mass, its volume in proportion to the mass.
+        name: the machine's name; otherwise the URDF's.
+
+    Raises:
+        InputError: the posture names a joint that does not exist.
+    """
+    q = configuration(model, posture)
+    drawn = Scene(model, visual, Page(), q, name or model.name)
+    points = corners(model, visual, q)
+    set_stage(drawn.viewer(), points)
+    _load_shapes(drawn)
+    size = bounds(points).size
+    if frames:
+        _draw_frames(drawn, 0.10 * size)
+    if masses:
+        _draw_masses(drawn, size)
+    _place_joints(drawn)
+    return drawn
+
+
+def _load_shapes(drawn: Scene) -> None:
+    """Hang every shape below its joint; the renamed copies carry the path in their name."""
+    shapes = drawn.visual.clone()
+    for shape in shapes.geometryObjects:
+        shape.name = f"{drawn.model.names[shape.parentJoint]}/{shape.name}"
+    loader = MeshcatVisualizer(drawn.model, None, shapes)
+    loader.initViewer(viewer=drawn.viewer())
+    loader.viewerVisualGroupName = ROOT
+    for shape in shapes.geometryObjects:
+        loader.loadViewerGeometryObject(shape, pin.GeometryType.VISUAL)
+        pose = shape.placement.homogeneous @ np.diag([*shape.meshScale, 1.0])
+        loader.viewer[f"{ROOT}/{shape.name}"].set_transform(pose)
+
+
+def joint_poses(model: pin.Model, q: Floats) -> list[pin.SE3]:
+    """Return the pose of every joint in the world, the base first."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    return [pin.SE3(pose) for pose in data.oMi]
+
+
+def _place_joints(drawn: Scene) -> None:
+    for joint, pose in enumerate(joint_poses(drawn.model, drawn.q)):
+        drawn.node(joint).set_transform(pose.homogeneous)
+
+
+def _draw_frames(drawn: Scene, length: float) -> None:
+    """Draw triads that shine through the bodies."""
+    for joint in range(1, drawn.model.njoints):
+        for k, colour in enumerate(_AXIS_COLOURS):
+            arm = drawn.node(joint)["frame"]["xyz"[k]]
+            arm.set_object(mg.Cylinder(length, 0.022 * length), _overlay(colour, 0.95))
+            arm.set_transform(_along(k, length / 2))
+
+
+def _along(k: int, offset: float) -> Floats:
+    """Return the pose that lays meshcat's cylinder (about y) along axis ``k``, moved out by offset."""
+    pose = np.eye(4)
+    if k != 1:
+        pose[:3, :3] = pin.exp3(np.array([[0, 0, -1], [0, 0, 0], [1, 0, 0]][k]) * math.pi / 2)
+    pose[k, 3] = offset
+    return pose
+
+
+def _draw_masses(drawn: Scene, size: float) -> None:
+    """Draw spheres at the centres of mass; the heaviest has a radius of 4 % of the machine's size."""
+    bodies = list(drawn.model.inertias)
+    heaviest = max((body.mass for body in bodies[1:]), default=0.0)
+    for joint, body in enumerate(bodies):
+        if joint == 0 or body.mass <= 0:
+            continue
+        radius = 0.04 * size * (body.mass / heaviest) ** (1 / 3)
+        ball = drawn.node(joint)["mass"]
+        ball.set_object(mg.Sphere(radius), _overlay(_MASS_COLOUR, 0.75))
+        pose = np.eye(4)
+        pose[:3, 3] = body.lever
+        ball.set_transform(pose)
+
+
+def _overlay(colour: int, opacity: float) -> mg.Material:
+    """Return a material that is drawn last and is not hidden by what stands before it."""
+    return mg.MeshLambertMaterial(color=colour, opacity=opacity, transparent=True, depthTest=False)
+
+
+def colour(drawn: Scene, rgba: Mapping[str, Sequence[float]]) -> Scene:
+    """Return the scene with the shapes of some joints in another colour.
+
+    Args:
+        drawn: the scene.
+        rgba: joint name -> red, green, blue, opacity, each 0 to 1.
+
+    Raises:
+        InputError: there is no such joint.
+    """
+    painted = replace(drawn, page=drawn.page.copy())
+    for name, value in rgba.items():
+        if not drawn.model.existJointName(name):
+            raise InputError(f"colour: no joint {name!r}; {nearest(name, drawn.model.names)}")
+        joint = drawn.model.getJointId(name)
+        path = f"/meshcat/{joint_path(drawn.model, joint)}"
+        message = {"type": "set_property", "path": path, "property": "color", "value": [*value]}
+        painted.page.send(Message(message))
+    return painted

@@ -1,0 +1,62 @@
+"""Pictures of a page, taken by Chromium from outside (meshcat's own capture hangs without a screen)."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+from pathlib import Path
+
+from pinotwin.errors import InputError
+
+_NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+_FLAGS = (
+    "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--hide-scrollbars", "--no-first-run", "--disable-extensions",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-dev-shm-usage", "--force-device-scale-factor=1", "--mute-audio",
+)  # fmt: skip
+_SMALLEST = 3000  # [bytes]; a blank picture of this size compresses to less
+
+
+def browser() -> str | None:
+    """Return the path of an installed Chromium, or None."""
+    return next((found for name in _NAMES if (found := shutil.which(name))), None)
+
+
+def screenshot(
+    page: str | Path, png: str | Path, size: tuple[int, int] = (1000, 750), patience: float = 90.0
+) -> Path:
+    """Take a picture of a page; return its path.
+
+    Args:
+        page: the HTML file.
+        png: the picture.
+        size: width and height [pixels].
+        patience: longest time to wait [s].
+
+    Raises:
+        InputError: there is no Chromium, or it gave no picture.
+    """
+    program = browser()
+    if program is None:
+        raise InputError("no Chromium found for the picture; install it (Debian: apt install chromium)")
+    png = Path(png).resolve()
+    png.unlink(missing_ok=True)
+    command = [
+        program, *_FLAGS, "--virtual-time-budget=4000", f"--window-size={size[0]},{size[1]}",
+        f"--screenshot={png}", Path(page).resolve().as_uri(),
+    ]  # fmt: skip
+    # Its own process group: Chromium leaves helpers behind when it is ended by force.
+    child = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        child.wait(timeout=patience)
+    except subprocess.TimeoutExpired:
+        os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
+    if not png.is_file() or png.stat().st_size < _SMALLEST:
+        raise InputError(f"{page}: Chromium gave no picture within {patience:.0f} s")
+    return png

@@ -1,0 +1,140 @@
+"""Build the true tree of a machine from its URDF and its truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import MachineError, nearest
+from pinotwin.virtual.defaults import Scale, fallback, resolved_axis, resolved_limits, scales
+from pinotwin.virtual.effects import Body
+from pinotwin.virtual.folder import Folder
+from pinotwin.virtual.parameters import Layout
+from pinotwin.virtual.rigid import Tree
+from pinotwin.virtual.tree import perturbed, tilted, with_hidden_joint, with_payload
+from pinotwin.virtual.truth import AxisTruth, Passive, Truth
+
+
+def resolve(folder: Folder, model: pin.Model, cad: Tree) -> tuple[Truth, dict[str, Scale]]:
+    """Return the truth without gaps, and the reference sizes of every axis."""
+    joints = {n: model.getJointId(j) - 1 for n, j in folder.axes.items()}
+    rng = np.random.default_rng([folder.truth.seed, 2])
+    for kind, given, known in (
+        ("axis", folder.truth.axes, folder.axes),
+        ("passive joint", folder.truth.passive, folder.passive),
+    ):
+        for name in given:
+            if name not in known:
+                raise MachineError(
+                    f"{folder.name}: virtual.yaml: no {kind} {name!r}; {nearest(name, known)}"
+                )
+    axes: dict[str, AxisTruth] = {}
+    travels = np.zeros((model.nv, 2))
+    for name, j in joints.items():
+        given_axis = folder.truth.axes.get(name, AxisTruth())
+        limits = resolved_limits(given_axis.limits, model, j, bool(cad.rotary[j]))
+        off = 1.0 + rng.choice((-1.0, 1.0)) * rng.uniform(*folder.truth.inertial_error)
+        rotor = fallback(given_axis.drive.rotor, folder.rotors.get(name, 0.0) * off)
+        top = given_axis.controller.effort_limit or folder.limits.get(name)
+        axes[name] = replace(
+            given_axis,
+            limits=limits,
+            drive=replace(given_axis.drive, rotor=rotor),
+            controller=replace(given_axis.controller, effort_limit=top),
+        )
+        travels[j] = limits.travel or (0.0, 0.0)
+    sizes = scales(cad, joints, axes, travels)
+    axes = {name: resolved_axis(axis, sizes[name]) for name, axis in axes.items()}
+    passive = {n: folder.truth.passive.get(n, Passive(frequency=25.0)) for n in folder.passive}
+    return replace(folder.truth, axes=axes, passive=passive), sizes
+
+
+def true_tree(
+    truth: Truth, folder: Folder, model: pin.Model, cad: Tree
+) -> tuple[Tree, Layout, tuple[str, ...]]:
+    """Return the true tree, where the names sit in it, and the name of every joint.
+
+    Inertials are perturbed first, with the machine's own seed, so that switching an effect on or off
+    never changes them.
+    """
+    tree = perturbed(cad, truth.inertial_error, np.random.default_rng([truth.seed, 1]))
+    index = {n: model.getJointId(j) - 1 for n, j in {**folder.axes, **folder.passive}.items()}
+    joint_of = {name: i for i, name in enumerate(list(model.names)[1:])}
+    for load in truth.payload:
+        if load.joint not in joint_of:
+            raise MachineError(f"payload: no joint {load.joint!r}; {nearest(load.joint, joint_of)}")
+        tree = with_payload(tree, joint_of[load.joint], load.mass, np.array(load.centre))
+    for name, axis in truth.axes.items():
+        if any(axis.tilt):
+            tree = tilted(tree, index[name], np.array(axis.tilt))
+    armature = tree.armature.copy()
+    for name, axis in truth.axes.items():
+        if axis.drive.frequency == 0.0:
+            armature[index[name]] += axis.drive.rotor or 0.0
+    return _with_bends(truth, folder, model, tree._replace(armature=armature), index)
+
+
+def _with_bends(
+    truth: Truth, folder: Folder, model: pin.Model, tree: Tree, index: Mapping[str, int]
+) -> tuple[Tree, Layout, tuple[str, ...]]:
+    home = np.zeros(model.nv)
+    for name, axis in truth.axes.items():
+        home[index[name]] = float(np.mean(axis.limits.travel or (0.0, 0.0)))
+    names = list(model.names)[1:]
+    at = {j: j for j in range(model.nv)}  # CAD joint -> its drive joint in the true tree
+    body = dict(at)
+    bend: dict[str, int] = {}
+    for name in sorted(folder.axes, key=lambda n: -index[n]):
+        spec = truth.axes[name].bend
+        if spec is None:
+            continue
+        j = index[name]
+        tree = with_hidden_joint(tree, j, spec.share)
+        home = np.insert(home, j + 1, 0.0)
+        names.insert(j + 1, f"{names[j]}~")
+        at = {k: v + (k > j) for k, v in at.items()}
+        body = {k: v + (k >= j) for k, v in body.items()}
+        bend = {k: v + 1 for k, v in bend.items()}
+        bend[name] = j + 1
+    layout = Layout(
+        axes=tuple(folder.axes),
+        drive={n: at[index[n]] for n in folder.axes},
+        body={n: body[k] for k, n in enumerate(list(model.names)[1:])},
+        passive={n: at[index[n]] for n in folder.passive},
+        bend=bend,
+        home=home,
+    )
+    return tree, layout, tuple(names)
+
+
+def link_frames(model: pin.Model, layout: Layout) -> dict[str, tuple[int, Floats, Floats]]:
+    """Return, for every link of the URDF, its joint in the true tree and its frame there."""
+    names = list(model.names)
+    frames = {}
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.parentJoint > 0:
+            joint = layout.body[names[frame.parentJoint]]
+            placement = frame.placement
+            frames[frame.name] = (joint, np.array(placement.rotation), np.array(placement.translation))
+    return frames
+
+
+def bodies_of(folder: Folder, model: pin.Model, cad: Tree) -> dict[str, Body]:
+    """Return what each axis moves."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    out = {}
+    for name, joint in folder.axes.items():
+        i = model.getJointId(joint)
+        links = [
+            f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == i
+        ]
+        x, y, z = (float(v) for v in cad.axis[i - 1])
+        wx, wy, wz = (float(v) for v in data.oMi[i].rotation @ cad.axis[i - 1])
+        mass = float(cad.mass[i - 1]) or 1.0
+        out[name] = Body(joint, links[0] if links else "", (x, y, z), (wx, wy, wz), mass)
+    return out

@@ -1,0 +1,34 @@
+"""Columns of the flat parameter table that the kernel reads: one row per axis, one number a column.
+
+numba takes these as compile-time constants; :mod:`pinotwin.virtual.parameters` fills the table.
+"""
+
+from __future__ import annotations
+
+# Controller.
+PID, KP, KV, KI, VFF, AFF, V_ALPHA, I_LIMIT, U_LIMIT, DELAY = range(10)
+# Drive: current loop per substep, flexible transmission.
+U_ALPHA, FLEXIBLE, SPRING, DAMPER, INV_ROTOR, BACKLASH, LOAD_ENCODER, LOAD_FRICTION = range(10, 18)
+# Friction.
+LAW, BRISTLE, BRISTLE_DAMPER, LEVEL_P, LEVEL_N, STATIC, STRIBECK, VISCOUS = range(18, 26)
+QUADRATIC, BY_LOAD, WARMING, WARMING_TIME, WANDER, WANDER_RATE, CHATTER = range(26, 33)
+# Encoder.
+RESOLUTION, ERROR, ERROR_RATE, ERROR_PHASE, PITCH = range(33, 38)
+N_COLUMNS = 38
+
+# Columns of the ripple table.
+AMPLITUDE, WAVE, PHASE, MODULATION, MODULATION_PHASE, SPEED, RATE = range(7)
+N_RIPPLE = 7
+
+# Columns of the table of passive springs.
+STIFFNESS, DAMPING, HARDENING, SLIP_LEVEL, SLIP_STIFFNESS = range(5)
+N_SPRING = 5
+
+# Friction laws.
+NONE, LUGRE, GMS = range(3)
+
+MAX_DELAY = 64
+"""Longest delay of a loop [control periods]."""
+
+ELEMENTS = 4
+"""Elements of the generalised Maxwell-slip law."""

@@ -1,0 +1,87 @@
+"""Friction that sticks, as the plant feels it: LuGre and generalised Maxwell slip.
+
+LuGre (Canudas de Wit et al. 1995, doi:10.1109/9.376053): ``dz/dt = v - |v| s0 z / g(v)``,
+``f = s0 z + s1 dz/dt``. Within one step of constant ``v`` the bristle has a closed form, so the update is
+exact at any stiffness and its force is the mean over the step.
+
+GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel spring-slider elements, each slips at
+its share of ``g(v)``; unlike LuGre it does not creep under a load that never reaches breakaway.
+
+Level: ``g = C (1 + (static - 1) exp(-(v/vs)^2))`` with C by direction, load and position.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pinotwin.virtual import columns as c
+
+# Slip levels and stiffnesses of the four elements, as shares of the whole.
+_LEVELS = (0.4, 0.3, 0.2, 0.1)
+_STIFF = (0.1, 0.2, 0.3, 0.4)
+
+
+@njit(cache=True)
+def friction_level(P, q, v, load, noise):  # type: ignore[no-untyped-def]
+    """Return the level g [N or N·m] at which the bristles of an axis slip."""
+    level = P[c.LEVEL_P] if v >= 0.0 else P[c.LEVEL_N]
+    if P[c.WANDER] != 0.0:
+        level *= 1.0 + P[c.WANDER] * np.sin(P[c.WANDER_RATE] * q)
+    if P[c.BY_LOAD] != 0.0:
+        level += P[c.BY_LOAD] * abs(load)
+    x = v / P[c.STRIBECK]
+    if x * x < 30.0:
+        slow = np.exp(-x * x)
+        level *= (1.0 + (P[c.STATIC] - 1.0) * slow) * (1.0 + P[c.CHATTER] * noise * slow)
+    return level
+
+
+@njit(cache=True)
+def bristle_force(P, level, v, z, dt):  # type: ignore[no-untyped-def]
+    """Advance the bristles ``z`` by one step and return their mean force over it.
+
+    Args:
+        P: row of the parameter table.
+        level: slip level [N or N·m].
+        v: sliding speed, constant over the step.
+        z: bristle deflection (LuGre) or element forces (GMS), shape (4,); changed.
+        dt: step [s].
+    """
+    s0, s1 = P[c.BRISTLE], P[c.BRISTLE_DAMPER]
+    if P[c.LAW] == c.LUGRE:
+        old = z[0]
+        steady = np.sign(v) * level / s0
+        new = steady + (old - steady) * np.exp(-abs(v) * s0 * dt / level)
+        z[0] = new
+        return 0.5 * s0 * (old + new) + s1 * (new - old) / dt
+    old = z[0] + z[1] + z[2] + z[3]
+    new = 0.0
+    for k in range(4):
+        force = z[k] + _STIFF[k] * s0 * v * dt
+        limit = _LEVELS[k] * level
+        z[k] = min(max(force, -limit), limit)
+        new += z[k]
+    return 0.5 * (old + new) + s1 * (new - old) / (s0 * dt)
+
+
+@njit(cache=True)
+def friction_force(P, q, v, z, load, warmth, noise, dt):  # type: ignore[no-untyped-def]
+    """Return the whole friction effort of an axis and advance its bristles.
+
+    Args:
+        P: row of the parameter table.
+        q: position [m or rad].
+        v: speed [m/s or rad/s].
+        z: bristle states, shape (4,); changed.
+        load: effort that the transmission carries [N or N·m].
+        warmth: how warm the axis is, 0 to 1.
+        noise: a standard normal number, for chatter.
+        dt: step [s].
+    """
+    force = P[c.VISCOUS] * (1.0 + P[c.WARMING] * warmth) * v + P[c.QUADRATIC] * v * abs(v)
+    if P[c.LAW] != c.NONE:
+        level = friction_level(P, q, v, load, noise)
+        if level > 0.0:
+            force += bristle_force(P, level, v, z, dt)
+    return force

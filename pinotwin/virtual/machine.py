@@ -1,0 +1,161 @@
+"""``VirtualMachine``: a machine folder brought to life, with a controller, friction and sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats
+from pinotwin.virtual.assemble import bodies_of, link_frames, resolve, true_tree
+from pinotwin.virtual.defaults import Scale
+from pinotwin.virtual.effects import inject_all, withhold_all
+from pinotwin.virtual.folder import Folder, read_folder
+from pinotwin.virtual.kernel import Axes
+from pinotwin.virtual.mass import inertia_at
+from pinotwin.virtual.parameters import Layout, Timing, stiffest, tables
+from pinotwin.virtual.recording import Recording
+from pinotwin.virtual.rigid import Tree
+from pinotwin.virtual.run import record_run
+from pinotwin.virtual.trajectories import Trajectory
+from pinotwin.virtual.tree import load_model, tree_of
+from pinotwin.virtual.truth import Limits, Pulse, Truth
+
+Injection = Mapping[str, object] | str
+
+
+@dataclass(frozen=True)
+class VirtualMachine:
+    """A machine with a sealed truth that can be run.
+
+    Attributes:
+        name: name of the machine.
+        truth: resolved truth; belongs to tests and scoring only.
+        model: Pinocchio model of the shipped URDF.
+        cad: the shipped rigid bodies.
+        tree: the true ones.
+        layout: where names sit in the true tree.
+        joints: name of every joint of the true tree.
+        scales: reference sizes of every axis.
+        links: link -> (joint, rotation, offset).
+        timing: rates of the simulation.
+        cad_inertia: CAD inertia per axis that the feed-forward uses [kg or kg·m²].
+    """
+
+    name: str
+    truth: Truth
+    model: pin.Model
+    cad: Tree
+    tree: Tree
+    layout: Layout
+    joints: tuple[str, ...]
+    scales: Mapping[str, Scale]
+    links: Mapping[str, tuple[int, Floats, Floats]]
+    timing: Timing
+    cad_inertia: Mapping[str, float]
+
+    @classmethod
+    def load(
+        cls,
+        folder: Path | str,
+        *,
+        withhold: Sequence[str] = (),
+        inject: Sequence[Injection] = (),
+    ) -> VirtualMachine:
+        """Return the virtual machine of a folder (``machine.yaml``, URDF, ``virtual.yaml`` if any).
+
+        Args:
+            folder: machine folder or its ``machine.yaml``.
+            withhold: effects to leave out of the truth: ``"stribeck"``, ``"stribeck:Y"``.
+            inject: effects to add: ``"backlash:Y=0.1"`` or
+                ``{"effect": ..., "axis": ..., "size": ..., "seed": ..., "value": ...}``.
+        """
+        return cls.build(read_folder(folder), withhold=withhold, inject=inject)
+
+    @classmethod
+    def build(
+        cls, folder: Folder, *, withhold: Sequence[str] = (), inject: Sequence[Injection] = ()
+    ) -> VirtualMachine:
+        """Return the virtual machine of a :class:`Folder`; see :meth:`load`."""
+        model = load_model(folder.urdf, [*folder.axes.values(), *folder.passive.values()])
+        cad = tree_of(model)
+        truth, sizes = resolve(folder, model, cad)
+        truth = withhold_all(truth, withhold)
+        truth = inject_all(truth, inject, sizes, bodies_of(folder, model, cad))
+        tree, layout, joints = true_tree(truth, folder, model, cad)
+        travels = np.zeros((model.nv, 2))
+        index = {n: model.getJointId(j) - 1 for n, j in folder.axes.items()}
+        for name, j in index.items():
+            travels[j] = truth.axes[name].limits.travel or (0.0, 0.0)
+        middle = np.diag(inertia_at(cad, travels.mean(axis=1)))
+        forward = {n: float(middle[j]) + (truth.axes[n].drive.rotor or 0.0) for n, j in index.items()}
+        timing = _timing(truth, layout, tree, forward)
+        links = link_frames(model, layout)
+        return cls(
+            folder.name, truth, model, cad, tree, layout, joints, sizes, links, timing, forward
+        )
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes in order."""
+        return self.layout.axes
+
+    @property
+    def limits(self) -> Mapping[str, Limits]:
+        """Kinematic limits of every axis."""
+        return {name: self.truth.axes[name].limits for name in self.axes}
+
+    def tables(self, truth: Truth | None = None) -> Axes:
+        """Return the kernel's tables, of this truth or of one with this run's friction."""
+        return tables(truth or self.truth, self.layout, self.tree, self.timing, self.cad_inertia)
+
+    def inertia(self, q: Floats | None = None) -> Floats:
+        """Return the true mass matrix at a position (home by default), shape (nv, nv)."""
+        return inertia_at(self.tree, self.layout.home if q is None else q)
+
+    def record(
+        self,
+        trajectory: Trajectory,
+        *,
+        seed: int,
+        noise: bool = True,
+        external: Sequence[Pulse] | None = None,
+        truth_rate: float | None = None,
+    ) -> Recording:
+        """Run the machine along a trajectory and return its log, with the truth kept apart.
+
+        The same trajectory with another seed is a repeat: fresh sensor noise, and friction that
+        scatters from run to run. ``noise=False`` leaves out all of that, and quantisation.
+
+        Args:
+            trajectory: command of every axis.
+            seed: of everything random in this run.
+            noise: whether sensors are noisy and friction scatters.
+            external: loads on links, in place of those in ``virtual.yaml``.
+            truth_rate: rate of the truth [Hz]; the log rate by default.
+        """
+        loads = self.truth.external if external is None else tuple(external)
+        return record_run(self, trajectory, seed, noise, loads, truth_rate)
+
+    def scattered(self, rng: np.random.Generator) -> Truth:
+        """Return the truth with this run's friction."""
+        axes = {}
+        for name, axis in self.truth.axes.items():
+            a, b = 1.0 + self.truth.scatter * rng.standard_normal(2)
+            f = axis.friction
+            friction = replace(f, coulomb=(f.coulomb or 0.0) * a, viscous=(f.viscous or 0.0) * b)
+            axes[name] = replace(axis, friction=friction)
+        return replace(self.truth, axes=axes)
+
+
+def _timing(truth: Truth, layout: Layout, tree: Tree, cad: Mapping[str, float]) -> Timing:
+    period = 1.0 / truth.control_rate
+    if truth.substeps:
+        return Timing(period, 1, truth.substeps)
+    guess = tables(truth, layout, tree, Timing(period, 1, 4), cad)
+    inverse = np.linalg.inv(inertia_at(tree, layout.home))
+    needed = int(np.ceil(stiffest(guess, inverse) * period / 0.2))
+    return Timing(period, 1, int(np.clip(needed, 4, 100)))

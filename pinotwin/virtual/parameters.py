@@ -1,0 +1,200 @@
+"""Turn the resolved truth into the flat tables that the kernel reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.virtual import columns as c
+from pinotwin.virtual.kernel import Axes
+from pinotwin.virtual.mass import inertia_at
+from pinotwin.virtual.rigid import Tree
+from pinotwin.virtual.truth import AxisTruth, Bend, Friction, Harmonic, Passive, Truth
+
+_LAWS = {"none": c.NONE, "lugre": c.LUGRE, "gms": c.GMS}
+_GRID = 4096
+"""Points of a position table: fine against any grid that an identification would choose."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the names of a machine sit in its tree.
+
+    Attributes:
+        axes: axis names in order.
+        drive: axis -> joint that the motor drives.
+        body: joint name -> joint whose body carries the URDF link (behind a bend, if there is one).
+        passive: passive joint -> its index.
+        bend: axis -> index of its hidden joint.
+        home: position at which frequencies are stated, shape (nv,).
+    """
+
+    axes: tuple[str, ...]
+    drive: Mapping[str, int]
+    body: Mapping[str, int]
+    passive: Mapping[str, int]
+    bend: Mapping[str, int]
+    home: Floats
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Rates of the kernel: control period [s], updates per period, substeps per update."""
+
+    period: float
+    updates: int
+    substeps: int
+
+
+def _friction_row(row: Floats, f: Friction, inertia: float) -> None:
+    coulomb, width = f.coulomb or 0.0, f.presliding or 1e-6
+    row[c.LAW] = _LAWS[f.kind] if coulomb > 0.0 else c.NONE
+    row[c.BRISTLE] = max(coulomb, 1e-12) / width
+    row[c.BRISTLE_DAMPER] = 2.0 * f.damping * np.sqrt(row[c.BRISTLE] * inertia)
+    row[c.LEVEL_P] = coulomb * (1.0 + 0.5 * f.asymmetry)
+    row[c.LEVEL_N] = coulomb * (1.0 - 0.5 * f.asymmetry)
+    row[c.STATIC], row[c.STRIBECK] = f.static, f.stribeck_speed or 1e-3
+    row[c.VISCOUS], row[c.QUADRATIC], row[c.BY_LOAD] = f.viscous or 0.0, f.quadratic, f.load
+    row[c.WARMING], row[c.WARMING_TIME] = f.warming, f.warming_time
+    row[c.WANDER], row[c.WANDER_RATE] = f.wander, 2.0 * np.pi / f.wander_period
+    row[c.CHATTER] = f.chatter
+
+
+def _control_row(row: Floats, axis: AxisTruth, aff: float, timing: Timing) -> None:
+    k = axis.controller
+    row[c.PID] = float(k.kind == "pid")
+    row[c.KP], row[c.KV], row[c.KI] = k.kp or 0.0, k.kv or 0.0, k.ki or 0.0
+    row[c.VFF], row[c.AFF] = k.velocity_feedforward, k.acceleration_feedforward * aff
+    row[c.V_ALPHA] = 1.0 - np.exp(-2.0 * np.pi * k.velocity_filter * timing.period)
+    row[c.I_LIMIT], row[c.U_LIMIT] = k.integral_limit or np.inf, k.effort_limit or np.inf
+    row[c.DELAY] = k.delay
+    dt = timing.period / timing.updates / timing.substeps
+    row[c.U_ALPHA] = 1.0 - np.exp(-2.0 * np.pi * k.current_bandwidth * dt)
+    e = axis.encoder
+    row[c.RESOLUTION], row[c.PITCH] = e.resolution or 0.0, e.pitch
+    row[c.ERROR], row[c.ERROR_RATE], row[c.ERROR_PHASE] = e.error, 2 * np.pi / e.period, e.phase
+
+
+def _drive_row(row: Floats, axis: AxisTruth, load: float) -> None:
+    d = axis.drive
+    if d.frequency <= 0.0:
+        return
+    rotor = d.rotor or 1e-3 * load
+    reduced = rotor * load / (rotor + load)
+    w = 2.0 * np.pi * d.frequency
+    row[c.FLEXIBLE], row[c.INV_ROTOR] = 1.0, 1.0 / rotor
+    row[c.SPRING], row[c.DAMPER] = reduced * w * w, 2.0 * d.damping * w * reduced
+    row[c.BACKLASH] = 0.5 * d.backlash
+    row[c.LOAD_ENCODER] = float(d.encoder == "load")
+    row[c.LOAD_FRICTION] = d.friction_on_load
+
+
+def _ripple_table(axes: Sequence[AxisTruth]) -> Floats:
+    table = np.zeros((len(axes), max(1, *(len(a.ripple) for a in axes)), c.N_RIPPLE))
+    for i, axis in enumerate(axes):
+        for k, r in enumerate(axis.ripple):
+            table[i, k] = _ripple_row(r)
+    return table
+
+
+def _ripple_row(r: Harmonic) -> tuple[float, ...]:
+    wave = 2.0 * np.pi / r.period
+    return (r.amplitude, wave, r.phase, r.modulation, r.modulation_phase, r.speed, r.rate)
+
+
+def cable_curve(axis: AxisTruth, q: Floats) -> Floats:
+    """Return the irregular position-dependent effort of an axis at positions ``q``, shape (n,)."""
+    cable, (low, high) = axis.cable, axis.limits.travel or (-1.0, 1.0)
+    rng = np.random.default_rng([cable.seed, 77])
+    curve = np.zeros_like(q)
+    if cable.amplitude > 0.0:
+        waves = np.exp(rng.uniform(np.log(0.5 / (high - low)), np.log(1.0 / cable.length), 24))
+        sizes = rng.rayleigh(1.0, 24) * (waves / waves.min()) ** -0.5
+        phases = rng.uniform(0.0, 2.0 * np.pi, 24)
+        raw = np.sin(2.0 * np.pi * np.outer(q, waves) + phases) @ sizes
+        curve = cable.amplitude * (raw - raw.mean()) / max(float(raw.std()), 1e-12)
+    if cable.end != 0.0:
+        width = 0.06 * (high - low)
+        curve = curve + cable.end * np.exp(np.minimum(q - high, 0.1) / width)
+        curve = curve - 0.7 * cable.end * np.exp(np.minimum(low - q, 0.1) / width)
+    return curve
+
+
+def _tables(axes: Sequence[AxisTruth]) -> tuple[Floats, Floats]:
+    table, grid = np.zeros((len(axes), _GRID)), np.zeros((len(axes), 2))
+    for i, axis in enumerate(axes):
+        if axis.cable.amplitude == 0.0 and axis.cable.end == 0.0:
+            continue
+        low, high = axis.limits.travel or (-1.0, 1.0)
+        q = np.linspace(low - 0.1 * (high - low), high + 0.1 * (high - low), _GRID)
+        table[i], grid[i] = cable_curve(axis, q), (q[0], 1.0 / (q[1] - q[0]))
+    return table, grid
+
+
+def _spring_row(spec: Passive | Bend, inertia: float) -> tuple[float, ...]:
+    if isinstance(spec, Bend):
+        w = 2.0 * np.pi * spec.frequency
+        return (inertia * w * w, 2.0 * spec.damping * w * inertia, 0.0, 0.0, 1.0)
+    w = 2.0 * np.pi * (spec.frequency or 0.0)
+    k = inertia * w * w if spec.stiffness is None else spec.stiffness
+    d = 2.0 * spec.damping_ratio * np.sqrt(k * inertia) if spec.damping is None else spec.damping
+    slip = spec.hysteresis / spec.hysteresis_width
+    return (k, d, spec.hardening, spec.hysteresis, max(slip, 1e-12))
+
+
+def tables(
+    truth: Truth, layout: Layout, tree: Tree, timing: Timing, cad: Mapping[str, float]
+) -> Axes:
+    """Return the kernel's tables of a machine.
+
+    Args:
+        truth: resolved truth.
+        layout: where things sit in the tree.
+        tree: the true tree.
+        timing: rates.
+        cad: CAD inertia per axis, for the feed-forward [kg or kg·m²].
+    """
+    M = np.diag(inertia_at(tree, layout.home))
+    specs = [truth.axes[name] for name in layout.axes]
+    P = np.zeros((len(specs), c.N_COLUMNS))
+    for row, name, axis in zip(P, layout.axes, specs, strict=True):
+        inertia = float(M[layout.drive[name]])
+        moved = axis.drive.rotor or inertia if axis.drive.frequency > 0.0 else inertia
+        _friction_row(row, axis.friction, moved)
+        _control_row(row, axis, cad[name], timing)
+        _drive_row(row, axis, inertia)
+    table, grid = _tables(specs)
+    springs = {j: truth.passive[name] for name, j in layout.passive.items()}
+    bends = {j: truth.axes[name].bend for name, j in layout.bend.items()}
+    every = sorted([*springs.items(), *((j, b) for j, b in bends.items() if b is not None)])
+    rows = [_spring_row(spec, float(M[j])) for j, spec in every]  # type: ignore[arg-type]
+    return Axes(
+        joint=np.array([layout.drive[name] for name in layout.axes], dtype=np.intp),
+        P=P,
+        ripple=_ripple_table(specs),
+        table=table,
+        grid=grid,
+        sprung=np.array([j for j, _ in every], dtype=np.intp),
+        springs=np.array(rows, dtype=float).reshape(-1, c.N_SPRING),
+        coupled=int(truth.coupled),
+    )
+
+
+def stiffest(axes: Axes, inverse: Floats) -> float:
+    """Return the highest angular frequency in the plant [rad/s].
+
+    Args:
+        axes: the kernel's tables.
+        inverse: inverse mass matrix at home, shape (nv, nv).
+    """
+    squares = [0.0]
+    for P, j in zip(axes.P, axes.joint, strict=True):
+        light = P[c.INV_ROTOR] if P[c.FLEXIBLE] > 0.5 else inverse[j, j]
+        squares.append(P[c.BRISTLE] * light if P[c.LAW] != c.NONE else 0.0)
+        squares.append(P[c.SPRING] * (P[c.INV_ROTOR] + inverse[j, j]))
+    for S, j in zip(axes.springs, axes.sprung, strict=True):
+        squares.append((S[c.STIFFNESS] + S[c.SLIP_STIFFNESS]) * inverse[j, j])
+    return float(np.sqrt(max(squares)))

@@ -1,0 +1,234 @@
+"""Linear least squares: exactness, rank, weights, bounds, whiteness."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.optimize import lsq_linear
+
+from pinotwin.errors import DataError
+from pinotwin.fit.crossval import held_out
+from pinotwin.fit.linear import Options, Prior, linear, reduce, solve
+from pinotwin.fit.problem import AxisRows, Problem
+from pinotwin.fit.tsqr import r_factor, r_factor_of_blocks
+
+
+def problem_of(rng, n=400, p=5, levels=(0.1, 10.0), truth=None, W=None):
+    truth = rng.standard_normal(p) if truth is None else truth
+    parts = []
+    for i, level in enumerate(levels):
+        Wi = rng.standard_normal((n, p)) if W is None else W[i]
+        parts.append(AxisRows(Wi, Wi @ truth + level * rng.standard_normal(n), np.arange(n)))
+    return Problem.stack(parts, [f"p{i}" for i in range(len(truth))]), truth
+
+
+def test_r_factor_equals_numpy_whatever_the_blocks():
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((5321, 7)) * np.geomspace(1, 1e-6, 7)
+    reference = np.abs(np.linalg.qr(A, mode="r"))
+    assert_allclose(np.abs(r_factor(A, 100)), reference, rtol=1e-10, atol=1e-14)
+    pieces = (A[i : i + 700] for i in range(0, len(A), 700))
+    assert_allclose(np.abs(r_factor_of_blocks(pieces)), reference, rtol=1e-10, atol=1e-14)
+    assert r_factor(A[:3]).shape == (7, 7)
+
+
+def test_known_levels_give_the_textbook_weighted_estimate():
+    rng = np.random.default_rng(1)
+    problem, _ = problem_of(rng)
+    sigma = np.array([0.1, 10.0])
+    fit = linear(problem, Options(sigma=sigma, inference="ols"))
+    w = 1 / sigma[problem.axis]
+    reference = np.linalg.lstsq(problem.W * w[:, None], problem.y * w)[0]
+    assert_allclose(fit.theta, reference, rtol=1e-10)
+    H = (problem.W * w[:, None]).T @ (problem.W * w[:, None])
+    e = (problem.y - problem.W @ reference) * w
+    assert_allclose(fit.covariance, np.linalg.inv(H) * (e @ e) / (len(e) - 5), rtol=1e-8)
+
+
+def test_levels_are_found_and_sharpen_the_estimate():
+    rng = np.random.default_rng(2)
+    problem, truth = problem_of(rng, n=2000)
+    fit = linear(problem)
+    assert_allclose(fit.sigma, [0.1, 10.0], rtol=0.05)
+    plain = np.linalg.lstsq(problem.W, problem.y)[0]
+    assert np.linalg.norm(fit.theta - truth) < 0.1 * np.linalg.norm(plain - truth)
+
+
+def test_reading_in_pieces_changes_nothing():
+    problem, _ = problem_of(np.random.default_rng(3), n=500)
+    keep = problem.time < 217
+    pieces = [problem.rows(keep), problem.rows(~keep)]
+    whole, parts = solve(reduce(problem)), solve(reduce(iter(pieces)))
+    assert_allclose(parts.theta, whole.theta, rtol=1e-10)
+    assert_allclose(parts.sigma, whole.sigma, rtol=1e-10)
+
+
+def test_what_the_data_leave_open_stays_at_the_prior_and_is_named():
+    rng = np.random.default_rng(4)
+    n = 300
+    W = rng.standard_normal((n, 6)) * [1, 10, 1, 0.1, 1, 1]
+    W[:, 2] = 0.0  # unexcited
+    W[:, 4] = 2 * W[:, 1] - W[:, 3]  # 1, 3, 4 tied by one relation
+    y = W @ np.array([1.0, 2.0, 0.0, 3.0, 0.0, -1.0])
+    problem = Problem.stack([AxisRows(W, y, np.arange(n))], list("abcdef"))
+    mean = np.array([9.0, 1.5, 7.0, 2.0, 0.7, 9.0])
+    std = np.array([1.0, 0.3, 1.0, 2.0, 0.5, 1.0])
+    fit = linear(problem, Options(prior=Prior(mean, std)))
+    assert fit.rank == 4
+    assert fit.unexcited == (2,)
+    assert fit.group_names() == (("b", "d", "e"),)
+    assert fit.determined.tolist() == [True, False, False, False, False, True]
+    assert_allclose(fit.theta[[0, 5]], [1, -1], rtol=1e-8)
+    assert fit.theta[2] == 7.0
+    # Oracle: constrained optimum of the distance to the prior, on the line of equal fits.
+    line = np.array([0, 2.0, 0, -1.0, -1.0, 0])
+    base = np.array([1.0, 2.0, 7.0, 3.0, 0.0, -1.0])
+    step = np.sum(line * (mean - base) / std**2) / np.sum(line**2 / std**2)
+    assert_allclose(fit.theta, base + step * line, rtol=1e-7)
+    assert np.isinf(fit.standard_errors[[1, 2, 3, 4]]).all()
+    assert np.isfinite(fit.standard_errors[[0, 5]]).all()
+    value, error = fit.combination(np.array([0, 1.0, 0, 0, 2.0, 0]))  # orthogonal to the line
+    assert_allclose(value, 2.0, rtol=1e-7)
+    assert np.isfinite(error)
+    assert np.isinf(fit.combination(np.array([0, 1.0, 0, 0, 0, 0]))[1])
+
+
+def test_nothing_excited_at_all():
+    problem = Problem.stack([AxisRows(np.zeros((9, 2)), np.ones(9), np.arange(9))], "ab")
+    fit = linear(problem, Options(prior=Prior(np.array([1.0, 2.0]))))
+    assert fit.rank == 0
+    assert fit.unexcited == (0, 1)
+    assert_allclose(fit.theta, [1, 2])
+
+
+def test_units_of_the_parameters_do_not_matter():
+    rng = np.random.default_rng(5)
+    problem, _ = problem_of(rng)
+    unit = np.geomspace(1e-5, 1e5, 5)
+    other = problem.with_columns(problem.W * unit, problem.names)
+    a, b = linear(problem), linear(other)
+    assert_allclose(b.theta * unit, a.theta, rtol=1e-8)
+    assert_allclose(b.standard_errors * unit, a.standard_errors, rtol=1e-6)
+    assert_allclose(a.condition, b.condition, rtol=1e-6)
+
+
+def test_soft_prior_equals_extra_rows():
+    rng = np.random.default_rng(6)
+    problem, truth = problem_of(rng, n=20, levels=(1.0,))
+    mean, std = truth + 0.1, np.full(5, 0.2)
+    fit = linear(problem, Options(prior=Prior(mean, std, soft=True), sigma=np.ones(1)))
+    A = np.concatenate([problem.W, np.diag(1 / std)])
+    reference = np.linalg.lstsq(A, np.concatenate([problem.y, mean / std]))[0]
+    assert_allclose(fit.theta, reference, rtol=1e-9)
+
+
+def test_bounds_equal_scipy_and_are_reported():
+    rng = np.random.default_rng(7)
+    truth = np.array([1.0, -0.5, 2.0, -3.0, 0.1])
+    problem, _ = problem_of(rng, levels=(1.0,), truth=truth)
+    lower = np.array([0, 0, 0, -np.inf, -np.inf])
+    upper = np.array([np.inf, np.inf, 1.5, np.inf, np.inf])
+    fit = linear(problem, Options(lower=lower, upper=upper, sigma=np.ones(1)))
+    reference = lsq_linear(problem.W, problem.y, (lower, upper), tol=1e-14).x
+    assert_allclose(fit.theta, reference, atol=1e-7)
+    assert fit.active.tolist() == [False, True, True, False, False]
+    assert (fit.interval()[:, 0] >= lower).all()
+    assert (fit.interval()[:, 1] <= upper).all()
+
+
+def test_factor_reproduces_the_cost():
+    problem, _ = problem_of(np.random.default_rng(8))
+    fit = linear(problem)
+    weight = 1 / fit.sigma[problem.axis_place]
+
+    def cost(theta):
+        return np.sum((weight * (problem.y - problem.W @ theta)) ** 2)
+
+    def small(theta):
+        return np.sum((fit.factor @ theta - fit.right) ** 2)
+
+    other = fit.theta + 0.3
+    assert_allclose(small(other) - small(fit.theta), cost(other) - cost(fit.theta), rtol=1e-8)
+
+
+def test_whiteness_tells_white_from_coloured():
+    rng = np.random.default_rng(9)
+    n = 3000
+    white, coloured = rng.standard_normal(n), np.zeros(n)
+    for k in range(1, n):
+        coloured[k] = 0.8 * coloured[k - 1] + white[k]
+    W = np.ones((n, 1))
+    fit = linear(Problem.stack([AxisRows(W, x, np.arange(n)) for x in (white, coloured)], "o"))
+    assert fit.whiteness.p_value[0] > 0.01
+    assert fit.whiteness.p_value[1] < 1e-12
+    assert_allclose(fit.whiteness.durbin_watson, [2.0, 2 * (1 - 0.8)], atol=0.12)
+    assert_allclose(fit.whiteness.autocorrelation[1, :3], [0.8, 0.64, 0.512], atol=0.06)
+
+
+def test_relative_errors():
+    y = np.array([3.0, 4.0, 0.0, 5.0])
+    W = np.array([[0.0], [0.0], [1.0], [0.0]])
+    parts = [AxisRows(W[:2], y[:2], np.arange(2)), AxisRows(W[2:], y[2:], np.arange(2))]
+    fit = linear(Problem.stack(parts, ["p"]))
+    assert_allclose(fit.relative_errors, [1.0, 1.0])
+    assert_allclose(fit.relative_error, 1.0)
+
+
+def test_held_out_error_is_the_noise_and_shows_overfitting():
+    rng = np.random.default_rng(10)
+    n = 600
+    W = rng.standard_normal((n, 120))
+    y = 3 * W[:, 0] + rng.standard_normal(n)
+    lean = held_out(Problem.stack([AxisRows(W[:, :1], y, np.arange(n))], ["a"]))
+    names = [f"p{i}" for i in range(120)]
+    fat_problem = Problem.stack([AxisRows(W, y, np.arange(n))], names)
+    fat = held_out(fat_problem)
+    assert_allclose(lean.nrmse, 1 / np.sqrt(10), rtol=0.1)
+    assert linear(fat_problem).relative_error < 0.95 * lean.nrmse[0]
+    assert fat.nrmse[0] > 1.08 * lean.nrmse[0]
+
+
+def test_held_out_equals_refits_on_the_remaining_rows():
+    problem, _ = problem_of(np.random.default_rng(11), n=200, levels=(1.0, 2.0))
+    options = Options(sigma=np.array([1.0, 2.0]))
+    out = held_out(problem, folds=4, guard=5, options=options)
+    total = np.zeros(2)
+    for k in range(4):
+        a, b = 50 * k, 50 * (k + 1)
+        train = (problem.time < a - 5) | (problem.time >= b + 5)
+        theta = linear(problem.rows(train), options).theta
+        e = problem.y - problem.W @ theta
+        inside = (problem.time >= a) & (problem.time < b)
+        total += [np.sum(e[inside & (problem.axis == i)] ** 2) for i in range(2)]
+    assert_allclose(out.rms, np.sqrt(total / 200), rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"names": ("a",)}, "regressor has shape (4, 2) for 1 named parameters"),
+        ({"y": np.zeros(3)}, "W has 4 rows, y has 3"),
+        ({"y": np.full(4, np.nan)}, "NaN or infinite"),
+        ({"time": np.array([0, 1, 1, 2])}, "strictly increasing time"),
+    ],
+)
+def test_rows_that_are_no_problem_are_refused(change, message):
+    good = {
+        "W": np.ones((4, 2)), "y": np.ones(4), "axis": np.zeros(4, int), "time": np.arange(4),
+        "names": ("a", "b"), "block": np.zeros(4, int),
+    }  # fmt: skip
+    with pytest.raises(DataError, match=message.replace("(", r"\(").replace(")", r"\)")):
+        Problem(**(good | change))
+
+
+def test_options_that_do_not_fit_are_refused():
+    problem, _ = problem_of(np.random.default_rng(12))
+    with pytest.raises(DataError, match="lower has shape"):
+        linear(problem, Options(lower=np.zeros(2)))
+    with pytest.raises(DataError, match="sigma has shape"):
+        linear(problem, Options(sigma=np.zeros(3)))
+    with pytest.raises(DataError, match="unknown inference 'hacc'; did you mean 'hac'"):
+        linear(problem, Options(inference="hacc"))
+    with pytest.raises(DataError, match="soft prior needs"):
+        linear(problem, Options(prior=Prior(np.zeros(5), soft=True)))
