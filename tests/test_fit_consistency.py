@@ -30,7 +30,9 @@ def robot(seed=0, joints=3):
         masses = rng.uniform(0.1, 1, 30)
         com = masses @ cloud / masses.sum()
         arm = cloud - com
-        inertia = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arm, strict=True))
+        inertia = sum(
+            m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arm, strict=True)
+        )
         model.appendBodyToJoint(parent, pin.Inertia(masses.sum(), com, inertia), pin.SE3.Identity())
     pi = np.concatenate([model.inertias[k + 1].toDynamicParameters() for k in range(joints)])
     return model, np.concatenate([pi, np.full(joints, 0.02)])

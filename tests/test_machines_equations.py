@@ -1,10 +1,10 @@
 """The bundled machines are the thesis' equations: RNEA of their trees against the closed forms.
 
-The closed forms are written out here by hand from Wang (2023): Eq. 3.2 to 3.6 (5-axis laser driller),
-Eq. 4.26-4.27 (trunnion) and Eq. 5.4-5.5 (flexure rig), their rigid parts, with the errata of re-deriving
-them: 4.27 and 7.3 take the *acceleration* of the linear axis, 5.4's first left side is u_Y. Inertias,
-rotor inertias and states are drawn at random; the structure that the equations assume (a centre of mass
-on its axis, a symmetric rotor) is kept.
+The closed forms are written out here by hand from Wang (2023): Eq. 3.2 to 3.6 (5-axis laser
+driller), Eq. 4.26-4.27 (trunnion) and Eq. 5.4-5.5 (flexure rig), their rigid parts, with the errata
+of re-deriving them: 4.27 takes the *acceleration* of the linear axis, 5.4's first left side is u_Y.
+Inertias, rotor inertias and states are drawn at random; the structure that the equations assume (a
+centre of mass on its axis, a symmetric rotor) is kept.
 """
 
 from __future__ import annotations
@@ -57,7 +57,9 @@ def agree(tau: np.ndarray, equation: np.ndarray) -> None:
 def test_joint_order_and_axes_of_the_driller(urdf_dir: Path) -> None:
     model = load(urdf_dir, "laser_driller")
     assert list(model.names)[1:] == ["X", "Y", "Z", "B", "C"]
-    np.testing.assert_allclose(model.jointPlacements[model.getJointId("C")].translation, [0, 0, 0.08])
+    np.testing.assert_allclose(
+        model.jointPlacements[model.getJointId("C")].translation, [0, 0, 0.08]
+    )
     for joint in range(1, model.njoints):
         np.testing.assert_allclose(model.jointPlacements[joint].rotation, np.eye(3), atol=1e-15)
 
@@ -212,8 +214,8 @@ def test_flexure_rig_is_eq_5_4_and_5_5(urdf_dir: Path, seed: int) -> None:
     )
     u_y = (p["m_Y"] + rotor) * a[0] + d_y
     u_a = p["I_A"] * a_abs + d_a
-    # Second line of 5.4: what the flexure transmits, -(c v + k q), is the inertia's effort minus the
-    # motor's reaction -u_A; RNEA's second row is exactly that effort.
+    # Second line of 5.4: the flexure transmits -(c v + k q), which is the link's inertial effort
+    # plus the motor's reaction; RNEA's second row is exactly that.
     transmitted = p["I_delta"] * a_d + d_delta + u_a
     u_c = model.inertias[4].inertia[2, 2] * a[3]
     agree(tau, np.array([u_y, transmitted, u_a, u_c]))
@@ -229,13 +231,17 @@ def test_flexure_rig_has_the_parameters_of_table_7_1(urdf_dir: Path) -> None:
 
 
 def frequencies(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.clip(scipy.linalg.eigh(stiffness, mass, eigvals_only=True), 0, None)) / (2 * np.pi)
+    return np.sqrt(np.clip(scipy.linalg.eigh(stiffness, mass, eigvals_only=True), 0, None)) / (
+        2 * np.pi
+    )
 
 
 def test_flexure_rig_modes_of_the_linear_part_of_eq_5_4(urdf_dir: Path) -> None:
     """Tap test of Appendix A: 20 Hz with the linear motor held, 34.6 Hz without."""
     p = rig_parameters(load(urdf_dir, "flexure_rig"))
-    flexure = yaml.safe_load((urdf_dir / "flexure_rig/machine.yaml").read_text())["passive"]["delta"]
+    flexure = yaml.safe_load((urdf_dir / "flexure_rig/machine.yaml").read_text())["passive"][
+        "delta"
+    ]
     k, c = flexure["stiffness"], flexure["damping"]
     held = np.sqrt(k / p["I_delta"]) / (2 * np.pi)
     mass = np.array([[p["m_Y"], -p["mu"]], [-p["mu"], p["I_delta"]]])
@@ -249,7 +255,9 @@ def test_flexure_rig_modes_of_the_whole_tree_with_the_tilting_axis_clamped(urdf_
     """The table's small coupling moves the modes by a few per cent with its tilt, no more."""
     model = load(urdf_dir, "flexure_rig")
     data = model.createData()
-    k = yaml.safe_load((urdf_dir / "flexure_rig/machine.yaml").read_text())["passive"]["delta"]["stiffness"]
+    k = yaml.safe_load((urdf_dir / "flexure_rig/machine.yaml").read_text())["passive"]["delta"][
+        "stiffness"
+    ]
     for tilt in np.radians([0.0, 32.0, 73.0, 90.0]):
         mass = pin.crba(model, data, np.array([0.0, 0.0, tilt, 0.0]))[:2, :2]
         held = np.sqrt(k / mass[1, 1]) / (2 * np.pi)

@@ -1,4 +1,4 @@
-"""Every bundled machine loads in Pinocchio, MuJoCo and yourdfpy, and the three see the same machine."""
+"""Every bundled machine loads in Pinocchio, MuJoCo and yourdfpy, which see the same machine."""
 
 from __future__ import annotations
 
@@ -122,21 +122,32 @@ def test_shapes_are_primitives_with_named_materials(urdf_dir: Path, name: str) -
     assert not tree.findall(".//mesh")
     assert {v.find("material").get("name") for v in visuals} == defined
     for joint in MACHINES[name]:
-        assert tree.findall(f".//link[@name='{joint}_link']/visual"), f"{joint} carries nothing visible"
+        assert tree.findall(f".//link[@name='{joint}_link']/visual"), (
+            f"{joint} carries nothing visible"
+        )
 
 
 def test_the_driller_makes_every_base_parameter_felt(urdf_dir: Path) -> None:
     """Each group of Eq. 3.4 to 3.6 that the workpiece brings is clearly different from zero."""
     model = pin.buildModelFromUrdf(str(urdf_of(urdf_dir, "laser_driller")))
     m, mx, my, mz, ixx, ixy, iyy, ixz, iyz, izz = model.inertias[5].toDynamicParameters()
-    groups = {"mx": mx, "my": my, "mz": mz, "ixy": ixy, "ixz": ixz, "iyz": iyz, "d": iyy - ixx, "izz": izz}
+    groups = {
+        "mx": mx,
+        "my": my,
+        "mz": mz,
+        "ixy": ixy,
+        "ixz": ixz,
+        "iyz": iyz,
+        "d": iyy - ixx,
+        "izz": izz,
+    }
     scale = {"mx": m, "my": m, "mz": m}
     for group, value in groups.items():
         assert abs(value) > 4e-3 * scale.get(group, izz), group
 
 
 def test_tx40_reaches_its_published_points(urdf_dir: Path) -> None:
-    """Upright candle at q2 = -90°, q3 = +90°: wrist at 0.320 + 0.225 + 0.225 m, flange 0.065 m above."""
+    """Upright at q2 = -90°, q3 = +90°: wrist at 0.320 + 0.225 + 0.225 m, flange 0.065 m above."""
     model = pin.buildModelFromUrdf(str(urdf_of(urdf_dir, "tx40")))
     data = model.createData()
     pin.framesForwardKinematics(model, data, np.array([0, -np.pi / 2, np.pi / 2, 0, 0, 0]))
@@ -152,7 +163,9 @@ def test_tx40_log_lies_inside_the_limits(urdf_dir: Path, data_dir: Path) -> None
     ratios = np.array([[spec["transmission"][i].get(j, 0.0) for j in joints] for i in joints])
     zero = np.array([spec["axes"][j].get("zero", 0.0) for j in joints])
     with (data_dir / "staubli_tx40" / "pos_read_data.csv").open() as file:
-        rows = [[float(x) for x in row] for k, row in enumerate(csv.reader(file)) if k and k % 10 == 0]
+        rows = [
+            [float(x) for x in row] for k, row in enumerate(csv.reader(file)) if k and k % 10 == 0
+        ]
     q = np.linalg.solve(ratios, np.array(rows).T).T + zero
     model = pin.buildModelFromUrdf(str(urdf_of(urdf_dir, "tx40")))
     assert np.all(q.min(axis=0) > model.lowerPositionLimit)

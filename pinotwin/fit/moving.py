@@ -1,4 +1,4 @@
-"""Columns that move with a few shape parameters, and the coordinates in which these are searched."""
+"""Columns that move with a few shape parameters, and the coordinates of their search."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Moving:
         lower: lower bounds of the shapes, shape (s,).
         upper: upper bounds, shape (s,).
         log: shapes searched on a logarithmic scale, shape (s,).
-        starts: for each shape the values to try first, ascending; dense enough that the optimum lies
-            in the basin of one of them.
+        starts: for each shape the values to try first, ascending, dense enough that the optimum
+            lies in the basin of one of them.
     """
 
     name: str
@@ -70,7 +70,9 @@ class Moving:
         out = []
         for k, grid in enumerate(self.starts):
             values = np.clip(np.asarray(grid, float), self.lower[k], self.upper[k])
-            out.append(np.unique(np.clip(np.log(values) if self.log[k] else values, low[k], high[k])))
+            out.append(
+                np.unique(np.clip(np.log(values) if self.log[k] else values, low[k], high[k]))
+            )
         return tuple(out)
 
     def search(self, values: Floats) -> Floats:

@@ -186,9 +186,7 @@ class Projection:
             out.append(span.small(columns, index, width) / sigma[i])
         return np.concatenate(out)
 
-    def on_axis(
-        self, i: int, pieces: Sequence[tuple[int, Floats, Ints]]
-    ) -> tuple[Floats, Ints]:
+    def on_axis(self, i: int, pieces: Sequence[tuple[int, Floats, Ints]]) -> tuple[Floats, Ints]:
         """Return the moving columns that touch an axis, on all its rows, and their numbers."""
         n = self.parts[i].stop - self.parts[i].start
         here = [(self.placed[b][i].take(C, n), k) for b, C, k in pieces if i in self.placed[b]]

@@ -4,8 +4,8 @@ For a candidate C of the block's columns the drop of the weighted sum of squares
 
     gain = g' G^-1 g,   g = C' P r,   G = C' P C
 
-with P the projector off all other columns and r the residual they leave. It costs one thin product per
-candidate, so the block's whole grid is scanned, the best basins are kept, and each is refined.
+with P the projector off all other columns and r the residual they leave. It costs one thin product
+per candidate, so the block's whole grid is scanned, the best basins are kept, and each is refined.
 """
 
 from __future__ import annotations

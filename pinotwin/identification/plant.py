@@ -7,24 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.parameters import body_count, parameters
 from pinotwin.effects import Effect, RigidBody
 from pinotwin.fit.consistency import Bodies, ConsistentFit, Evidence, consistent
-from pinotwin.fit.linear import Options, Prior
+from pinotwin.fit.linear import Options, Prior, linear
 from pinotwin.fit.problem import Problem
 from pinotwin.fit.result import LinearFit
-from pinotwin.fit.separable import Moving, SeparableFit, separable
-from pinotwin.fit.linear import linear
-from pinotwin.identification.assemble import (
-    Rows,
-    assemble,
-    choose_rows,
-    joint_columns,
-)
+from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.twin.twin import effect_keys, effect_slices
+from pinotwin.twin.twin import effect_slices
 
 
 @dataclass(frozen=True)
@@ -102,8 +95,24 @@ def _solve(
         count = sum(len(effect.shapes()) for effect in effects)
         fit = linear(assemble(motion, effects, rows), options)
         return fit, effects, np.full(count, np.nan), np.zeros(count, bool)
-    found = _search(motion, effects, rows, searched, options)
-    return found
+    from pinotwin.identification.shapes import search_shapes
+
+    return search_shapes(motion, effects, rows, searched, options)
+
+
+def _consistent(
+    machine: Machine, fit: LinearFit, effects: Sequence[Effect], pi0: Floats
+) -> ConsistentFit:
+    count = body_count(machine.model)
+    bodies = Bodies(
+        P=machine.base.P,
+        pi0=pi0,
+        bodies=tuple(np.arange(10 * k, 10 * k + 10) for k in range(count)),
+        rotors=np.arange(10 * count, len(pi0)),
+    )
+    span = _beta(effects)
+    evidence = Evidence.of(fit, np.arange(span.start, span.stop))
+    return consistent(evidence, bodies)
 
 
 def _joint(motion: Motion, effect: Effect) -> int:

@@ -3,7 +3,7 @@
 A low-passed accelerometer shows the vertical because a body that stays in the room cannot keep
 accelerating (VQF low-passes it with 3 s: Laidig and Seel 2023, DOI 10.1016/j.inffus.2022.10.014).
 That is the second integral of the acceleration being bounded, and saying so outright uses far more
-of it: a tilt error e shows as a position error g e T²/2, 4.9 m per degree and 10 s... So the states are
+of it: a tilt error e shows as a position error g e T²/2, 8.6 m for 1 deg over 10 s. The states are
 
     orientation error e (earth frame), velocity, position, gyro bias, gyro matrix (scale,
     non-orthogonality), accelerometer bias, deviation of g
@@ -16,7 +16,7 @@ tau. All are smoothed together, in blocks, about a strapdown solution, and relin
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -47,18 +47,22 @@ class Bounds:
         accel_noise: likewise of the accelerometer [m/s²/sqrt(Hz)].
         bias: first gyro bias [rad/s]. bias_walk: its random walk [rad/s/sqrt(s)].
         gyro_matrix: scale and misalignment of the gyro [-].
-        accel_bias: accelerometer bias [m/s²]. gravity: deviation of g [m/s²].
+        accel_bias: accelerometer bias [m/s²]; kept small, for it cannot be told from a tilt unless
+            the sensor turns.
+        gravity: deviation of g [m/s²].
+        block: length of the blocks that the smoother steps over [s].
+        iterations: rounds of relinearisation.
     """
 
     position: float = 0.5
     velocity: float = 1.0
     tau: float = 1.0
-    gyro_noise: float = 2e-4
+    gyro_noise: float = 5e-4
     accel_noise: float = 0.02
     bias: float = 0.02
-    bias_walk: float = 5e-5
-    gyro_matrix: float = 5e-3
-    accel_bias: float = 0.1
+    bias_walk: float = 2e-4
+    gyro_matrix: float = 3e-3
+    accel_bias: float = 5e-3
     gravity: float = 0.05
     block: float = 0.03
     iterations: int = 4
@@ -97,7 +101,7 @@ def offline_orientation(
     gyr, acc = (np.concatenate([x, np.repeat(x[-1:], pad, axis=0)]) for x in (gyr, acc))
     first = ekf(gyr, acc, rate, smooth=True, rule=rule)
     turn = rot.increments(gyr, 1.0 / rate, rule)
-    force = acc[1:] if rule == "mean" else 0.5 * (acc[1:] + acc[:-1])
+    force = 0.5 * (acc[1:] + acc[:-1])
     nominal = _Nominal(first.q, first.bias, np.zeros((3, 3)), np.zeros(3), _G0)
     for _ in range(b.iterations):
         nominal = _correct(nominal, _smooth(turn, force, rate, nominal, b, m), m)

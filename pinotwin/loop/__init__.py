@@ -1,20 +1,29 @@
 """Closed-loop LTI models of the axes: identify, judge, simulate (thesis 4.2, 5.3)."""
 
+from pinotwin.loop.controller import Controller
+from pinotwin.loop.couple import couple
 from pinotwin.loop.data import LoopData, command_rates
 from pinotwin.loop.fit import LoopFit, ParameterFit
+from pinotwin.loop.grey import identify_controller
 from pinotwin.loop.identify import identify_loop
 from pinotwin.loop.modal import ModalStep
 from pinotwin.loop.model import LoopModel
+from pinotwin.loop.order import OrderChoice, select_order
 from pinotwin.loop.structure import Section, Structure
 
 __all__ = [
+    "Controller",
     "LoopData",
     "LoopFit",
     "LoopModel",
     "ModalStep",
+    "OrderChoice",
     "ParameterFit",
     "Section",
     "Structure",
     "command_rates",
+    "couple",
+    "identify_controller",
     "identify_loop",
+    "select_order",
 ]

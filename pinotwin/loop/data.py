@@ -1,9 +1,9 @@
 """The data of one control loop: inputs and outputs of one axis, checked once.
 
 Intersample behaviour, stated because an exact discretisation needs it: the disturbances and the
-*velocity* of the command run straight between their samples (first-order hold), so the command itself
-is piecewise parabolic. Where the log has no velocity of the command it comes from a cubic spline
-through the samples of ``qr``.
+*velocity* of the command run straight between their samples (first-order hold), so the command
+itself is piecewise parabolic. Where the log has no velocity of the command it comes from a cubic
+spline through the samples of ``qr``.
 """
 
 from __future__ import annotations
@@ -61,14 +61,22 @@ class LoopData:
         put(self, "output_names", _names(self.output_names, self.outputs.shape[1], "v"))
         put(self, "disturbance_names", _names(self.disturbance_names, self.d.shape[1], "d"))
         if not self.step > 0:
-            raise DataError(f"{self.axis}: sampling interval {self.step} s, expected a positive one")
+            raise DataError(
+                f"{self.axis}: sampling interval {self.step} s, expected a positive one"
+            )
         velocity, acceleration = _rates(self)
         put(self, "vr", velocity)
         put(self, "ar", acceleration)
         self._check()
 
     def _check(self) -> None:
-        channels = {"qr": self.qr, "d": self.d, "vr": self.vr, "ar": self.ar, "outputs": self.outputs}
+        channels = {
+            "qr": self.qr,
+            "d": self.d,
+            "vr": self.vr,
+            "ar": self.ar,
+            "outputs": self.outputs,
+        }
         for name, values in channels.items():
             if not all(np.isfinite(values[s]).all() for s in self.segments):  # type: ignore[index]
                 raise DataError(
@@ -108,8 +116,8 @@ class LoopData:
         """
         if self.rows < MINIMUM_ROWS:
             raise DataError(
-                f"{self.axis}: {self.rows} samples in unbroken segments, at least {MINIMUM_ROWS} are "
-                "needed to identify the loop; give a longer log"
+                f"{self.axis}: {self.rows} samples in unbroken segments, at least {MINIMUM_ROWS} "
+                "are needed to identify the loop; give a longer log"
             )
         inside = np.concatenate([np.arange(s.start, s.stop) for s in self.segments])
         if np.ptp(self.velocity[inside]) <= 1e-12:
@@ -122,8 +130,8 @@ class LoopData:
             flat = np.flatnonzero(np.ptp(values[inside], axis=0) == 0.0)
             if len(flat):
                 raise DataError(
-                    f"{self.axis}: channel {names[flat[0]]!r} is constant over the whole log, so its "
-                    "transfer functions cannot be identified; check the channel or leave it out"
+                    f"{self.axis}: channel {names[flat[0]]!r} is constant over the whole log, so "
+                    "its transfer functions cannot be identified; check the channel or leave it out"
                 )
 
 

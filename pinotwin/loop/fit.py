@@ -47,7 +47,8 @@ class LoopFit:
 
     Attributes:
         parameters: the searched poles.
-        numerator_errors: standard errors of the numerators, by ``"e/d"``; same order as the coefficients.
+        numerator_errors: standard errors of the numerators, by ``"e/d"``; same order as the
+            coefficients.
         nrmse: rms error over rms of the signal, by output, on the data of the fit.
         rms: rms error [unit of the output].
         samples: number of samples.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.fit import LoopFit, ParameterFit
@@ -40,8 +41,8 @@ def identify_loop(
         weights: one per output; one over its rms where absent.
         bounds: bounds that replace the usual ones, by parameter name, [Hz] or [-], e.g.
             ``{"p1": (1, 100), "wn1": (1, 100), "zeta1": (0.1, 1.5)}``.
-        starts: starting points of theta (logarithms of rad/s or of zeta), shape (k, np); spread ones
-            where absent.
+        starts: starting points of theta (logarithms of rad/s or of zeta), shape (k, np); spread
+            ones where absent.
 
     Raises:
         DataError: too short, or nothing moves.
@@ -57,21 +58,19 @@ def identify_loop(
         misfit = projection.evaluate(found.theta)
         held = _on_bound(layout, found.theta) != 0
         spread = covariance(projection, found.theta, held)
-    model = _model(data, layout, found.theta, misfit.residues * projection.scales.residue_units(layout))
+    model = _model(
+        data, layout, found.theta, misfit.residues * projection.scales.residue_units(layout)
+    )
     fit = _judge(data, projection, found, misfit, spread, model)
-    return LoopModel(**{**_fields(model), "fit": fit})
-
-
-def _fields(model: LoopModel) -> dict[str, object]:
-    return {name: getattr(model, name) for name in model.__dataclass_fields__}
+    return replace(model, fit=fit)
 
 
 def _require_rows(data: LoopData, layout: Layout) -> None:
     unknown = len(layout.parameters) + layout.residues + len(data.segments) * layout.structure.order
     if data.rows < 3 * unknown:
         raise DataError(
-            f"{data.axis}: {data.rows} samples in {len(data.segments)} segments for about {unknown} "
-            "unknowns; give a longer log or a structure with fewer poles"
+            f"{data.axis}: {data.rows} samples in {len(data.segments)} segments for about "
+            f"{unknown} unknowns; give a longer log or a structure with fewer poles"
         )
 
 
@@ -89,7 +88,7 @@ def _on_bound(layout: Layout, theta: Floats) -> Floats:
     return np.where(theta <= low + near, -1, np.where(theta >= high - near, 1, 0))
 
 
-def _judge(  # noqa: PLR0913, gathers what the search left
+def _judge(
     data: LoopData, projection: Projection, found: Found, misfit: Misfit, spread: Covariance,
     model: LoopModel,
 ) -> LoopFit:  # fmt: skip
@@ -117,9 +116,7 @@ def _judge(  # noqa: PLR0913, gathers what the search left
     )
 
 
-def _parameter(
-    p: Parameter, x: float, side: int, variance: float, quantile: float
-) -> ParameterFit:
+def _parameter(p: Parameter, x: float, side: int, variance: float, quantile: float) -> ParameterFit:
     value = math.exp(x) / p.scale
     error = None if side else math.sqrt(max(variance, 0.0))
     interval = None
@@ -133,13 +130,14 @@ def _parameter(
 
 def _notes(parameters: list[ParameterFit]) -> tuple[str, ...]:
     notes = [
-        f"{p.name} = {p.value:.4g} {p.unit} ended on its {p.at_bound} bound: the log does not fix it, "
-        "or the structure has a pole too many"
+        f"{p.name} = {p.value:.4g} {p.unit} ended on its {p.at_bound} bound: the log does not "
+        "fix it, or the structure has a pole too many"
         for p in parameters
         if p.at_bound
     ]
     notes += [
-        f"{p.name} = {p.value:.4g} {p.unit} is known to a factor of {math.exp(1.96 * p.error):.2g} only"
+        f"{p.name} = {p.value:.4g} {p.unit} is known to a factor of "
+        f"{math.exp(1.96 * p.error):.2g} only"
         for p in parameters
         if p.error is not None and p.error > 0.5
     ]
@@ -157,18 +155,14 @@ def _numerator_errors(
     count = len(theta)
 
     def numerators(x: Floats) -> list[Floats]:
-        values = _fields(model)
-        values["sections"] = layout.shaped(x[:count])
-        values["residues"] = x[count:].reshape(model.residues.shape)
-        moved = LoopModel(**values)  # type: ignore[arg-type]
+        residues = x[count:].reshape(model.residues.shape)
+        moved = replace(model, sections=layout.shaped(x[:count]), residues=residues)
         return [moved.numerator(o, i)[0] for o in model.outputs for i in model.inputs]
 
     here = numerators(base)
-    joint = spread.joint * np.outer(scale, scale)
     size, axes = np.linalg.eigh(spread.joint)
-    del joint
     errors = [np.zeros_like(x) for x in here]
-    # Along each principal direction of the covariance: as many differences as there are free numbers.
+    # Along each principal direction of the covariance: as many as there are free numbers.
     for variance, axis in zip(size, axes.T, strict=True):
         if variance <= 1e-14 * max(size[-1], 1e-300):
             continue

@@ -1,7 +1,7 @@
 """The inner loops: sections filtered sample by sample, compiled.
 
-States that have decayed below 1e-200 are set to zero: a long standstill would otherwise end in denormal
-numbers, which are a hundred times slower.
+States that have decayed below 1e-200 are set to zero: a long standstill would otherwise end in
+denormal numbers, which are a hundred times slower.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from pinotwin.arrays import Floats, Ints
 TINY = 1e-200
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _flush(x: float) -> float:
     return 0.0 if abs(x) < TINY else x
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a first-order section and by its derivative with respect to log p.
 
@@ -42,7 +42,7 @@ def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: F
             out[m, 1, k - first] = dx
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def filter_second(
     A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats
 ) -> None:
@@ -83,15 +83,16 @@ def filter_second(
             out[m, 4, i], out[m, 5, i] = ex, ey
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def simulate(
+@njit(cache=True)
+def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
     A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, start: int, stop: int, out: Floats
 ) -> None:
     """Step a modal system over the rows start:stop and add its response to ``out``.
 
     Args:
         A: one 2 x 2 block per section and input, shape (k, 2, 2).
-        B: input weights at start and end of the interval, shape (k, 2, 2) as [block, start/end, state].
+        B: input weights at start and end of the interval, shape (k, 2, 2) as [block, start/end,
+            state].
         C: output rows, shape (ny, k, 2).
         w: the input of every block, shape (k, n).
         x: states at row ``start``, shape (k, 2); holds the states at the last row on return.

@@ -1,9 +1,10 @@
-"""Where everything stands: searched parameters, filter states per input, and the ties between residues.
+"""Where everything stands: searched parameters, states per input, ties between residues.
 
-The response of an output is ``c @ states`` with one set of section states per input (in parallel, each
-section driven by the input itself). The numerator's form (see ``structure``) is then a set of linear
-ties on the residues ``c``: with x' = A x + B w, a relative degree r means c A^k B = 0 for k < r - 1, and
-the gain at frequency zero is the sum of the residues on the first state of every section.
+The response of an output is ``c @ states`` with one set of section states per input (in parallel,
+each section driven by the input itself). The numerator's form (see ``structure``) is then a set of
+linear ties on the residues ``c``: with x' = A x + B w, a relative degree r means c A^k B = 0 for k
+< r - 1, and the gain at frequency zero is the sum of the residues on the first state of every
+section.
 """
 
 from __future__ import annotations
@@ -132,7 +133,7 @@ class Layout:
 
     @property
     def residues(self) -> int:
-        """Number of residues of one output: states, then velocity and acceleration of the command."""
+        """Number of residues of one output: states, then the command's velocity, acceleration."""
         return self.states + 2
 
     def shaped(self, theta: Floats) -> tuple[Section, ...]:
@@ -257,9 +258,7 @@ def usual_bounds(name: str, step: float) -> tuple[float, float]:
     return (0.005, 0.7) if name.startswith("zeta") else (min(3.0, 0.03 / step), fast)
 
 
-def _parameters(
-    sections: Sequence[Section], step: float, bounds: Bounds
-) -> tuple[Parameter, ...]:
+def _parameters(sections: Sequence[Section], step: float, bounds: Bounds) -> tuple[Parameter, ...]:
     found = []
     for s, section in enumerate(sections):
         if not section.free:

@@ -1,20 +1,21 @@
-"""The stepping form of a loop: real 2 x 2 blocks that a compiled simulator advances sample by sample.
+"""The stepping form of a loop: real 2 x 2 blocks that a compiled simulator advances.
 
     x[k+1] = A x[k] + B0 w[k] + B1 w[k+1]          w = (disturbances..., velocity of the command)
     y[k]   = C x[k] + D w[k] + Da ar[k]            ar = acceleration of the command
 
-Each input drives its own copy of the sections (every block belongs to one input), so that the states carry
-physical meaning: the first state of a block is its filtered input. With hold "foh" the input runs
-straight between samples and B1 is what the next sample already does within the interval; with "zoh" the
-input is held and B1 is zero, which makes a feedback of d through the states explicit.
+Each input drives its own copy of the sections (every block belongs to one input), so that the
+states carry physical meaning: the first state of a block is its filtered input. With hold "foh" the
+input runs straight between samples and B1 is what the next sample already does within the interval;
+with "zoh" the input is held and B1 is zero, which makes a feedback of d through the states
+explicit.
 
 The derivatives of the outputs are exact, without numerical differentiation (thesis Eq. 4.12):
 
     y'[k]  = C1 x[k] + D1 w[k] + E1 w'[k]
     y''[k] = C2 x[k] + D2 w[k] + E2 w'[k] + F2 w''[k]
 
-The tracking error has no direct term (E1 of e is zero for a rigid plant seen from its own disturbance),
-so that q' = vr - e' is free of the unknown slope of d.
+The tracking error has no direct term (E1 of e is zero for a rigid plant seen from its own
+disturbance), so that q' = vr - e' is free of the unknown slope of d.
 """
 
 from __future__ import annotations
@@ -97,7 +98,8 @@ class ModalStep:
     def derivative(self, order: int = 1) -> tuple[Floats, Floats, Floats, Floats]:
         """Return C, D, E and F of the outputs' first or second derivative.
 
-        C has shape (ny, k, 2); D, E, F weigh the inputs, their first and second derivatives, shape (ny, m).
+        C has shape (ny, k, 2); D, E, F weigh the inputs, their first and second derivatives, shape
+        (ny, m).
         """
         C, D = self.C, self.D
         weights = [D, np.zeros_like(D), np.zeros_like(D)]

@@ -1,4 +1,4 @@
-"""The closed loop of one axis as found: poles, residues, and everything that is derived from them."""
+"""The closed loop of one axis as found: poles, residues, and all that follows from them."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ class LoopModel:
     def numerator(self, output: str, input: str) -> tuple[Floats, Floats]:
         """Return numerator and denominator of a transfer function, highest power of s first.
 
-        For the command the numerator holds the factor s; both are as the structure says (the zeros that
-        it demands are exactly zero, and the gain of u to its own d is exactly 1).
+        For the command the numerator holds the factor s; both are as the structure says (the zeros
+        that it demands are exactly zero, and the gain of u to its own d is exactly 1).
         """
         return transfer.fraction(self, self._output(output), self._input(input))
 
@@ -103,8 +103,8 @@ class LoopModel:
         """Return the loop as a python-control system with named signals.
 
         Args:
-            command: ``"qr"``: the position command is the last input; ``"vr"``: velocity and acceleration
-                of the command are the last two, which any structure allows.
+            command: ``"qr"``: the position command is the last input; ``"vr"``: velocity and
+                acceleration of the command are the last two, which any structure allows.
 
         Raises:
             DataError: a structure whose feed-forward has no poles cannot take ``qr`` as input.
@@ -116,8 +116,8 @@ class LoopModel:
     ) -> control.StateSpace:
         """Return the exact discrete equivalent; ``hold`` says how inputs run between samples.
 
-        Note that with ``command="qr"`` and a first-order hold the *position* runs straight between samples,
-        while :meth:`simulate` lets the velocity run straight.
+        Note that with ``command="qr"`` and a first-order hold the *position* runs straight between
+        samples, while :meth:`simulate` lets the velocity run straight.
         """
         return transfer.discrete(self, step or self.step, hold, command)
 
@@ -151,7 +151,8 @@ class LoopModel:
         Args:
             qr: command, shape (n,).
             d: disturbances, shape (n,) or (n, nd).
-            x0: modal states at the first sample, shape (k, 2); at rest under the first inputs if absent.
+            x0: modal states at the first sample, shape (k, 2); at rest under the first inputs if
+                absent.
             vr: velocity of the command; by spline from ``qr`` where absent.
             ar: acceleration of the command; likewise.
             step: sampling interval [s]; that of the identified data where absent.
@@ -176,7 +177,9 @@ class LoopModel:
     def _rates(
         self, qr: Floats, step: float, vr: Floats | None, ar: Floats | None
     ) -> tuple[Floats, Floats]:
-        velocity, acceleration = (None if x is None else np.asarray(x, dtype=float) for x in (vr, ar))
+        velocity, acceleration = (
+            None if x is None else np.asarray(x, dtype=float) for x in (vr, ar)
+        )
         if velocity is None:
             velocity, spline = command_rates(qr, step)
             return velocity, spline if acceleration is None else acceleration

@@ -1,18 +1,19 @@
 """The misfit of a set of poles, with all numerators projected out, and its exact gradient.
 
-For poles theta the outputs are linear in the residues c, which obey linear ties N(theta).T c = g, and in
-the free response f of every segment. With c = cp + Z z, where Z spans the null space of N.T, the misfit
+For poles theta the outputs are linear in the residues c, which obey linear ties N(theta).T c = g,
+and in the free response f of every segment. With c = cp + Z z, where Z spans the null space of N.T,
+the misfit
 
     r(theta) = min over z, f of  || Y - Phi c - F f ||
 
-is variable projection (Golub and Pereyra 1973, doi:10.1137/0710036) in Kaufman's simplification (1975,
-doi:10.1007/BF01932995):
+is variable projection (Golub and Pereyra 1973, doi:10.1137/0710036) in Kaufman's simplification
+(1975, doi:10.1007/BF01932995):
 
     dr/dtheta_i = -P [dPhi_i c + Phi dc_i + dF_i f],     dc_i = -N (N.T N)^-1 dN_i.T c,
 
-with P the projector off the columns [Phi Z, F]. It gives the exact gradient of the cost. All columns of a
-block of rows, [F dF Phi dPhi Y], are first reduced to their triangular factor, so that the problem that
-is solved has a few dozen rows whatever the length of the log; nothing is squared.
+with P the projector off the columns [Phi Z, F]. It gives the exact gradient of the cost. All
+columns of a block of rows, [F dF Phi dPhi Y], are first reduced to their triangular factor, so that
+the problem that is solved has a few dozen rows whatever the length of the log; nothing is squared.
 """
 
 from __future__ import annotations
@@ -24,15 +25,19 @@ from functools import cached_property
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.loop import kernels
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.layout import Layout, Ties
+from pinotwin.loop.responses import (
+    free_places,
+    free_response,
+    memory,
+    run_filter,
+    without_free,
+)
 from pinotwin.loop.sections import Discrete, discretise
 from pinotwin.loop.structure import Section
 
 BLOCK = 1000
-FORGOTTEN = 23.0
-"""A free response is left out after this many of its time constants (1e-10 of its start)."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,9 @@ class Projection:
         out = np.zeros((len(self.blocks), self.columns.width, BLOCK))
         for slot, at in zip(self.layout.slots, self.columns.starts, strict=True):
             part = out[:, at : at + 2 if slot.order == 1 else at + 6]
-            run_filter(discrete, slot.section, slot.order, self.inputs[slot.input], self.blocks, part)
+            run_filter(
+                discrete, slot.section, slot.order, self.inputs[slot.input], self.blocks, part
+            )
         for m, (start, stop, _) in enumerate(self.blocks):
             out[m, self.columns.direct, : stop - start] = self.direct[:, start:stop]
             out[m, self.columns.output :, : stop - start] = self.outputs[:, start:stop]
@@ -158,9 +165,9 @@ class Projection:
             columns: shape (rows of all segments, k).
         """
         longest = max(s.stop - s.start for s in self.segments)
-        n = min(_memory(sections, self.step), longest)
+        n = min(memory(sections, self.step), longest)
         nf = sum(section.order for section in sections)
-        response = _free_response(self.layout, discrete, n)[:nf].T
+        response = free_response(self.layout, discrete, n)[:nf].T
         at = 0
         for s in self.segments:
             own = min(n, s.stop - s.start)
@@ -174,11 +181,11 @@ class Projection:
     ) -> tuple[Floats, list[_Free]]:
         """Return the triangular rows of all data, and the free responses of the segments."""
         wide = self.filtered(discrete)
-        length = _memory(sections, self.step)
+        length = memory(sections, self.step)
         head = -(-length // BLOCK)
         starts = np.flatnonzero(self.blocks[:, 2])
         stops = np.append(starts[1:], len(self.blocks))
-        response = _free_response(self.layout, discrete, head * BLOCK)
+        response = free_response(self.layout, discrete, head * BLOCK)
         tail = np.ones(len(self.blocks), dtype=bool)
         rows: list[Floats] = []
         free: list[_Free] = []
@@ -187,7 +194,7 @@ class Projection:
             tail[a:stop] = False
             own = np.concatenate(list(wide[a:stop]), axis=1)
             n = int(self.blocks[stop - 1, 1] - self.blocks[a, 0])
-            lower, found = _without_free(response[:, :n], own[:, :n], self.layout)
+            lower, found = without_free(response[:, :n], own[:, :n], self.layout)
             free.append(_Free(sum(map(len, rows)), *found))
             rows.append(lower)
         rows.append(np.zeros((wide.shape[1], wide.shape[1])))
@@ -229,29 +236,13 @@ class _Columns:
         self.width = at + 2 + layout.outputs
         self.phi = np.array([*states, at, at + 1])
         self.slopes = [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in slopes]
-        self.free_slopes = _free_places(layout)
-
-
-def _free_places(layout: Layout) -> list[Ints]:
-    """Return, per parameter, pairs (column of dF, column of F)."""
-    places: list[list[tuple[int, int]]] = [[] for _ in layout.parameters]
-    f, d = 0, 0
-    for s, section in enumerate(layout.sections):
-        for i, parameter in enumerate(layout.parameters):
-            if parameter.section == s:
-                first = d + section.order * parameter.value
-                places[i] += [(first + j, f + j) for j in range(section.order)]
-        f += section.order
-        d += section.order * section.order
-    return [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in places]
+        self.free_slopes = free_places(layout)
 
 
 class _Reduced:
     """The problem in triangular coordinates, one output at a time."""
 
-    def __init__(
-        self, layout: Layout, columns: _Columns, rows: Floats, free: list[_Free]
-    ) -> None:
+    def __init__(self, layout: Layout, columns: _Columns, rows: Floats, free: list[_Free]) -> None:
         self.layout, self.columns, self.rows, self.free = layout, columns, rows, free
         self.phi = rows[:, columns.phi]
 
@@ -283,73 +274,3 @@ class _Reduced:
             for i, pairs in enumerate(self.columns.free_slopes):
                 out[part, i] += segment.slopes[:, pairs[:, 0]] @ f[pairs[:, 1]]
         return out
-
-
-def run_filter(
-    discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, out: Floats
-) -> None:
-    """Filter one input by one section into ``out``, from the equilibrium of its first sample."""
-    _run(discrete, s, order, w, blocks, np.zeros(2), out)
-
-
-def _run(  # noqa: PLR0913, passes on what the kernel takes
-    discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, start: Floats, out: Floats
-) -> None:
-    if order == 1:
-        parts = (discrete.A[s, 0, 0], discrete.B0[s, 0], discrete.B1[s, 0])
-        slopes = (discrete.dA[s, 0, 0, 0], discrete.dB0[s, 0, 0], discrete.dB1[s, 0, 0])
-        kernels.filter_first(np.array(parts + slopes), w, blocks, start, out)
-        return
-    A = np.concatenate([discrete.A[s][None], discrete.dA[s]])
-    B = np.stack(
-        [
-            np.concatenate([discrete.B0[s][None], discrete.dB0[s]]),
-            np.concatenate([discrete.B1[s][None], discrete.dB1[s]]),
-        ]
-    )
-    kernels.filter_second(A, B, w, blocks, start, out)
-
-
-def _memory(sections: Sequence[Section], step: float) -> int:
-    """Return after how many samples the slowest free response is forgotten."""
-    rates = []
-    for section in sections:
-        if section.order == 1:
-            rates.append(section.values[0])
-        else:
-            wn, zeta = section.values
-            over = max(zeta * zeta - 1.0, 0.0) ** 0.5
-            rates.append(wn / (zeta + over) if over else wn * zeta)
-    return int(np.ceil(FORGOTTEN / (min(rates) * step)))
-
-
-def _free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
-    """Return the free responses of all sections and then their derivatives, shape (columns, n)."""
-    silent, block = np.zeros(n), np.array([[0, n, 1]], dtype=np.intp)
-    values, slopes = [], []
-    for s, section in enumerate(layout.sections):
-        own = []
-        for j in range(section.order):
-            out = np.zeros((1, 2 if section.order == 1 else 6, n))
-            _run(discrete, s, section.order, silent, block, np.eye(2)[j], out)
-            own.append(out[0])
-        values += [x[0] for x in own]
-        for i in range(section.order):
-            slopes += [x[section.order * (1 + i)] for x in own]
-    return np.stack(values + slopes)
-
-
-def _without_free(
-    response: Floats, own: Floats, layout: Layout
-) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
-    """Return the rows of a segment's head off its free response, and what gives f."""
-    nf = sum(section.order for section in layout.sections)
-    total = np.concatenate([response, own])
-    R = np.linalg.qr(total.T, mode="r")
-    corner = R[:nf, :nf]
-    inverse = np.linalg.pinv(corner, rcond=1e-11)
-    # The count of rows must not depend on how long the free response lasts at these poles.
-    lower = np.zeros((len(total) - nf, len(total)))
-    lower[: max(len(R) - nf, 0)] = R[nf:]
-    nd = len(response)
-    return lower[:, nd:], (inverse, R[:nf, nd:], lower[:, nf:nd])

@@ -1,10 +1,10 @@
 """The search for the poles: bounded, deterministic, from physically spread starts.
 
-The starts are a Halton sequence over the logarithmic box, narrowed to where servo loops live, beside a few
-plain guesses. They are run on the liveliest short piece of the log; the best two different ends are
-polished on all of it with the trust-region reflective method (Branch, Coleman and Li 1999,
-doi:10.1137/S1064827595289108). Poles live in logarithms of p, wn and zeta, so that every point of the
-search, and hence every result, is stable.
+The starts are a Halton sequence over the logarithmic box, narrowed to where servo loops live,
+beside a few plain guesses. They are run on the liveliest short piece of the log; the best two
+different ends are polished on all of it with the trust-region reflective method (Branch, Coleman
+and Li 1999, doi:10.1137/S1064827595289108). Poles live in logarithms of p, wn and zeta, so that
+every point of the search, and hence every result, is stable.
 """
 
 from __future__ import annotations
@@ -52,15 +52,13 @@ class _Remembered:
         self._misfit: Misfit | None = None
 
     def __call__(self, theta: Floats) -> Misfit:
-        if self._misfit is None or not np.array_equal(theta, self._theta):
+        if self._misfit is None or self._theta is None or not np.array_equal(theta, self._theta):
             self._theta, self._misfit = theta.copy(), self.projection.evaluate(theta)
             self.count += 1
         return self._misfit
 
 
-def polish(
-    projection: Projection, theta: Floats, tolerance: float = 1e-7, most: int = 40
-) -> Found:
+def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most: int = 40) -> Found:
     """Return the end of one bounded search from ``theta``."""
     misfit = _Remembered(projection)
     low, high = projection.layout.box

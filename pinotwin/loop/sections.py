@@ -3,16 +3,17 @@ r"""Exact discretisation of first- and second-order sections, and its derivative
 Each section has gain 1 at frequency zero. In states,
 
     first order    x' = -p x + p w
-    second order   x1' = wn x2,   x2' = -wn x1 - 2 zeta wn x2 + wn w      (x1 = G w, x2 = G s w / wn)
+    second order   x1' = wn x2,   x2' = -wn x1 - 2 zeta wn x2 + wn w      (x1 = G w, x2 = G s w /
+    wn)
 
-which holds for any damping, also above 1, and for equal poles. For an input that runs straight between
-samples (first-order hold) the response at the samples is exactly
+which holds for any damping, also above 1, and for equal poles. For an input that runs straight
+between samples (first-order hold) the response at the samples is exactly
 
     x[k+1] = A x[k] + B0 w[k] + B1 w[k+1]
 
-with A, B0, B1 from the matrix exponential of the section extended by the input and its slope (Van Loan
-1978, doi:10.1109/TAC.1978.1101743). The same exponential, extended once more, gives their derivatives by
-log p, log wn and log zeta.
+with A, B0, B1 from the matrix exponential of the section extended by the input and its slope (Van
+Loan 1978, doi:10.1109/TAC.1978.1101743). The same exponential, extended once more, gives their
+derivatives by log p, log wn and log zeta.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Discrete:
 
 
 def continuous(section: Section) -> tuple[Floats, Floats]:
-    """Return A (2, 2) and B (2,) of a section [1/s]; a first-order one leaves its second state idle."""
+    """Return A (2, 2) and B (2,) of a section [1/s]; a first-order one idles its second state."""
     if section.order == 1:
         p = section.values[0]
         return np.array([[-p, 0.0], [0.0, -p]]), np.array([p, 0.0])

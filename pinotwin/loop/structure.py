@@ -5,10 +5,10 @@ All transfer functions of an axis share one characteristic polynomial (thesis Eq
     D(s) = Dfb(s) Dff(s),     Dfb = prod (s + p) prod (s² + 2 zeta wn s + wn²)
 
 Dfb holds the poles of plant and feedback, Dff the poles that make the velocity and acceleration
-feed-forward causal (Table 4-1). The disturbance never passes the feed-forward, so its numerators hold
-the factor Dff and G_ed, G_ud are fractions over Dfb alone ("exact"). Eq. 4.17, 4.18, 5.7 and 5.9 leave
-that factor out ("source"), which adds the lag of Dff to the response to disturbances; the option is
-kept for comparison.
+feed-forward causal (Table 4-1). The disturbance never passes the feed-forward, so its numerators
+hold the factor Dff and G_ed, G_ud are fractions over Dfb alone ("exact"). Eq. 4.17, 4.18, 5.7 and
+5.9 leave that factor out ("source"), which adds the lag of Dff to the response to disturbances; the
+option is kept for comparison.
 
 The command enters through its velocity, since no numerator of Eq. 4.17 or 5.9 has a constant term.
 A numerator is then said by two facts about the fraction: its relative degree, and its gain at
@@ -22,9 +22,9 @@ frequency zero where that is known:
     v (extra)  2, gain 0     1, gain 0     2, gain 0
     =========  ============  ============  ============
 
-Feed-forward poles: a tuple preassigns them [Hz]; None preassigns both at the sampling frequency (as the
-source does at 250 Hz); "search" searches one double pole; () puts them at infinity, so that velocity and
-acceleration of the command act on u directly, as in a sampled controller.
+Feed-forward poles: a tuple preassigns them [Hz]; None preassigns both at the sampling frequency (as
+the source does at 250 Hz); "search" searches one double pole; () puts them at infinity, so that
+velocity and acceleration of the command act on u directly, as in a sampled controller.
 """
 
 from __future__ import annotations
@@ -101,11 +101,13 @@ class Structure:
             raise InputError(f"numerators: {nearest(self.numerators, ('exact', 'source'))}")
         if self.real_poles < 0 or self.pole_pairs < 0 or self.feedback_order < 2:
             raise InputError(
-                f"loop structure with {self.real_poles} real poles and {self.pole_pairs} pairs leaves "
-                f"order {self.feedback_order} for plant and feedback; at least 2 is needed"
+                f"loop structure with {self.real_poles} real poles and {self.pole_pairs} pairs "
+                f"leaves order {self.feedback_order} for plant and feedback; at least 2 is needed"
             )
         if self.integrator and self.feedback_order < 3:
-            raise InputError("loop structure with an integrator needs order 3 for plant and feedback")
+            raise InputError(
+                "loop structure with an integrator needs order 3 for plant and feedback"
+            )
 
     @property
     def feedforward_count(self) -> int:
@@ -125,10 +127,12 @@ class Structure:
         return self.real_poles + 2 * self.pole_pairs
 
     def sections(self, step: float) -> tuple[Section, ...]:
-        """Return the sections in order: real poles, pairs, feed-forward; values are starting points."""
+        """Return the sections: real poles, pairs, feed-forward; free values are guesses."""
         real = self.real_poles - self.feedforward_count
         parts = [Section(f"p{i + 1}", 1, (2 * math.pi * 30.0,)) for i in range(real)]
-        parts += [Section(f"wn{i + 1}", 2, (2 * math.pi * 10.0, 0.7)) for i in range(self.pole_pairs)]
+        parts += [
+            Section(f"wn{i + 1}", 2, (2 * math.pi * 10.0, 0.7)) for i in range(self.pole_pairs)
+        ]
         return tuple(parts + self._feedforward(step))
 
     def _feedforward(self, step: float) -> list[Section]:
@@ -139,7 +143,7 @@ class Structure:
         else:
             poles = sorted(2 * math.pi * float(f) for f in self.feedforward_poles)
         found = []
-        # A pair of real poles is one second-order section, so that equal poles need no special case.
+        # Two real poles are one second-order section: equal poles need no special case.
         for i, (a, b) in enumerate(zip(poles[::2], poles[1::2], strict=False)):
             root = math.sqrt(a * b)
             pair = (root, (a + b) / (2 * root))

@@ -57,9 +57,7 @@ def fraction(model: LoopModel, output: int, index: int) -> tuple[Floats, Floats]
     return _as_demanded(model, output, index, num, den), den
 
 
-def _as_demanded(
-    model: LoopModel, output: int, index: int, num: Floats, den: Floats
-) -> Floats:
+def _as_demanded(model: LoopModel, output: int, index: int, num: Floats, den: Floats) -> Floats:
     """Return the numerator with the coefficients that the structure fixes set exactly."""
     command = index == len(model.disturbances)
     structure = model.structure
@@ -99,8 +97,8 @@ def _matrices(model: LoopModel, command: str) -> tuple[Floats, Floats, Floats, F
         raise DataError(f"command: {command!r}, expected 'qr' or 'vr'")
     if np.any(D):
         raise DataError(
-            f"{model.axis}: feed-forward without poles takes velocity and acceleration of the command; "
-            "ask for command='vr', or identify with feedforward_poles"
+            f"{model.axis}: feed-forward without poles takes velocity and acceleration of the "
+            "command; ask for command='vr', or identify with feedforward_poles"
         )
     # x' = A x + b s qr becomes z' = A z + A b qr with x = z + b qr.
     b = B[:, -2]

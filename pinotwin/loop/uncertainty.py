@@ -1,9 +1,10 @@
 """Intervals of poles and residues that survive coloured errors.
 
-What a model leaves is never white, so the covariance is the sandwich H^-1 M H^-1 with M from the sums of
-the score over blocks of rows longer than the memory of the score itself (batch means; Liang and Zeger
-1986, doi:10.1093/biomet/73.1.13, with time blocks as clusters). The memory is the integrated
-autocorrelation time by the initial positive sequence (Geyer 1992, doi:10.1214/ss/1177011137).
+What a model leaves is never white, so the covariance is the sandwich H^-1 M H^-1 with M from the
+sums of the score over blocks of rows longer than the memory of the score itself (batch means; Liang
+and Zeger 1986, doi:10.1093/biomet/73.1.13, with time blocks as clusters). The memory is the
+integrated autocorrelation time by the initial positive sequence (Geyer 1992,
+doi:10.1214/ss/1177011137).
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ class Covariance:
 
     Attributes:
         poles: of the logarithms of the free parameters, shape (np, np); NaN rows for those held.
-        joint: of (all logarithms, all scaled residues), held ones zero, shape (np + ny nc,) squared.
+        joint: of (all logarithms, all scaled residues), held ones zero, shape (np + ny nc,)
+            squared.
         blocks: number of blocks.
     """
 
@@ -45,7 +47,9 @@ def covariance(projection: Projection, theta: Floats, held: Mask) -> Covariance:
     tangents, scores = _linearised(projection, theta)
     ny, nc = projection.layout.outputs, projection.layout.residues
     count = len(theta)
-    free = [t[:, np.concatenate([~held, np.ones(t.shape[1] - count, dtype=bool)])] for t, _ in tangents]
+    free = [
+        t[:, np.concatenate([~held, np.ones(t.shape[1] - count, dtype=bool)])] for t, _ in tangents
+    ]
     # Columns: free poles, then the free directions of the residues, output after output.
     poles = int(np.sum(~held))
     total = poles + sum(t.shape[1] - poles for t in free)
@@ -62,23 +66,48 @@ def covariance(projection: Projection, theta: Floats, held: Mask) -> Covariance:
         T[rows, :poles] = to_residues[:, :count][:, ~held]
         T[rows, at : at + G.shape[1] - poles] = to_residues[:, count:]
         at += G.shape[1] - poles
-    size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    influence = S @ (np.linalg.pinv(H / np.outer(size, size), rcond=1e-12, hermitian=True) / size[:, None] / size)
-    length = _block_length(influence[:, :poles] if poles else influence)
-    sums = np.add.reduceat(influence, np.arange(0, len(influence), length))
-    blocks = len(sums)
-    few = blocks / max(blocks - 1, 1) * ny * len(S) / max(ny * len(S) - total, 1)
-    own = few * sums.T @ sums
+    own, blocks = _sandwich(H, S, poles or total, ny * len(S))
     joint = T @ own @ T.T
     found = joint[:count, :count].copy()
     found[held], found[:, held] = np.nan, np.nan
     return Covariance(found, joint, blocks)
 
 
+def block_covariance(columns: Floats, residual: Floats) -> Floats:
+    """Return the block-robust covariance of a least-squares fit, shape (p, p).
+
+    Args:
+        columns: its (linearised) columns, shape (n, p).
+        residual: what it leaves, shape (n,).
+    """
+    own, _ = _sandwich(
+        columns.T @ columns, columns * residual[:, None], columns.shape[1], len(residual)
+    )
+    return own
+
+
+def _sandwich(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats, int]:
+    """Return covariance and number of blocks from H and the scores S (n, p).
+
+    The block length follows the memory of the influence on the first ``leading`` parameters;
+    ``count`` is the number of scalar observations.
+    """
+    size = np.sqrt(np.diag(H))
+    size = np.where(size > 0, size, 1.0)
+    inverse = np.linalg.pinv(H / np.outer(size, size), rcond=1e-12, hermitian=True)
+    influence = S @ (inverse / np.outer(size, size))
+    sums = np.add.reduceat(
+        influence, np.arange(0, len(influence), _block_length(influence[:, :leading]))
+    )
+    blocks = len(sums)
+    few = blocks / max(blocks - 1, 1) * count / max(count - len(H), 1)
+    return few * sums.T @ sums, blocks
+
+
 def _linearised(
     projection: Projection, theta: Floats
 ) -> tuple[list[tuple[Floats, Floats]], list[Floats]]:
-    """Return per output (model tangent (n, np + nz), residues' tangent (nc, np + nz)) and residual."""
+    """Return per output (tangent (n, np + nz), that of the residues (nc, np + nz)), residual."""
     sections = projection.layout.shaped(theta)
     discrete = discretise(sections, projection.step)
     wide = projection.filtered(discrete)
@@ -105,14 +134,17 @@ def _linearised(
 
 
 def _block_length(influence: Floats) -> int:
-    """Return a block length of five integrated autocorrelation times, at most a twentieth of the rows."""
+    """Return five integrated autocorrelation times, at most a twentieth of the rows."""
     n = len(influence)
     longest = max(n // FEWEST_BLOCKS, 1)
     padded = 1 << (2 * n - 1).bit_length()
     power = np.abs(np.fft.rfft(influence - influence.mean(axis=0), padded, axis=0)) ** 2
     correlation = np.fft.irfft(power, padded, axis=0)[: longest + 1]
     correlation = correlation / np.maximum(correlation[0], 1e-300)
-    pairs = correlation[0 : longest - longest % 2 : 2] + correlation[1 : longest + 1 : 2][: longest // 2]
+    pairs = (
+        correlation[0 : longest - longest % 2 : 2]
+        + correlation[1 : longest + 1 : 2][: longest // 2]
+    )
     times = [1.0]
     for column in pairs.T:
         stop = np.flatnonzero(column <= 0.0)

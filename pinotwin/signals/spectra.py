@@ -10,7 +10,7 @@ coefficient by that share (errors in variables), while motion cut off costs noth
 the effort goes through the same filter. In any case 99 % of every axis' velocity power stays, for the
 friction's sake. The spectrum is taken of the second difference, so that slow motion does not leak into weak
 high frequencies, and averaged over half octaves, so that a line is no edge.
-Measured: EMPS CORNER_EMPS Hz (its authors took 100), TX40 CORNER_TX Hz, KR300 CORNER_KR Hz.
+Measured: EMPS 142 Hz (its authors took 100), TX40 127 Hz, KR300 22 Hz.
 
 AR models by Burg's recursion: Burg 1975; Kay & Marple 1981, doi:10.1109/PROC.1981.12184.
 """

@@ -156,6 +156,7 @@ def _parameter(row: dict[str, Any]) -> Parameter:
         determined=bool(row["determined"]),
         verdict=row["verdict"],
         prior=row["prior"],
+        meaning=row["meaning"],
     )
 
 

@@ -22,6 +22,7 @@ class Parameter:
         determined: False when this log cannot tell it; ``value`` is then the prior (CAD or zero).
         verdict: one word or sentence for the reader: ``good``, ``weak``, or why not to use it.
         prior: value before the log, if there was one [unit].
+        meaning: the grouping of a base parameter written out.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Parameter:
     determined: bool
     verdict: str
     prior: float | None = None
+    meaning: str = ""
 
     def interval(self, z: float = 1.959964) -> tuple[float, float]:
         """Return the interval ``value ± z error``; 95 % by default."""
@@ -52,6 +54,7 @@ class Parameter:
             "determined": self.determined,
             "verdict": self.verdict,
             "prior": self.prior,
+            "meaning": self.meaning,
         }
 
 

@@ -1,0 +1,23 @@
+"""Looking at a machine: meshcat through Pinocchio's visualiser, as one page or in the browser."""
+
+from pinotwin.viewer.play import Live, play, save_html, show
+from pinotwin.viewer.posture import configuration, joint_kinds, parse_posture
+from pinotwin.viewer.scene import Scene, colour, draw, scene, visual_model
+from pinotwin.viewer.screenshot import browser, screenshot
+
+__all__ = [
+    "Live",
+    "Scene",
+    "browser",
+    "colour",
+    "configuration",
+    "draw",
+    "joint_kinds",
+    "parse_posture",
+    "play",
+    "save_html",
+    "scene",
+    "screenshot",
+    "show",
+    "visual_model",
+]

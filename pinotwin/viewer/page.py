@@ -1,9 +1,9 @@
 """A meshcat window that writes its scene down instead of sending it to a browser.
 
-``meshcat.Visualizer(window=Page())`` draws without a server, a port or a child process. What was drawn
-becomes one self-contained HTML page (meshcat's own script inside, no network), or is sent later to a
-live window. The commands run in their order; meshcat's own static page fetches each one by itself, so
-that they may overtake each other.
+``meshcat.Visualizer(window=Page())`` draws without a server, a port or a child process. What was
+drawn becomes one self-contained HTML page (meshcat's own script inside, no network), or is sent
+later to a live window. The commands run in their order; meshcat's own static page fetches each one
+by itself, so that they may overtake each other.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ _SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 _TEMPLATE = """<!DOCTYPE html>
 <html lang="en">
 <head><meta charset="utf-8"><title>{title}</title>
-<style>body {{margin: 0}} #pane {{width: 100vw; height: 100vh; overflow: hidden}} {style}</style></head>
+<style>body {{margin: 0}} #pane {{width: 100vw; height: 100vh; overflow: hidden}} {style}</style>
+</head>
 <body><div id="pane"></div>
 <script>{script}</script>
 <script>

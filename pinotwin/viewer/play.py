@@ -1,4 +1,4 @@
-"""Playback of a trajectory as an animation inside the page, and where a scene goes: file or browser."""
+"""Playback of a trajectory as an animation, and where a scene goes: to a file or a browser."""
 
 from __future__ import annotations
 
@@ -15,10 +15,13 @@ from meshcat.animation import Animation
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, InputError
-from pinotwin.viewer.scene import Scene, joint_path, joint_poses
+from pinotwin.viewer.scene import Scene, joint_path, joint_poses, place_joints
+from pinotwin.viewer.stage import corners, set_stage
 
 MAX_FRAMES = 1800
 """Longest animation; a longer log is shown at fewer frames per second."""
+
+_POSTURES = 24  # so many of its postures decide how far away the camera stands
 
 
 def play(drawn: Scene, t: Floats, q: Floats, fps: float = 30.0) -> Scene:
@@ -33,29 +36,39 @@ def play(drawn: Scene, t: Floats, q: Floats, fps: float = 30.0) -> Scene:
     Raises:
         DataError: shapes do not fit, or fewer than two usable rows.
     """
-    t, q = np.asarray(t, dtype=float), np.asarray(q, dtype=float)
-    if q.ndim != 2 or q.shape != (len(t), drawn.model.nq):
-        raise DataError(f"playback: q has shape {q.shape}, expected ({len(t)}, {drawn.model.nq})")
+    times, rows, rate = _resampled(drawn.model, np.asarray(t, float), np.asarray(q, float), fps)
+    playing = replace(drawn, page=drawn.page.copy(), q=rows[0])
+    some = rows[:: max(1, len(rows) // _POSTURES)]
+    set_stage(
+        playing.viewer(), np.concatenate([corners(drawn.model, drawn.visual, row) for row in some])
+    )
+    place_joints(playing)
+    clips = Animation(default_framerate=rate)
+    for k in range(len(times)):
+        frame = clips.at_frame(playing.viewer(), k)
+        for joint, pose in enumerate(joint_poses(drawn.model, rows[k])):
+            if joint:
+                node = frame[joint_path(drawn.model, joint)]
+                node.set_property("position", "vector3", pose.translation.tolist())
+                turn = pin.Quaternion(pose.rotation).coeffs()
+                node.set_property("quaternion", "quaternion", turn.tolist())
+    playing.viewer().set_animation(clips, play=True, repetitions=1000)
+    return playing
+
+
+def _resampled(model: pin.Model, t: Floats, q: Floats, fps: float) -> tuple[Floats, Floats, float]:
+    """Return times (k,), configurations (k, nq) and frames per second of the animation."""
+    if q.ndim != 2 or q.shape != (len(t), model.nq):
+        raise DataError(f"playback: q has shape {q.shape}, expected ({len(t)}, {model.nq})")
     good = np.isfinite(t) & np.all(np.isfinite(q), axis=1)
     t, q = t[good], q[good]
     if len(t) < 2 or np.any(np.diff(t) <= 0):
         raise DataError("playback: needs at least two rows with increasing time")
     rate = min(fps, MAX_FRAMES / (t[-1] - t[0]))
     times = np.arange(t[0], t[-1], 1.0 / rate)
-    sampled = np.column_stack([np.interp(times, t, column) for column in q.T])
-
-    playing = replace(drawn, page=drawn.page.copy(), q=sampled[0])
-    clips = Animation(default_framerate=rate)
-    for k, row in enumerate(sampled):
-        poses = joint_poses(drawn.model, pin.normalize(drawn.model, row))
-        for joint in range(1, drawn.model.njoints):
-            with clips.at_frame(playing.viewer(), k) as frame:
-                node = frame[joint_path(drawn.model, joint)]
-                node.set_property("position", "vector3", poses[joint].translation.tolist())
-                turn = pin.Quaternion(poses[joint].rotation).coeffs()
-                node.set_property("quaternion", "quaternion", turn.tolist())
-    playing.viewer().set_animation(clips, play=True, repetitions=1000)
-    return playing
+    rows = np.column_stack([np.interp(times, t, column) for column in q.T])
+    # Between two samples the cosine and sine of a continuous joint leave the circle a little.
+    return times, np.array([pin.normalize(model, row) for row in rows]), rate
 
 
 def save_html(path: str | Path, drawn: Scene, *, controls: bool = True) -> Path:

@@ -7,6 +7,7 @@ A posture names only the axes that differ from zero; on the command line it is w
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,6 +17,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
 from pinotwin.units import SI_FACTOR
 
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _LENGTHS = ("m", "mm", "um", "µm", "nm", "inch", "in")
 _ANGLES = ("rad", "mrad", "urad", "deg", "°", "mdeg", "arcmin", "arcsec", "rev", "turn")
 
@@ -58,29 +60,24 @@ def parse_posture(text: str, rotary: Mapping[str, bool]) -> dict[str, float]:
 
 def _position(axis: str, value: str, turns: bool) -> float:
     """Return the position [m or rad] that the text of one value means."""
-    number = value.rstrip("abcdefghijklmnopqrstuvwxyzµ°")
-    if number.endswith(("e", "E")):  # pragma: no cover - "1e" is refused by float below
-        number = number[:-1]
-    unit = value[len(number) :].strip() or ("rad" if turns else "m")
+    found = _NUMBER.match(value)
+    if found is None:
+        raise InputError(f"posture: {value!r} of axis {axis!r} is not a number")
+    unit = value[found.end() :].strip() or ("rad" if turns else "m")
     known = _ANGLES if turns else _LENGTHS
     if unit not in known:
-        kind = "turns" if turns else "slides"
+        moves = "turns" if turns else "slides"
+        hint = nearest(unit, known)
         raise InputError(
-            f"posture: unit {unit!r} does not fit axis {axis!r}, which {kind}; {nearest(unit, known)}"
+            f"posture: unit {unit!r} does not fit axis {axis!r}, which {moves}; {hint}"
         )
-    try:
-        x = float(number)
-    except ValueError:
-        raise InputError(f"posture: {value!r} of axis {axis!r} is not a number") from None
-    if not math.isfinite(x):
-        raise InputError(f"posture: {value!r} of axis {axis!r} is not finite")
-    return x * SI_FACTOR[unit]
+    return float(found[0]) * SI_FACTOR[unit]
 
 
 def configuration(model: pin.Model, posture: Mapping[str, float] | None = None) -> Floats:
     """Return Pinocchio's configuration of a posture, shape (nq,).
 
-    Joints that the posture does not name stay at zero. A continuous joint takes its cosine and sine.
+    Joints that the posture does not name stay at zero. A continuous joint takes cosine and sine.
 
     Raises:
         InputError: the posture names a joint that the model does not have.

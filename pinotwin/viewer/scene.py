@@ -1,7 +1,7 @@
 """A machine drawn at a posture: its shapes, and on request its joint frames and centres of mass.
 
-Shapes are loaded by Pinocchio's ``MeshcatVisualizer``. They hang below one node per joint, so that a
-posture, a frame of a playback or a colour touches one node and everything fixed to that joint follows.
+Shapes are loaded by Pinocchio's ``MeshcatVisualizer``. They hang below one node per joint: a
+posture, a frame of a playback or a colour touches one node, and what is fixed to it follows.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def visual_model(
     except ValueError as error:
         why = " ".join(str(error).split())
         raise MachineError(
-            f"{urdf_path}: its shapes cannot be loaded ({why}); give the folder of the mesh packages"
+            f"{urdf_path}: its shapes cannot be loaded ({why}); "
+            "give the folder of the mesh packages"
         ) from None
 
 
@@ -133,10 +134,10 @@ def draw(
     _load_shapes(drawn)
     size = bounds(points).size
     if frames:
-        _draw_frames(drawn, 0.10 * size)
+        _draw_frames(drawn, 0.12 * size)
     if masses:
         _draw_masses(drawn, size)
-    _place_joints(drawn)
+    place_joints(drawn)
     return drawn
 
 
@@ -161,7 +162,8 @@ def joint_poses(model: pin.Model, q: Floats) -> list[pin.SE3]:
     return [pin.SE3(pose) for pose in data.oMi]
 
 
-def _place_joints(drawn: Scene) -> None:
+def place_joints(drawn: Scene) -> None:
+    """Set every joint's node to its pose at the scene's configuration."""
     for joint, pose in enumerate(joint_poses(drawn.model, drawn.q)):
         drawn.node(joint).set_transform(pose.homogeneous)
 
@@ -171,12 +173,12 @@ def _draw_frames(drawn: Scene, length: float) -> None:
     for joint in range(1, drawn.model.njoints):
         for k, colour in enumerate(_AXIS_COLOURS):
             arm = drawn.node(joint)["frame"]["xyz"[k]]
-            arm.set_object(mg.Cylinder(length, 0.022 * length), _overlay(colour, 0.95))
+            arm.set_object(mg.Cylinder(length, 0.028 * length), _overlay(colour, 0.95))
             arm.set_transform(_along(k, length / 2))
 
 
 def _along(k: int, offset: float) -> Floats:
-    """Return the pose that lays meshcat's cylinder (about y) along axis ``k``, moved out by offset."""
+    """Return the pose that lays meshcat's cylinder (about y) along axis ``k``, moved by offset."""
     pose = np.eye(4)
     if k != 1:
         pose[:3, :3] = pin.exp3(np.array([[0, 0, -1], [0, 0, 0], [1, 0, 0]][k]) * math.pi / 2)
@@ -185,7 +187,7 @@ def _along(k: int, offset: float) -> Floats:
 
 
 def _draw_masses(drawn: Scene, size: float) -> None:
-    """Draw spheres at the centres of mass; the heaviest has a radius of 4 % of the machine's size."""
+    """Draw spheres at the centres of mass; the heaviest has a radius of 4 % of the machine."""
     bodies = list(drawn.model.inertias)
     heaviest = max((body.mass for body in bodies[1:]), default=0.0)
     for joint, body in enumerate(bodies):
@@ -201,7 +203,7 @@ def _draw_masses(drawn: Scene, size: float) -> None:
 
 def _overlay(colour: int, opacity: float) -> mg.Material:
     """Return a material that is drawn last and is not hidden by what stands before it."""
-    return mg.MeshLambertMaterial(color=colour, opacity=opacity, transparent=True, depthTest=False)
+    return mg.MeshBasicMaterial(color=colour, opacity=opacity, transparent=True, depthTest=False)
 
 
 def colour(drawn: Scene, rgba: Mapping[str, Sequence[float]]) -> Scene:

@@ -1,4 +1,4 @@
-"""Pictures of a page, taken by Chromium from outside (meshcat's own capture hangs without a screen)."""
+"""Pictures of a page, taken by Chromium from outside (meshcat's capture hangs without a screen)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ def screenshot(
     """
     program = browser()
     if program is None:
-        raise InputError("no Chromium found for the picture; install it (Debian: apt install chromium)")
+        raise InputError(
+            "no Chromium found for the picture; install it (Debian: apt install chromium)"
+        )
     png = Path(png).resolve()
     png.unlink(missing_ok=True)
     command = [

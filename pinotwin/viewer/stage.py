@@ -1,7 +1,7 @@
 """Light, background, floor and camera: what surrounds a machine so that it can be seen whole.
 
-The camera looks from the front right, a little from above, and stands just far enough that every corner
-of the geometry's bounding boxes lies inside the picture.
+The camera looks from the front right, a little from above, and stands just far enough that every
+corner of the geometry's bounding boxes lies inside the picture.
 """
 
 from __future__ import annotations
@@ -54,11 +54,10 @@ class Bounds:
 def corners(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> Floats:
     """Return the corners of every shape's bounding box in the world [m], shape (8 shapes, 3).
 
-    A machine without shapes gives its joints' origins instead.
+    A machine without shapes gives boxes around its joints' origins instead.
     """
     data, placed = model.createData(), visual.createData()
     pin.updateGeometryPlacements(model, data, visual, placed, q)
-    points = [np.array([pose.translation for pose in data.oMi])]
     unit = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
     found = []
     for shape, pose in zip(visual.geometryObjects, placed.oMg, strict=True):
@@ -66,14 +65,14 @@ def corners(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> Floats:
         low, high = shape.geometry.aabb_local.min_, shape.geometry.aabb_local.max_
         local = (low + unit * (high - low)) * shape.meshScale
         found.append(local @ pose.rotation.T + pose.translation)
-    return np.concatenate(found or points)
+    if not found:
+        found = [pose.translation + 0.1 * (unit - 0.5) for pose in data.oMi]
+    return np.concatenate(found)
 
 
 def bounds(points: Floats) -> Bounds:
-    """Return the box around points of shape (n, 3); at least a centimetre wide."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    spare = np.maximum(0.0, 0.01 - (high - low)) / 2
-    return Bounds(low - spare, high + spare)
+    """Return the box around points of shape (n, 3)."""
+    return Bounds(points.min(axis=0), points.max(axis=0))
 
 
 @dataclass(frozen=True)
@@ -115,8 +114,8 @@ def aim(points: Floats) -> Camera:
 def set_stage(viewer: meshcat.Visualizer, points: Floats) -> None:
     """Set light, background, floor and camera for a machine that fills ``points``.
 
-    Meshcat's camera orbits the origin of its world and nothing else, so the drawing is moved until the
-    camera's target lies there; ``viewer`` must be the root of the drawing.
+    Meshcat's camera orbits the origin of its world and nothing else, so the drawing is moved until
+    the camera's target lies there; ``viewer`` must be the root of the drawing.
     """
     box, camera = bounds(points), aim(points)
     to_target = np.eye(4)
@@ -162,7 +161,7 @@ def _place(viewer: meshcat.Visualizer, name: str, at: Floats) -> None:
 
 
 def _light(viewer: meshcat.Visualizer, name: str, **properties: Any) -> None:
-    """Set properties of a light; by message, as meshcat's Python side turns their names to lower case."""
+    """Set properties of a light; as a message, since meshcat lowers the case of their names."""
     path = f"/Lights/{name}/<object>"
     for key, value in properties.items():
         viewer.window.send(

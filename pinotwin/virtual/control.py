@@ -16,34 +16,34 @@ N_STATE = 3
 
 
 @njit(cache=True)
-def control_step(P, s, qr, vr, ar, q, period):  # type: ignore[no-untyped-def]
+def control_step(P, i, s, command, q, period):  # type: ignore[no-untyped-def]
     """Return the effort command of one axis and advance its controller.
 
     Args:
-        P: row of the parameter table.
-        s: state of the controller, shape (3,); changed.
-        qr: commanded position; ``vr`` and ``ar`` its derivatives.
-        vr: commanded velocity.
-        ar: commanded acceleration.
+        P: parameter table, shape (na, N_COLUMNS).
+        i: the axis.
+        s: states of the controllers, shape (na, 3); row ``i`` is changed.
+        command: commanded position, velocity and acceleration.
         q: measured position.
         period: control period [s].
     """
+    qr, vr, ar = command
     e = qr - q
-    pid = P[c.PID] > 0.5
+    pid = P[i, c.PID] > 0.5
     reading = e if pid else q
-    s[RATE] += P[c.V_ALPHA] * ((reading - s[PREVIOUS]) / period - s[RATE])
-    s[PREVIOUS] = reading
+    s[i, RATE] += P[i, c.V_ALPHA] * ((reading - s[i, PREVIOUS]) / period - s[i, RATE])
+    s[i, PREVIOUS] = reading
     if pid:
-        u = P[c.KP] * e + P[c.KV] * s[RATE] + P[c.VFF] * vr
-        growth = P[c.KI] * e * period
+        u = P[i, c.KP] * e + P[i, c.KV] * s[i, RATE] + P[i, c.VFF] * vr
+        growth = P[i, c.KI] * e * period
     else:
-        slip = P[c.KP] * e + P[c.VFF] * vr - s[RATE]
-        u = P[c.KV] * slip
-        growth = P[c.KI] * slip * period
-    u += P[c.AFF] * ar
-    limit = P[c.U_LIMIT]
-    total = u + s[INTEGRAL] + growth
+        slip = P[i, c.KP] * e + P[i, c.VFF] * vr - s[i, RATE]
+        u = P[i, c.KV] * slip
+        growth = P[i, c.KI] * slip * period
+    u += P[i, c.AFF] * ar
+    limit = P[i, c.U_LIMIT]
+    total = u + s[i, INTEGRAL] + growth
     if not ((total > limit and growth > 0.0) or (total < -limit and growth < 0.0)):
-        wanted = s[INTEGRAL] + growth
-        s[INTEGRAL] = min(max(wanted, -P[c.I_LIMIT]), P[c.I_LIMIT])
-    return min(max(u + s[INTEGRAL], -limit), limit)
+        wanted = s[i, INTEGRAL] + growth
+        s[i, INTEGRAL] = min(max(wanted, -P[i, c.I_LIMIT]), P[i, c.I_LIMIT])
+    return min(max(u + s[i, INTEGRAL], -limit), limit)

@@ -23,65 +23,66 @@ _STIFF = (0.1, 0.2, 0.3, 0.4)
 
 
 @njit(cache=True)
-def friction_level(P, q, v, load, noise):  # type: ignore[no-untyped-def]
+def friction_level(P, i, q, v, load, noise):  # type: ignore[no-untyped-def]
     """Return the level g [N or N·m] at which the bristles of an axis slip."""
-    level = P[c.LEVEL_P] if v >= 0.0 else P[c.LEVEL_N]
-    if P[c.WANDER] != 0.0:
-        level *= 1.0 + P[c.WANDER] * np.sin(P[c.WANDER_RATE] * q)
-    if P[c.BY_LOAD] != 0.0:
-        level += P[c.BY_LOAD] * abs(load)
-    x = v / P[c.STRIBECK]
+    level = P[i, c.LEVEL_P] if v >= 0.0 else P[i, c.LEVEL_N]
+    if P[i, c.WANDER] != 0.0:
+        level *= 1.0 + P[i, c.WANDER] * np.sin(P[i, c.WANDER_RATE] * q)
+    if P[i, c.BY_LOAD] != 0.0:
+        level += P[i, c.BY_LOAD] * abs(load)
+    x = v / P[i, c.STRIBECK]
     if x * x < 30.0:
         slow = np.exp(-x * x)
-        level *= (1.0 + (P[c.STATIC] - 1.0) * slow) * (1.0 + P[c.CHATTER] * noise * slow)
+        level *= (1.0 + (P[i, c.STATIC] - 1.0) * slow) * (1.0 + P[i, c.CHATTER] * noise * slow)
     return level
 
 
 @njit(cache=True)
-def bristle_force(P, level, v, z, dt):  # type: ignore[no-untyped-def]
+def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
     """Advance the bristles ``z`` by one step and return their mean force over it.
 
     Args:
-        P: row of the parameter table.
+        P: parameter table, shape (na, N_COLUMNS).
+        i: the axis.
         level: slip level [N or N·m].
         v: sliding speed, constant over the step.
-        z: bristle deflection (LuGre) or element forces (GMS), shape (4,); changed.
+        z: bristle deflection (LuGre) or element forces (GMS), shape (na, 4); changed.
         dt: step [s].
     """
-    s0, s1 = P[c.BRISTLE], P[c.BRISTLE_DAMPER]
-    if P[c.LAW] == c.LUGRE:
-        old = z[0]
+    s0, s1 = P[i, c.BRISTLE], P[i, c.BRISTLE_DAMPER]
+    if P[i, c.LAW] == c.LUGRE:
+        old = z[i, 0]
         steady = np.sign(v) * level / s0
         new = steady + (old - steady) * np.exp(-abs(v) * s0 * dt / level)
-        z[0] = new
+        z[i, 0] = new
         return 0.5 * s0 * (old + new) + s1 * (new - old) / dt
-    old = z[0] + z[1] + z[2] + z[3]
+    old = z[i, 0] + z[i, 1] + z[i, 2] + z[i, 3]
     new = 0.0
     for k in range(4):
-        force = z[k] + _STIFF[k] * s0 * v * dt
+        force = z[i, k] + _STIFF[k] * s0 * v * dt
         limit = _LEVELS[k] * level
-        z[k] = min(max(force, -limit), limit)
-        new += z[k]
+        z[i, k] = min(max(force, -limit), limit)
+        new += z[i, k]
     return 0.5 * (old + new) + s1 * (new - old) / (s0 * dt)
 
 
 @njit(cache=True)
-def friction_force(P, q, v, z, load, warmth, noise, dt):  # type: ignore[no-untyped-def]
+def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-def]
     """Return the whole friction effort of an axis and advance its bristles.
 
     Args:
-        P: row of the parameter table.
+        P: parameter table, shape (na, N_COLUMNS).
+        i: the axis.
         q: position [m or rad].
         v: speed [m/s or rad/s].
-        z: bristle states, shape (4,); changed.
+        z: bristle states, shape (na, 4); changed.
         load: effort that the transmission carries [N or N·m].
-        warmth: how warm the axis is, 0 to 1.
-        noise: a standard normal number, for chatter.
+        extra: how warm each axis is (0 to 1) and a normal number for chatter, shape (2, na).
         dt: step [s].
     """
-    force = P[c.VISCOUS] * (1.0 + P[c.WARMING] * warmth) * v + P[c.QUADRATIC] * v * abs(v)
-    if P[c.LAW] != c.NONE:
-        level = friction_level(P, q, v, load, noise)
+    force = P[i, c.VISCOUS] * (1.0 + P[i, c.WARMING] * extra[0, i]) * v + P[i, c.QUADRATIC] * v * abs(v)
+    if P[i, c.LAW] != c.NONE:
+        level = friction_level(P, i, q, v, load, extra[1, i])
         if level > 0.0:
-            force += bristle_force(P, level, v, z, dt)
+            force += bristle_force(P, i, level, v, z, dt)
     return force

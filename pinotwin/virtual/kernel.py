@@ -147,159 +147,175 @@ class Record(NamedTuple):
 
 
 @njit(cache=True)
-def read_encoder(P, motor, load, noise):  # type: ignore[no-untyped-def]
+def read_encoder(P, i, motor, load, noise):  # type: ignore[no-untyped-def]
     """Return what the encoder of an axis says."""
-    q = load if P[c.LOAD_ENCODER] > 0.5 else motor
-    reading = q * (1.0 + P[c.PITCH]) + noise
-    if P[c.ERROR] != 0.0:
-        reading += P[c.ERROR] * np.sin(P[c.ERROR_RATE] * q + P[c.ERROR_PHASE])
-    step = P[c.RESOLUTION]
+    q = load if P[i, c.LOAD_ENCODER] > 0.5 else motor
+    reading = q * (1.0 + P[i, c.PITCH]) + noise
+    if P[i, c.ERROR] != 0.0:
+        reading += P[i, c.ERROR] * np.sin(P[i, c.ERROR_RATE] * q + P[i, c.ERROR_PHASE])
+    step = P[i, c.RESOLUTION]
     return step * np.floor(reading / step + 0.5) if step > 0.0 else reading
 
 
 @njit(cache=True)
-def position_effort(axes, i, q, v, time):  # type: ignore[no-untyped-def]
+def position_effort(r, table, grid, i, q, v, time):  # type: ignore[no-untyped-def]
     """Return ripple plus table of one axis [N or N·m]."""
     effort = 0.0
-    for k in range(axes.ripple.shape[1]):
-        r = axes.ripple[i, k]
-        if r[c.AMPLITUDE] == 0.0:
+    for k in range(r.shape[1]):
+        if r[i, k, c.AMPLITUDE] == 0.0:
             continue
-        angle = 2.0 * np.pi * r[c.RATE] * time if r[c.RATE] > 0.0 else r[c.WAVE] * q
-        wave = r[c.AMPLITUDE] * np.sin(angle + r[c.PHASE])
-        if r[c.MODULATION] != 0.0:
-            wave *= 1.0 + r[c.MODULATION] * abs(np.sin(q + r[c.MODULATION_PHASE]))
-        if r[c.SPEED] > 0.0:
-            wave *= abs(v) / r[c.SPEED]
+        rate = r[i, k, c.RATE]
+        angle = 2.0 * np.pi * rate * time if rate > 0.0 else r[i, k, c.WAVE] * q
+        wave = r[i, k, c.AMPLITUDE] * np.sin(angle + r[i, k, c.PHASE])
+        if r[i, k, c.MODULATION] != 0.0:
+            wave *= 1.0 + r[i, k, c.MODULATION] * abs(np.sin(q + r[i, k, c.MODULATION_PHASE]))
+        if r[i, k, c.SPEED] > 0.0:
+            wave *= abs(v) / r[i, k, c.SPEED]
         effort += wave
-    table = axes.table[i]
-    x = (q - axes.grid[i, 0]) * axes.grid[i, 1]
-    k = int(np.floor(x))
-    if axes.grid[i, 1] > 0.0 and 1 <= k < len(table) - 2:
-        s = x - k  # Catmull-Rom: smooth between the grid points, unlike a hat-function table
-        p0, p1, p2, p3 = table[k - 1], table[k], table[k + 1], table[k + 2]
-        curve = (2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3) + (3.0 * (p1 - p2) + p3 - p0) * s
-        effort += p1 + 0.5 * s * (p2 - p0 + s * curve)
+    x = (q - grid[i, 0]) * grid[i, 1]
+    m = int(np.floor(x))
+    if grid[i, 1] > 0.0 and 1 <= m < table.shape[1] - 2:
+        y = x - m  # Catmull-Rom: smooth between the grid points, unlike a table of hat functions
+        p0, p1, p2, p3 = table[i, m - 1], table[i, m], table[i, m + 1], table[i, m + 2]
+        curve = (2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3) + (3.0 * (p1 - p2) + p3 - p0) * y
+        effort += p1 + 0.5 * y * (p2 - p0 + y * curve)
     return effort
 
 
 @njit(cache=True)
-def rigid_update(tree, axes, room, s, drive, k, time, half):  # type: ignore[no-untyped-def]
-    """Fill ``room.inverse`` and ``room.bias`` at the midpoint of the coming update."""
-    nv = len(s.q)
+def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-untyped-def]
+    """Fill ``room.inverse`` and ``room.bias`` at the midpoint of the coming update.
+
+    Args:
+        tree: rigid bodies.
+        axes: the rest of the machine.
+        room: filled.
+        s: state.
+        drive: for the external loads.
+        k: row of ``drive``.
+        moment: time at the start of the update and half its length [s].
+    """
+    time, half = moment
+    q, v, a, qh, vh, M, bias = s.q, s.v, s.a, room.qh, room.vh, room.M, room.bias
+    joint, ripple, table, grid, nv = axes.joint, axes.ripple, axes.table, axes.grid, len(s.q)
     for i in range(nv):
-        room.qh[i] = s.q[i] + half * (s.v[i] + 0.5 * half * s.a[i])
-        room.vh[i] = (s.v[i] + half * s.a[i]) * axes.coupled
-    place(tree, room.qh, room.pose)
-    move(tree, room.vh, room.still, room.pose)
+        qh[i] = q[i] + half * (v[i] + 0.5 * half * a[i])
+        vh[i] = (v[i] + half * a[i]) * axes.coupled
+    place(tree, qh, room.pose)
+    move(tree, vh, room.still, room.pose)
     body_forces(tree, room.pose)
     if len(drive.body) > 0:
         place_in_world(tree, room.pose)
         for m in range(len(drive.body)):
             apply_load(room.pose, drive.body[m], drive.point[m], drive.load[k, m])
-    joint_efforts(tree, room.pose, room.bias)
-    mass_matrix(tree, room.pose, room.M)
+    joint_efforts(tree, room.pose, bias)
+    mass_matrix(tree, room.pose, M)
     if axes.coupled == 0:
         for i in range(nv):
             for j in range(nv):
-                if i != j:
-                    room.M[i, j] = 0.0
-    invert(room.M, room.W, room.inverse)
-    for i in range(len(axes.joint)):
-        j = axes.joint[i]
-        v = s.v[j] + half * s.a[j]
-        room.bias[j] += position_effort(axes, i, room.qh[j], v, time + half)
+                M[i, j] *= i == j
+    invert(M, room.W, room.inverse)
+    for i in range(len(joint)):
+        j = joint[i]
+        rate = v[j] + half * a[j]
+        bias[j] += position_effort(ripple, table, grid, i, qh[j], rate, time + half)
 
 
 @njit(cache=True)
-def motor_step(P, i, j, s, tau, extra, dt):  # type: ignore[no-untyped-def]
-    """Add what one axis does to the joint efforts; moves the motor if the drive is flexible."""
-    warmth, noise = extra
-    if P[c.FLEXIBLE] < 0.5:
-        s.f[i] = friction_force(P, s.q[j], s.v[j], s.z[i], s.u[i] - s.f[i], warmth, noise, dt)
-        tau[j] += s.u[i] - s.f[i]
-        return
-    twist, gap = s.qm[i] - s.q[j], P[c.BACKLASH]
-    touch = 1.0
-    if gap > 0.0:
-        touch = 1.0 if abs(twist) > gap else 0.0
-        twist -= min(max(twist, -gap), gap)
-    spring = P[c.SPRING] * twist + touch * P[c.DAMPER] * (s.vm[i] - s.v[j])
-    if gap > 0.0 and spring * twist < 0.0:
-        spring = 0.0  # faces in contact push, they do not pull
-    share = P[c.LOAD_FRICTION]
-    s.f[i] = friction_force(P, s.qm[i], s.vm[i], s.z[i], spring, warmth, noise, dt)
-    tau[j] += spring - share * s.f[i]
-    s.vm[i] += dt * P[c.INV_ROTOR] * (s.u[i] - spring - (1.0 - share) * s.f[i])
+def transmit(P, i, twist, rate):  # type: ignore[no-untyped-def]
+    """Return the effort that a flexible transmission passes on.
+
+    Args:
+        P: parameter table.
+        i: the axis.
+        twist: motor less load position.
+        rate: its rate of change.
+    """
+    gap = P[i, c.BACKLASH]
+    if gap == 0.0:
+        return P[i, c.SPRING] * twist + P[i, c.DAMPER] * rate
+    if abs(twist) <= gap:
+        return 0.0
+    depth = twist - gap if twist > 0.0 else twist + gap
+    push = P[i, c.SPRING] * depth + P[i, c.DAMPER] * rate
+    return push if push * depth > 0.0 else 0.0  # faces in contact push, they do not pull
 
 
 @njit(cache=True)
 def spring_efforts(axes, s, tau, dt):  # type: ignore[no-untyped-def]
     """Add the springs, dampers and bristles of the passive joints to the joint efforts."""
-    for m in range(len(axes.sprung)):
-        j, S = axes.sprung[m], axes.springs[m]
+    S, sprung, zs = axes.springs, axes.sprung, s.zs
+    for m in range(len(sprung)):
+        j = sprung[m]
         q, v = s.q[j], s.v[j]
-        tau[j] -= S[c.STIFFNESS] * q + S[c.HARDENING] * q * q * q + S[c.DAMPING] * v
-        if S[c.SLIP_LEVEL] > 0.0:  # Dahl: builds up over a deflection, whatever the speed
-            steady = np.sign(v) * S[c.SLIP_LEVEL] / S[c.SLIP_STIFFNESS]
-            rate = abs(v) * S[c.SLIP_STIFFNESS] / S[c.SLIP_LEVEL]
-            s.zs[m] = steady + (s.zs[m] - steady) * np.exp(-rate * dt)
-            tau[j] -= S[c.SLIP_STIFFNESS] * s.zs[m]
+        tau[j] -= S[m, c.STIFFNESS] * q + S[m, c.HARDENING] * q * q * q + S[m, c.DAMPING] * v
+        if S[m, c.SLIP_LEVEL] > 0.0:  # Dahl: builds up over a deflection, whatever the speed
+            steady = np.sign(v) * S[m, c.SLIP_LEVEL] / S[m, c.SLIP_STIFFNESS]
+            rate = abs(v) * S[m, c.SLIP_STIFFNESS] / S[m, c.SLIP_LEVEL]
+            zs[m] = steady + (zs[m] - steady) * np.exp(-rate * dt)
+            tau[j] -= S[m, c.SLIP_STIFFNESS] * zs[m]
 
 
 @njit(cache=True)
-def plant_step(axes, room, s, target, extra, dt):  # type: ignore[no-untyped-def]
-    """Advance the plant by one substep towards the commanded efforts ``target``, shape (na,)."""
-    nv, na = len(s.q), len(axes.joint)
-    for j in range(nv):
-        s.q[j] += 0.5 * dt * s.v[j]
-        room.tau[j] = -room.bias[j]
+def plant_steps(axes, room, s, target, extra, dt, substeps):  # type: ignore[no-untyped-def]
+    """Advance the plant by some substeps towards the commanded efforts ``target``, shape (na,)."""
+    P, joint = axes.P, axes.joint
+    q, v, a, qm, vm, u, f, z = s.q, s.v, s.a, s.qm, s.vm, s.u, s.f, s.z
+    bias, tau, inverse = room.bias, room.tau, room.inverse
+    nv, na, half = len(q), len(joint), 0.5 * dt
+    for _ in range(substeps):
+        for j in range(nv):
+            q[j] += half * v[j]
+            tau[j] = -bias[j]
+        for i in range(na):
+            j = joint[i]
+            u[i] += P[i, c.U_ALPHA] * (target[i] - u[i])
+            if P[i, c.FLEXIBLE] < 0.5:
+                f[i] = friction_force(P, i, q[j], v[j], z, u[i] - f[i], extra, dt)
+                tau[j] += u[i] - f[i]
+                continue
+            qm[i] += half * vm[i]
+            passed = transmit(P, i, qm[i] - q[j], vm[i] - v[j])
+            share = P[i, c.LOAD_FRICTION]
+            f[i] = friction_force(P, i, qm[i], vm[i], z, passed, extra, dt)
+            tau[j] += passed - share * f[i]
+            vm[i] += dt * P[i, c.INV_ROTOR] * (u[i] - passed - (1.0 - share) * f[i])
+            qm[i] += half * vm[i]
+        spring_efforts(axes, s, tau, dt)
+        for j in range(nv):
+            acceleration = 0.0
+            for m in range(nv):
+                acceleration += inverse[j, m] * tau[m]
+            a[j] = acceleration
+        for j in range(nv):
+            v[j] += dt * a[j]
+            q[j] += half * v[j]
     for i in range(na):
-        P, j = axes.P[i], axes.joint[i]
-        s.u[i] += P[c.U_ALPHA] * (target[i] - s.u[i])
-        s.qm[i] += 0.5 * dt * s.vm[i]
-        motor_step(P, i, j, s, room.tau, (extra[0, i], extra[1, i]), dt)
-    spring_efforts(axes, s, room.tau, dt)
-    for j in range(nv):
-        acceleration = 0.0
-        for m in range(nv):
-            acceleration += room.inverse[j, m] * room.tau[m]
-        s.a[j] = acceleration
-    for j in range(nv):
-        s.v[j] += dt * s.a[j]
-        s.q[j] += 0.5 * dt * s.v[j]
-    for i in range(na):
-        if axes.P[i, c.FLEXIBLE] > 0.5:
-            s.qm[i] += 0.5 * dt * s.vm[i]
-        else:
-            s.qm[i], s.vm[i] = s.q[axes.joint[i]], s.v[axes.joint[i]]
+        if P[i, c.FLEXIBLE] < 0.5:
+            qm[i], vm[i] = q[joint[i]], v[joint[i]]
 
 
 @njit(cache=True)
-def control_all(axes, drive, s, record, k, period):  # type: ignore[no-untyped-def]
-    """Read the encoders, run the controllers, write down a row; returns the effort commands."""
-    na, tick = len(axes.joint), s.tick[0]
-    target = np.empty(na)
-    write = tick % record.every == 0
-    row = k // record.every
-    for i in range(na):
-        P, j = axes.P[i], axes.joint[i]
-        reading = read_encoder(P, s.qm[i], s.q[j], drive.encoder[k, i])
+def control_all(axes, drive, s, record, k, target, period):  # type: ignore[no-untyped-def]
+    """Read the encoders, run the controllers and write down a row; fills the effort commands."""
+    P, joint, tick, q, qm = axes.P, axes.joint, s.tick[0], s.q, s.qm
+    qr, vr, ar, noise = drive.qr, drive.vr, drive.ar, drive.encoder
+    control, queue, readings = s.control, s.queue, record.reading
+    write, row = tick % record.every == 0, k // record.every
+    for i in range(len(joint)):
+        reading = read_encoder(P, i, qm[i], q[joint[i]], noise[k, i])
         if write:
-            record.reading[row, i] = reading
-            record.effort[row, i] = s.u[i]
-            record.friction[row, i] = s.f[i]
-        u = control_step(
-            P, s.control[i], drive.qr[k, i], drive.vr[k, i], drive.ar[k, i], reading, period
-        )
-        late = int(P[c.DELAY])
-        s.queue[i, tick % c.MAX_DELAY] = u
-        target[i] = s.queue[i, (tick - late) % c.MAX_DELAY]
+            readings[row, i] = reading
+        command = (qr[k, i], vr[k, i], ar[k, i])
+        u = control_step(P, i, control, command, reading, period)
+        queue[i, tick % c.MAX_DELAY] = u
+        target[i] = queue[i, (tick - int(P[i, c.DELAY])) % c.MAX_DELAY]
     if write:
-        record.q[row, :] = s.q
+        record.effort[row, :] = s.u
+        record.friction[row, :] = s.f
+        record.q[row, :] = q
         record.v[row, :] = s.v
         record.a[row, :] = s.a
-    return target
 
 
 @njit(cache=True)
@@ -316,20 +332,17 @@ def run(tree, axes, drive, state, room, record, timing):  # type: ignore[no-unty
         timing: control period [s], updates per period, substeps per update.
     """
     period, updates, substeps = timing
-    na = len(axes.joint)
+    na, P = len(axes.joint), axes.P
     h = period / updates
-    dt = h / substeps
-    extra = np.zeros((2, na))
+    extra, target = np.zeros((2, na)), np.zeros(na)
     for k in range(len(drive.qr)):
         time = state.tick[0] * period
-        target = control_all(axes, drive, state, record, k, period)
+        control_all(axes, drive, state, record, k, target, period)
         for i in range(na):
-            P = axes.P[i]
-            if P[c.WARMING] != 0.0:
-                extra[0, i] = 1.0 - np.exp(-time / P[c.WARMING_TIME])
+            if P[i, c.WARMING] != 0.0:
+                extra[0, i] = 1.0 - np.exp(-time / P[i, c.WARMING_TIME])
             extra[1, i] = drive.chatter[k % len(drive.chatter), i]
         for u in range(updates):
-            rigid_update(tree, axes, room, state, drive, k, time + u * h, 0.5 * h)
-            for _ in range(substeps):
-                plant_step(axes, room, state, target, extra, dt)
+            rigid_update(tree, axes, room, state, drive, k, (time + u * h, 0.5 * h))
+            plant_steps(axes, room, state, target, extra, h / substeps, substeps)
         state.tick[0] += 1

@@ -19,77 +19,90 @@ from pinotwin.virtual.rigid import (
 @njit(cache=True)
 def _composite(tree, pose):  # type: ignore[no-untyped-def]
     """Fill the composite inertia of everything that each joint carries."""
-    nv = len(tree.mass)
+    E, r, cm, ch, cI = pose.E, pose.r, pose.cm, pose.ch, pose.cI
+    parent, mass, moment, inertia = tree.parent, tree.mass, tree.moment, tree.inertia
+    nv = len(mass)
     for i in range(nv):
-        pose.cm[i] = tree.mass[i]
+        cm[i] = mass[i]
         for k in range(3):
-            pose.ch[i, k] = tree.moment[i, k]
+            ch[i, k] = moment[i, k]
             for m in range(3):
-                pose.cI[i, k, m] = tree.inertia[i, k, m]
-    h = np.empty(3)
-    T = np.empty((3, 3))
+                cI[i, k, m] = inertia[i, k, m]
     for i in range(nv - 1, -1, -1):
-        j = tree.parent[i]
+        j = parent[i]
         if j < 0:
             continue
-        E, r, m0, I = pose.E[i], pose.r[i], pose.cm[i], pose.cI[i]
+        m0, rx, ry, rz = cm[i], r[i, 0], r[i, 1], r[i, 2]
+        h0, h1, h2 = ch[i, 0], ch[i, 1], ch[i, 2]
+        hx = E[i, 0, 0] * h0 + E[i, 0, 1] * h1 + E[i, 0, 2] * h2
+        hy = E[i, 1, 0] * h0 + E[i, 1, 1] * h1 + E[i, 1, 2] * h2
+        hz = E[i, 2, 0] * h0 + E[i, 2, 1] * h1 + E[i, 2, 2] * h2
+        cm[j] += m0
+        ch[j, 0] += hx + m0 * rx
+        ch[j, 1] += hy + m0 * ry
+        ch[j, 2] += hz + m0 * rz
         for k in range(3):
-            h[k] = E[k, 0] * pose.ch[i, 0] + E[k, 1] * pose.ch[i, 1] + E[k, 2] * pose.ch[i, 2]
+            e0, e1, e2 = E[i, k, 0], E[i, k, 1], E[i, k, 2]
+            t0 = e0 * cI[i, 0, 0] + e1 * cI[i, 1, 0] + e2 * cI[i, 2, 0]
+            t1 = e0 * cI[i, 0, 1] + e1 * cI[i, 1, 1] + e2 * cI[i, 2, 1]
+            t2 = e0 * cI[i, 0, 2] + e1 * cI[i, 1, 2] + e2 * cI[i, 2, 2]
             for m in range(3):
-                T[k, m] = E[k, 0] * I[0, m] + E[k, 1] * I[1, m] + E[k, 2] * I[2, m]
-        trace = 2.0 * (r[0] * h[0] + r[1] * h[1] + r[2] * h[2])
-        trace += m0 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-        pose.cm[j] += m0
-        for k in range(3):
-            pose.ch[j, k] += h[k] + m0 * r[k]
-            for m in range(3):
-                turned = T[k, 0] * E[m, 0] + T[k, 1] * E[m, 1] + T[k, 2] * E[m, 2]
-                shift = -r[k] * h[m] - h[k] * r[m] - m0 * r[k] * r[m]
-                if k == m:
-                    shift += trace
-                pose.cI[j, k, m] += turned + shift
+                cI[j, k, m] += t0 * E[i, m, 0] + t1 * E[i, m, 1] + t2 * E[i, m, 2]
+        # Parallel axes: the diagonal takes r.(2 h + m r) less its own term.
+        cx, cy, cz = 2.0 * hx + m0 * rx, 2.0 * hy + m0 * ry, 2.0 * hz + m0 * rz
+        cI[j, 0, 0] += ry * cy + rz * cz
+        cI[j, 1, 1] += rx * cx + rz * cz
+        cI[j, 2, 2] += rx * cx + ry * cy
+        xy = rx * hy + ry * hx + m0 * rx * ry
+        xz = rx * hz + rz * hx + m0 * rx * rz
+        yz = ry * hz + rz * hy + m0 * ry * rz
+        cI[j, 0, 1] -= xy
+        cI[j, 1, 0] -= xy
+        cI[j, 0, 2] -= xz
+        cI[j, 2, 0] -= xz
+        cI[j, 1, 2] -= yz
+        cI[j, 2, 1] -= yz
 
 
 @njit(cache=True)
 def mass_matrix(tree, pose, M):  # type: ignore[no-untyped-def]
     """Fill the joint-space mass matrix with armature, shape (nv, nv); needs :func:`place`."""
     _composite(tree, pose)
-    nv = len(tree.mass)
-    f = np.empty(3)
-    n = np.empty(3)
-    g = np.empty(3)
-    M[:, :] = 0.0
+    E, r, cm, ch, cI = pose.E, pose.r, pose.cm, pose.ch, pose.cI
+    parent, rotary, axis, armature = tree.parent, tree.rotary, tree.axis, tree.armature
+    nv = len(parent)
     for i in range(nv):
-        s, h = tree.axis[i], pose.ch[i]
-        if tree.rotary[i] == 1:
-            f[0], f[1] = s[1] * h[2] - s[2] * h[1], s[2] * h[0] - s[0] * h[2]
-            f[2] = s[0] * h[1] - s[1] * h[0]
-            for k in range(3):
-                I = pose.cI[i, k]
-                n[k] = I[0] * s[0] + I[1] * s[1] + I[2] * s[2]
+        sx, sy, sz = axis[i, 0], axis[i, 1], axis[i, 2]
+        hx, hy, hz = ch[i, 0], ch[i, 1], ch[i, 2]
+        if rotary[i] == 1:
+            fx, fy, fz = sy * hz - sz * hy, sz * hx - sx * hz, sx * hy - sy * hx
+            nx = cI[i, 0, 0] * sx + cI[i, 0, 1] * sy + cI[i, 0, 2] * sz
+            ny = cI[i, 1, 0] * sx + cI[i, 1, 1] * sy + cI[i, 1, 2] * sz
+            nz = cI[i, 2, 0] * sx + cI[i, 2, 1] * sy + cI[i, 2, 2] * sz
+            M[i, i] = sx * nx + sy * ny + sz * nz + armature[i]
         else:
-            n[0], n[1] = h[1] * s[2] - h[2] * s[1], h[2] * s[0] - h[0] * s[2]
-            n[2] = h[0] * s[1] - h[1] * s[0]
-            for k in range(3):
-                f[k] = pose.cm[i] * s[k]
-        own = n if tree.rotary[i] == 1 else f
-        M[i, i] = s[0] * own[0] + s[1] * own[1] + s[2] * own[2] + tree.armature[i]
+            nx, ny, nz = hy * sz - hz * sy, hz * sx - hx * sz, hx * sy - hy * sx
+            fx, fy, fz = cm[i] * sx, cm[i] * sy, cm[i] * sz
+            M[i, i] = sx * fx + sy * fy + sz * fz + armature[i]
+        for j in range(i):
+            M[i, j] = M[j, i] = 0.0
         j = i
-        while tree.parent[j] >= 0:
-            E, r = pose.E[j], pose.r[j]
-            for k in range(3):
-                g[k] = E[k, 0] * n[0] + E[k, 1] * n[1] + E[k, 2] * n[2]
-            for k in range(3):
-                n[k] = E[k, 0] * f[0] + E[k, 1] * f[1] + E[k, 2] * f[2]
-            for k in range(3):
-                f[k] = n[k]
-            n[0] = g[0] + r[1] * f[2] - r[2] * f[1]
-            n[1] = g[1] + r[2] * f[0] - r[0] * f[2]
-            n[2] = g[2] + r[0] * f[1] - r[1] * f[0]
-            j = tree.parent[j]
-            sj = tree.axis[j]
-            load = n if tree.rotary[j] == 1 else f
-            M[i, j] = sj[0] * load[0] + sj[1] * load[1] + sj[2] * load[2]
+        while parent[j] >= 0:
+            gx = E[j, 0, 0] * nx + E[j, 0, 1] * ny + E[j, 0, 2] * nz
+            gy = E[j, 1, 0] * nx + E[j, 1, 1] * ny + E[j, 1, 2] * nz
+            gz = E[j, 2, 0] * nx + E[j, 2, 1] * ny + E[j, 2, 2] * nz
+            ux = E[j, 0, 0] * fx + E[j, 0, 1] * fy + E[j, 0, 2] * fz
+            uy = E[j, 1, 0] * fx + E[j, 1, 1] * fy + E[j, 1, 2] * fz
+            uz = E[j, 2, 0] * fx + E[j, 2, 1] * fy + E[j, 2, 2] * fz
+            fx, fy, fz = ux, uy, uz
+            nx = gx + r[j, 1] * fz - r[j, 2] * fy
+            ny = gy + r[j, 2] * fx - r[j, 0] * fz
+            nz = gz + r[j, 0] * fy - r[j, 1] * fx
+            j = parent[j]
+            if rotary[j] == 1:
+                M[i, j] = axis[j, 0] * nx + axis[j, 1] * ny + axis[j, 2] * nz
+            else:
+                M[i, j] = axis[j, 0] * fx + axis[j, 1] * fy + axis[j, 2] * fz
             M[j, i] = M[i, j]
 
 

@@ -84,118 +84,109 @@ def empty_pose(nv: int) -> Pose:
     return Pose(z(m), z(v), z(m), z(v), z(v), z(v), z(v), z(v), z(v), z(nv), z(v), z(m))
 
 
-@njit(cache=True, inline="always")
-def _cross(u, v, out):  # type: ignore[no-untyped-def]
-    out[0] = u[1] * v[2] - u[2] * v[1]
-    out[1] = u[2] * v[0] - u[0] * v[2]
-    out[2] = u[0] * v[1] - u[1] * v[0]
-
-
 @njit(cache=True)
 def place(tree, q, pose):  # type: ignore[no-untyped-def]
     """Fill ``pose.E`` and ``pose.r`` for the positions ``q``, shape (nv,)."""
+    P, E, r, axis, offset, rotary = (
+        tree.placement, pose.E, pose.r, tree.axis, tree.offset, tree.rotary,
+    )  # fmt: skip
     for i in range(len(q)):
-        P, E, s, r = tree.placement[i], pose.E[i], tree.axis[i], pose.r[i]
-        if tree.rotary[i] == 1:
-            c, sn = np.cos(q[i]), np.sin(q[i])
-            d, x, y, z = 1.0 - c, s[0], s[1], s[2]
-            a00, a01, a02 = c + d * x * x, d * x * y - sn * z, d * x * z + sn * y
-            a10, a11, a12 = d * x * y + sn * z, c + d * y * y, d * y * z - sn * x
-            a20, a21, a22 = d * x * z - sn * y, d * y * z + sn * x, c + d * z * z
+        x, y, z = axis[i, 0], axis[i, 1], axis[i, 2]
+        if rotary[i] == 1:
+            c, s = np.cos(q[i]), np.sin(q[i])
+            d = 1.0 - c
+            a00, a01, a02 = c + d * x * x, d * x * y - s * z, d * x * z + s * y
+            a10, a11, a12 = d * x * y + s * z, c + d * y * y, d * y * z - s * x
+            a20, a21, a22 = d * x * z - s * y, d * y * z + s * x, c + d * z * z
             for k in range(3):
-                E[k, 0] = P[k, 0] * a00 + P[k, 1] * a10 + P[k, 2] * a20
-                E[k, 1] = P[k, 0] * a01 + P[k, 1] * a11 + P[k, 2] * a21
-                E[k, 2] = P[k, 0] * a02 + P[k, 1] * a12 + P[k, 2] * a22
-                r[k] = tree.offset[i, k]
+                p0, p1, p2 = P[i, k, 0], P[i, k, 1], P[i, k, 2]
+                E[i, k, 0] = p0 * a00 + p1 * a10 + p2 * a20
+                E[i, k, 1] = p0 * a01 + p1 * a11 + p2 * a21
+                E[i, k, 2] = p0 * a02 + p1 * a12 + p2 * a22
+                r[i, k] = offset[i, k]
         else:
             for k in range(3):
-                E[k, 0], E[k, 1], E[k, 2] = P[k, 0], P[k, 1], P[k, 2]
-                along = P[k, 0] * s[0] + P[k, 1] * s[1] + P[k, 2] * s[2]
-                r[k] = tree.offset[i, k] + along * q[i]
+                p0, p1, p2 = P[i, k, 0], P[i, k, 1], P[i, k, 2]
+                E[i, k, 0], E[i, k, 1], E[i, k, 2] = p0, p1, p2
+                r[i, k] = offset[i, k] + (p0 * x + p1 * y + p2 * z) * q[i]
 
 
 @njit(cache=True)
 def place_in_world(tree, pose):  # type: ignore[no-untyped-def]
     """Fill ``pose.R`` and ``pose.p`` from ``pose.E`` and ``pose.r``."""
-    for i in range(len(tree.mass)):
-        j = tree.parent[i]
+    E, r, R, p, parent = pose.E, pose.r, pose.R, pose.p, tree.parent
+    for i in range(len(parent)):
+        j = parent[i]
         for k in range(3):
+            if j < 0:
+                p[i, k] = r[i, k]
+                for m in range(3):
+                    R[i, k, m] = E[i, k, m]
+                continue
+            R0, R1, R2 = R[j, k, 0], R[j, k, 1], R[j, k, 2]
+            p[i, k] = p[j, k] + R0 * r[i, 0] + R1 * r[i, 1] + R2 * r[i, 2]
             for m in range(3):
-                if j < 0:
-                    pose.R[i, k, m] = pose.E[i, k, m]
-                else:
-                    pose.R[i, k, m] = (
-                        pose.R[j, k, 0] * pose.E[i, 0, m]
-                        + pose.R[j, k, 1] * pose.E[i, 1, m]
-                        + pose.R[j, k, 2] * pose.E[i, 2, m]
-                    )
-            pose.p[i, k] = pose.r[i, k]
-            if j >= 0:
-                pose.p[i, k] = (
-                    pose.p[j, k]
-                    + pose.R[j, k, 0] * pose.r[i, 0]
-                    + pose.R[j, k, 1] * pose.r[i, 1]
-                    + pose.R[j, k, 2] * pose.r[i, 2]
-                )
+                R[i, k, m] = R0 * E[i, 0, m] + R1 * E[i, 1, m] + R2 * E[i, 2, m]
 
 
 @njit(cache=True)
-def move(tree, v, a, pose):  # type: ignore[no-untyped-def]
-    """Fill the velocities and accelerations of the bodies in ``pose``; gravity as -g at the base."""
-    t = np.empty(3)
-    b = np.empty(3)
-    x = np.empty(3)
-    wp = np.empty(3)
+def move(tree, v, acc, pose):  # type: ignore[no-untyped-def]
+    """Fill velocities and accelerations of the bodies for joint rates; gravity as -g at the base."""
+    E, r, w, dw, a = pose.E, pose.r, pose.w, pose.dw, pose.a
+    parent, rotary, axis, g = tree.parent, tree.rotary, tree.axis, tree.gravity
     for i in range(len(v)):
-        j, E, r, s = tree.parent[i], pose.E[i], pose.r[i], tree.axis[i]
-        for k in range(3):
-            b[k] = -tree.gravity[k]
+        j = parent[i]
+        wx = wy = wz = ex = ey = ez = 0.0
+        bx, by, bz = -g[0], -g[1], -g[2]
         if j >= 0:
-            _cross(pose.w[j], r, t)
-            _cross(pose.w[j], t, x)
-            _cross(pose.dw[j], r, t)
-            for k in range(3):
-                b[k] = pose.a[j, k] + t[k] + x[k]
+            wx, wy, wz = w[j, 0], w[j, 1], w[j, 2]
+            ex, ey, ez = dw[j, 0], dw[j, 1], dw[j, 2]
+            rx, ry, rz = r[i, 0], r[i, 1], r[i, 2]
+            tx, ty, tz = wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx
+            bx = a[j, 0] + ey * rz - ez * ry + wy * tz - wz * ty
+            by = a[j, 1] + ez * rx - ex * rz + wz * tx - wx * tz
+            bz = a[j, 2] + ex * ry - ey * rx + wx * ty - wy * tx
         for k in range(3):
-            pose.a[i, k] = E[0, k] * b[0] + E[1, k] * b[1] + E[2, k] * b[2]
-            wp[k] = 0.0
-            pose.dw[i, k] = 0.0
-            if j >= 0:
-                wp[k] = E[0, k] * pose.w[j, 0] + E[1, k] * pose.w[j, 1] + E[2, k] * pose.w[j, 2]
-                pose.dw[i, k] = (
-                    E[0, k] * pose.dw[j, 0] + E[1, k] * pose.dw[j, 1] + E[2, k] * pose.dw[j, 2]
-                )
-            t[k] = s[k] * v[i]
-        _cross(wp, t, x)
-        if tree.rotary[i] == 1:
-            for k in range(3):
-                pose.w[i, k] = wp[k] + t[k]
-                pose.dw[i, k] += x[k] + s[k] * a[i]
+            e0, e1, e2 = E[i, 0, k], E[i, 1, k], E[i, 2, k]
+            w[i, k] = e0 * wx + e1 * wy + e2 * wz
+            dw[i, k] = e0 * ex + e1 * ey + e2 * ez
+            a[i, k] = e0 * bx + e1 * by + e2 * bz
+        sx, sy, sz = axis[i, 0], axis[i, 1], axis[i, 2]
+        wx, wy, wz = w[i, 0], w[i, 1], w[i, 2]
+        tx, ty, tz = wy * sz - wz * sy, wz * sx - wx * sz, wx * sy - wy * sx
+        if rotary[i] == 1:
+            dw[i, 0] += tx * v[i] + sx * acc[i]
+            dw[i, 1] += ty * v[i] + sy * acc[i]
+            dw[i, 2] += tz * v[i] + sz * acc[i]
+            w[i, 0], w[i, 1], w[i, 2] = wx + sx * v[i], wy + sy * v[i], wz + sz * v[i]
         else:
-            for k in range(3):
-                pose.w[i, k] = wp[k]
-                pose.a[i, k] += 2.0 * x[k] + s[k] * a[i]
+            a[i, 0] += 2.0 * tx * v[i] + sx * acc[i]
+            a[i, 1] += 2.0 * ty * v[i] + sy * acc[i]
+            a[i, 2] += 2.0 * tz * v[i] + sz * acc[i]
 
 
 @njit(cache=True)
 def body_forces(tree, pose):  # type: ignore[no-untyped-def]
     """Fill ``pose.f`` and ``pose.n`` with what the motion of each body asks for."""
-    t = np.empty(3)
-    x = np.empty(3)
-    y = np.empty(3)
-    for i in range(len(tree.mass)):
-        h, w, dw, a, inertia = tree.moment[i], pose.w[i], pose.dw[i], pose.a[i], tree.inertia[i]
-        _cross(dw, h, t)
-        _cross(w, h, y)
-        _cross(w, y, x)
+    w, dw, a, f, n = pose.w, pose.dw, pose.a, pose.f, pose.n
+    mass, moment, inertia = tree.mass, tree.moment, tree.inertia
+    for i in range(len(mass)):
+        hx, hy, hz = moment[i, 0], moment[i, 1], moment[i, 2]
+        wx, wy, wz = w[i, 0], w[i, 1], w[i, 2]
+        ex, ey, ez = dw[i, 0], dw[i, 1], dw[i, 2]
+        ax, ay, az = a[i, 0], a[i, 1], a[i, 2]
+        tx, ty, tz = wy * hz - wz * hy, wz * hx - wx * hz, wx * hy - wy * hx
+        f[i, 0] = mass[i] * ax + ey * hz - ez * hy + wy * tz - wz * ty
+        f[i, 1] = mass[i] * ay + ez * hx - ex * hz + wz * tx - wx * tz
+        f[i, 2] = mass[i] * az + ex * hy - ey * hx + wx * ty - wy * tx
+        lx = inertia[i, 0, 0] * wx + inertia[i, 0, 1] * wy + inertia[i, 0, 2] * wz
+        ly = inertia[i, 1, 0] * wx + inertia[i, 1, 1] * wy + inertia[i, 1, 2] * wz
+        lz = inertia[i, 2, 0] * wx + inertia[i, 2, 1] * wy + inertia[i, 2, 2] * wz
         for k in range(3):
-            pose.f[i, k] = tree.mass[i] * a[k] + t[k] + x[k]
-            y[k] = inertia[k, 0] * w[0] + inertia[k, 1] * w[1] + inertia[k, 2] * w[2]
-        _cross(w, y, t)
-        _cross(h, a, x)
-        for k in range(3):
-            spin = inertia[k, 0] * dw[0] + inertia[k, 1] * dw[1] + inertia[k, 2] * dw[2]
-            pose.n[i, k] = spin + t[k] + x[k]
+            n[i, k] = inertia[i, k, 0] * ex + inertia[i, k, 1] * ey + inertia[i, k, 2] * ez
+        n[i, 0] += wy * lz - wz * ly + hy * az - hz * ay
+        n[i, 1] += wz * lx - wx * lz + hz * ax - hx * az
+        n[i, 2] += wx * ly - wy * lx + hx * ay - hy * ax
 
 
 @njit(cache=True)
@@ -208,33 +199,38 @@ def apply_load(pose, body, point, load):  # type: ignore[no-untyped-def]
         point: where the load acts, body axes [m], shape (3,).
         load: force and moment in world axes [N, N·m], shape (6,).
     """
-    f = np.empty(3)
-    x = np.empty(3)
-    R = pose.R[body]
+    R, f, n = pose.R[body], np.empty(3), np.empty(3)
     for k in range(3):
         f[k] = R[0, k] * load[0] + R[1, k] * load[1] + R[2, k] * load[2]
-    _cross(point, f, x)
-    for k in range(3):
+        n[k] = R[0, k] * load[3] + R[1, k] * load[4] + R[2, k] * load[5]
         pose.f[body, k] -= f[k]
-        moment = R[0, k] * load[3] + R[1, k] * load[4] + R[2, k] * load[5]
-        pose.n[body, k] -= x[k] + moment
+    pose.n[body, 0] -= n[0] + point[1] * f[2] - point[2] * f[1]
+    pose.n[body, 1] -= n[1] + point[2] * f[0] - point[0] * f[2]
+    pose.n[body, 2] -= n[2] + point[0] * f[1] - point[1] * f[0]
 
 
 @njit(cache=True)
 def joint_efforts(tree, pose, tau):  # type: ignore[no-untyped-def]
     """Fold the body forces towards the ground; fills ``tau``, shape (nv,), armature left out."""
-    t = np.empty(3)
-    for i in range(len(tree.mass) - 1, -1, -1):
-        s, E, j = tree.axis[i], pose.E[i], tree.parent[i]
-        load = pose.n[i] if tree.rotary[i] == 1 else pose.f[i]
-        tau[i] = s[0] * load[0] + s[1] * load[1] + s[2] * load[2]
-        if j >= 0:
-            f, n = pose.f[i], pose.n[i]
-            for k in range(3):
-                t[k] = E[k, 0] * f[0] + E[k, 1] * f[1] + E[k, 2] * f[2]
-                pose.f[j, k] += t[k]
-                pose.n[j, k] += E[k, 0] * n[0] + E[k, 1] * n[1] + E[k, 2] * n[2]
-            r = pose.r[i]
-            pose.n[j, 0] += r[1] * t[2] - r[2] * t[1]
-            pose.n[j, 1] += r[2] * t[0] - r[0] * t[2]
-            pose.n[j, 2] += r[0] * t[1] - r[1] * t[0]
+    E, r, f, n = pose.E, pose.r, pose.f, pose.n
+    parent, rotary, axis = tree.parent, tree.rotary, tree.axis
+    for i in range(len(parent) - 1, -1, -1):
+        fx, fy, fz, nx, ny, nz = f[i, 0], f[i, 1], f[i, 2], n[i, 0], n[i, 1], n[i, 2]
+        if rotary[i] == 1:
+            tau[i] = axis[i, 0] * nx + axis[i, 1] * ny + axis[i, 2] * nz
+        else:
+            tau[i] = axis[i, 0] * fx + axis[i, 1] * fy + axis[i, 2] * fz
+        j = parent[i]
+        if j < 0:
+            continue
+        gx = E[i, 0, 0] * fx + E[i, 0, 1] * fy + E[i, 0, 2] * fz
+        gy = E[i, 1, 0] * fx + E[i, 1, 1] * fy + E[i, 1, 2] * fz
+        gz = E[i, 2, 0] * fx + E[i, 2, 1] * fy + E[i, 2, 2] * fz
+        f[j, 0] += gx
+        f[j, 1] += gy
+        f[j, 2] += gz
+        for k in range(3):
+            n[j, k] += E[i, k, 0] * nx + E[i, k, 1] * ny + E[i, k, 2] * nz
+        n[j, 0] += r[i, 1] * gz - r[i, 2] * gy
+        n[j, 1] += r[i, 2] * gx - r[i, 0] * gz
+        n[j, 2] += r[i, 0] * gy - r[i, 1] * gx

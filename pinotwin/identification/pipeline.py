@@ -1,0 +1,175 @@
+"""``identify``: logs to twin (thesis Fig. 4-6), with progress and with its own judgement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from pinotwin.dynamics.parameters import parameters
+from pinotwin.errors import DataError
+from pinotwin.fit.crossval import held_out
+from pinotwin.fit.linear import Options
+from pinotwin.identification.assemble import assemble
+from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
+from pinotwin.identification.plant import Plant, fit_options, fit_plant
+from pinotwin.identification.table import at_bounds, parameter_table
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.preparation import prepare
+from pinotwin.threads import one_blas_thread
+from pinotwin.twin import Twin
+from pinotwin.twin.files import fingerprint
+
+FOLDS = 5
+
+
+@one_blas_thread
+def identify(
+    machine: Machine,
+    log: Log | Sequence[Log],
+    *,
+    validate: Log | Sequence[Log] | None = None,
+    loop: bool = True,
+    consistent: bool = True,
+    cutoff: float | None = None,
+    decimate: int | None = None,
+    report: Callable[[str, float], None] | None = None,
+) -> Twin:
+    """Find the model of a machine in its logs.
+
+    All axes are fitted in one problem, so that a parameter that two axes share is found once.
+
+    Args:
+        machine: what is believed about it.
+        log: servo log(s) to fit.
+        validate: log(s) to judge on; without them the judgement is on held-out blocks.
+        loop: also identify the closed loops of the axes whose command is logged.
+        consistent: require inertias that a real body could have.
+        cutoff: corner of the zero-phase low-pass [Hz]; chosen from the data when None.
+        decimate: fit one row in so many; chosen from the corner when None.
+        report: called with the stage and the share done.
+
+    Raises:
+        LogError: a channel is missing or unusable.
+        DataError: the logs hold too little to identify anything.
+    """
+    tell = report or _silent
+    tell("preparing the log", 0.02)
+    logs = [log] if isinstance(log, Log) else list(log)
+    motion = prepare(machine, logs, cutoff=cutoff, decimate=decimate)
+    tell("fitting the plant", 0.1)
+    plant = fit_plant(machine, motion, consistent_inertia=consistent)
+    tell("judging the plant", 0.4)
+    settings = {"cutoff": _finite(motion.cutoff), "decimate": motion.decimation}
+    table = parameter_table(machine, plant)
+    quality = _quality(machine, motion, plant)
+    quality["at_bound"] = at_bounds(table)
+    if validate is not None:
+        _validate(machine, plant, validate, settings, quality)
+    quality["warnings"] = warnings(quality, dict(zip(machine.names, machine.rotary, strict=True)))
+    del loop
+    return Twin(
+        machine=machine,
+        effects=plant.effects,
+        theta=plant.theta,
+        covariance=plant.fit.covariance,
+        parameters=table,
+        pi=plant.pi,
+        quality=quality,
+        data=[_provenance(item, motion) for item in logs],
+        settings=settings,
+        groups=plant.fit.group_names(),
+    )
+
+
+def _silent(stage: str, done: float) -> None:
+    del stage, done
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _quality(machine: Machine, motion: Motion, plant: Plant) -> dict[str, Any]:
+    """Return the figures of the fit, per axis and together."""
+    fit, names = plant.fit, machine.names
+    problem = fit.problem
+    error = problem.y - problem.W @ plant.theta
+    options = fit_options(machine, plant.effects)
+    held = _held_out_error(problem, options)
+    axes = {}
+    for joint, rows in problem.slices.items():
+        own = error_row(problem.y[rows], error[rows])
+        axes[names[joint]] = {
+            "fit": own["nrmse"],
+            "fit_std": own["nrmse_std"],
+            "rms": own["rms"],
+            "held_out": error_row(problem.y[rows], held[rows]),
+            **whiteness_row(error[rows]),
+            "rows": int(rows.stop - rows.start),
+        }
+    found = plant.consistency
+    return {
+        "axes": axes,
+        "relative_error": float(np.linalg.norm(error) / np.linalg.norm(problem.y)),
+        "condition": float(fit.condition),
+        "rank": int(fit.rank),
+        "parameters": len(plant.theta),
+        "not_separable": [list(group) for group in fit.group_names()],
+        "consistency": None
+        if found is None
+        else {"moved": found.moved, "cost_ratio": _finite(found.cost_ratio)},
+        "folds": FOLDS,
+    }
+
+
+def _held_out_error(problem, options: Options):  # type: ignore[no-untyped-def]
+    try:
+        return held_out(problem, folds=FOLDS, options=options).error
+    except DataError:
+        return np.full(len(problem.y), np.nan)
+
+
+def _validate(
+    machine: Machine,
+    plant: Plant,
+    logs: Log | Sequence[Log],
+    settings: dict[str, Any],
+    quality: dict[str, Any],
+) -> None:
+    """Add the errors on logs that were not fitted."""
+    motion = prepare(machine, logs, **settings)
+    rows = prediction_rows(assemble(motion, plant.effects), plant.theta, machine.names)
+    for name, row in rows.items():
+        if name in quality["axes"]:
+            quality["axes"][name]["validation"] = row
+    quality["validation_source"] = motion.source
+
+
+def _provenance(log: Log, motion: Motion) -> dict[str, Any]:
+    return {
+        "source": log.source,
+        "samples": len(log),
+        "rate": 1.0 / motion.step,
+        "fingerprint": fingerprint(dict(log.channels)),
+        "notes": list(log.notes),
+    }
+
+
+def nominal_twin(machine: Machine) -> Twin:
+    """Return the twin of a machine as described: CAD inertias, every other coefficient zero."""
+    effects = machine.effects
+    options = fit_options(machine, effects)
+    assert options.prior is not None
+    theta = options.prior.mean
+    return Twin(
+        machine=machine,
+        effects=effects,
+        theta=theta,
+        covariance=np.zeros((len(theta), len(theta))),
+        parameters=(),
+        pi=parameters(machine.model),
+    )

@@ -1,0 +1,123 @@
+"""Search of the effects' shapes: each effect with shapes is a moving block of the separable problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.effects import Effect
+from pinotwin.fit.linear import Options, Prior
+from pinotwin.fit.moving import Moving
+from pinotwin.fit.result import LinearFit
+from pinotwin.fit.separable import separable
+from pinotwin.identification.assemble import Rows, assemble, coefficient_names, thin
+from pinotwin.motion import Motion
+from pinotwin.twin.twin import effect_keys, effect_slices
+
+Found = tuple[LinearFit, tuple[Effect, ...], Floats, Mask]
+
+
+def search_shapes(
+    motion: Motion,
+    effects: tuple[Effect, ...],
+    rows: Rows,
+    searched: Sequence[int],
+    options: Options,
+) -> Found:
+    """Find the shapes of some effects together with all coefficients.
+
+    Args:
+        motion: prepared log.
+        effects: all effects, in the order of theta.
+        rows: rows to fit.
+        searched: indices of the effects whose shapes are searched.
+        options: prior and bounds in the order of theta.
+
+    Returns:
+        The linear fit in the order of the effects, the effects at the shapes found, and for every
+        shape of every effect its standard error (nan where it was not searched) and whether it
+        ended at a bound.
+    """
+    slices = effect_slices(effects)
+    fixed = [i for i in range(len(effects)) if i not in searched]
+    order = np.concatenate([np.arange(slices[i].start, slices[i].stop) for i in [*fixed, *searched]])
+    problem = assemble(motion, [effects[i] for i in fixed], rows)
+    keys, names = effect_keys(effects), coefficient_names(effects)
+    problem = problem.with_columns(problem.W, [names[k] for k in order[: problem.parameters]])
+    blocks = [
+        _moving(motion, effects[i], keys[i], tuple(names[slices[i]]), rows) for i in searched
+    ]
+    found = separable(problem, blocks, _permuted(options, order))
+    shaped, errors, bounds = _with_shapes(effects, searched, found.shapes)
+    return _restored(found.fit, np.argsort(order)), shaped, errors, bounds
+
+
+def _moving(
+    motion: Motion, effect: Effect, key: str, names: tuple[str, ...], rows: Rows
+) -> Moving:
+    assert effect.axis is not None
+    joint = motion.index(effect.axis)
+    kept = rows.kept[rows.joints.index(joint)]
+    shapes = effect.shapes()
+
+    def columns(values: Floats) -> Floats:
+        own = effect.shaped(values).columns(motion)
+        return thin(motion, own.values[:, own.joints.index(joint), :])[kept]
+
+    return Moving(
+        name=key,
+        rows=rows.slice_of(joint),
+        columns=columns,
+        names=names,
+        shapes=tuple(s.name for s in shapes),
+        lower=np.array([s.lower for s in shapes]),
+        upper=np.array([s.upper for s in shapes]),
+        log=np.array([s.log for s in shapes]),
+        starts=effect.grid(motion),
+    )
+
+
+def _permuted(options: Options, order: Ints) -> Options:
+    def pick(x: Floats | None) -> Floats | None:
+        return None if x is None else x[order]
+
+    prior = options.prior
+    if prior is not None:
+        prior = Prior(prior.mean[order], pick(prior.std), prior.soft)
+    return replace(options, prior=prior, lower=pick(options.lower), upper=pick(options.upper))
+
+
+def _restored(fit: LinearFit, back: Ints) -> LinearFit:
+    """Return the fit with its parameters in the order ``back`` picks them."""
+    place = np.argsort(back)
+    problem = fit.problem
+    return replace(
+        fit,
+        problem=problem.with_columns(problem.W[:, back], [problem.names[k] for k in back]),
+        theta=fit.theta[back],
+        covariance=fit.covariance[np.ix_(back, back)],
+        determined=fit.determined[back],
+        unexcited=tuple(sorted(int(place[k]) for k in fit.unexcited)),
+        groups=tuple(tuple(sorted(int(place[k]) for k in group)) for group in fit.groups),
+        active=fit.active[back],
+        lower=fit.lower[back],
+        upper=fit.upper[back],
+        factor=fit.factor[:, back],
+    )
+
+
+def _with_shapes(effects, searched, shapes):  # type: ignore[no-untyped-def]
+    out = list(effects)
+    errors = [np.full(len(e.shapes()), np.nan) for e in effects]
+    bounds = [np.zeros(len(e.shapes()), bool) for e in effects]
+    at = 0
+    for i in searched:
+        mine = shapes[at : at + len(effects[i].shapes())]
+        at += len(mine)
+        out[i] = effects[i].shaped([s.value for s in mine])
+        errors[i] = np.array([s.standard_error for s in mine])
+        bounds[i] = np.array([s.bound is not None for s in mine])
+    return tuple(out), np.concatenate(errors), np.concatenate(bounds)

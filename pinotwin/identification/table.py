@@ -1,0 +1,109 @@
+"""The parameter table of a twin, from what the fit found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.effects import Effect, RigidBody
+from pinotwin.identification.plant import Plant
+from pinotwin.machine import Machine
+from pinotwin.twin.parameters import Parameter, verdict
+from pinotwin.twin.twin import effect_keys, effect_slices
+
+
+def parameter_table(machine: Machine, plant: Plant) -> tuple[Parameter, ...]:
+    """Return one row per coefficient and per searched shape."""
+    rows: list[Parameter] = []
+    keys = effect_keys(plant.effects)
+    at = 0
+    for key, effect, where in zip(keys, plant.effects, effect_slices(plant.effects), strict=True):
+        rows += _linear_rows(key, effect, where, plant)
+        count = len(effect.shapes())
+        rows += _shape_rows(key, effect, slice(at, at + count), where, plant)
+        at += count
+    return tuple(rows)
+
+
+def _linear_rows(key: str, effect: Effect, where: slice, plant: Plant) -> list[Parameter]:
+    fit = plant.fit
+    error = fit.standard_errors[where]
+    names = _names(effect)
+    prior = _prior(effect, plant)
+    rows = []
+    for k, coefficient in enumerate(effect.coefficients()):
+        at = where.start + k
+        known = bool(fit.determined[at])
+        value = float(plant.theta[at])
+        rows.append(
+            Parameter(
+                name=f"{key}.{names[k]}",
+                effect=key,
+                kind="linear",
+                value=value,
+                unit=coefficient.unit,
+                error=float(error[k]) if known else np.nan,
+                determined=known,
+                verdict=_verdict(plant, at, value, float(error[k])),
+                prior=None if prior is None else float(prior[k]),
+                meaning=coefficient.name if names[k] != coefficient.name else "",
+            )
+        )
+    return rows
+
+
+def _verdict(plant: Plant, at: int, value: float, error: float) -> str:
+    fit = plant.fit
+    if at in fit.unexcited:
+        return "not determined: nothing in this log excites it"
+    if not fit.determined[at]:
+        group = next((g for g in fit.groups if at in g), ())
+        others = ", ".join(fit.names[i] for i in group if i != at)
+        return f"not determined: not separable from {others}" if others else "not determined"
+    return verdict(value, error, at_bound=bool(fit.active[at]))
+
+
+def _names(effect: Effect) -> tuple[str, ...]:
+    if isinstance(effect, RigidBody):
+        return effect.base.labels
+    return tuple(c.name for c in effect.coefficients())
+
+
+def _prior(effect: Effect, plant: Plant) -> Floats | None:
+    if not isinstance(effect, RigidBody):
+        return None
+    from pinotwin.dynamics.parameters import parameters
+
+    return effect.base.from_standard(parameters(effect.model))
+
+
+def _shape_rows(
+    key: str, effect: Effect, which: slice, where: slice, plant: Plant
+) -> list[Parameter]:
+    rows = []
+    errors, bounds = plant.shape_errors[which], plant.shape_at_bound[which]
+    seen = bool(np.any(np.abs(plant.theta[where]) > 0))
+    pairs = zip(effect.shapes(), effect.shape_values(), errors, bounds, strict=True)
+    for shape, value, error, at_bound in pairs:
+        known = bool(np.isfinite(error)) and seen and not at_bound
+        word = verdict(value, float(error), at_bound=bool(at_bound))
+        rows.append(
+            Parameter(
+                name=f"{key}.{shape.name}",
+                effect=key,
+                kind="shape",
+                value=value,
+                unit=shape.unit,
+                error=float(error) if known else np.nan,
+                determined=known,
+                verdict=word if seen else "not determined: its coefficients are zero",
+            )
+        )
+    return rows
+
+
+def at_bounds(rows: Sequence[Parameter]) -> list[str]:
+    """Return the names of the parameters that ended at a bound."""
+    return [row.name for row in rows if row.verdict == "at its bound"]

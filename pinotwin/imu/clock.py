@@ -1,0 +1,304 @@
+"""Two clocks: when did the machine's log see what the IMU saw?
+
+    t_ref = (1 + skew) t_imu + offset
+
+The magnitude of the angular velocity is the same in every frame, so it needs no mounting (thesis
+Section 6.4.1). Coarse: normalised cross-correlation of the magnitudes over the overlap (Padfield
+2012, DOI 10.1109/TIP.2011.2181402, in one dimension). Fine: Gauss-Newton on
+
+    y(t) = A r(t_ref(t)) + b + noise
+
+in offset, skew, A and b, both signals low-passed alike so that structural vibration stays out. With
+rates as vectors A is a full 3x3 matrix (mounting, scale factors); with magnitudes it is a number.
+A sensor's low-pass delays what it reports; its group delay is an input (``delay``). A clock that jumps
+back was restarted: each stretch has its own offset, all share the skew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError
+from pinotwin.imu.statistics import sandwich
+
+
+@dataclass(frozen=True)
+class ClockSegment:
+    """One unbroken stretch of the IMU's clock: rows, and t_ref at the stamp ``pivot``."""
+
+    rows: slice
+    pivot: float
+    at_pivot: float
+    se: float
+    correlation: float
+
+
+@dataclass(frozen=True)
+class ClockFit:
+    """How the IMU's clock relates to the reference: t_ref = (1 + skew) t_imu + offset.
+
+    Attributes:
+        offset: reference time at stamp zero of the longest stretch [s].
+        skew: relative rate deviation [-].
+        se_offset: standard error of the offset [s].
+        se_skew: standard error of the skew [-].
+        segments: the stretches that could be placed, in order.
+        residual: RMS of the rate left over [rad/s].
+        size: number of IMU samples.
+    """
+
+    offset: float
+    skew: float
+    se_offset: float
+    se_skew: float
+    segments: tuple[ClockSegment, ...] = field(default=(), repr=False)
+    residual: float = 0.0
+    size: int = 0
+
+    def to_ref(self, t_imu: Floats) -> Floats:
+        """Return reference times of all stamps, (n,); NaN on stretches that could not be placed."""
+        t = np.full(len(t_imu), np.nan)
+        if len(t_imu) != self.size and len(self.segments) > 1:
+            raise DataError(f"this clock was fitted on {self.size} stamps, not {len(t_imu)}")
+        whole = len(self.segments) == 1 and len(t_imu) != self.size
+        for s in self.segments:
+            rows = slice(None) if whole else s.rows
+            t[rows] = s.at_pivot + (1.0 + self.skew) * (np.asarray(t_imu)[rows] - s.pivot)
+        return t
+
+
+@dataclass(frozen=True)
+class SyncSettings:
+    """How to synchronise.
+
+    Attributes:
+        delay: group delay of the sensor's own filter [s]. delay_sd: its uncertainty [s].
+        smoothing: standard deviation in time of the low-pass on both signals [s].
+        skew: prior standard deviation of the skew [-].
+        minimum: RMS variation of rate that counts as a rotation [rad/s].
+        agreement: least correlation coefficient of the coarse step.
+    """
+
+    delay: float = 0.0
+    delay_sd: float = 0.0
+    smoothing: float = 0.02
+    skew: float = 2e-4
+    minimum: float = 0.01
+    agreement: float = 0.6
+
+
+def sync(
+    t_ref: Floats, rate_ref: Floats, t_imu: Floats, rate_imu: Floats,
+    settings: SyncSettings | None = None,
+) -> ClockFit:  # fmt: skip
+    """Return the relation of two clocks from angular rates that both saw.
+
+    Args:
+        t_ref: reference clock, uniform [s], (n,).
+        rate_ref: angular velocity in a frame of the link, (n, 3), or its magnitude, (n,) [rad/s].
+        t_imu: the sensor's stamps [s], (m,); samples may be missing.
+        rate_imu: the gyro's reading, (m, 3), or its magnitude, (m,) [rad/s].
+        settings: delays and priors.
+
+    Raises:
+        DataError: nothing rotates, or the two do not show the same motion.
+    """
+    s = SyncSettings() if settings is None else settings
+    t_ref, r, t_imu, y = _checked(t_ref, rate_ref, t_imu, rate_imu, s)
+    step = float(np.median(np.diff(t_imu)))
+    vector = r.shape[1] == 3 and y.shape[1] == 3
+    placed = []
+    for rows in _stretches(t_imu):
+        found = _coarse(t_ref, r, t_imu[rows], y[rows], step, s)
+        if found is not None:
+            placed.append((rows, *found))
+    if not placed:
+        raise DataError(
+            "the IMU's angular rate does not match the encoders' anywhere (no common rotation); "
+            "check that both logs are of the same run and that the IMU sits on a rotating link"
+        )
+    if not vector:
+        r, y = (np.linalg.norm(x, axis=1, keepdims=True) for x in (r, y))
+    full = _fine(t_ref, r, t_imu, y, placed, s)
+    wider = _fine(t_ref, r, t_imu, y, placed, _smoother(s))
+    return _with_systematics(full, wider, s)
+
+
+def _smoother(s: SyncSettings) -> SyncSettings:
+    return SyncSettings(s.delay, s.delay_sd, 1.5 * s.smoothing, s.skew, s.minimum, s.agreement)
+
+
+def _checked(
+    t_ref: Floats, rate_ref: Floats, t_imu: Floats, rate_imu: Floats, s: SyncSettings
+) -> tuple[Floats, Floats, Floats, Floats]:
+    arrays = [np.asarray(x, dtype=float) for x in (t_ref, rate_ref, t_imu, rate_imu)]
+    t_ref, r, t_imu, y = arrays
+    if any(not np.isfinite(x).all() for x in arrays):
+        raise DataError("times or angular rates hold NaN or infinity; drop those samples first")
+    if len(t_ref) != len(r) or len(t_imu) != len(y) or min(len(r), len(y)) < 50:
+        raise DataError("a clock fit needs at least 50 samples each, as many times as rates")
+    if np.any(np.diff(t_ref) <= 0.0):
+        raise DataError("the reference clock does not increase; sort or split that log first")
+    r, y = (x[:, None] if x.ndim == 1 else x for x in (r, y))
+    for x, who in ((r, "the encoders'"), (y, "the IMU's")):
+        variation = np.std(np.linalg.norm(x, axis=1))
+        if variation < s.minimum:
+            raise DataError(
+                f"{who} angular rate varies by {np.degrees(variation):.2g} deg/s only: nothing "
+                "rotates, so the clocks cannot be matched; move a rotary axis in the log"
+            )
+    return t_ref, r, t_imu, y
+
+
+def _stretches(t: Floats) -> list[slice]:
+    """Return the rows between restarts of a clock, those of at least 50 samples."""
+    cuts = [0, *(np.flatnonzero(np.diff(t) < 0.0) + 1), len(t)]
+    return [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b - a >= 50]
+
+
+def _coarse(
+    t_ref: Floats, r: Floats, t: Floats, y: Floats, step: float, s: SyncSettings
+) -> tuple[float, float] | None:
+    """Return t_ref - t_imu by masked normalised cross-correlation and the coefficient."""
+    a = _uniform(t_ref, np.linalg.norm(r, axis=1), step)
+    b = _uniform(t, np.linalg.norm(y, axis=1), step)
+    if np.std(b) < s.minimum:
+        return None
+    size = 1 << int(np.ceil(np.log2(len(a) + len(b))))
+    A, A2, ones_a = (np.fft.rfft(x, size) for x in (a, a * a, np.ones_like(a)))
+    B, B2, ones_b = (np.conj(np.fft.rfft(x, size)) for x in (b, b * b, np.ones_like(b)))
+
+    def lagged(X: Floats, Y: Floats) -> Floats:
+        return np.fft.irfft(X * Y, size)
+
+    n = np.maximum(lagged(ones_a, ones_b), 1e-9)
+    sa, sb = lagged(A, ones_b), lagged(ones_a, B)
+    cov = lagged(A, B) - sa * sb / n
+    va = np.maximum(lagged(A2, ones_b) - sa**2 / n, 0.0)
+    vb = np.maximum(lagged(ones_a, B2) - sb**2 / n, 0.0)
+    enough = (n > 0.5 * min(len(a), len(b))) & (vb > 0.1 * np.max(vb)) & (va > 1e-3 * np.max(va))
+    score = np.where(enough, cov / np.sqrt(np.maximum(va * vb, 1e-12)), -1.0)
+    # a stretch that fits only where the reference barely moves must not beat the full overlap
+    k = int(np.argmax(score * np.sqrt(np.minimum(n / min(len(a), len(b)), 1.0))))
+    if score[k] < s.agreement:
+        return None
+    left, mid, right = score[k - 1], score[k], score[(k + 1) % size]
+    curve = left - 2.0 * mid + right
+    part = 0.5 * (left - right) / curve if curve < 0.0 and min(left, right) > -1.0 else 0.0
+    lag = k if k < len(a) else k - size
+    return float(t_ref[0] - t[0] + (lag + part) * step), float(score[k])
+
+
+def _uniform(t: Floats, x: Floats, step: float) -> Floats:
+    return np.interp(np.arange(t[0], t[-1], step), t, x)
+
+
+def _smoothed(t: Floats, x: Floats, smoothing: float) -> tuple[Floats, Floats, Mask]:
+    """Return a uniform grid, the low-passed signal on it, and where no hole or end is near."""
+    step = float(np.median(np.diff(t)))
+    grid = t[0] + step * np.arange(round((t[-1] - t[0]) / step) + 1)
+    values = np.stack([np.interp(grid, t, c) for c in x.T], axis=1)
+    nearest_sample = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
+    gap = t[nearest_sample] - t[nearest_sample - 1]
+    width = max(smoothing / step, 1e-3)
+    bad = gaussian_filter1d((gap > 2.5 * step).astype(float), width, mode="constant", cval=1.0)
+    return grid, gaussian_filter1d(values, width, axis=0, mode="nearest"), bad < 1e-3
+
+
+@dataclass(frozen=True)
+class _Fit:
+    pivots: Floats
+    at_pivot: Floats
+    skew: float
+    cov: Floats  # of (at_pivot..., skew)
+    residual: float
+    rows: list[slice]
+    correlation: list[float]
+    size: int
+
+
+def _fine(
+    t_ref: Floats, r: Floats, t_imu: Floats, y: Floats,
+    placed: list[tuple[slice, float, float]], s: SyncSettings,
+) -> _Fit:  # fmt: skip
+    """Gauss-Newton in the offsets at the pivots and the skew; the gains are linear."""
+    grid, smooth, _ = _smoothed(t_ref, r, s.smoothing)
+    spline = CubicSpline(grid, smooth)
+    parts = [_smoothed(t_imu[rows], y[rows], s.smoothing) for rows, _, _ in placed]
+    pivots = np.array([0.5 * (p[0][0] + p[0][-1]) for p in parts])
+    # a filter's delay makes a sample show the past: compare at t_ref - delay
+    x = np.array([pivot + c[1] for pivot, c in zip(pivots, placed, strict=True)] + [0.0])
+    for _ in range(12):
+        J, e, scores = _linearised(spline, grid, parts, pivots, x, s)
+        precision = np.zeros(len(x))
+        precision[-1] = (np.median(np.abs(e)) / 0.6745) ** 2 / s.skew**2
+        A = J.T @ J + np.diag(precision)
+        dx = np.linalg.solve(A, J.T @ e - precision * x)
+        x = x + dx
+        if np.max(np.abs(dx)) < 1e-9:
+            break
+    lag = max(1, round(max(0.25, 4.0 * s.smoothing) / float(np.median(np.diff(t_imu)))))
+    cov = sandwich(scores, A, lag)
+    return _Fit(pivots, x[:-1], float(x[-1]), cov, float(np.sqrt(np.mean(e**2))),
+                [p[0] for p in placed], [p[2] for p in placed], len(t_imu))  # fmt: skip
+
+
+def _linearised(
+    spline: CubicSpline, grid: Floats, parts: list[tuple[Floats, Floats, Mask]],
+    pivots: Floats, x: Floats, s: SyncSettings,
+) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+    """Return the Jacobian and residual with gains projected out, and scores per sample."""
+    linear, slopes, targets, weights, index, since = [], [], [], [], [], []
+    for i, (t, y, good) in enumerate(parts):
+        at = x[i] + (1.0 + x[-1]) * (t - pivots[i]) - s.delay
+        use = good & (at > grid[0] + 3 * s.smoothing) & (at < grid[-1] - 3 * s.smoothing)
+        if y.shape[1] == 1:  # a magnitude near zero is rectified noise
+            use &= y[:, 0] > s.minimum
+        linear.append(spline(at[use]))
+        slopes.append(spline(at[use], 1))
+        targets.append(y[use])
+        index.append(np.full(use.sum(), i))
+        since.append(t[use] - pivots[i])
+        weights.append(np.ones(use.sum()))
+    R, D, Y = np.concatenate(linear), np.concatenate(slopes), np.concatenate(targets)
+    k, dt = np.concatenate(index), np.concatenate(since)
+    X = np.hstack([R, np.ones((len(R), 1))])
+    gain = np.linalg.lstsq(X, Y, rcond=None)[0]
+    e = Y - X @ gain
+    for _ in range(2):  # bounded influence: what a knock leaves is not a clock's doing
+        size = np.linalg.norm(e, axis=1)
+        w = np.minimum(1.0, 3.0 * np.median(size) / np.maximum(size, 1e-12))[:, None]
+        gain = np.linalg.lstsq(X * np.sqrt(w), Y * np.sqrt(w), rcond=None)[0]
+        e = Y - X @ gain
+    slope = D @ gain[:-1]  # (n, channels)
+    columns = [slope * (k == i)[:, None] for i in range(len(parts))] + [slope * dt[:, None]]
+    root = np.sqrt(w)
+    Q, _ = np.linalg.qr(X * root)
+    free = [c * root - Q @ (Q.T @ (c * root)) for c in columns]
+    e = e * root
+    J = np.stack([c.ravel() for c in free], axis=1)
+    scores = np.stack([np.sum(c * e, axis=1) for c in free], axis=1)
+    return J, e.ravel(), scores
+
+
+def _with_systematics(full: _Fit, wider: _Fit, s: SyncSettings) -> ClockFit:
+    """Return the fit; what a stronger low-pass changes is added to the standard errors."""
+    se = np.sqrt(np.maximum(np.diag(full.cov), 0.0))
+    shift = np.append(full.at_pivot - wider.at_pivot, full.skew - wider.skew)
+    se = np.sqrt(se**2 + shift**2)
+    se[:-1] = np.hypot(se[:-1], s.delay_sd)
+    segments = tuple(
+        ClockSegment(rows, float(p), float(a), float(e), float(c))
+        for rows, p, a, e, c in zip(
+            full.rows, full.pivots, full.at_pivot, se, full.correlation, strict=False
+        )
+    )
+    main = max(segments, key=lambda g: g.rows.stop - g.rows.start)
+    offset = main.at_pivot - (1.0 + full.skew) * main.pivot
+    return ClockFit(offset, full.skew, float(np.hypot(main.se, main.pivot * se[-1])), float(se[-1]),
+                    segments, full.residual, full.size)  # fmt: skip

@@ -1,0 +1,44 @@
+"""Orientation from a gyroscope and an accelerometer: one door to four estimators."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError, nearest
+from pinotwin.imu.ekf import ekf
+from pinotwin.imu.offline import offline_orientation
+
+Method = Literal["ekf", "smoother", "vqf", "offline"]
+
+
+def orientation(gyr: Floats, acc: Floats, rate: float, method: Method = "offline") -> Floats:
+    """Return quaternions (n, 4), sensor to earth (z up), heading as at the start.
+
+    Args:
+        gyr: angular rate [rad/s], (n, 3), evenly sampled.
+        acc: specific force [m/s²], (n, 3).
+        rate: sampling rate [Hz].
+        method: "ekf" the adaptive filter (thesis Fig. 6-5), "smoother" its two-way form, "vqf" the
+            offline VQF of its authors' package as a reference, "offline" ours for whole records.
+
+    Raises:
+        DataError: arrays that do not fit, that are not finite, or an unknown method.
+    """
+    gyr, acc = np.ascontiguousarray(gyr, dtype=float), np.ascontiguousarray(acc, dtype=float)
+    if gyr.shape != acc.shape or gyr.ndim != 2 or gyr.shape[1] != 3:
+        raise DataError(f"gyr {gyr.shape} and acc {acc.shape} must both be (n, 3)")
+    if not (np.isfinite(gyr).all() and np.isfinite(acc).all()):
+        raise DataError("gyr or acc holds NaN or infinity; fill the holes first")
+    if method == "offline":
+        return offline_orientation(gyr, acc, rate)
+    if method in ("ekf", "smoother"):
+        return ekf(gyr, acc, rate, smooth=method == "smoother").q
+    if method == "vqf":
+        from vqf import offlineVQF
+
+        return np.asarray(offlineVQF(gyr, acc, None, 1.0 / rate)["quat6D"])
+    known = ("ekf", "smoother", "vqf", "offline")
+    raise DataError(f"unknown method {method!r}; {nearest(method, known)}")

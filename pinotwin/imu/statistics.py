@@ -1,0 +1,33 @@
+"""Covariance of a least-squares fit whose residuals are neither white nor of one size."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+
+
+def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
+    """Return the covariance of parameters, (p, p), robust to correlated residuals.
+
+    Newey and West 1987 (DOI 10.2307/1913610): with scores s[k] = J[k]' r[k] of the samples and the
+    information A = J'J, the covariance is A^-1 S A^-1, S the sum of the lagged products of s under a
+    triangular window.
+
+    Args:
+        scores: J' r of every sample, (n, p).
+        information: J'J plus the priors' precision, (p, p).
+        lag: samples over which residuals are correlated.
+    """
+    n = len(scores)
+    lag = min(lag, n - 1)
+    size = 1 << int(np.ceil(np.log2(n + lag + 1)))
+    spectrum = np.fft.rfft(scores, size, axis=0)
+    window = np.zeros(size)
+    taper = 1.0 - np.arange(lag + 1) / (lag + 1)
+    window[: lag + 1] = taper
+    window[size - lag :] = taper[:0:-1]
+    smoothed = np.fft.irfft(spectrum * np.fft.rfft(window)[:, None], size, axis=0)[:n]
+    S = scores.T @ smoothed
+    inverse = np.linalg.inv(information)
+    return inverse @ (0.5 * (S + S.T)) @ inverse

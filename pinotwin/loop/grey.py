@@ -1,0 +1,300 @@
+"""Find the controller itself: effort, error and command are all measured (grey box).
+
+The law of ``controller`` is linear in its gains once delay, velocity filter and (in the cascade)
+the integral rate 1/ti are known; those shapes are searched, first on a grid, then by bounded least
+squares with the gains projected out. The integrator's unknown start is one constant per segment.
+The controller computes its effort from the same error that is logged, so there is no
+errors-in-variables bias from the loop being closed; a log whose channels were filtered differently
+would have one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+from threadpoolctl import threadpool_limits
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.errors import DataError
+from pinotwin.loop.controller import Controller, Kind
+from pinotwin.loop.data import LoopData
+from pinotwin.loop.uncertainty import block_covariance
+
+SHAPES = ("delay", "lag", "filter", "rate")
+"""Delay of the law, further delay of the velocity, its filter [samples]; 1/ti [1/s]."""
+LONGEST = (5.0, 3.0, 20.0)
+GRID = ((0.0, 1.0, 2.0, 3.0, 4.0, 5.0), (0.0, 0.5, 1.5), (0.0, 3.0), (0.0, 3.0, 20.0, 100.0))
+PAYS = 0.98
+"""A delay that is no whole number of samples must leave less than this share of the rest.
+
+To first order a delay trades with kv and ffv (kp kv e delayed is kp kv e less a share of e' = vr -
+v), so that a misfit in the velocity's filter would otherwise be paid for with the gains.
+"""
+GRID_ROWS = 6000
+SETTLE = 30
+"""Rows left out at the start of a segment: the filter's and the delay's unknown past."""
+
+
+@dataclass(frozen=True)
+class _Signals:
+    """Channels of the law with the segments they live on."""
+
+    e: Floats
+    v: Floats
+    de: Floats
+    vr: Floats
+    ar: Floats
+    u: Floats
+    segments: tuple[slice, ...]
+    step: float
+    half: float  # by how many samples v and de are late in themselves
+
+
+def identify_controller(
+    data: LoopData, *, v: Floats | None = None, kind: Literal["p_pi", "pid", "auto"] = "auto"
+) -> Controller:
+    """Return the controller whose law explains the measured effort.
+
+    Args:
+        data: outputs must be the tracking error and the effort, in this order; disturbances are not
+            used.
+        v: measured velocity, shape (n,); the backward difference of qr - e where absent.
+        kind: form of the law; "auto" takes the one that leaves less, the cascade when they are
+            equal.
+
+    Raises:
+        DataError: too short, or nothing moves.
+    """
+    data.require_motion()
+    signals = _signals(data, v)
+    if kind != "auto":
+        return _fit(signals, kind, data.axis)
+    cascade, pid = (_fit(signals, k, data.axis) for k in ("p_pi", "pid"))
+    assert cascade.rms is not None
+    assert pid.rms is not None
+    return pid if pid.rms < 0.99 * cascade.rms else cascade
+
+
+def _signals(data: LoopData, v: Floats | None) -> _Signals:
+    e, u = data.outputs[:, 0], data.outputs[:, 1]
+    velocity, slope = np.zeros(len(data)), np.zeros(len(data))
+    for s in data.segments:
+        if v is None:
+            velocity[s] = _difference(data.qr[s] - e[s], data.step)
+            slope[s] = _difference(e[s], data.step)
+        else:
+            velocity[s] = v[s]
+            slope[s] = data.velocity[s] - v[s]
+    segments = tuple(s for s in data.segments if s.stop - s.start > 3 * SETTLE)
+    if not segments:
+        raise DataError(f"{data.axis}: no unbroken segment longer than {3 * SETTLE} samples")
+    half = 0.5 if v is None else 0.0
+    return _Signals(
+        e, velocity, slope, data.velocity, data.acceleration, u, segments, data.step, half
+    )
+
+
+def _difference(x: Floats, step: float) -> Floats:
+    """Return the backward difference, what a sampled controller takes for a velocity."""
+    return np.diff(x, prepend=2.0 * x[0] - x[1]) / step
+
+
+def _columns(s: _Signals, kind: Kind, shape: Floats) -> Floats:
+    """Return the columns of the gains at a shape (see ``SHAPES``), shape (n, p)."""
+    delay, lag, constant, rate = shape
+    out = np.zeros((len(s.e), 4 if kind == "p_pi" else 5))
+    for part in s.segments:
+        e, vr, ar = (x[part] for x in (s.e, s.vr, s.ar))
+        seen = _low_pass(_late((s.v if kind == "p_pi" else s.de)[part], lag), constant)
+        if kind == "p_pi":
+            own = [x + rate * _integral(x, s.step) for x in (e, vr, -seen)]
+        else:
+            own = [e, _integral(e, s.step), seen, vr]
+        out[part] = np.column_stack([_late(x, delay) for x in (*own, ar)])
+    return out
+
+
+def _low_pass(x: Floats, constant: float) -> Floats:
+    """Return x through a first-order low-pass of a time constant in samples."""
+    pole = np.exp(-1.0 / constant) if constant > 1e-3 else 0.0
+    return lfilter([1.0 - pole], [1.0, -pole], x, zi=[pole * x[0]])[0]
+
+
+def _integral(x: Floats, step: float) -> Floats:
+    return step * np.cumsum(x)
+
+
+def _late(x: Floats, delay: float) -> Floats:
+    """Return x delayed by a fractional number of samples, straight between samples."""
+    whole = int(delay)
+    part = delay - whole
+    padded = np.concatenate([np.full(whole + 1, x[0]), x])
+    return (1.0 - part) * padded[1 : len(x) + 1] + part * padded[: len(x)]
+
+
+def _rows(s: _Signals, most: int | None = None) -> tuple[Ints, Ints]:
+    """Return the rows that are fitted and the segment of each, thinned to at most ``most``."""
+    rows = [np.arange(p.start + SETTLE, p.stop) for p in s.segments]
+    every = 1 if most is None else max(1, sum(map(len, rows)) // most)
+    thin = [r[::every] for r in rows]
+    return np.concatenate(thin), np.repeat(np.arange(len(thin)), [len(r) for r in thin])
+
+
+def _centred(x: Floats, segment: Ints) -> Floats:
+    """Return x less its mean over each segment: the constants projected out."""
+    count = np.bincount(segment)
+    x = x[:, None] if x.ndim == 1 else x
+    means = np.stack([np.bincount(segment, weights=c) / count for c in x.T], axis=1)
+    return x - means[segment]
+
+
+def _misfit(
+    s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]
+) -> tuple[Floats, Floats, Floats]:
+    """Return residual, gains and centred columns at a shape."""
+    W = _centred(_columns(s, kind, shape)[rows[0]], rows[1])
+    u = _centred(s.u[rows[0]], rows[1])[:, 0]
+    size = np.maximum(np.sqrt(np.mean(W**2, axis=0)), 1e-300)
+    gains = np.linalg.lstsq(W / size, u, rcond=1e-10)[0] / size
+    return u - W @ gains, gains, W
+
+
+def _fit(s: _Signals, kind: Kind, axis: str) -> Controller:
+    with threadpool_limits(1, "blas"):
+        shape = _search(s, kind)
+        rows = _rows(s)
+        residual, gains, W = _misfit(s, kind, shape, rows)
+        slopes = _slopes(s, kind, shape, rows)
+    u = _centred(s.u[rows[0]], rows[1])[:, 0]
+    spread = block_covariance(np.column_stack([W, slopes]), residual)
+    offset = float(np.mean(s.u[rows[0]] - _columns(s, kind, shape)[rows[0]] @ gains))
+    found = _named(s, kind, gains, shape)
+    errors = _errors(s, kind, gains, shape, spread)
+    return Controller(
+        kind, **found, step=s.step, offset=offset, errors=errors,
+        r2=1.0 - float(residual @ residual / (u @ u)),
+        rms=float(np.sqrt(np.mean(residual**2))), notes=_notes(found, axis),
+    )  # fmt: skip
+
+
+def _search(s: _Signals, kind: Kind) -> Floats:
+    """Return the shape: whole delays first, a fraction only where it pays."""
+    few, rows = _rows(s, GRID_ROWS), _rows(s)
+    rates = GRID[3] if kind == "p_pi" else (0.0,)
+    inner = [np.array((0.0, *x)) for x in itertools.product(*GRID[1:3], rates)]
+    best: list[tuple[float, Floats]] = []
+    for delay in GRID[0]:
+        grid = [x + np.array([delay, 0.0, 0.0, 0.0]) for x in inner]
+        costs = [float(np.sum(_misfit(s, kind, x, few)[0] ** 2)) for x in grid]
+        best.append((min(costs), grid[int(np.argmin(costs))]))
+    lowest = min(cost for cost, _ in best)
+    close = [x for cost, x in best if cost <= 1.5 * lowest]
+    refined = [_refine(s, kind, x, few, whole=True) for x in close]
+    found = min(refined, key=lambda f: f[0])
+    early = next(f for f in refined if f[0] <= 1.01 * found[0])
+    whole = _refine(s, kind, early[1], rows, whole=True)
+    fraction = _refine(s, kind, whole[1], rows, whole=False)
+    return _simplest(s, kind, fraction[1] if fraction[0] < PAYS**2 * whole[0] else whole[1], rows)
+
+
+def _refine(
+    s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints], *, whole: bool
+) -> tuple[float, Floats]:
+    """Return cost and shape after a bounded search; ``whole`` keeps the delay."""
+    scale = np.array([1.0, 1.0, 1.0, 30.0])
+    high = np.array([*LONGEST, 0.2 / s.step]) / scale
+    free = np.array([not whole, True, True, kind == "p_pi"])
+    size = float(np.std(s.u[rows[0]])) or 1.0
+
+    def full(x: Floats) -> Floats:
+        moved = shape.copy()
+        moved[free] = x * scale[free]
+        return moved
+
+    found = least_squares(
+        lambda x: _misfit(s, kind, full(x), rows)[0] / size,
+        np.clip(shape[free] / scale[free], 0.02, 0.98 * high[free]),
+        bounds=(np.zeros(free.sum()), high[free]),
+        diff_step=1e-3, xtol=1e-6, ftol=1e-8, max_nfev=30,
+    )  # fmt: skip
+    return 2.0 * float(found.cost) * size**2, full(found.x)
+
+
+def _simplest(s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
+    """Return the shape with every part set to zero that explains nothing."""
+    cost = float(np.sum(_misfit(s, kind, shape, rows)[0] ** 2))
+    for i in range(len(shape)):
+        without = shape.copy()
+        without[i] = 0.0
+        other = float(np.sum(_misfit(s, kind, without, rows)[0] ** 2))
+        if other <= 1.0001 * cost:
+            shape, cost = without, max(cost, other)
+    return shape
+
+
+def _slopes(s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
+    """Return the derivative of the fitted effort by the shapes that were searched, shape (n, 4)."""
+    gains = _misfit(s, kind, shape, rows)[1]
+    out = np.zeros((len(rows[0]), len(shape)))
+    for i in _searched(shape):
+        move = np.zeros(len(shape))
+        move[i] = 1e-3 * max(shape[i], 1e-2)
+        ahead, behind = (_columns(s, kind, shape + f * move)[rows[0]] for f in (1.0, -1.0))
+        out[:, i] = _centred((ahead - behind) @ gains / (2.0 * move[i]), rows[1])[:, 0]
+    return out
+
+
+def _searched(shape: Floats) -> list[int]:
+    """Return the indices of shapes that were searched: neither dropped nor a whole delay."""
+    return [i for i, x in enumerate(shape) if x != 0.0 and (i > 0 or x != round(x))]
+
+
+def _named(s: _Signals, kind: Kind, gains: Floats, shape: Floats) -> dict[str, float]:
+    names = ("delay", "velocity_delay", "filter_time")
+    samples = shape[:3] + np.array([0.0, s.half, 0.0])
+    late = {k: float(x * s.step) for k, x in zip(names, samples, strict=True)}
+    if kind == "pid":
+        own_names = ("kp", "integral", "kd", "ffv", "ffa")
+        return {**dict(zip(own_names, map(float, gains), strict=True)), **late}
+    position, forward, kv, ffa = map(float, gains)
+    own = {
+        "kp": position / kv,
+        "kv": kv,
+        "integral": float(shape[3]),
+        "ffv": forward / kv,
+        "ffa": ffa,
+    }
+    return {**own, **late}
+
+
+def _errors(
+    s: _Signals, kind: Kind, gains: Floats, shape: Floats, spread: Floats
+) -> dict[str, float]:
+    """Return standard errors of the named gains, by the delta method."""
+    base = np.concatenate([gains, shape])
+    here = _named(s, kind, gains, shape)
+    jacobian = np.zeros((len(here), len(base)))
+    for i, x in enumerate(base):
+        move = 1e-6 * (abs(x) or 1.0)
+        moved = base.copy()
+        moved[i] += move
+        there = _named(s, kind, moved[: len(gains)], moved[len(gains) :])
+        jacobian[:, i] = [(there[k] - here[k]) / move for k in here]
+    variances = np.einsum("ij,jk,ik->i", jacobian, spread, jacobian)
+    found = dict(zip(here, np.sqrt(np.maximum(variances, 0.0)).tolist(), strict=True))
+    names = ("delay", "velocity_delay", "filter_time", "integral")
+    held = {n for i, n in enumerate(names) if i not in _searched(shape)}
+    held -= {"integral"} if kind == "pid" else set()
+    return {name: error for name, error in found.items() if name not in held}
+
+
+def _notes(found: dict[str, float], axis: str) -> tuple[str, ...]:
+    bad = [k for k in ("kp", "kv", "kd") if found.get(k, 0.0) < 0.0]
+    if not bad:
+        return ()
+    return (f"{axis}: {', '.join(bad)} came out negative: check the sign of e and of the effort",)

@@ -1,0 +1,100 @@
+"""Responses of the sections to inputs, and on their own from any start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.loop import kernels
+from pinotwin.loop.layout import Layout
+from pinotwin.loop.sections import Discrete
+from pinotwin.loop.structure import Section
+
+FORGOTTEN = 18.0
+"""A free response is left out after this many of its time constants (1e-8 of its start)."""
+
+
+def free_places(layout: Layout) -> list[Ints]:
+    """Return, per parameter, pairs (column of dF, column of F)."""
+    places: list[list[tuple[int, int]]] = [[] for _ in layout.parameters]
+    f, d = 0, 0
+    for s, section in enumerate(layout.sections):
+        for i, parameter in enumerate(layout.parameters):
+            if parameter.section == s:
+                first = d + section.order * parameter.value
+                places[i] += [(first + j, f + j) for j in range(section.order)]
+        f += section.order
+        d += section.order * section.order
+    return [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in places]
+
+
+def run_filter(
+    discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, out: Floats
+) -> None:
+    """Filter one input by one section into ``out``, from the equilibrium of its first sample."""
+    _run(discrete, s, order, w, blocks, np.zeros(2), out)
+
+
+def _run(
+    discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, start: Floats, out: Floats
+) -> None:
+    if order == 1:
+        parts = (discrete.A[s, 0, 0], discrete.B0[s, 0], discrete.B1[s, 0])
+        slopes = (discrete.dA[s, 0, 0, 0], discrete.dB0[s, 0, 0], discrete.dB1[s, 0, 0])
+        kernels.filter_first(np.array(parts + slopes), w, blocks, start, out)
+        return
+    A = np.concatenate([discrete.A[s][None], discrete.dA[s]])
+    B = np.stack(
+        [
+            np.concatenate([discrete.B0[s][None], discrete.dB0[s]]),
+            np.concatenate([discrete.B1[s][None], discrete.dB1[s]]),
+        ]
+    )
+    kernels.filter_second(A, B, w, blocks, start, out)
+
+
+def memory(sections: Sequence[Section], step: float) -> int:
+    """Return after how many samples the slowest free response is forgotten."""
+    rates = []
+    for section in sections:
+        if section.order == 1:
+            rates.append(section.values[0])
+        else:
+            wn, zeta = section.values
+            over = max(zeta * zeta - 1.0, 0.0) ** 0.5
+            rates.append(wn / (zeta + over) if over else wn * zeta)
+    return int(np.ceil(FORGOTTEN / (min(rates) * step)))
+
+
+def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
+    """Return the free responses of all sections and then their derivatives, shape (columns, n)."""
+    silent, block = np.zeros(n), np.array([[0, n, 1]], dtype=np.intp)
+    values, slopes = [], []
+    for s, section in enumerate(layout.sections):
+        own = []
+        for j in range(section.order):
+            out = np.zeros((1, 2 if section.order == 1 else 6, n))
+            _run(discrete, s, section.order, silent, block, np.eye(2)[j], out)
+            own.append(out[0])
+        values += [x[0] for x in own]
+        for i in range(section.order):
+            slopes += [x[section.order * (1 + i)] for x in own]
+    return np.stack(values + slopes)
+
+
+def without_free(
+    response: Floats, own: Floats, layout: Layout
+) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
+    """Return the rows of a segment's head off its free response, and what gives f."""
+    nf = sum(section.order for section in layout.sections)
+    total = np.concatenate([response, own])
+    R = np.linalg.qr(total.T, mode="r")
+    corner = R[:nf, :nf]
+    inverse = np.linalg.pinv(corner, rcond=1e-11)
+    # The count of rows must not depend on how long the free response lasts at these poles.
+    lower = np.zeros((len(total) - nf, len(total)))
+    lower[: max(len(R) - nf, 0)] = R[nf:]
+    nd = len(response)
+    return lower[:, nd:], (inverse, R[:nf, nd:], lower[:, nf:nd])

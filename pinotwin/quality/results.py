@@ -1,0 +1,136 @@
+"""What the inspection of a log returns."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pinotwin.signals import Clock
+
+Severity = Literal["error", "warning", "info"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a user should know.
+
+    Attributes:
+        severity: ``error`` (the log cannot be used so), ``warning`` (results suffer), ``info``.
+        channel: the channel or axis concerned, "" for the whole log.
+        message: one sentence with the remedy.
+    """
+
+    severity: Severity
+    channel: str
+    message: str
+
+    def __str__(self) -> str:
+        where = f"{self.channel}: " if self.channel else ""
+        return f"{self.severity}: {where}{self.message}"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an axis can do, SI; None where it is not known.
+
+    Attributes:
+        position: lowest and highest position.
+        velocity: highest speed.
+        effort: highest effort.
+    """
+
+    position: tuple[float, float] | None = None
+    velocity: float | None = None
+    effort: float | None = None
+
+
+@dataclass(frozen=True)
+class ChannelQuality:
+    """One channel.
+
+    Attributes:
+        missing: rows without a finite number.
+        low: smallest value [SI].
+        high: largest value [SI].
+        constant: whether all values are the same.
+        step: quantisation step [SI], None where none shows.
+        digits: significant digits to which the values were rounded, None where they were not.
+        saturated: share of the rows that sit on a flat top or bottom.
+    """
+
+    missing: int
+    low: float
+    high: float
+    constant: bool
+    step: float | None
+    digits: int | None
+    saturated: float
+
+
+@dataclass(frozen=True)
+class AxisQuality:
+    """One axis.
+
+    Attributes:
+        rotary: whether positions are rad (else m).
+        moves: whether it moves at all.
+        low: lowest position [m or rad].
+        high: highest position [m or rad].
+        speed: highest speed reached [1/s].
+        acceleration: highest acceleration reached [1/s²].
+        lead: time by which the effort is ahead of the position [s], None where it cannot be told.
+        lead_error: standard error of that [s].
+    """
+
+    rotary: bool
+    moves: bool
+    low: float
+    high: float
+    speed: float
+    acceleration: float
+    lead: float | None = None
+    lead_error: float | None = None
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What a log is worth.
+
+    Attributes:
+        source: the log's file.
+        rows: number of rows.
+        duration: from first to last stamp [s].
+        clock: what the time stamps say; None without a usable one.
+        cutoff: corner of the low-pass that the positions suggest [Hz].
+        channels: channel -> its quality.
+        axes: axis -> its quality.
+        findings: what a user should know, gravest first.
+    """
+
+    source: str
+    rows: int
+    duration: float
+    clock: Clock | None
+    cutoff: float
+    channels: Mapping[str, ChannelQuality]
+    axes: Mapping[str, AxisQuality]
+    findings: tuple[Finding, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing forbids the use of the log."""
+        return not any(f.severity == "error" for f in self.findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain types for JSON."""
+        plain = {k: v for k, v in self.__dict__.items() if k not in ("clock", "channels", "axes", "findings")}
+        return {
+            **plain,
+            "ok": self.ok,
+            "clock": None if self.clock is None else dataclasses.asdict(self.clock),
+            "channels": {k: dataclasses.asdict(v) for k, v in self.channels.items()},
+            "axes": {k: dataclasses.asdict(v) for k, v in self.axes.items()},
+            "findings": [dataclasses.asdict(f) for f in self.findings],
+        }

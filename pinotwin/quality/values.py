@@ -1,0 +1,129 @@
+"""What the numbers of one channel give away: resolution, rounding, flat tops, spikes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+
+_MOST = 200_000  # rows looked at for the resolution: unique values settle long before
+_FLOAT = 1e-9  # numbers closer than this (relative) are equal but for rounding in the conversion
+
+
+def quantisation_step(x: Floats) -> float | None:
+    """Return the step of which (nearly) all differences between values are multiples, or None.
+
+    The smallest differences between neighbouring distinct values give a first guess; it holds if 95 %
+    of the differences below 50 steps are whole multiples within a tenth.
+    """
+    values = np.unique(x[np.isfinite(x)][:_MOST])
+    if len(values) < 4:
+        return None
+    gaps = np.diff(values)
+    gaps = gaps[gaps > _FLOAT * np.abs(values).max()]
+    if len(gaps) < 3:
+        return None
+    least = np.percentile(gaps, 1, method="lower")
+    guess = float(np.median(gaps[gaps < 1.5 * least]))
+    near = gaps[gaps < 50.0 * guess] / guess
+    whole = np.round(near)
+    if len(near) < 3 or np.mean(np.abs(near - whole) < 0.1) < 0.95:
+        return None
+    whole = np.maximum(whole, 1.0)
+    return float(guess * (near @ whole) / (whole @ whole))
+
+
+def significant_digits(x: Floats) -> int | None:
+    """Return to how many significant digits the numbers (as in the file) were rounded, or None.
+
+    A fixed step is no such rounding: the step must be finer where the numbers are smaller.
+    """
+    values = np.unique(np.abs(x[np.isfinite(x)][:_MOST]))
+    values = values[values > 0]
+    if len(values) < 10:
+        return None
+    decade = np.floor(np.log10(values * (1 + _FLOAT)))
+    for digits in range(2, 7):
+        unit = 10.0 ** (decade - digits + 1)
+        off = np.abs(values / unit - np.round(values / unit))
+        if np.mean(off > 1e-3) <= 0.001:
+            below = values[decade < decade.max()]
+            coarse = below / 10.0 ** (decade.max() - digits + 1)
+            finer = np.abs(coarse - np.round(coarse)) > 1e-3
+            return digits if len(below) and np.mean(finer) > 0.05 else None
+    return None
+
+
+def saturated_rows(x: Floats) -> Mask:
+    """Return the rows that sit on a flat top or bottom.
+
+    Flat means: at least 3 samples in a row exactly at the extreme, 0.1 % of all rows (and 5), and more
+    rows than the 2 % of the range next to the extreme hold.
+    """
+    flat = np.zeros(len(x), dtype=bool)
+    good = np.isfinite(x)
+    if good.sum() < 10 or np.ptp(x[good]) == 0:
+        return flat
+    span = float(np.ptp(x[good]))
+    for extreme in (float(x[good].max()), float(x[good].min())):
+        at = np.abs(x - extreme) <= _FLOAT * span
+        at[~good] = False
+        beside = (np.abs(x - extreme) <= 0.02 * span) & ~at & good
+        runs = _run_lengths(at)
+        if (runs >= 3).any() and at.sum() >= max(5, 0.001 * len(x)) and at.sum() > 3 * beside.sum():
+            flat |= at
+    return flat
+
+
+def _run_lengths(mask: Mask) -> Ints:
+    edges = np.flatnonzero(np.diff(np.r_[0, mask.astype(int), 0]))
+    return np.asarray(edges[1::2] - edges[::2])
+
+
+def jump_rows(q: Floats) -> Mask:
+    """Return the rows of a position that stand apart from both neighbours, which agree.
+
+    A row is apart if it differs from the median of itself and its neighbours by more than 50 times the
+    typical change per row and 1 % of the range: a sentinel or a lost value, not a fast move.
+    """
+    apart = np.zeros(len(q), dtype=bool)
+    step = np.abs(np.diff(q))
+    usual = step[np.isfinite(step) & (step > 0)]
+    if len(usual) < 10:
+        return apart
+    middle = np.median(np.stack([q[:-2], q[1:-1], q[2:]]), axis=0)
+    bound = max(50.0 * float(np.median(usual)), 0.01 * float(np.nanmax(q) - np.nanmin(q)))
+    with np.errstate(invalid="ignore"):
+        apart[1:-1] = np.abs(q[1:-1] - middle) > bound
+    return apart
+
+
+def sentinel(q: Floats) -> tuple[float, int, Mask] | None:
+    """Return a value that a position jumps to and leaves again by jumps, how often, and its rows.
+
+    A jump is a change by a fifth of the range and 20 times the typical change per row.
+    """
+    step = np.abs(np.diff(q))
+    usual = step[np.isfinite(step) & (step > 0)]
+    if len(usual) < 10:
+        return None
+    bound = max(20.0 * float(np.median(usual)), 0.2 * float(np.nanmax(q) - np.nanmin(q)))
+    jump = step > bound
+    landed, counts = np.unique(q[1:][jump], return_counts=True)
+    if not len(landed) or counts.max() < 3:
+        return None
+    value = float(landed[np.argmax(counts)])
+    left = int(np.sum(q[:-1][jump] == value))
+    if left < 3:
+        return None
+    return value, int(counts.max()), np.asarray(q == value)
+
+
+def repeated_rows(x: Floats) -> tuple[Mask, Mask]:
+    """Return which rows of a table (n, k) are exact copies of another, and of the one before."""
+    table = np.ascontiguousarray(x + 0.0)  # -0.0 becomes 0.0
+    keys = table.view([("", table.dtype)] * table.shape[1]).ravel()
+    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    stale = np.zeros(len(x), dtype=bool)
+    stale[1:] = inverse[1:] == inverse[:-1]
+    return counts[inverse] > 1, stale

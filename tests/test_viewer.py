@@ -1,0 +1,275 @@
+"""The viewer: postures, the self-contained page, playback, and one look through Chromium."""
+
+from __future__ import annotations
+
+import base64
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import umsgpack
+
+from pinotwin.errors import DataError, InputError, MachineError
+from pinotwin.viewer import (
+    Scene,
+    browser,
+    colour,
+    configuration,
+    draw,
+    joint_kinds,
+    parse_posture,
+    play,
+    save_html,
+    scene,
+    screenshot,
+    show,
+    visual_model,
+)
+from pinotwin.viewer.stage import ASPECT, FIELD_OF_VIEW, aim, corners
+
+ROTARY = {"Y": False, "A": True, "C": True}
+NAMES = ["laser_driller", "trunnion", "flexure_rig", "emps", "tx40"]
+
+
+def of(urdf_dir: Path, name: str) -> Path:
+    return urdf_dir / name / f"{name}.urdf"
+
+
+def messages(html: str) -> list[dict]:
+    """What the page tells meshcat, unpacked."""
+    return [
+        umsgpack.unpackb(base64.b64decode(x)) for x in re.findall(r'^"([\w+/=]+)",?$', html, re.M)
+    ]
+
+
+# ---------------------------------------------------------------------------------------- postures
+def test_posture_reads_units_and_bare_si() -> None:
+    got = parse_posture("Y=0.1, A=30deg,C = -1e-1 rev", ROTARY)
+    assert got == pytest.approx({"Y": 0.1, "A": math.pi / 6, "C": -0.2 * math.pi})
+    assert parse_posture("Y=25mm,A=-.5", ROTARY) == pytest.approx({"Y": 0.025, "A": -0.5})
+    assert parse_posture("A=10°", ROTARY) == pytest.approx({"A": math.pi / 18})
+    assert parse_posture("", ROTARY) == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("B=1", "posture: no axis 'B'; known: A, C, Y"),
+        ("Y", "posture: expected axis=value, found 'Y', e.g. Y=0.1,A=30deg"),
+        ("Y=", "posture: '' of axis 'Y' is not a number"),
+        ("Y=abc", "posture: 'abc' of axis 'Y' is not a number"),
+        ("Y=nan", "posture: 'nan' of axis 'Y' is not a number"),
+        ("A=1,A=2", "posture: axis 'A' is given twice"),
+    ],
+)
+def test_bad_posture_says_what_is_wrong(text: str, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        parse_posture(text, ROTARY)
+    assert str(error.value) == message
+
+
+def test_bad_unit_names_the_axis_and_the_nearest_unit() -> None:
+    with pytest.raises(InputError, match=r"unit 'deg' does not fit axis 'Y', which slides"):
+        parse_posture("Y=3deg", ROTARY)
+    with pytest.raises(
+        InputError, match=r"unit 'dge' .* axis 'A', which turns; did you mean 'deg'"
+    ):
+        parse_posture("A=3dge", ROTARY)
+
+
+def test_configuration_knows_continuous_joints(tmp_path: Path) -> None:
+    urdf = tmp_path / "wheel.urdf"
+    urdf.write_text(
+        '<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="W" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+        "</joint></robot>"
+    )
+    model = pin.buildModelFromUrdf(str(urdf))
+    assert joint_kinds(model) == {"W": True}
+    np.testing.assert_allclose(configuration(model, {"W": 2.0}), [math.cos(2.0), math.sin(2.0)])
+    with pytest.raises(InputError, match="no axis 'V'; known: W"):
+        configuration(model, {"V": 1.0})
+    drawn = scene(urdf, posture={"W": 1.0}, frames=True, masses=True)  # a machine without shapes
+    turning = play(drawn, np.linspace(0, 1, 5), np.tile([1.0, 0.0], (5, 1)))
+    assert any(key[0] == "set_animation" for key in turning.page.messages)
+
+
+def test_kinds_of_the_bundled_machines(urdf_dir: Path) -> None:
+    model = pin.buildModelFromUrdf(str(of(urdf_dir, "flexure_rig")))
+    assert joint_kinds(model) == {"Y": False, "delta": True, "A": True, "C": True}
+
+
+# ---------------------------------------------------------------------------------------- the page
+@pytest.mark.parametrize("name", NAMES)
+def test_page_is_self_contained_and_holds_every_shape(
+    urdf_dir: Path, tmp_path: Path, name: str
+) -> None:
+    drawn = scene(of(urdf_dir, name))
+    html = save_html(tmp_path / "new" / f"{name}.html", drawn).read_text(encoding="utf-8")
+    # The one address inside names the XML language of web pages; nothing is fetched from it.
+    assert set(re.findall(r"https?://[^\"'`\s)]+", html)) <= {"http://www.w3.org/1999/xhtml"}
+    assert not re.search(r"<(script|link|img|iframe)[^>]+(src|href)\s*=", html)
+    told = messages(html)
+    shapes = [
+        m for m in told if m["type"] == "set_object" and m["path"].startswith("/meshcat/machine/")
+    ]
+    assert len(shapes) == drawn.visual.ngeoms
+    assert len(html) < 2_000_000
+
+
+def node_pose(drawn: Scene, path: str) -> np.ndarray:
+    matrix = drawn.page.messages[("set_transform", f"/meshcat/{path}", "")]["matrix"]
+    return np.array(matrix).reshape(4, 4).T
+
+
+def test_shapes_stand_where_pinocchio_puts_them(urdf_dir: Path) -> None:
+    posture = {"J1": 0.4, "J2": -1.0, "J3": 1.2, "J5": 0.3}
+    drawn = scene(of(urdf_dir, "tx40"), posture=posture)
+    data, placed = drawn.model.createData(), drawn.visual.createData()
+    q = np.array([0.4, -1.0, 1.2, 0.0, 0.3, 0.0])
+    pin.updateGeometryPlacements(drawn.model, data, drawn.visual, placed, q)
+    for shape, expected in zip(drawn.visual.geometryObjects, placed.oMg, strict=True):
+        joint = drawn.model.names[shape.parentJoint]
+        got = node_pose(drawn, f"machine/{joint}") @ node_pose(
+            drawn, f"machine/{joint}/{shape.name}"
+        )
+        np.testing.assert_allclose(got, expected.homogeneous, atol=1e-12)
+
+
+def test_frames_and_masses_are_optional(urdf_dir: Path) -> None:
+    def count(drawn: Scene, word: str) -> int:
+        return sum(kind == "set_object" and word in path for kind, path, _ in drawn.page.messages)
+
+    plain = scene(of(urdf_dir, "trunnion"))
+    full = scene(of(urdf_dir, "trunnion"), frames=True, masses=True)
+    assert (count(plain, "/frame/"), count(plain, "/mass")) == (0, 0)
+    assert (count(full, "/frame/"), count(full, "/mass")) == (9, 3)
+    lever = full.model.inertias[2].lever
+    np.testing.assert_allclose(node_pose(full, "machine/A/mass")[:3, 3], lever)
+
+
+def test_a_reduced_model_keeps_all_shapes(urdf_dir: Path) -> None:
+    """A machine with locked joints is drawn whole, its locked links with their parent."""
+    path = of(urdf_dir, "flexure_rig")
+    model = pin.buildModelFromUrdf(str(path))
+    locked = pin.buildReducedModel(model, [model.getJointId("delta")], pin.neutral(model))
+    drawn = draw(locked, visual_model(locked, path), posture={"A": 0.3})
+    assert drawn.visual.ngeoms == visual_model(model, path).ngeoms
+    np.testing.assert_allclose(
+        corners(locked, drawn.visual, configuration(locked, {"A": 0.3})).max(axis=0),
+        corners(model, visual_model(model, path), configuration(model, {"A": 0.3})).max(axis=0),
+        atol=1e-12,
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_camera_sees_the_whole_machine(urdf_dir: Path, name: str) -> None:
+    drawn = scene(of(urdf_dir, name))
+    points = corners(drawn.model, drawn.visual, drawn.q)
+    camera = aim(points)
+    back = camera.offset / np.linalg.norm(camera.offset)
+    right = np.cross([0, 0, 1], back) / np.linalg.norm(np.cross([0, 0, 1], back))
+    seen = points - camera.target - camera.offset
+    slope = np.tan(np.radians(FIELD_OF_VIEW / 2))
+    up = (seen @ np.cross(back, right)) / -(seen @ back) / slope
+    across = (seen @ right) / -(seen @ back) / slope / ASPECT
+    widest = max(np.abs(up).max(), np.abs(across).max())
+    assert 0.85 < widest <= 1.0
+    assert up.max() == pytest.approx(-up.min(), abs=0.03)  # in the middle
+    assert across.max() == pytest.approx(-across.min(), abs=0.03)
+
+
+def test_colour_changes_one_joint_only(urdf_dir: Path) -> None:
+    drawn = scene(of(urdf_dir, "emps"))
+    painted = colour(drawn, {"X": (1.0, 0.0, 0.0, 1.0)})
+    extra = set(painted.page.messages) - set(drawn.page.messages)
+    assert extra == {("set_property", "/meshcat/machine/X", "color")}
+    with pytest.raises(InputError, match="colour: no joint 'Z'"):
+        colour(drawn, {"Z": (1.0, 0.0, 0.0, 1.0)})
+
+
+def test_missing_files_are_named(urdf_dir: Path, tmp_path: Path) -> None:
+    with pytest.raises(MachineError, match=r"nothing\.urdf"):
+        scene(tmp_path / "nothing.urdf")
+    broken = tmp_path / "mesh.urdf"
+    broken.write_text(
+        '<robot name="m"><link name="a"><visual><geometry><mesh filename="package://gone/a.stl"/>'
+        "</geometry></visual></link></robot>"
+    )
+    with pytest.raises(
+        MachineError, match=r"mesh\.urdf: its shapes cannot be loaded .* mesh packages"
+    ):
+        scene(broken)
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        save_html(blocked / "page.html", scene(of(urdf_dir, "emps")))
+
+
+# ---------------------------------------------------------------------------------------- playback
+def test_playback_follows_the_trajectory(urdf_dir: Path) -> None:
+    drawn = scene(of(urdf_dir, "trunnion"))
+    t = np.linspace(0.0, 2.0, 201)
+    q = np.column_stack([0.1 * np.sin(t), 0.8 * t, -t])
+    q[50] = np.nan  # left out
+    playing = play(drawn, t, q, fps=20)
+    (told,) = [m for key, m in playing.page.messages.items() if key[0] == "set_animation"]
+    tracks = {
+        a["path"]: {x["name"]: x["keys"] for x in a["clip"]["tracks"]} for a in told["animations"]
+    }
+    assert set(tracks) == {f"/meshcat/machine/{joint}" for joint in "YAC"}
+    keys = tracks["/meshcat/machine/A"][".quaternion"]
+    assert len(keys) == 40
+    angle = 0.8 * keys[30]["time"] / 20
+    np.testing.assert_allclose(
+        np.abs(keys[30]["value"]), [math.sin(angle / 2), 0, 0, math.cos(angle / 2)], atol=1e-4
+    )
+    assert not any(key[0] == "set_animation" for key in drawn.page.messages)
+
+
+def test_long_playback_is_thinned(urdf_dir: Path) -> None:
+    drawn = scene(of(urdf_dir, "emps"))
+    t = np.linspace(0.0, 3600.0, 4000)
+    playing = play(drawn, t, 0.1 * np.sin(t)[:, None])
+    (told,) = [m for key, m in playing.page.messages.items() if key[0] == "set_animation"]
+    assert len(told["animations"][0]["clip"]["tracks"][0]["keys"]) <= 1801
+
+
+def test_playback_refuses_what_does_not_fit(urdf_dir: Path) -> None:
+    drawn = scene(of(urdf_dir, "emps"))
+    with pytest.raises(DataError, match=r"q has shape \(3, 2\), expected \(3, 1\)"):
+        play(drawn, np.arange(3.0), np.zeros((3, 2)))
+    with pytest.raises(DataError, match="increasing time"):
+        play(drawn, np.zeros(3), np.zeros((3, 1)))
+
+
+# ------------------------------------------------------------------------------------ live, picture
+def test_show_serves_the_scene(urdf_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    live = show(scene(of(urdf_dir, "emps")), open_browser=False)
+    try:
+        assert live.url.startswith("http://127.0.0.1:")
+        live.window.zmq_socket.send(b"get_scene")
+        assert len(live.window.zmq_socket.recv()) > 850_000
+        assert capsys.readouterr().out == ""
+    finally:
+        live.close()
+
+
+def test_chromium_sees_a_machine(urdf_dir: Path, tmp_path: Path) -> None:
+    if browser() is None:
+        pytest.skip("no Chromium on this computer; Debian: apt install chromium")
+    from PIL import Image
+
+    page = save_html(tmp_path / "m.html", scene(of(urdf_dir, "flexure_rig")), controls=False)
+    png = screenshot(page, tmp_path / "m.png", size=(500, 375))
+    pixels = np.asarray(Image.open(png).convert("RGB"), dtype=float)
+    assert pixels.shape == (375, 500, 3)
+    background = pixels[5, 5]
+    assert background.min() > 200  # bright
+    differs = np.abs(pixels - background).max(axis=2) > 40
+    assert 0.15 < differs.mean() < 0.8
+    assert differs[:, 100:400].mean() > differs[:, :50].mean()  # the machine is in the middle
