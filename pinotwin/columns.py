@@ -2,14 +2,16 @@
 
     SI = raw * si_factor(unit) * factor + offset
 
-``raw`` is what the file holds, ``unit`` what it is in, ``factor`` what remains: the torque constant and
-gear of a current, a sign. ``factor`` may name a scalar of the file (``factor: gtau``), and ``offset`` is
-in SI. A clock may come from a rate instead of a column (``t: {rate: 5000}``).
+``raw`` is what the file holds, ``unit`` what it is in, ``factor`` what remains: the torque
+constant and gear of a current, a sign. ``factor`` may name a scalar of the file (``factor:
+gtau``), and ``offset`` is in SI. A clock may come from a rate instead of a column (``t: {rate:
+5000}``).
 
-The names of the contract: ``t``; ``<axis>.`` q, qr, u, v, a, e, temperature; ``<link>.`` fx fy fz mx my
-mz; IMU ``gx gy gz ax ay az``. Further channels (a feed rate, a program number) may be mapped to any name
-without a dot. A ``column`` is the channel's name as read, the header as the file has it (with its unit),
-or ``"[k]"`` for the one channel that ends so: column k of a file without header, whatever its name.
+The names of the contract: ``t``; ``<axis>.`` q, qr, u, v, a, e, temperature; ``<link>.`` fx fy fz
+mx my mz; IMU ``gx gy gz ax ay az``. Further channels (a feed rate, a program number) may be mapped
+to any name without a dot. A ``column`` is the channel's name as read, the header as the file has
+it (with its unit), or ``"[k]"`` for the one channel that ends so: column k of a file without
+header, whatever its name.
 """
 
 from __future__ import annotations
@@ -82,9 +84,7 @@ def _column(name: str, entry: object, where: str) -> Column:
     path = f"{where}.{name}"
     if not (is_contract_name(name) or _NAME.match(name)):
         signals = (*AXIS_SIGNALS, *LOAD_SIGNALS)
-        raise MachineError(
-            f"{path}: no such signal; {nearest(name.rpartition('.')[2], signals)}"
-        )
+        raise MachineError(f"{path}: no such signal; {nearest(name.rpartition('.')[2], signals)}")
     if isinstance(entry, str):
         return Column(entry)
     if not isinstance(entry, Mapping):
@@ -145,14 +145,17 @@ def _factor(entry: Mapping[str, object], path: str) -> float | str:
 
 
 def bind(log: Log, columns: Mapping[str, Column]) -> Log:
-    """Return the log with SI channels named per the contract.
+    """Return the log with SI channels named per the contract; a bound log is returned as it is.
 
-    Channels that are not mapped but already have a name of the contract pass through: as SI, or
-    converted where the file states another unit (said in the notes). All others are left out.
+    Channels that are not mapped (or whose column is missing) but already have a name of the
+    contract pass through: as SI, or converted where the file states another unit (said in the
+    notes). All others are left out.
 
     Raises:
         LogError: a column or scalar is not in the file, or a unit is unknown.
     """
+    if log.scale:
+        return log
     channels: dict[str, Floats] = {}
     scale: dict[str, tuple[float, float]] = {}
     units: dict[str, str] = {}
@@ -160,10 +163,14 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
     used: set[str] = set()
     for name, column in columns.items():
         if column.rate is not None:
+            if name in log and not _maps_any(log, columns):
+                continue
             channels[name] = np.arange(len(log)) / column.rate
             notes.append(f"t: made from the rate {column.rate:g} Hz, not recorded")
             continue
         source = _find(log, column.column or name, name)
+        if source is None:  # the log is in the names of the contract already
+            continue
         used.add(source)
         unit = column.unit.strip() or log.units.get(source, "1")
         notes += _contradiction(name, column.unit.strip(), log.units.get(source))
@@ -173,13 +180,14 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
     for name, unit in _passing(log, channels):
         used.add(name)
         scale[name] = (_si(unit, name, log), 0.0)
+        units[name] = unit
         channels[name] = log[name] * scale[name][0]
         if scale[name][0] != 1.0:
             notes.append(f"{name}: the file states {unit}, converted to SI")
     if not channels:
         raise LogError(
-            f"{log.source}: no channel has a name of the contract (t, <axis>.q, <axis>.u...) and no "
-            f"columns are mapped; map them under `columns` in machine.yaml; "
+            f"{log.source}: no channel has a name of the contract (t, <axis>.q, <axis>.u...) and "
+            "no columns are mapped; map them under `columns` in machine.yaml; "
             f"channels: {_some(list(log.channels))}"
         )
     left = [name for name in log.channels if name not in used]
@@ -188,14 +196,20 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
     return Log(channels, log.source, log.scalars, tuple(notes), units, scale)
 
 
+def _maps_any(log: Log, columns: Mapping[str, Column]) -> bool:
+    """Whether any mapped column is in the log; else it was not written by that controller."""
+    wanted = [c.column for c in columns.values() if c.column]
+    return any(split_unit(w)[0] in log or w in log or w.startswith("[") for w in wanted)
+
+
 def _passing(log: Log, channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
     for name in log.channels:
         if is_contract_name(name) and name not in channels:
             yield name, log.units.get(name, "1")
 
 
-def _find(log: Log, column: str, name: str) -> str:
-    """Return the channel that a mapping means."""
+def _find(log: Log, column: str, name: str) -> str | None:
+    """Return the channel that a mapping means; None if the log has ``name`` itself instead."""
     for spelling in (column, split_unit(column)[0]):
         if spelling in log:
             return spelling
@@ -207,6 +221,8 @@ def _find(log: Log, column: str, name: str) -> str:
             raise LogError(
                 f"{log.source}: {name}: {column} could be any of {_some(ending)}; name one in full"
             )
+    if name in log and is_contract_name(name):
+        return None
     raise LogError(f"{log.source}: {name}: no column {column!r}; {_nearest_few(column, log)}")
 
 

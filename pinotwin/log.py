@@ -1,11 +1,12 @@
 """What was recorded: named channels of equal length on one clock, frozen.
 
-A log as read keeps the names and units of its file. :func:`pinotwin.columns.bind` gives the channels
-the names and SI units of the contract: ``t``, ``<axis>.q``, ``<axis>.u``, ``<axis>.qr``...
+A log as read keeps the names and units of its file. :func:`pinotwin.columns.bind` gives the
+channels the names and SI units of the contract: ``t``, ``<axis>.q``, ``<axis>.u``,
+``<axis>.qr``...
 
-A header such as ``Y_ActPos [mm]`` or ``Time (ms)`` becomes the channel ``Y_ActPos`` or ``Time`` and the
-unit is kept in ``Log.units``; the numbers stay as the file has them. Only ``bind`` converts, and it
-says so in the notes.
+A header such as ``Y_ActPos [mm]`` or ``Time (ms)`` becomes the channel ``Y_ActPos`` or ``Time``
+and the unit is kept in ``Log.units``; the numbers stay as the file has them. Only ``bind``
+converts, and it says so in the notes.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Log:
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickle through the constructor: read-only views of a dict cannot be pickled themselves."""
+        """Pickle through the constructor: a read-only view of a dict cannot be pickled."""
         plain = (dict(self.scalars), self.notes, dict(self.units), dict(self.scale))
         return Log, (dict(self.channels), self.source, *plain)
 

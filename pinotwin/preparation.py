@@ -61,15 +61,21 @@ def _corner(machine: Machine, log: Log) -> float:
     t = log.t
     pieces = _stretches(machine, log)
     longest = max(pieces, key=lambda s: s.stop - s.start)
-    step = float(np.median(np.diff(t[longest])))
+    step = _step(t, [longest])
     names = [name for name in machine.axes if f"{name}.q" in log]
     q = np.stack([log[f"{name}.q"][longest] for name in names], axis=1)
     return suggest_cutoff(q, 1.0 / step)
 
 
+def _step(t: Floats, stretches: Sequence[slice]) -> float:
+    """Return the mean sampling interval [s]: rounded stamps spoil the median, not the mean."""
+    duration = sum(float(t[s.stop - 1] - t[s.start]) for s in stretches)
+    return duration / sum(s.stop - s.start - 1 for s in stretches)
+
+
 def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None) -> Motion:
     stretches = _stretches(machine, log)
-    step = float(np.median(np.concatenate([np.diff(log.t[s]) for s in stretches])))
+    step = _step(log.t, stretches)
     rate, settings = 1.0 / step, machine.data
     corner = cutoff if cutoff < 0.45 * rate else np.inf
     smoother = Smoother(step, corner, settings.order, tuple(stretches))
@@ -245,14 +251,25 @@ def _fast_enough(machine: Machine, v: Floats) -> Mask:
     """Return the rows above each axis' speed threshold (thesis Section 3.3).
 
     Below it dry friction is not a function of the velocity (presliding). Where the YAML gives no
-    ``min_speed``, rows slower than 1 % of the axis' own top speed are left out.
+    ``min_speed``, rows slower than 1 % of the axis' own top speed are left out; for a motor geared to
+    two joints, also the rows in which that motor stands.
     """
     use = np.ones(v.shape, dtype=bool)
     for axis in machine.axes.values():
-        speed = np.abs(v[:, axis.index])
-        limit = axis.min_speed if axis.min_speed is not None else 0.01 * float(speed.max(initial=0.0))
-        use[:, axis.index] = speed >= limit
+        use[:, axis.index] &= _moving(v[:, axis.index], axis.min_speed)
+        for effect in axis.effects:
+            partner = getattr(effect, "partner", None)
+            if partner is not None:
+                other = machine.axes[partner].index
+                both = _moving(v[:, axis.index] + v[:, other], None)
+                use[:, axis.index] &= both
+                use[:, other] &= both
     return use
+
+
+def _moving(v: Floats, limit: float | None) -> Mask:
+    speed = np.abs(v)
+    return speed >= (0.01 * float(speed.max(initial=0.0)) if limit is None else limit)
 
 
 def with_rows(motion: Motion, use: Mask) -> Motion:

@@ -222,6 +222,12 @@ def test_rows_that_are_no_problem_are_refused(change, message):
         Problem(**(good | change))
 
 
+def test_as_many_parameters_as_rows_are_refused():
+    problem, _ = problem_of(np.random.default_rng(13), n=5, levels=(1.0,))
+    with pytest.raises(DataError, match="5 rows for 5 parameters leave nothing to judge"):
+        linear(problem)
+
+
 def test_options_that_do_not_fit_are_refused():
     problem, _ = problem_of(np.random.default_rng(12))
     with pytest.raises(DataError, match="lower has shape"):

@@ -2,7 +2,8 @@
 
 The plain ``sign(v)`` chatters when a measured velocity crosses zero with noise. Here the direction
 ``d`` is bounded to [-1, 1], changes with slope ``1/width`` while the axis speeds up, and holds while it
-slows down: an axis that stops for a moment and goes on the same way never releases its friction.
+slows down or stands: an axis that stops for a moment and goes on the same way never releases its
+friction. (Eq. 3.9 read to the letter would release it at the sample where v is exactly zero.)
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ def _scan(v: Floats, a: Floats, width: float, d0: float) -> Floats:
     state = d0
     previous = 0.0 if len(v) == 0 else v[0]
     for k in range(len(v)):
-        if np.sign(a[k]) * np.sign(v[k]) != -1.0:
+        if v[k] * a[k] > 0.0 or (a[k] == 0.0 and v[k] != 0.0):
             state = min(1.0, max(-1.0, state + (v[k] - previous) / width))
         previous = v[k]
         d[k] = state

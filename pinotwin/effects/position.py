@@ -200,7 +200,7 @@ class PositionTable(AxisEffect):
 
     def __post_init__(self) -> None:
         if self.spacing is None:
-            object.__setattr__(self, "spacing", np.deg2rad(1.0) if self.rotary else 1e-3)
+            object.__setattr__(self, "spacing", float(np.deg2rad(1.0)) if self.rotary else 1e-3)
         if self.spacing is not None and self.spacing <= 0.0:
             raise MachineError(
                 f"axes.{self.axis}: position_table spacing must be positive, not {self.spacing}"
@@ -212,7 +212,7 @@ class PositionTable(AxisEffect):
             return self
         assert self.spacing is not None
         q = motion.axis(self.axis).q
-        start = np.floor(float(q.min()) / self.spacing) * self.spacing
+        start = float(np.floor(q.min() / self.spacing)) * self.spacing
         count = max(int(np.ceil((float(q.max()) - start) / self.spacing)), 1)
         if count > 5000:
             raise MachineError(

@@ -1,9 +1,9 @@
 """What every reader hands over, and how it becomes a ``Log``.
 
-A file may hold single numbers, vectors, matrices, and text, nested in structures. ``Content`` is that,
-flattened to dotted names. The log's clock is the longest dimension that holds most numbers: arrays of
-that length are channels, a matrix is split along it into ``name[0]``, ``name[1]``..., single numbers and
-short vectors become scalars, everything else is left out with a note.
+A file may hold single numbers, vectors, matrices, and text, nested in structures. ``Content`` is
+that, flattened to dotted names. The log's clock is the longest dimension that holds most numbers:
+arrays of that length are channels, a matrix is split along it into ``name[0]``, ``name[1]``...,
+single numbers and short vectors become scalars, everything else is left out with a note.
 """
 
 from __future__ import annotations

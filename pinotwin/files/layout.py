@@ -15,7 +15,9 @@ from pinotwin.errors import LogError
 from pinotwin.units import SI_FACTOR
 
 COMMENTS = ("#", "%", "//")
-MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)")  # fmt: skip
+MISSING = (
+    "", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)",
+)  # fmt: skip
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$", re.I)
 _SAMPLE = 200
@@ -137,7 +139,7 @@ def _is_comment(line: str) -> bool:
 
 
 def _leading_lines(text: bytes) -> list[tuple[int, str]]:
-    """Return the first lines with their numbers, enough for a sample of rows beyond the comments."""
+    """Return the first lines with their numbers: comments, header, and a sample of rows."""
     lines: list[tuple[int, str]] = []
     rows = start = 0
     while start < len(text) and rows < _SAMPLE:
@@ -151,7 +153,7 @@ def _leading_lines(text: bytes) -> list[tuple[int, str]]:
 
 
 def _delimiter(lines: list[str]) -> str:
-    """Return the delimiter that splits most lines into one number of cells (> 1), mostly numbers."""
+    """Return the delimiter that splits most lines into equally many cells, mostly numbers."""
     best, score = ",", (0, 0, -9)
     for candidate in ("\t", ";", ",", _WHITESPACE):
         rows = [split_cells(line, candidate) for line in lines]

@@ -1,8 +1,8 @@
 """MCAP recordings whose messages are JSON objects of numbers.
 
-Nested objects get dotted names and lists ``[i]``. With one topic the names are those in the message;
-with several each begins with its topic (``servo.Y.q``). Where a message has no ``t`` the time of
-logging is it, in seconds since the topic's first message.
+Nested objects get dotted names and lists ``[i]``. With one topic the names are those in the
+message; with several each begins with its topic (``servo.Y.q``). Where a message has no ``t`` the
+time of logging is it, in seconds since the topic's first message.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from pinotwin.files.content import Content
 
 
 def load(path: Path, source: str) -> Content:
-    """Return the content of a NumPy file; one array without names gives ``stem[0]``, ``stem[1]``..."""
+    """Return the content of a NumPy file; a nameless array is ``stem[0]``, ``stem[1]``..."""
     content = Content()
     try:
         stored = np.load(path, allow_pickle=False)

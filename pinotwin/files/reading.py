@@ -14,8 +14,8 @@ from pinotwin.errors import LogError
 from pinotwin.files.content import to_log
 from pinotwin.log import Log
 
-# Format -> module with `load(path: Path, source: str) -> Content`. Imported on use: pyarrow, h5py and
-# scipy.io are slow to import and a CSV user needs only one of them.
+# Format -> module with `load(path: Path, source: str) -> Content`. Imported on use: pyarrow, h5py
+# and scipy.io are slow to import and a CSV user needs only one of them.
 _READERS = {
     "csv": "pinotwin.files.text",
     "parquet": "pinotwin.files.parquet",
@@ -139,8 +139,8 @@ def _format(path: Path, head: bytes) -> tuple[str, list[str]]:
 def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
     """Join logs of equal length side by side.
 
-    A name that occurs in several files gets the file's stem in front (``pos_data.Joint_1``); a clock
-    ``t`` that all files share, number for number, is kept once.
+    A name that occurs in several files gets the file's stem in front (``pos_data.Joint_1``); a
+    clock ``t`` that all files share, number for number, is kept once.
 
     Raises:
         LogError: the lengths differ, or two files have one stem and share names.
@@ -148,7 +148,9 @@ def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
     lengths = {log.source: len(log) for log in logs}
     if len(set(lengths.values())) > 1:
         said = ", ".join(f"{name} {n}" for name, n in lengths.items())
-        raise LogError(f"cannot join files of different length (rows: {said}); cut them alike first")
+        raise LogError(
+            f"cannot join files of different length (rows: {said}); cut them alike first"
+        )
     notes = [f"{log.source}: {note}" for log in logs for note in log.notes]
     shared = _shared_clock(logs)
     if shared:

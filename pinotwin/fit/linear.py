@@ -148,6 +148,11 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
 def _fit(problem: Problem, options: Options) -> LinearFit:
     """Return the fit of the rows as they are."""
     found = solve(reduce(problem), options)
+    if len(problem.y) <= found.rank.rank:
+        raise DataError(
+            f"{len(problem.y)} rows for {problem.parameters} parameters leave nothing to judge the "
+            "fit by: record more motion, or relax the data selection"
+        )
     weight = 1.0 / found.sigma[problem.axis_place]
     scaled = replace(problem, W=problem.W * weight[:, None], y=problem.y * weight)
     error = scaled.y - scaled.W @ found.theta

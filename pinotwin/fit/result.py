@@ -112,5 +112,5 @@ class LinearFit:
 
 
 def _ratio(error: Floats, y: Floats) -> float:
-    size = float(np.linalg.norm(y))
-    return float(np.linalg.norm(error)) / size if size > 0 else np.inf
+    size, left = float(np.linalg.norm(y)), float(np.linalg.norm(error))
+    return left / size if size > 0 else (np.inf if left > 0 else 0.0)

@@ -85,51 +85,81 @@ class Scan:
 
     def gain(self, x: Floats) -> float:
         """Return the drop of the weighted sum of squares at search coordinates x."""
-        self.evaluations += 1
-        C = self.block.at(x)
-        inside = np.zeros((self._rows, C.shape[1]))
-        length = np.zeros((C.shape[1], C.shape[1]))
-        for basis, place, where, weight in self._where:
-            part = place.take(C, len(basis))
-            inside[where] = (basis.T @ part) * weight
-            length += (part.T @ part) * weight**2
-        gram = length - inside.T @ inside
-        inside = inside - self._base @ (self._base.T @ inside)
-        gram += inside.T @ inside
-        return _gain(gram, inside.T @ self._residual, np.diag(length))
+        return float(self.gains(x[None])[0])
 
-    def basins(self, start: Floats) -> list[Basin]:
-        """Return the refined basins of the block, best first.
+    def gains(self, points: Floats) -> Floats:
+        """Return the gain at every point, shape (m,), for points of shape (m, s)."""
+        self.evaluations += len(points)
+        c = len(self.block.names)
+        inside = np.zeros((len(points), self._rows, c))
+        gram = np.zeros((len(points), c, c))
+        for k, x in enumerate(points):
+            C = self.block.at(x)
+            for basis, place, where, weight in self._where:
+                part = place.take(C, len(basis))
+                inside[k, where] = (basis.T @ part) * weight
+                gram[k] += (part.T @ part) * weight**2
+        length = np.diagonal(gram, axis1=1, axis2=2)
+        scale = np.sqrt(np.where(length > 0, length, 1.0))
+        left = inside - self._base @ (self._base.T @ inside)
+        gram = gram - np.swapaxes(inside, 1, 2) @ inside + np.swapaxes(left, 1, 2) @ left
+        values, vectors = np.linalg.eigh(gram / (scale[:, :, None] * scale[:, None, :]))
+        slope = (np.swapaxes(left, 1, 2) @ self._residual) / scale
+        part = np.squeeze(np.swapaxes(vectors, 1, 2) @ slope[:, :, None], axis=2)
+        good = values > np.maximum(RIDGE, RANK * values[:, -1:])
+        return np.sum(np.where(good, part**2 / np.where(good, values, 1.0), 0.0), axis=1)
+
+    def basins(self, start: Floats, refine: bool = True) -> list[Basin]:
+        """Return the best basins of the block, best first.
 
         The longest grid is scanned first with the other shapes at ``start``, then each further
         shape from every basin kept.
 
         Args:
             start: search coordinates from which to scan, shape (s,).
+            refine: also search between the values of the grid.
         """
         grids = self.block.grids
         kept = [Basin(start, self.gain(start))]
         for k in sorted(range(len(grids)), key=lambda k: -len(grids[k])):
             found = [peak for basin in kept for peak in self._peaks(basin.x, k)]
-            kept = _best([*found, *kept])
-        return _best([self._refined(basin) for basin in kept])
+            kept = self._best([*found, *kept])
+        if not refine:
+            return kept
+        return self._best([self._refined(basin) for basin in kept])
 
     def _peaks(self, x: Floats, k: int) -> list[Basin]:
         """Return the local maxima along the grid of shape k, best first."""
         grid = self.block.grids[k]
         points = np.repeat(x[None], len(grid), axis=0)
         points[:, k] = grid
-        gains = np.array([self.gain(p) for p in points])
+        gains = self.gains(points)
         padded = np.concatenate([[-np.inf], gains, [-np.inf]])
         peak = (gains >= padded[:-2]) & (gains >= padded[2:])
         order = np.flatnonzero(peak)[np.argsort(-gains[peak], kind="stable")]
         return [Basin(points[i], float(gains[i])) for i in order[:KEPT]]
 
+    def _best(self, basins: Sequence[Basin]) -> list[Basin]:
+        """Return the best few basins, of neighbours within half a grid cell only the best."""
+        out: list[Basin] = []
+        for basin in sorted(basins, key=lambda b: -b.gain):
+            if not any(self._same(basin.x, kept.x) for kept in out):
+                out.append(basin)
+        return out[:KEPT]
+
+    def _same(self, one: Floats, other: Floats) -> bool:
+        """Return whether two points lie within half a cell of the grid."""
+        for k, value in enumerate(other):
+            low, high = self._neighbours(value, k)
+            if abs(one[k] - value) > 0.25 * (high - low):
+                return False
+        return True
+
     def _refined(self, basin: Basin) -> Basin:
         """Return the optimum near a basin: one shape at a time, each within its grid neighbours."""
         x, best = basin.x.copy(), basin.gain
         count = len(x)
-        for _ in range(1 if count == 1 else 3):
+        for _ in range(min(count, 2)):
             for k in range(count):
                 low, high = self._neighbours(x[k], k)
                 if high <= low:
@@ -142,7 +172,7 @@ class Scan:
 
                 found = minimize_scalar(
                     loss, bounds=(low, high), method="bounded",
-                    options={"xatol": 1e-3 * (high - low)},
+                    options={"xatol": 1e-2 * (high - low)},
                 )  # fmt: skip
                 if -found.fun > best:
                     x[k], best = found.x, -found.fun
@@ -154,21 +184,3 @@ class Scan:
         grid = self.block.grids[k]
         below, above = grid[grid < value], grid[grid > value]
         return float(below[-1]) if len(below) else low, float(above[0]) if len(above) else high
-
-
-def _gain(gram: Floats, g: Floats, length: Floats) -> float:
-    """Return g' G^-1 g over the directions of the candidate that the other columns leave."""
-    scale = np.sqrt(np.where(length > 0, length, 1.0))
-    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    good = values > max(RIDGE, RANK * values[-1])
-    part = vectors[:, good].T @ (g / scale)
-    return float(np.sum(part**2 / values[good]))
-
-
-def _best(basins: Sequence[Basin]) -> list[Basin]:
-    """Return the best few basins, repeats left out."""
-    out: list[Basin] = []
-    for basin in sorted(basins, key=lambda b: -b.gain):
-        if not any(np.allclose(basin.x, kept.x, rtol=1e-6, atol=1e-9) for kept in out):
-            out.append(basin)
-    return out[:KEPT]

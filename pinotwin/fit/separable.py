@@ -87,7 +87,7 @@ class _Search:
     def look(self) -> None:
         """Scan every block alone and take the best of each as a first guess."""
         for b in range(len(self.moving)):
-            self.scan(b, [])
+            self.scan(b, [], refine=False)
         self.reweigh()
 
     def sweep(self) -> None:
@@ -105,10 +105,10 @@ class _Search:
             if not jumped or len(self.moving) == 1:
                 break
 
-    def scan(self, b: int, others: Sequence[tuple[int, Floats]]) -> None:
+    def scan(self, b: int, others: Sequence[tuple[int, Floats]], refine: bool = True) -> None:
         """Scan one block and move it to its best basin."""
         scan = Scan(self.projection, b, others, self.sigma)
-        self.basins[b] = scan.basins(self.x[b])
+        self.basins[b] = scan.basins(self.x[b], refine)
         self.x[b] = self.basins[b][0].x
         self.evaluations += scan.evaluations
 

@@ -3,8 +3,7 @@
     t_ref = (1 + skew) t_imu + offset
 
 The magnitude of the angular velocity is the same in every frame, so it needs no mounting (thesis
-Section 6.4.1). Coarse: normalised cross-correlation of the magnitudes over the overlap (Padfield
-2012, DOI 10.1109/TIP.2011.2181402, in one dimension). Fine: Gauss-Newton on
+Section 6.4.1). Coarse: normalised cross-correlation of the magnitudes. Fine: Gauss-Newton on
 
     y(t) = A r(t_ref(t)) + b + noise
 
@@ -24,6 +23,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
+from pinotwin.imu.correlate import best_lag
 from pinotwin.imu.statistics import sandwich
 
 
@@ -164,38 +164,15 @@ def _stretches(t: Floats) -> list[slice]:
 def _coarse(
     t_ref: Floats, r: Floats, t: Floats, y: Floats, step: float, s: SyncSettings
 ) -> tuple[float, float] | None:
-    """Return t_ref - t_imu by masked normalised cross-correlation and the coefficient."""
-    a = _uniform(t_ref, np.linalg.norm(r, axis=1), step)
-    b = _uniform(t, np.linalg.norm(y, axis=1), step)
+    """Return t_ref - t_imu and the correlation coefficient, or None where nothing agrees."""
+    a = np.interp(np.arange(t_ref[0], t_ref[-1], step), t_ref, np.linalg.norm(r, axis=1))
+    b = np.interp(np.arange(t[0], t[-1], step), t, np.linalg.norm(y, axis=1))
     if np.std(b) < s.minimum:
         return None
-    size = 1 << int(np.ceil(np.log2(len(a) + len(b))))
-    A, A2, ones_a = (np.fft.rfft(x, size) for x in (a, a * a, np.ones_like(a)))
-    B, B2, ones_b = (np.conj(np.fft.rfft(x, size)) for x in (b, b * b, np.ones_like(b)))
-
-    def lagged(X: Floats, Y: Floats) -> Floats:
-        return np.fft.irfft(X * Y, size)
-
-    n = np.maximum(lagged(ones_a, ones_b), 1e-9)
-    sa, sb = lagged(A, ones_b), lagged(ones_a, B)
-    cov = lagged(A, B) - sa * sb / n
-    va = np.maximum(lagged(A2, ones_b) - sa**2 / n, 0.0)
-    vb = np.maximum(lagged(ones_a, B2) - sb**2 / n, 0.0)
-    enough = (n > 0.5 * min(len(a), len(b))) & (vb > 0.1 * np.max(vb)) & (va > 1e-3 * np.max(va))
-    score = np.where(enough, cov / np.sqrt(np.maximum(va * vb, 1e-12)), -1.0)
-    # a stretch that fits only where the reference barely moves must not beat the full overlap
-    k = int(np.argmax(score * np.sqrt(np.minimum(n / min(len(a), len(b)), 1.0))))
-    if score[k] < s.agreement:
+    lag, score = best_lag(a, b)
+    if score < s.agreement:
         return None
-    left, mid, right = score[k - 1], score[k], score[(k + 1) % size]
-    curve = left - 2.0 * mid + right
-    part = 0.5 * (left - right) / curve if curve < 0.0 and min(left, right) > -1.0 else 0.0
-    lag = k if k < len(a) else k - size
-    return float(t_ref[0] - t[0] + (lag + part) * step), float(score[k])
-
-
-def _uniform(t: Floats, x: Floats, step: float) -> Floats:
-    return np.interp(np.arange(t[0], t[-1], step), t, x)
+    return float(t_ref[0] - t[0] + lag * step), score
 
 
 def _smoothed(t: Floats, x: Floats, smoothing: float) -> tuple[Floats, Floats, Mask]:
@@ -289,7 +266,7 @@ def _linearised(
 def _with_systematics(full: _Fit, wider: _Fit, s: SyncSettings) -> ClockFit:
     """Return the fit; what a stronger low-pass changes is added to the standard errors."""
     se = np.sqrt(np.maximum(np.diag(full.cov), 0.0))
-    shift = np.append(full.at_pivot - wider.at_pivot, full.skew - wider.skew)
+    shift = 2.0 * np.append(full.at_pivot - wider.at_pivot, full.skew - wider.skew)
     se = np.sqrt(se**2 + shift**2)
     se[:-1] = np.hypot(se[:-1], s.delay_sd)
     segments = tuple(

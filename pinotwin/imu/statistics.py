@@ -19,15 +19,19 @@ def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
         information: J'J plus the priors' precision, (p, p).
         lag: samples over which residuals are correlated.
     """
+    inverse = np.linalg.inv(information)
+    return inverse @ long_run(scores, lag) @ inverse
+
+
+def long_run(scores: Floats, lag: int) -> Floats:
+    """Return the covariance of the sum of correlated scores (n, p), triangular window, (p, p)."""
     n = len(scores)
     lag = min(lag, n - 1)
     size = 1 << int(np.ceil(np.log2(n + lag + 1)))
-    spectrum = np.fft.rfft(scores, size, axis=0)
     window = np.zeros(size)
     taper = 1.0 - np.arange(lag + 1) / (lag + 1)
     window[: lag + 1] = taper
     window[size - lag :] = taper[:0:-1]
-    smoothed = np.fft.irfft(spectrum * np.fft.rfft(window)[:, None], size, axis=0)[:n]
-    S = scores.T @ smoothed
-    inverse = np.linalg.inv(information)
-    return inverse @ (0.5 * (S + S.T)) @ inverse
+    spectrum = np.fft.rfft(scores, size, axis=0) * np.fft.rfft(window)[:, None]
+    S = scores.T @ np.fft.irfft(spectrum, size, axis=0)[:n]
+    return 0.5 * (S + S.T)

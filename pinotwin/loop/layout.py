@@ -208,7 +208,7 @@ class Layout:
 
 
 def _leading(section: Section, count: int) -> tuple[Floats, Floats]:
-    """Return A^k B (2, count) and its derivatives (2, 2, count), scaled to the size of 100 rad/s."""
+    """Return A^k B (2, count) and its derivatives (2, 2, count), in units of 100 rad/s."""
     A, B = continuous(section)
     dA, dB = derivatives(section)
     out, slopes = np.zeros((2, count)), np.zeros((2, 2, count))

@@ -126,7 +126,7 @@ def _simplest(trials: list[Trial], best: int) -> int:
 
 
 def _blocks(data: LoopData, folds: int) -> list[list[slice]]:
-    """Return the held-out rows of every fold: the log cut into ``folds`` stretches of equal length."""
+    """Return the held-out rows of every fold: ``folds`` stretches of equal length."""
     edges = np.linspace(0, data.rows, folds + 1).astype(int)
     found: list[list[slice]] = [[] for _ in range(folds)]
     passed = 0

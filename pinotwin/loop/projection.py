@@ -32,6 +32,7 @@ from pinotwin.loop.responses import (
     free_response,
     memory,
     run_filter,
+    triangle,
     without_free,
 )
 from pinotwin.loop.sections import Discrete, discretise
@@ -71,7 +72,7 @@ class Scales:
 
     @classmethod
     def of(cls, data: LoopData, weights: Floats | None = None) -> Scales:
-        """Return rms values over the segments; ``weights`` replace one over those of the outputs."""
+        """Return rms values over the segments; ``weights`` replace one over the outputs'."""
         rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
 
         def rms(x: Floats) -> Floats:
@@ -181,27 +182,23 @@ class Projection:
     ) -> tuple[Floats, list[_Free]]:
         """Return the triangular rows of all data, and the free responses of the segments."""
         wide = self.filtered(discrete)
-        length = memory(sections, self.step)
-        head = -(-length // BLOCK)
         starts = np.flatnonzero(self.blocks[:, 2])
         stops = np.append(starts[1:], len(self.blocks))
+        head = min(-(-memory(sections, self.step) // BLOCK), int(np.max(stops - starts)))
         response = free_response(self.layout, discrete, head * BLOCK)
+        response = np.swapaxes(response.reshape(-1, head, BLOCK), 0, 1)
         tail = np.ones(len(self.blocks), dtype=bool)
         rows: list[Floats] = []
         free: list[_Free] = []
         for a, b in zip(starts, stops, strict=True):
             stop = min(b, a + head)
             tail[a:stop] = False
-            own = np.concatenate(list(wide[a:stop]), axis=1)
-            n = int(self.blocks[stop - 1, 1] - self.blocks[a, 0])
-            lower, found = without_free(response[:, :n], own[:, :n], self.layout)
+            both = np.concatenate([response[: stop - a], wide[a:stop]], axis=1)
+            both[-1, :, self.blocks[stop - 1, 1] - self.blocks[stop - 1, 0] :] = 0.0
+            lower, found = without_free(triangle(both), self.layout)
             free.append(_Free(sum(map(len, rows)), *found))
             rows.append(lower)
-        rows.append(np.zeros((wide.shape[1], wide.shape[1])))
-        if tail.any():
-            factors = np.linalg.qr(np.swapaxes(wide[tail], 1, 2), mode="r")
-            last = np.linalg.qr(factors.reshape(-1, wide.shape[1]), mode="r")
-            rows[-1][: len(last)] = last
+        rows.append(triangle(wide[tail]))
         return np.concatenate(rows), free
 
 

@@ -84,17 +84,30 @@ def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
     return np.stack(values + slopes)
 
 
-def without_free(
-    response: Floats, own: Floats, layout: Layout
-) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
-    """Return the rows of a segment's head off its free response, and what gives f."""
+def triangle(blocks: Floats) -> Floats:
+    """Return the triangular factor of the rows of all blocks, shape (columns, columns).
+
+    Args:
+        blocks: columns in blocks of rows, shape (m, columns, rows); m may be zero.
+    """
+    columns = blocks.shape[1]
+    out = np.zeros((columns, columns))
+    if len(blocks):
+        factors: Floats = np.asarray(np.linalg.qr(np.swapaxes(blocks, 1, 2), mode="r"))
+        if len(blocks) > 1:
+            factors = np.asarray(np.linalg.qr(factors.reshape(1, -1, columns), mode="r"))
+        out[: factors.shape[1]] = factors[0]
+    return out
+
+
+def without_free(R: Floats, layout: Layout) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
+    """Return the rows of a segment's head off its free response, and what gives f.
+
+    Args:
+        R: triangular factor of the columns [F, dF, rest], shape (columns, columns).
+        layout: places of the columns.
+    """
     nf = sum(section.order for section in layout.sections)
-    total = np.concatenate([response, own])
-    R = np.linalg.qr(total.T, mode="r")
-    corner = R[:nf, :nf]
-    inverse = np.linalg.pinv(corner, rcond=1e-11)
-    # The count of rows must not depend on how long the free response lasts at these poles.
-    lower = np.zeros((len(total) - nf, len(total)))
-    lower[: max(len(R) - nf, 0)] = R[nf:]
-    nd = len(response)
-    return lower[:, nd:], (inverse, R[:nf, nd:], lower[:, nf:nd])
+    nd = nf + sum(section.order**2 for section in layout.sections)
+    inverse = np.asarray(np.linalg.pinv(R[:nf, :nf], rcond=1e-11), dtype=np.float64)
+    return R[nf:, nd:], (inverse, R[:nf, nd:], R[nf:, nf:nd])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,26 +35,30 @@ def _state_numerators(section: Section) -> tuple[Floats, ...]:
     return np.array([wn * wn]), np.array([wn, 0.0])
 
 
+def _product(sections: Sequence[Section]) -> Floats:
+    """Return the product of the sections' factors."""
+    den = np.array([1.0])
+    for section in sections:
+        den = np.polymul(den, factor(section))
+    return den
+
+
 def fraction(model: LoopModel, output: int, index: int) -> tuple[Floats, Floats]:
     """Return numerator and denominator of one transfer function; see ``LoopModel.numerator``."""
     layout = model.layout
     slots = [slot for slot in layout.slots if slot.input == index]
     sections = [model.sections[slot.section] for slot in slots]
-    den = np.array([1.0])
-    for section in sections:
-        den = np.polymul(den, factor(section))
+    den = _product(sections)
     num = np.zeros(1)
     for i, slot in enumerate(slots):
-        rest = np.array([1.0])
-        for j, other in enumerate(sections):
-            if j != i:
-                rest = np.polymul(rest, factor(other))
+        rest = _product([other for j, other in enumerate(sections) if j != i])
         for state, own in enumerate(_state_numerators(sections[i])):
-            num = np.polyadd(num, model.residues[output, slot.at + state] * np.polymul(own, rest))
+            part = model.residues[output, slot.at + state] * np.polymul(own, rest)
+            num = np.asarray(np.polyadd(num, part), dtype=np.float64)
     command = index == layout.disturbances
     if command:
         direct = np.array([model.residues[output, -1], model.residues[output, -2]])
-        num = np.polyadd(num, np.polymul(direct, den))
+        num = np.asarray(np.polyadd(num, np.polymul(direct, den)), dtype=np.float64)
     return _as_demanded(model, output, index, num, den), den
 
 

@@ -1,4 +1,4 @@
-"""What the axes do in a log: which move, how fast, in which range, and whether efforts come in time."""
+"""What the axes do in a log: which move, how fast, how far, and whether efforts come in time."""
 
 from __future__ import annotations
 
@@ -15,17 +15,26 @@ from pinotwin.quality.results import AxisQuality, ChannelQuality, Finding, Limit
 from pinotwin.quality.sampling import SLOW
 from pinotwin.quality.values import quantisation_step
 from pinotwin.signals import (
-    Clock, autocorrelation, derivatives, edge_samples, interior, low_pass, segments, suggest_cutoff,
-)  # fmt: skip
+    Clock,
+    autocorrelation,
+    derivatives,
+    edge_samples,
+    interior,
+    low_pass,
+    segments,
+    suggest_cutoff,
+)
 
 _SHORTEST = 40  # samples; below this a stretch has no interior after filtering
+_CRAWL = 0.05  # share of the top speed below which friction is no function of speed (presliding)
+_GAIN = 0.05  # fall of the residual's power below which a lead is not worth telling
 _FAR = {False: 50.0, True: 500.0}  # m, rad
 
 
 def inspect_axes(
     log: Log, axes: Mapping[str, bool], ticks: Clock | None
 ) -> tuple[dict[str, AxisQuality], float]:
-    """Return the table of the axes that have a position, and the corner that the positions suggest."""
+    """Return the table of the axes with a position, and the corner that these suggest."""
     present = [name for name in axes if f"{name}.q" in log and np.isfinite(log[f"{name}.q"]).any()]
     table = {name: _still(log, name, axes[name]) for name in present}
     moving = [name for name in present if table[name].moves]
@@ -34,7 +43,7 @@ def inspect_axes(
     q = np.column_stack([log[f"{name}.q"] for name in moving])
     stretches = [
         s
-        for s in segments(log.t, valid=np.isfinite(q).all(axis=1))
+        for s in segments(log.t, valid=np.asarray(np.isfinite(q).all(axis=1)))
         if s.stop - s.start >= _SHORTEST
     ]
     if not stretches:
@@ -50,8 +59,10 @@ def inspect_axes(
         )
     if ticks.rate >= SLOW:
         columns = causes(q, v, a)
-        for name in moving:
-            table[name] = _with_lead(table[name], log, name, columns, (ticks.rate, cutoff, inside))
+        for i, name in enumerate(moving):
+            speed = np.abs(v[:, i])
+            rows = inside & (speed > _CRAWL * speed[inside].max())
+            table[name] = _with_lead(table[name], log, name, columns, (ticks.rate, cutoff, rows))
     return table, cutoff
 
 
@@ -75,15 +86,15 @@ def _still(log: Log, name: str, rotary: bool) -> AxisQuality:
 def _with_lead(
     axis: AxisQuality, log: Log, name: str, columns: Floats, how: tuple[float, float, Mask]
 ) -> AxisQuality:
-    rate, cutoff, inside = how
+    rate, cutoff, usable = how
     if f"{name}.u" not in log:
         return axis
     u = log[f"{name}.u"]
     if not np.isfinite(u).all() or np.ptp(u) == 0 or len(u) < _SHORTEST:
         return axis
-    rows = np.flatnonzero(inside)
+    rows = np.flatnonzero(usable)
     lead = effort_lead(low_pass(u, rate, cutoff), columns, rate, rows)
-    if lead is None or lead.gain < 0.02:
+    if lead is None or lead.gain < _GAIN:
         return axis
     return replace(axis, lead=lead.seconds, lead_error=lead.error)
 
@@ -94,6 +105,7 @@ def axis_findings(
     table: Mapping[str, AxisQuality],
     channels: Mapping[str, ChannelQuality],
     limits: Mapping[str, Limits],
+    ticks: Clock | None,
 ) -> Iterator[Finding]:
     """Say what is wrong with, or missing from, the axes."""
     for name in axes:
@@ -110,9 +122,9 @@ def axis_findings(
         if not axis.moves:
             yield Finding("warning", name, "does not move: nothing of it can be identified")
         yield from _unit_findings(name, axis)
-        yield from _lead_findings(name, axis)
         yield from _limit_findings(name, axis, channels.get(f"{name}.u"), limits.get(name))
         yield from _agreement(log, name)
+    yield from _lead_findings(table, ticks.step if ticks else np.inf)
     if table and not any(axis.moves for axis in table.values()):
         yield Finding("error", "", "no axis moves; record a motion")
 
@@ -128,16 +140,28 @@ def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _lead_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
-    if axis.lead is None or axis.lead_error is None:
-        return
-    if abs(axis.lead) > 3.0 * axis.lead_error and abs(axis.lead) > 2e-4:
-        how = "leads" if axis.lead > 0 else "lags"
-        yield Finding(
-            "warning", f"{name}.u",
-            f"effort {how} the position by {1e3 * abs(axis.lead):.2g} ms (± {1e3 * axis.lead_error:.1g}"
-            f"): channels are not taken at the same instant; correct the log or add the effect `delay`",
-        )  # fmt: skip
+def _lead_findings(table: Mapping[str, AxisQuality], step: float) -> Iterator[Finding]:
+    """Say in one sentence by how much the efforts are ahead of, or behind, the positions.
+
+    Up to one step of the clock is the sampling of any digital controller and not worth a word.
+    """
+    sure = {
+        name: (axis.lead, axis.lead_error)
+        for name, axis in table.items()
+        if axis.lead is not None
+        and axis.lead_error is not None
+        and abs(axis.lead) > max(3.0 * axis.lead_error, step)
+    }
+    for sign, how in ((1, "leads"), (-1, "lags")):
+        leads = {name: 1e3 * abs(x) for name, (x, _) in sure.items() if x * sign > 0}
+        if leads:
+            each = ", ".join(f"{k} {x:.1f} ± {1e3 * sure[k][1]:.1f}" for k, x in leads.items())
+            yield Finding(
+                "warning", ", ".join(f"{name}.u" for name in leads),
+                f"effort {how} the position by about {np.median(list(leads.values())):.1f} ms (by "
+                f"axis: {each}): the channels are not taken at the same instant; shift them or "
+                "add the effect `delay`",
+            )  # fmt: skip
 
 
 def _limit_findings(
@@ -151,8 +175,8 @@ def _limit_findings(
         if axis.low < low - slack or axis.high > high + slack:
             yield Finding(
                 "warning", f"{name}.q",
-                f"ranges from {axis.low:.4g} to {axis.high:.4g}, outside the URDF's limits {low:.4g} to "
-                f"{high:.4g}: check unit and zero under columns in machine.yaml",
+                f"ranges from {axis.low:.4g} to {axis.high:.4g}, outside the URDF's limits "
+                f"{low:.4g} to {high:.4g}: check unit and zero under columns in machine.yaml",
             )  # fmt: skip
     if limits.velocity is not None and axis.speed > 1.05 * limits.velocity:
         yield Finding(
@@ -188,5 +212,6 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
         if fits and not 0.8 < ratio < 1.25:
             yield Finding(
                 "warning", f"{name}.v",
-                f"the position changes {ratio:.4g} times as fast as this velocity says: check both units",
+                f"the position changes {ratio:.4g} times as fast as this velocity says: check "
+                "both units",
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Inspect a log: tables per channel and axis, and findings with a remedy, before anything is fitted."""
+"""Inspect a log before anything is fitted: tables per channel and axis, findings with a remedy."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def inspect(
         findings += _channel_findings(log, name, channel)
     findings += _digit_findings(channels)
     table, cutoff = inspect_axes(log, axes, ticks)
-    findings += axis_findings(log, axes, table, channels, limits or {})
+    findings += axis_findings(log, axes, table, channels, limits or {}, ticks)
     findings += row_findings(log)
     findings += [Finding("info", "", note) for note in log.notes]
     findings.sort(key=lambda f: _ORDER[f.severity])
@@ -60,7 +60,9 @@ def _clock(log: Log, findings: list[Finding]) -> Clock | None:
         return None
     missing = int((~np.isfinite(log.t)).sum())
     if missing:
-        findings.append(Finding("warning", "t", f"{missing} stamps are missing; the log is cut there"))
+        findings.append(
+            Finding("warning", "t", f"{missing} stamps are missing; the log is cut there")
+        )
     try:
         ticks = clock(log.t)
     except DataError as error:
@@ -95,7 +97,9 @@ def _channel_findings(log: Log, name: str, c: ChannelQuality) -> Iterator[Findin
     if c.missing:
         first = int(np.argmax(~np.isfinite(log[name])))
         yield Finding(
-            "warning", name, f"{c.missing} values missing, first in row {first}; the log is cut there"
+            "warning",
+            name,
+            f"{c.missing} values missing, first in row {first}; the log is cut there",
         )
     if c.constant and c.low == 0.0:
         wired = ": not wired, or not recorded?" if name.endswith(".u") else ""
@@ -105,8 +109,8 @@ def _channel_findings(log: Log, name: str, c: ChannelQuality) -> Iterator[Findin
     if c.step and name.endswith(".q") and 0 < c.high - c.low < _COARSE * c.step:
         yield Finding(
             "warning", name,
-            f"resolves {c.step:.3g}: only {(c.high - c.low) / c.step:.0f} steps over its whole range, "
-            f"speed and acceleration from it are coarse; log with more digits",
+            f"resolves {c.step:.3g}: only {(c.high - c.low) / c.step:.0f} steps over its whole "
+            "range, speed and acceleration from it are coarse; log with more digits",
         )  # fmt: skip
     if c.saturated:
         yield Finding(
@@ -124,6 +128,6 @@ def _digit_findings(channels: Mapping[str, ChannelQuality]) -> Iterator[Finding]
     for digits, names in sorted(rounded.items()):
         yield Finding(
             "warning" if digits <= 4 else "info", "",
-            f"{', '.join(names)}: numbers have {digits} significant digits, so the resolution falls as "
-            f"they grow; export with more digits",
+            f"{', '.join(names)}: numbers have {digits} significant digits, so the resolution "
+            "falls as they grow; export with more digits",
         )  # fmt: skip

@@ -1,12 +1,12 @@
 """By how much the effort is ahead of the position: a lag that no drive has, but many loggers do.
 
-The effort of an axis is explained by what may cause it: accelerations, speeds and their signs of all moving
-axes (a wrist couples them), and a quadratic in the positions in place of gravity (positions may be those of
-motors, so that their sine means nothing). All pass the same low-pass. The effort
-is shifted sample by sample and the residual's power drawn against the shift; a parabola through the
-lowest three gives the fraction of a sample. Leaving out one block of the log after the other (jackknife) gives
-the error. It is a
-cross-correlation of effort and acceleration from which friction and gravity have been taken out.
+The effort of an axis is explained by what may cause it: accelerations, speeds and their signs of
+all moving axes (a wrist couples them), and a quadratic in the positions in place of gravity
+(positions may be those of motors, so that their sine means nothing). All pass the same low-pass.
+The effort is shifted sample by sample and the residual's power drawn against the shift; a parabola
+through the lowest three gives the fraction of a sample. Leaving out one block of the log after the
+other (jackknife) gives the error. It is a cross-correlation of effort and acceleration from which
+friction and gravity have been taken out.
 """
 
 from __future__ import annotations

@@ -125,7 +125,11 @@ class Quality:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain types for JSON."""
-        plain = {k: v for k, v in self.__dict__.items() if k not in ("clock", "channels", "axes", "findings")}
+        plain = {
+            k: v
+            for k, v in self.__dict__.items()
+            if k not in ("clock", "channels", "axes", "findings")
+        }
         return {
             **plain,
             "ok": self.ok,

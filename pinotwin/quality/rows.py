@@ -1,4 +1,4 @@
-"""Rows that are no measurement: copies of other rows, jumps to a sentinel, and the state they share."""
+"""Rows that are no measurement: copies of others, jumps to a sentinel, the state they share."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ def row_findings(log: Log) -> Iterator[Finding]:
         if stale.mean() > _SHARE:
             yield Finding(
                 "warning", "",
-                f"{int(stale.sum())} of {len(log)} rows repeat the row before in every measured channel: "
-                f"the log is sampled faster than the controller renews its values; log at its rate",
+                f"{int(stale.sum())} of {len(log)} rows repeat the row before in every measured "
+                "channel: the log is sampled faster than the controller renews its values; log at "
+                "its rate",
             )  # fmt: skip
         fresh = copies & ~stale
         if fresh.mean() > _SHARE:
@@ -64,8 +65,8 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
         bad |= rows
         yield Finding(
             "warning", name,
-            f"jumps to {value:.6g} (as in the file) and back {times} times: a sentinel value; leave the "
-            f"{int(rows.sum())} rows with it out",
+            f"jumps to {value:.6g} (as in the file) and back {times} times: a sentinel value; "
+            f"leave the {int(rows.sum())} rows with it out",
         )  # fmt: skip
         return
     apart = jump_rows(q)
@@ -106,6 +107,6 @@ def _shared_state(states: dict[str, Floats], bad: Mask) -> Iterator[Finding]:
             if recall > 0.8 and precision > max(0.5, 1.05 * bad.mean()):
                 yield Finding(
                     "warning", name,
-                    f"{100 * recall:.0f} % of the untrustworthy rows have {name} = {value:g}; leave "
-                    f"all {int(rows.sum())} rows with that value out",
+                    f"{100 * recall:.0f} % of the untrustworthy rows have {name} = {value:g}; "
+                    f"leave all {int(rows.sum())} rows with that value out",
                 )  # fmt: skip

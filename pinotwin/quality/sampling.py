@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from pinotwin.quality.results import Finding
 from pinotwin.signals import Clock, clock, uniform
 
 SLOW = 50.0
-"""Rate [Hz] below which the accelerations of a servo (10 to 100 ms long) fall between the samples."""
+"""Rate [Hz] below which the accelerations of a servo (10 to 100 ms long) fall between the "
+"samples."""
 
 
 def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
@@ -21,14 +23,14 @@ def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
     if c.backward:
         yield Finding(
             "warning", "t",
-            f"the clock runs backward {len(c.backward)} times, first at row {c.backward[0]}; the log "
-            f"is cut there, check the logger's clock",
+            f"the clock runs backward {len(c.backward)} times, first at row {c.backward[0]}; the "
+            "log is cut there, check the logger's clock",
         )  # fmt: skip
     if c.duplicated:
         yield Finding(
             "warning", "t",
-            f"{len(c.duplicated)} duplicated time stamps, first at row {c.duplicated[0]} ({at}); the "
-            f"log is cut there, resample it or log finer stamps",
+            f"{len(c.duplicated)} duplicated time stamps, first at row {c.duplicated[0]} ({at}); "
+            "the log is cut there, resample it or log finer stamps",
         )  # fmt: skip
     if c.gaps:
         jump = c.longest > max(1.0, 1000.0 * c.step)
@@ -41,8 +43,8 @@ def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
     if c.jitter_rms > 0.02 * c.step:
         yield Finding(
             "warning", "t",
-            f"irregular sampling: interval {1e3 * c.step:.4g} ms, jitter {1e3 * c.jitter_rms:.3g} ms "
-            f"rms, {1e3 * c.jitter_max:.3g} ms at most; resample the log (pt.resample)",
+            f"irregular sampling: interval {1e3 * c.step:.4g} ms, jitter {1e3 * c.jitter_rms:.3g} "
+            f"ms rms, {1e3 * c.jitter_max:.3g} ms at most; resample the log (pt.resample)",
         )  # fmt: skip
     if c.rate < 2.0:
         yield Finding(
@@ -66,8 +68,9 @@ def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
 def resample(log: Log, rate: float, gap: float = 5.0) -> Log:
     """Return the log on a uniform clock, by linear interpolation; the notes say what was made up.
 
-    Nothing is made up across a gap, a clock that runs backward, or a missing value: the new log has a
-    break there too. There is no anti-alias filter: low-pass first when going to a lower rate.
+    Nothing is made up across a gap, a clock that runs backward, or a missing value: the new log
+    has a break there too. There is no anti-alias filter: low-pass first when going to a lower
+    rate.
 
     Args:
         log: needs ``t``.
@@ -90,13 +93,14 @@ def resample(log: Log, rate: float, gap: float = 5.0) -> Log:
     dt = np.diff(kept.t)
     breaks = np.flatnonzero((dt <= 0) | (dt > gap * before.step)) + 1
     edges = [0, *(int(b) for b in breaks), len(kept)]
-    stretches = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > 1]
+    stretches = [slice(a, b) for a, b in pairwise(edges) if b - a > 1]
     names = [name for name in kept.channels if name != "t"]
     table = np.column_stack([kept[name] for name in names]) if names else np.empty((len(kept), 0))
     t, x, parts = uniform(kept.t, table, rate, stretches)
     notes = [
-        f"resampled from about {before.rate:.4g} Hz (jitter {1e3 * before.jitter_rms:.3g} ms rms) to "
-        f"{rate:g} Hz by linear interpolation: {len(log)} rows became {len(t)} in {len(parts)} stretches"
+        f"resampled from about {before.rate:.4g} Hz (jitter {1e3 * before.jitter_rms:.3g} ms rms) "
+        f"to {rate:g} Hz by linear interpolation: {len(log)} rows became {len(t)} in {len(parts)} "
+        "stretches"
     ]
     if not fresh.all():
         notes.append(f"{int((~fresh).sum())} rows with a duplicated or missing stamp were left out")

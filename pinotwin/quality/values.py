@@ -13,8 +13,8 @@ _FLOAT = 1e-9  # numbers closer than this (relative) are equal but for rounding 
 def quantisation_step(x: Floats) -> float | None:
     """Return the step of which (nearly) all differences between values are multiples, or None.
 
-    The smallest differences between neighbouring distinct values give a first guess; it holds if 95 %
-    of the differences below 50 steps are whole multiples within a tenth.
+    The smallest differences between neighbouring distinct values give a first guess; it holds if
+    95 % of the differences below 50 steps are whole multiples within a tenth.
     """
     values = np.unique(x[np.isfinite(x)][:_MOST])
     if len(values) < 4:
@@ -57,8 +57,8 @@ def significant_digits(x: Floats) -> int | None:
 def saturated_rows(x: Floats) -> Mask:
     """Return the rows that sit on a flat top or bottom.
 
-    Flat means: at least 3 samples in a row exactly at the extreme, 0.1 % of all rows (and 5), and more
-    rows than the 2 % of the range next to the extreme hold.
+    Flat means: at least 3 samples in a row exactly at the extreme, 0.1 % of all rows (and 5), and
+    more rows than the 2 % of the range next to the extreme hold.
     """
     flat = np.zeros(len(x), dtype=bool)
     good = np.isfinite(x)
@@ -83,8 +83,8 @@ def _run_lengths(mask: Mask) -> Ints:
 def jump_rows(q: Floats) -> Mask:
     """Return the rows of a position that stand apart from both neighbours, which agree.
 
-    A row is apart if it differs from the median of itself and its neighbours by more than 50 times the
-    typical change per row and 1 % of the range: a sentinel or a lost value, not a fast move.
+    A row is apart if it differs from the median of itself and its neighbours by more than 50 times
+    the typical change per row and 1 % of the range: a sentinel or a lost value, not a fast move.
     """
     apart = np.zeros(len(q), dtype=bool)
     step = np.abs(np.diff(q))

@@ -1,4 +1,4 @@
-"""Arrays in, arrays out: filters, derivatives, spectra. Times run down the rows; nothing knows a log."""
+"""Arrays in, arrays out: filters, derivatives, spectra. Times run down the rows."""
 
 from pinotwin.signals.filters import decimate_zero_phase as decimate_zero_phase
 from pinotwin.signals.filters import derivatives as derivatives

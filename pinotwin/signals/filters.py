@@ -1,12 +1,14 @@
 """Zero-phase low-pass, differentiation, and decimation of uniformly sampled signals.
 
-A filter that runs forward and backward has no phase: the response is ``|H(f)|^2`` and the corner that
-is asked for lies at half amplitude (-6 dB), as with MATLAB's ``filtfilt``. Every signal of one
-regression must go through the same filter: then ``effort = columns @ theta`` still holds between the
-filtered effort and the filtered columns, up to the products of the motion (Gautier 1997).
+A filter that runs forward and backward has no phase: the response is ``|H(f)|^2`` and the corner
+that is asked for lies at half amplitude (-6 dB), as with MATLAB's ``filtfilt``. Every signal of
+one regression must go through the same filter: then ``effort = columns @ theta`` still holds
+between the filtered effort and the filtered columns, up to the products of the motion (Gautier
+1997).
 
-Sources: Gustafsson 1996, doi:10.1109/78.492552 (forward-backward filtering); Janot, Gautier & Brunot 2019
-(recipe of the EMPS benchmark); MATLAB ``decimate`` (Chebyshev I, order 8, 0.05 dB, corner 0.8/r).
+Sources: Gustafsson 1996, doi:10.1109/78.492552 (forward-backward filtering); Janot, Gautier &
+Brunot 2019 (recipe of the EMPS benchmark); MATLAB ``decimate`` (Chebyshev I, order 8, 0.05 dB,
+corner 0.8/r).
 """
 
 from __future__ import annotations
@@ -98,8 +100,8 @@ def derivatives(
 ) -> tuple[Floats, Floats, Floats]:
     """Return the filtered signal and its first and second derivative.
 
-    The signal is filtered once; both derivatives are repeated central differences of the result (the
-    recipe of the thesis, Section 3.3, and of EMPS), so all three share one filter.
+    The signal is filtered once; both derivatives are repeated central differences of the result
+    (the recipe of the thesis, Section 3.3, and of EMPS), so all three share one filter.
     """
     smooth = low_pass(x, rate, cutoff, order, segments)
     first = differentiate(smooth, 1.0 / rate, segments)
@@ -107,10 +109,10 @@ def derivatives(
 
 
 def decimate_zero_phase(x: Floats, factor: int, segments: Segments = None) -> Floats:
-    """Return every ``factor``-th sample after a zero-phase anti-alias filter, as MATLAB ``decimate``.
+    """Return every ``factor``-th sample, low-passed without phase before, as MATLAB ``decimate``.
 
-    Chebyshev I of order 8, 0.05 dB ripple, corner 0.8 of the new Nyquist frequency, both ways. As in
-    MATLAB the samples that are kept end with the last one.
+    Chebyshev I of order 8, 0.05 dB ripple, corner 0.8 of the new Nyquist frequency, both ways. As
+    in MATLAB the samples that are kept end with the last one.
 
     Args:
         x: samples, shape (n,) or (n, k).
@@ -133,8 +135,9 @@ def decimate_zero_phase(x: Floats, factor: int, segments: Segments = None) -> Fl
 def edge_samples(cutoff: float, rate: float, order: int = 4, share: float = 0.01) -> int:
     """Return how many samples at each end of a stretch the filter's start-up still touches.
 
-    The slowest pole of the filter decays as ``exp(-sigma t)``, ``sigma = 2 pi f_c sin(pi / (2 order))``;
-    the count is where that has fallen to ``share``, plus one sample for each of two differences.
+    The slowest pole of the filter decays as ``exp(-sigma t)``, ``sigma = 2 pi f_c sin(pi / (2
+    order))``; the count is where that has fallen to ``share``, plus one sample for each of two
+    differences.
 
     Args:
         cutoff: corner of the low-pass [Hz], infinite for none.
@@ -149,7 +152,7 @@ def edge_samples(cutoff: float, rate: float, order: int = 4, share: float = 0.01
 
 
 def interior(n: int, edge: int, segments: Segments = None) -> Mask:
-    """Return which of ``n`` rows are at least ``edge`` samples away from the ends of their stretch."""
+    """Return which of ``n`` rows are at least ``edge`` samples inside their stretch."""
     keep = np.zeros(n, dtype=bool)
     for part in (slice(0, n),) if segments is None else segments:
         keep[part.start + edge : max(part.start + edge, part.stop - edge)] = True

@@ -1,15 +1,16 @@
-r"""Spectra, correlation, autoregressive noise models, and the corner frequency that suits a recording.
+"""Spectra, correlation, autoregressive noise, and the corner frequency that suits a recording.
 
-**The corner.** A measured position is motion plus a noise of its own (quantisation, interpolation error
-of the encoder), nearly white. The acceleration is its second derivative: the noise grows with ``f^4`` while
-the motion dies out, so that the acceleration's spectrum falls to a minimum and rises again. Motion and
-noise are about equally strong at the minimum; where the spectrum has risen to twice that for good, there is
-no motion left to win. That is the corner an axis asks for. Of several axes the highest is taken, unless the
-noise let through would exceed 1 % of some axis' acceleration power: noise in a regressor biases its
-coefficient by that share (errors in variables), while motion cut off costs nothing but information, since
-the effort goes through the same filter. In any case 99 % of every axis' velocity power stays, for the
-friction's sake. The spectrum is taken of the second difference, so that slow motion does not leak into weak
-high frequencies, and averaged over half octaves, so that a line is no edge.
+**The corner.** A measured position is motion plus a noise of its own (quantisation, interpolation
+error of the encoder), nearly white. The acceleration is its second derivative: the noise grows
+with ``f^4`` while the motion dies out, so that the acceleration's spectrum falls to a minimum and
+rises again. Motion and noise are about equally strong at the minimum; where the spectrum has risen
+to twice that for good, there is no motion left to win. That is the corner an axis asks for. Of
+several axes the highest is taken, unless the noise let through would exceed 1 % of some axis'
+acceleration power: noise in a regressor biases its coefficient by that share (errors in
+variables), while motion cut off costs nothing but information, since the effort goes through the
+same filter. In any case 99 % of every axis' velocity power stays, for the friction's sake. The
+spectrum is taken of the second difference, so that slow motion does not leak into weak high
+frequencies, and averaged over half octaves, so that a line is no edge.
 Measured: EMPS 142 Hz (its authors took 100), TX40 127 Hz, KR300 22 Hz.
 
 AR models by Burg's recursion: Burg 1975; Kay & Marple 1981, doi:10.1109/PROC.1981.12184.
@@ -17,6 +18,7 @@ AR models by Burg's recursion: Burg 1975; Kay & Marple 1981, doi:10.1109/PROC.19
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -25,7 +27,6 @@ from scipy import signal
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-
 
 BEARABLE = 0.01
 """Largest share of noise in the acceleration's power."""
@@ -52,7 +53,7 @@ def welch(
     segments: Sequence[slice] | None = None,
     length: int | None = None,
 ) -> Spectrum:
-    """Return the power spectral density by Welch's method (Hann, half overlap, linear trend removed).
+    """Return the power spectral density by Welch's method (Hann, half overlap, trend removed).
 
     Args:
         x: samples, shape (n,) or (n, k).
@@ -82,9 +83,7 @@ def welch(
     return Spectrum(f, total / weight)
 
 
-def suggest_cutoff(
-    q: Floats, rate: float, segments: Sequence[slice] | None = None
-) -> float:
+def suggest_cutoff(q: Floats, rate: float, segments: Sequence[slice] | None = None) -> float:
     """Return the corner [Hz] of the low-pass that suits the acceleration of these positions.
 
     See the module's docstring for the rule. Axes that do not move have no say.
@@ -104,7 +103,7 @@ def suggest_cutoff(
         return np.inf
     second = np.concatenate([np.diff(q[p], 2, axis=0) for p in parts]) * rate**2
     bounds = np.cumsum([0, *(p.stop - p.start - 2 for p in parts)])
-    inner = [slice(int(a), int(b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    inner = [slice(int(a), int(b)) for a, b in itertools.pairwise(bounds)]
     moving = np.std(second, axis=0) > 0
     if not moving.any():
         return np.inf
@@ -183,7 +182,7 @@ def fit_ar(x: Floats, order: int) -> tuple[Floats, float]:
     variance = float(np.mean(x**2))
     for _ in range(order):
         power = forward @ forward + backward @ backward
-        k = -2.0 * (forward @ backward) / power if power > 0 else 0.0
+        k = float(-2.0 * (forward @ backward) / power) if power > 0 else 0.0
         a = np.r_[a, 0.0] + k * np.r_[a, 0.0][::-1]
         variance *= 1.0 - k**2
         forward, backward = (forward + k * backward)[1:], (backward + k * forward)[:-1]

@@ -119,7 +119,11 @@ def link_frames(model: pin.Model, layout: Layout) -> dict[str, tuple[int, Floats
         if frame.type == pin.FrameType.BODY and frame.parentJoint > 0:
             joint = layout.body[names[frame.parentJoint]]
             placement = frame.placement
-            frames[frame.name] = (joint, np.array(placement.rotation), np.array(placement.translation))
+            frames[frame.name] = (
+                joint,
+                np.array(placement.rotation),
+                np.array(placement.translation),
+            )
     return frames
 
 

@@ -170,7 +170,5 @@ def scales(
         total = float(inertia[j]) + (axes[name].drive.rotor or 0.0)
         rated = total * limits.acceleration + float(hold[j])
         span = limits.travel[1] - limits.travel[0]
-        out[name] = Scale(
-            bool(tree.rotary[j]), total, float(hold[j]), rated, limits.speed, span
-        )
+        out[name] = Scale(bool(tree.rotary[j]), total, float(hold[j]), rated, limits.speed, span)
     return out

@@ -91,7 +91,9 @@ class VirtualMachine:
         for name, j in index.items():
             travels[j] = truth.axes[name].limits.travel or (0.0, 0.0)
         middle = np.diag(inertia_at(cad, travels.mean(axis=1)))
-        forward = {n: float(middle[j]) + (truth.axes[n].drive.rotor or 0.0) for n, j in index.items()}
+        forward = {
+            n: float(middle[j]) + (truth.axes[n].drive.rotor or 0.0) for n, j in index.items()
+        }
         timing = _timing(truth, layout, tree, forward)
         links = link_frames(model, layout)
         return cls(

@@ -1,0 +1,176 @@
+"""How an IMU sits: proper rotations between frames, with standard errors, for any chain.
+
+Inertial alignment R_G/M (thesis Eq. 6.12-6.19): the link's angular velocity in the machine frame
+against the IMU's in its own earth frame. Mounting R_S/T (Eq. 6.20-6.25): from orientations, or
+directly from rates in the link frame, which needs no integration. As in the thesis ``R_S/T`` turns a
+vector of the table (link) frame into the sensor frame, ``R_G/M`` one of the machine into the IMU's
+earth frame. All use Kabsch's determinant correction: Eq. 6.19 and 6.25 can return a reflection.
+
+Two directions fix a rotation. Rates give them if at least two axes that are not parallel turn; else
+gravity is the second one. If it is parallel too, nothing is known about the turn around it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+from pinotwin.imu import rotation as rot
+from pinotwin.imu.statistics import sandwich
+
+
+@dataclass(frozen=True)
+class RotationFit:
+    """A rotation y = R x and how well it is known.
+
+    Attributes:
+        R: the rotation, (3, 3), determinant +1.
+        cov: covariance of the small rotation vector e in R_true = exp(e) R [rad²], (3, 3).
+        residual: RMS of y - R x, in its unit.
+        spread: second singular value of the excitation over the first, in [0, 1].
+        gravity: whether gravity had to serve as a second direction.
+    """
+
+    R: Floats
+    cov: Floats
+    residual: float
+    spread: float
+    gravity: bool = False
+
+    @property
+    def se(self) -> Floats:
+        """Standard errors of the rotation vector [rad], (3,)."""
+        return np.sqrt(np.maximum(np.diag(self.cov), 0.0))
+
+
+def fit_rotation(
+    x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None = None,
+    *, lag: int = 100, minimum: float = 0.02, spread: float = 0.05,
+) -> RotationFit:  # fmt: skip
+    """Return the proper rotation with y = R x in the least-squares sense (Wahba's problem).
+
+    Args:
+        x: vectors in the first frame, e.g. rates [rad/s], (n, 3).
+        y: the same vectors in the second frame, (n, 3).
+        gravity: a direction in both frames, (n, 3) or (3,) each, used where ``x`` spans only one.
+        lag: samples over which residuals are correlated, for the standard errors.
+        minimum: RMS of ``x`` that counts as excitation.
+        spread: least ratio of the second to the first singular value of ``x``.
+
+    Raises:
+        DataError: nothing turns, or one axis only and gravity does not help.
+    """
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3:
+        raise DataError(f"an alignment needs vectors of equal shape (n, 3), not {x.shape}, {y.shape}")
+    values = np.linalg.svd(x, compute_uv=False) / np.sqrt(len(x))
+    if values[0] < minimum:
+        raise DataError(
+            f"the link turns with {np.degrees(values[0]):.2g} deg/s RMS only: too little to align an "
+            "IMU; move a rotary axis in the log"
+        )
+    ratio, helped = float(values[1] / values[0]), False
+    if ratio < spread:
+        x, y = _with_gravity(x, y, gravity, spread)
+        helped = True
+    R = rot.nearest_rotation(y.T @ x)
+    turned = x @ R.T
+    e = y - turned
+    J = rot.skew(turned)  # d y / d e = -[R x]; rows of every sample
+    information = np.einsum("nki,nkj->ij", J, J)
+    cov = sandwich(-np.einsum("nki,nk->ni", J, e), information, lag)
+    return RotationFit(R, cov, float(np.sqrt(np.mean(np.sum(e**2, axis=1)))), ratio, helped)
+
+
+def _with_gravity(
+    x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None, spread: float
+) -> tuple[Floats, Floats]:
+    """Return the vectors with gravity, as strong as the rates, appended."""
+    message = "only one rotation axis (or parallel ones) turns in this log"
+    if gravity is None:
+        raise DataError(f"{message}; move a second, non-parallel axis or give gravity directions")
+    size = np.sqrt(np.mean(np.sum(x**2, axis=1)))
+    gx, gy = (np.broadcast_to(np.asarray(g, dtype=float), x.shape) for g in gravity)
+    gx, gy = (size * g / np.linalg.norm(g, axis=1, keepdims=True) for g in (gx, gy))
+    both = np.vstack([x, gx])
+    values = np.linalg.svd(both, compute_uv=False)
+    if values[1] < spread * values[0]:
+        raise DataError(
+            f"{message} and gravity is parallel to it, so the turn around it cannot be found; "
+            "move a second, non-parallel axis"
+        )
+    return both, np.vstack([y, gy])
+
+
+def inertial_alignment(
+    w_machine: Floats, w_earth: Floats, gravity_machine: Floats | None = None, *, lag: int = 100
+) -> RotationFit:
+    """Return R_G/M (Eq. 6.12-6.19).
+
+    Args:
+        w_machine: the link's angular velocity from the encoders in the machine frame [rad/s], (n, 3).
+        w_earth: the IMU's angular velocity in its own earth frame (z up) [rad/s], (n, 3).
+        gravity_machine: the upward direction in the machine frame, (3,), for logs with one axis.
+        lag: samples over which residuals are correlated.
+    """
+    up = None if gravity_machine is None else (gravity_machine, np.array([0.0, 0.0, 1.0]))
+    return fit_rotation(w_machine, w_earth, up, lag=lag)
+
+
+def mounting(q: Floats, R_GM: Floats, R_link: Floats, *, lag: int = 100) -> RotationFit:
+    """Return R_S/T (Eq. 6.20-6.25) as the mean over the samples.
+
+    Args:
+        q: the IMU's orientation, sensor to earth, (n, 4).
+        R_GM: inertial alignment, machine to the IMU's earth frame, (3, 3).
+        R_link: orientation of the link from the encoders, columns are its axes in the machine frame
+            (the transpose of the thesis' R_T/M), (n, 3, 3).
+        lag: samples over which residuals are correlated.
+    """
+    each = np.swapaxes(rot.to_matrix(q), 1, 2) @ R_GM @ R_link
+    mean = rot.nearest_rotation(each.mean(axis=0))
+    e = rot.log(rot.from_matrix(each @ mean.T))
+    cov = sandwich(e, len(e) * np.eye(3), lag)
+    return RotationFit(mean, cov, float(np.sqrt(np.mean(np.sum(e**2, axis=1)))), 1.0)
+
+
+def mounting_from_rates(
+    w_link: Floats, gyr: Floats, gravity: tuple[Floats, Floats] | None = None,
+    *, scale: float = 5e-3, bias: float = 0.02, lag: int = 100,
+) -> RotationFit:  # fmt: skip
+    """Return R_S/T from rates in the link frame, with the gyro's scale and bias estimated beside it.
+
+        gyr = (I + diag(s)) exp(e) R w_link + b
+
+    A scale error that differs between axes looks like a misalignment to the plain fit.
+
+    Args:
+        w_link: the link's angular velocity from the encoders in the link frame [rad/s], (n, 3).
+        gyr: the gyro on the same clock [rad/s], (n, 3).
+        gravity: the upward direction in the link and specific force in the sensor, for one axis.
+        scale: prior standard deviation of the scale errors [-].
+        bias: prior standard deviation of the biases [rad/s].
+        lag: samples over which residuals are correlated.
+    """
+    centred = gyr - np.median(gyr[np.linalg.norm(w_link, axis=1) < 1e-3], axis=0, keepdims=True) \
+        if np.any(np.linalg.norm(w_link, axis=1) < 1e-3) else gyr  # fmt: skip
+    fit = fit_rotation(w_link, centred, gravity, lag=lag)
+    if fit.gravity:
+        return fit
+    R, s, b = fit.R, np.zeros(3), np.zeros(3)
+    for _ in range(4):
+        turned = w_link @ R.T
+        e = gyr - (1.0 + s) * turned - b
+        J = np.concatenate([-(1.0 + s)[:, None] * rot.skew(turned),
+                            turned[:, :, None] * np.eye(3),
+                            np.broadcast_to(np.eye(3), (len(e), 3, 3))], axis=2)  # fmt: skip
+        noise = np.mean(e**2)
+        prior = noise * np.repeat([0.0, scale**-2, bias**-2], 3)
+        A = np.einsum("nki,nkj->ij", J, J) + np.diag(prior)
+        dx = np.linalg.solve(A, np.einsum("nki,nk->i", J, e) - prior * np.r_[np.zeros(3), s, b])
+        R, s, b = rot.to_matrix(rot.exp(dx[:3])) @ R, s + dx[3:6], b + dx[6:]
+    cov = sandwich(np.einsum("nki,nk->ni", J, e), A, lag)[:3, :3]
+    return RotationFit(R, cov, float(np.sqrt(3.0 * np.mean(e**2))), fit.spread)

@@ -1,0 +1,217 @@
+"""One estimate over servo and IMU data: gyro scale, bias, mounting, clocks and the deflection.
+
+Nothing is integrated. The encoders give the link's rotation; the IMU has to give the difference. The
+deflection is the response of a spring-mass-damper (shared by all runs) to a known load, so its slow
+part is load over stiffness and not an integral of the gyro's scale error. All parameters have priors
+(MAP); without them scale, asymmetry and sag cannot be told apart. Gauss-Newton with the analytic
+Jacobian of :mod:`pinotwin.imu.predict`; residuals whitened by the noise at rest; standard errors are
+robust to correlated residuals. What the mode does not explain goes to :mod:`pinotwin.imu.latent`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+from pinotwin.imu import rotation as rot
+from pinotwin.imu.align import mounting_from_rates
+from pinotwin.imu.clock import ClockFit, SyncSettings, sync
+from pinotwin.imu.latent import remainder
+from pinotwin.imu.mode import respond
+from pinotwin.imu.predict import Layout, RunModel
+from pinotwin.imu.result import BatchResult, RunResult, run_result
+from pinotwin.imu.runs import ImuRun, Priors, ServoRun
+from pinotwin.imu.statistics import long_run
+from pinotwin.imu.whiten import Whitener
+
+
+@dataclass(frozen=True)
+class _Problem:
+    models: list[RunModel]
+    lay: Layout
+    R_ST: Floats
+    mean: Floats  # prior means of one run's parameters (shared and local)
+    sd: Floats
+    whiteners: list[Whitener]
+
+    def columns(self, r: int) -> Floats:
+        """Return the places of run r's parameters in the whole vector."""
+        local = self.lay.size - self.lay.shared
+        own = self.lay.shared + r * local + np.arange(local)
+        return np.concatenate([np.arange(self.lay.shared), own])
+
+
+def estimate(
+    servo: Sequence[ServoRun], imu: Sequence[ImuRun], priors: Priors | None = None,
+    clocks: Sequence[ClockFit] | None = None, iterations: int = 12,
+) -> BatchResult:  # fmt: skip
+    """Return the deflection of every run with everything that had to be found for it.
+
+    Args:
+        servo: runs as the machine saw them.
+        imu: the same runs as the IMU saw them.
+        priors: starting values and their uncertainty.
+        clocks: clock fits, where already known; else :func:`pinotwin.imu.clock.sync` is run.
+        iterations: most rounds of Gauss-Newton.
+
+    Raises:
+        DataError: nothing rotates, one axis only and gravity does not help, or arrays do not fit.
+    """
+    p = Priors() if priors is None else priors
+    if not servo or len(servo) != len(imu):
+        raise DataError(f"{len(servo)} servo runs and {len(imu)} IMU runs; they must come in pairs")
+    problem, clocks = _prepare(servo, imu, p, clocks)
+    theta, A, S = _solve(problem, iterations)
+    inverse = np.linalg.inv(A)
+    cov = inverse @ S @ inverse
+    scale = np.concatenate([problem.sd] + [problem.sd[problem.lay.shared :]] * (len(servo) - 1))
+    cov = cov * np.outer(scale, scale)
+    return _collect(problem, theta, cov, clocks, p)
+
+
+def _prepare(
+    servo: Sequence[ServoRun], imu: Sequence[ImuRun], p: Priors, clocks: Sequence[ClockFit] | None
+) -> tuple[_Problem, list[ClockFit]]:
+    delay = float(np.sqrt(2.0) / (2.0 * np.pi * p.gyro_cutoff))
+    settings = SyncSettings(delay=delay, delay_sd=p.gyro_delay_sd, skew=p.skew)
+    if clocks is None:
+        clocks = [sync(s.t, s.w, i.t, i.gyr, settings) for s, i in zip(servo, imu, strict=True)]
+    models = [
+        RunModel(s, i, p, c.to_ref(i.t)) for s, i, c in zip(servo, imu, clocks, strict=True)
+    ]
+    knots = max(m.knots for m in models)
+    for m in models:
+        m.set_knots(knots)
+    R_ST = _first_mounting(servo, models, delay)
+    lay = Layout(models[0].fine.load.shape[1], knots)
+    whiteners = [
+        Whitener.from_rest(np.hstack([m.imu.gyr, m.imu.acc])[m.rows], 1.0 / m.interval)
+        for m in models
+    ]
+    mean, sd = _priors(p, lay, models)
+    problem = _Problem(models, lay, R_ST, mean, sd, whiteners)
+    return _tune_mode(problem, p), list(clocks)
+
+
+def _first_mounting(servo: Sequence[ServoRun], models: list[RunModel], delay: float) -> Floats:
+    w, gyr, up, acc = [], [], [], []
+    for s, m in zip(servo, models, strict=True):
+        at = m.base - delay
+        w.append(np.stack([np.interp(at, s.t, c) for c in s.w.T], axis=1))
+        up.append(np.stack([np.interp(at, s.t, c) for c in s.R[:, 2].T], axis=1))
+        gyr.append(m.imu.gyr[m.rows])
+        acc.append(m.imu.acc[m.rows])
+    pair = (np.concatenate(up), np.concatenate(acc))
+    return mounting_from_rates(np.concatenate(w), np.concatenate(gyr), pair).R
+
+
+def _priors(p: Priors, lay: Layout, models: list[RunModel]) -> tuple[Floats, Floats]:
+    """Return means and standard deviations of one run's parameter vector."""
+    mean, sd = np.zeros(lay.size), np.ones(lay.size)
+    wn = 2.0 * np.pi * p.frequency
+    mean[lay["mode"]] = np.log([wn, p.damping])
+    load = np.sqrt(np.mean([np.mean(m.fine.load**2, axis=0) for m in models], axis=0))
+    bias = np.full((models[0].knots, 3), p.bias)
+    sizes = {
+        "mode": [p.log_frequency, p.log_damping], "gain": 0.02 * wn**2 / np.maximum(load, 1e-12),
+        "sag": p.sag, "turn": 0.1, "cross": p.cross, "asymmetry": p.asymmetry, "cubic": p.cubic,
+        "g_sensitivity": p.g_sensitivity, "accel_matrix": p.accel_matrix,
+        "accel_bias": p.accel_bias, "position": p.position_sd, "gravity": p.gravity_sd,
+        "accel_delay": p.accel_delay, "clock": [2e-3, p.skew], "scale": p.scale,
+        "start": [2e-4, 2e-2], "bias": bias.ravel(),
+    }  # fmt: skip
+    for name, size in sizes.items():
+        sd[lay[name]] = size
+    mean[lay["position"]], mean[lay["gravity"]] = p.position, p.gravity
+    return mean, sd
+
+
+def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
+    """Return the problem with wn and zeta started at the best of a grid, judged on one run."""
+    m, lay = problem.models[0], problem.lay
+    y = m.imu.gyr[m.rows]
+    at = (m.base - m.fine.t[0]) / m.fine.step
+    base = m.gyro_columns(at) @ problem.R_ST.T  # rigid rate, then axis
+    u, axis = base[:, 0], base[:, 1]
+    fixed = np.concatenate([u[:, :, None] * np.eye(3), -rot.skew(u), np.tile(np.eye(3), (len(u), 1, 1))], axis=2)  # fmt: skip
+    Q, _ = np.linalg.qr(fixed.reshape(-1, 9))
+    e = (y - u).ravel()
+    e = e - Q @ (Q.T @ e)
+    best = (np.inf, 0.0, 0.0)
+    spread = np.exp(p.log_frequency * np.linspace(-2, 2, 13))
+    for f in p.frequency * spread:
+        for zeta in p.damping * np.array([0.5, 1.0, 2.0]):
+            r = respond(m.fine.load, m.fine.step, 2 * np.pi * f, zeta)
+            v = m.seen(r.v, at)
+            C = (axis[:, :, None] * v[:, None, :]).reshape(len(e), -1)
+            C = C - Q @ (Q.T @ C)
+            cost = float(np.linalg.lstsq(C, e, rcond=None)[1].sum()) if C.any() else np.inf
+            if cost < best[0]:
+                best = (cost, f, zeta)
+    mean = problem.mean.copy()
+    if np.isfinite(best[0]):
+        mean[lay["mode"]] = np.log([2 * np.pi * best[1], best[2]])
+    return _Problem(problem.models, lay, problem.R_ST, mean, problem.sd, problem.whiteners)
+
+
+def _solve(problem: _Problem, iterations: int) -> tuple[Floats, Floats, Floats]:
+    """Return the parameters of all runs, the information and the scores' covariance (scaled)."""
+    lay, runs = problem.lay, len(problem.models)
+    mean = np.concatenate([problem.mean] + [problem.mean[lay.shared :]] * (runs - 1))
+    sd = np.concatenate([problem.sd] + [problem.sd[lay.shared :]] * (runs - 1))
+    theta, last = mean.copy(), np.inf
+    whiteners = list(problem.whiteners)
+    for k in range(iterations):
+        A = np.eye(len(theta))
+        g = -(theta - mean) / sd
+        S = np.eye(len(theta))
+        for r, m in enumerate(problem.models):
+            at = problem.columns(r)
+            e, J = _whitened(m, theta[at], problem, whiteners[r], sd[at])
+            if k == 2:  # from here the model fits as well as it can: admit what it leaves
+                whiteners[r] = whiteners[r].at_least(e)
+                e, J = _whitened(m, theta[at], problem, whiteners[r], sd[at])
+            flat = J.reshape(-1, len(at))
+            A[np.ix_(at, at)] += flat.T @ flat
+            g[at] += flat.T @ e.ravel()
+            lag = max(1, round(0.25 / m.interval))
+            S[np.ix_(at, at)] += long_run(np.einsum("nk,nkp->np", e, J), lag)
+        step = np.linalg.solve(A, g)
+        step *= min(1.0, 3.0 / max(np.abs(step[: lay["mode"].stop]).max(), 1e-12))
+        theta = theta + sd * step
+        size = float(np.sqrt(np.mean(step**2)))
+        if k > 3 and (size < 1e-5 or size > 0.9 * last):
+            break
+        last = size
+    return theta, A, S
+
+
+def _whitened(
+    m: RunModel, theta: Floats, problem: _Problem, whitener: Whitener, sd: Floats
+) -> tuple[Floats, Floats]:
+    """Return whitened residuals (m, 6) and the Jacobian in units of the priors (m, 6, p)."""
+    prediction = m.predict(theta, problem.lay, problem.R_ST)
+    e = np.hstack([m.imu.gyr, m.imu.acc])[m.rows] - prediction.y
+    both = np.concatenate([e[:, :, None], prediction.J * sd], axis=2)
+    both = whitener(both)[8:]  # the filter's own start
+    return both[:, :, 0], both[:, :, 1:]
+
+
+def _collect(
+    problem: _Problem, theta: Floats, cov: Floats, clocks: list[ClockFit], p: Priors
+) -> BatchResult:
+    lay = problem.lay
+    R_ST = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ problem.R_ST
+    runs: list[RunResult] = []
+    for r, m in enumerate(problem.models):
+        at = problem.columns(r)
+        one, C = theta[at], cov[np.ix_(at, at)]
+        left = remainder(m, one, lay, problem.R_ST, problem.whiteners[r])
+        runs.append(run_result(m, one, C, lay, clocks[r], left, p))
+    se = np.sqrt(np.diag(cov))
+    return BatchResult(tuple(runs), R_ST, cov[lay["turn"], lay["turn"]], theta[: lay.shared],
+                       se[: lay.shared], lay, p)  # fmt: skip

@@ -1,0 +1,216 @@
+"""What gyro and accelerometer should read for a set of parameters, and the Jacobian, for one run.
+
+    gyro   y = (I + diag(s)) (I + N) u + a |u| + c u³ + G f_s + b(t),    u = R_ST (w + axis delta')
+    accel  y = (I + E) R_ST f + b_a
+    f      = a - R' g + (w' x + w x w x) p + delta'' axis x (arm + p)
+             + delta' [(axis x w) x p + axis x (w x p) + w x (axis x p)] - delta axis x (f without delta)
+
+Everything is taken at t_ref = (1 + skew) t_imu + offset after the sensors' low-pass. delta is linear in
+the load's gains, the sag and the start; small parameters enter linearly, so Gauss-Newton converges in
+a few rounds. Shared parameters come first, those of the run last; :class:`Layout` names the columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.imu import rotation as rot
+from pinotwin.imu.mode import Response, decay, respond
+from pinotwin.imu.runs import FineRun, ImuRun, Priors, ServoRun, interpolate
+from pinotwin.imu.sensor import low_pass
+
+_LOWER = ((1, 0), (2, 0), (2, 1))  # N: the rest of it is a rotation, which R_ST has
+
+
+class Layout:
+    """Names and places of the parameters: shared ones, then those of one run."""
+
+    def __init__(self, loads: int, knots: int) -> None:
+        sizes = {
+            "mode": 2, "gain": loads, "sag": 3, "turn": 3, "cross": 3, "asymmetry": 3, "cubic": 3,
+            "g_sensitivity": 9, "accel_matrix": 9, "accel_bias": 3, "position": 3, "gravity": 3,
+            "accel_delay": 1,
+        }  # fmt: skip
+        self.at: dict[str, slice] = {}
+        end = 0
+        for name, size in sizes.items():
+            self.at[name] = slice(end, end + size)
+            end += size
+        self.shared = end
+        for name, size in {"clock": 2, "scale": 3, "start": 2, "bias": 3 * knots}.items():
+            self.at[name] = slice(end, end + size)
+            end += size
+        self.size = end
+
+    def __getitem__(self, name: str) -> slice:
+        return self.at[name]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Readings (m, 6), gyro then accelerometer, and their Jacobian (m, 6, p); rows outside are NaN."""
+
+    y: Floats
+    J: Floats
+
+
+class RunModel:
+    """One run, prepared: filtered rigid motion, stamps, bias knots."""
+
+    def __init__(self, servo: ServoRun, imu: ImuRun, priors: Priors, start: Floats) -> None:
+        """Prepare; ``start`` holds t_ref of every stamp, (m,), NaN where unknown."""
+        self.imu, self.priors = imu, priors
+        self.fine = f = FineRun(servo)
+        margin = 0.02
+        inside = np.isfinite(start) & (start > f.t[0] + margin) & (start < f.t[-1] - margin)
+        self.rows = np.flatnonzero(inside)
+        self.base = start[self.rows]
+        self.pivot = float(np.mean(self.base))
+        self.centred = self.base - self.pivot
+        self.knots = max(2, 1 + round(np.ptp(self.base) / priors.knots))
+        self.hat = _hats(self.base, self.knots)
+        up = np.einsum("nji->nij", f.R)
+        S, W = rot.skew(f.w_dot), rot.skew(f.w)
+        rigid = np.concatenate([f.a, up.reshape(-1, 9), (S + W @ W).reshape(-1, 9)], axis=1)
+        self.w = low_pass(f.w, priors.gyro_cutoff, f.step)
+        self.rigid = low_pass(rigid, priors.accel_cutoff, f.step)
+        gravity = priors.gravity / np.linalg.norm(priors.gravity)
+        cross = np.cross(up @ gravity, f.axis)
+        self.sag = cross - cross[0]
+        self.sag_v = np.gradient(self.sag, f.step, axis=0)
+        self.sag_a = np.gradient(self.sag_v, f.step, axis=0)
+        self.w_max = float(np.max(np.abs(f.w)))
+
+    def columns(self, theta: Floats, lay: Layout) -> Response:
+        """Return delta and its derivatives per parameter (gains, sag, start, mode): fine clock."""
+        wn, zeta = np.exp(theta[lay["mode"]])
+        gain = theta[lay["gain"]]
+        r = respond(self.fine.load, self.fine.step, wn, zeta)
+        d = decay(len(self.fine.t), self.fine.step, wn, zeta)
+        x, v = r.x @ gain, r.v @ gain
+        drive = np.stack([-2 * zeta * v - 2 * wn * x, -2 * wn * v], axis=1) * np.array([wn, zeta])
+        s = respond(drive, self.fine.step, wn, zeta)  # with respect to the logarithms
+        parts = zip((s.x, s.v, s.a), (r.x, r.v, r.a), (self.sag, self.sag_v, self.sag_a),
+                    (d.x, d.v, d.a), strict=True)  # fmt: skip
+        # s.a is the whole derivative of a: drive minus the mode's own
+        return Response(*(np.concatenate(p, axis=1) for p in parts))
+
+    def combine(self, columns: Response, theta: Floats, lay: Layout) -> tuple[Floats, Floats]:
+        """Return delta, delta', delta'' (n, 3) on the fine clock and the weights of the columns."""
+        weights = np.concatenate([[0.0, 0.0], theta[lay["gain"]], theta[lay["sag"]],
+                                  theta[lay["start"]]])  # fmt: skip
+        return np.stack([c @ weights for c in (columns.x, columns.v, columns.a)], axis=1), weights
+
+    def predict(self, theta: Floats, lay: Layout, R_ST: Floats) -> Prediction:
+        """Return the readings and the Jacobian; ``R_ST`` is turned by the parameter "turn"."""
+        columns = self.columns(theta, lay)
+        R = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ R_ST
+        clock = theta[lay["clock"]]
+        at = (self.base + clock[0] + clock[1] * self.centred - self.fine.t[0]) / self.fine.step
+        J = np.zeros((len(self.rows), 6, lay.size))
+        y = np.empty((len(self.rows), 6))
+        f_s, J_f = self._accel(theta, lay, R, columns, at)
+        y[:, :3], J[:, :3] = self._gyro(theta, lay, R, columns, at, f_s)
+        y[:, 3:], J[:, 3:] = self._accel_output(theta, lay, f_s, J_f)
+        J[:, :, lay["clock"]][..., 1] = J[:, :, lay["clock"]][..., 0] * self.centred[:, None]
+        return Prediction(y, J)
+
+    def _deflection_places(self, lay: Layout) -> Floats:
+        names = ("mode", "gain", "sag", "start")
+        return np.concatenate([np.arange(lay[n].start, lay[n].stop) for n in names])
+
+    def _gyro(
+        self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats, f_s: Floats
+    ) -> tuple[Floats, Floats]:
+        cutoff, step, m = self.priors.gyro_cutoff, self.fine.step, len(at)
+        delta, _ = self.combine(c, theta, lay)
+        cols, _ = interpolate(low_pass(c.v, cutoff, step), at)
+        v, v_slope = interpolate(low_pass(delta[:, 1:2], cutoff, step), at)
+        w, w_slope = interpolate(self.w, at)
+        lag = np.sqrt(2.0) / (2.0 * np.pi * cutoff) / step
+        axis = interpolate(self.fine.axis, at - lag)[0] @ R.T
+        u = w @ R.T + axis * v
+        N = np.zeros((3, 3))
+        for k, (i, j) in enumerate(_LOWER):
+            N[i, j] = theta[lay["cross"]][k]
+        scale, a, cubic = theta[lay["scale"]], theta[lay["asymmetry"]], theta[lay["cubic"]]
+        G = theta[lay["g_sensitivity"]].reshape(3, 3)
+        K = (np.eye(3) + np.diag(scale)) @ (np.eye(3) + N)
+        sheared = u @ (np.eye(3) + N).T
+        cube = u**3 / self.w_max**2
+        bias = self.hat @ theta[lay["bias"]].reshape(self.knots, 3)
+        y = u @ K.T + a * np.abs(u) + cubic * cube + f_s @ G.T + bias
+        J, eye = np.zeros((m, 3, lay.size)), np.eye(3)
+        J[:, :, self._deflection_places(lay)] = (axis @ K.T)[:, :, None] * cols[:, None, :]
+        J[:, :, lay["turn"]] = -K @ rot.skew(u)
+        J[:, :, lay["clock"].start] = (w_slope @ R.T + axis * v_slope) @ K.T / step
+        J[:, :, lay["scale"]] = sheared[:, :, None] * eye
+        for k, (i, j) in enumerate(_LOWER):
+            J[:, i, lay["cross"].start + k] = u[:, j]
+        J[:, :, lay["asymmetry"]] = np.abs(u)[:, :, None] * eye
+        J[:, :, lay["cubic"]] = cube[:, :, None] * eye
+        J[:, :, lay["g_sensitivity"]] = np.einsum("ij,nk->nijk", eye, f_s).reshape(m, 3, 9)
+        J[:, :, lay["bias"]] = np.einsum("nk,ij->nikj", self.hat, eye).reshape(m, 3, -1)
+        return y, J
+
+    def _accel(
+        self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the specific force in perfect sensor axes (m, 3) and its Jacobian."""
+        cutoff, step, m = self.priors.accel_cutoff, self.fine.step, len(at)
+        at = at - theta[lay["accel_delay"]] / step
+        g, p = theta[lay["gravity"]], theta[lay["position"]]
+        rigid, slope = interpolate(self.rigid, at)
+        delta, _ = self.combine(c, theta, lay)
+        n = c.x.shape[1]
+        everything = low_pass(np.concatenate([c.x, c.v, c.a, delta], axis=1), cutoff, step)
+        cols, cols_slope = interpolate(everything, at)
+        d, d_slope = cols[:, 3 * n :], cols_slope[:, 3 * n :]
+        up, P = rigid[:, 3:12].reshape(m, 3, 3), rigid[:, 12:].reshape(m, 3, 3)
+        still = rigid[:, :3] - up @ g + P @ p
+        lag = np.sqrt(2.0) / (2.0 * np.pi * cutoff) / step
+        axis, arm, w = (interpolate(x, at - lag)[0] for x in (self.fine.axis, self.fine.arm, self.fine.w))
+        T = np.stack([-np.cross(axis, still), _spin_terms(axis, w, p), np.cross(axis, arm + p)], axis=2)
+        f = still + np.einsum("nij,nj->ni", T, d)
+        J = np.zeros((m, 3, lay.size))
+        parts = cols[:, : 3 * n].reshape(m, 3, n)
+        J[:, :, self._deflection_places(lay)] = T @ parts
+        J[:, :, lay["gravity"]] = -up
+        J[:, :, lay["position"]] = P + d[:, 2, None, None] * rot.skew(axis)
+        still_slope = slope[:, :3] - slope[:, 3:12].reshape(m, 3, 3) @ g
+        still_slope = still_slope + slope[:, 12:].reshape(m, 3, 3) @ p
+        moved = (still_slope + np.einsum("nij,nj->ni", T, d_slope)) / step
+        J[:, :, lay["clock"].start] = moved
+        J[:, :, lay["accel_delay"].start] = -moved
+        f, J = f @ R.T, R @ J
+        J[:, :, lay["turn"]] = -rot.skew(f)
+        return f, J
+
+    def _accel_output(
+        self, theta: Floats, lay: Layout, f: Floats, J_f: Floats
+    ) -> tuple[Floats, Floats]:
+        M = np.eye(3) + theta[lay["accel_matrix"]].reshape(3, 3)
+        J = M @ J_f
+        eye = np.eye(3)
+        J[:, :, lay["accel_matrix"]] = np.einsum("ij,nk->nijk", eye, f).reshape(len(f), 3, 9)
+        J[:, :, lay["accel_bias"]] = eye
+        return f @ M.T + theta[lay["accel_bias"]], J
+
+
+def _spin_terms(axis: Floats, w: Floats, p: Floats) -> Floats:
+    """Return what a unit delta' adds to the acceleration at p through the link's own turning."""
+    p = np.broadcast_to(p, w.shape)
+    return (
+        np.cross(np.cross(axis, w), p)
+        + np.cross(axis, np.cross(w, p))
+        + np.cross(w, np.cross(axis, p))
+    )
+
+
+def _hats(t: Floats, knots: int) -> Floats:
+    """Return the weights of linear interpolation between evenly spaced knots, (m, knots)."""
+    u = (t - t[0]) / (t[-1] - t[0]) * (knots - 1)
+    return np.maximum(0.0, 1.0 - np.abs(u[:, None] - np.arange(knots)))

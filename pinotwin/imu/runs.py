@@ -1,0 +1,153 @@
+"""What the batch estimate takes: the machine's view of a run, the IMU's, and what is known before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+from pinotwin.imu.sensor import GRAVITY
+
+
+@dataclass(frozen=True)
+class ServoRun:
+    """One run as encoders and rigid kinematics see it, the flexible joint taken as undeflected.
+
+    Attributes:
+        t: servo clock, uniform [s], (n,).
+        R: link axes in the machine frame (columns), (n, 3, 3).
+        w: angular velocity of the link in the link frame [rad/s], (n, 3).
+        a: acceleration of the link's origin in the link frame, without gravity [m/s²], (n, 3).
+        axis: direction of the flexible joint's axis in the link frame, (n, 3).
+        arm: from the joint's axis to the link's origin, in the link frame [m], (n, 3).
+        load: what drives the deflection, one column or several, e.g. minus the rigid-body torque at
+            the joint [N·m], (n,) or (n, k).
+    """
+
+    t: Floats
+    R: Floats
+    w: Floats
+    a: Floats
+    axis: Floats
+    arm: Floats
+    load: Floats
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        shapes = {"R": (n, 3, 3), "w": (n, 3), "a": (n, 3), "axis": (n, 3), "arm": (n, 3)}
+        for name, shape in shapes.items():
+            x = getattr(self, name)
+            if np.shape(x) != shape:
+                raise DataError(f"servo array {name!r} has shape {np.shape(x)}, expected {shape}")
+            if not np.isfinite(x).all():
+                raise DataError(f"servo array {name!r} holds NaN or infinity")
+        if len(self.load) != n or np.ndim(self.load) > 2:
+            raise DataError(f"load has shape {np.shape(self.load)}, expected ({n},) or ({n}, k)")
+        step = np.diff(self.t)
+        if n < 20 or np.ptp(step) > 1e-3 * abs(np.mean(step)) or step[0] <= 0:
+            raise DataError("the servo clock must be uniform and increasing; resample it first")
+
+
+@dataclass(frozen=True)
+class ImuRun:
+    """One run as the IMU recorded it: stamps (m,) [s], rates (m, 3) [rad/s], force (m, 3) [m/s²]."""
+
+    t: Floats
+    gyr: Floats
+    acc: Floats
+
+    def __post_init__(self) -> None:
+        m = len(self.t)
+        if np.shape(self.gyr) != (m, 3) or np.shape(self.acc) != (m, 3):
+            raise DataError(
+                f"IMU arrays {np.shape(self.gyr)}, {np.shape(self.acc)} must be ({m}, 3) both"
+            )
+        if not (np.isfinite(self.gyr).all() and np.isfinite(self.acc).all()):
+            raise DataError("the IMU's readings hold NaN or infinity; drop those samples first")
+
+
+@dataclass(frozen=True)
+class Priors:
+    """Knowledge before the fit: starting values and standard deviations, SI.
+
+    Attributes:
+        frequency: natural frequency of the joint with the motors held [Hz], a guess.
+        damping: damping ratio, a guess.
+        log_frequency: standard deviation of ln(frequency). log_damping: of ln(damping).
+        position: the sensor in the link frame [m], (3,). position_sd: its standard deviation.
+        gravity: acceleration of gravity in the machine frame, (3,). gravity_sd: per component.
+        gyro_cutoff: corner of the gyro's second-order low-pass [Hz], inf for none.
+        accel_cutoff: of the accelerometer's.
+        gyro_delay_sd: uncertainty of the gyro's group delay [s]; it goes into the clock's error.
+        accel_delay: standard deviation of a delay of the accelerometer beyond its low-pass [s].
+        scale: gyro scale deviation, per run and axis.
+        cross: non-orthogonality of the gyro [rad].
+        asymmetry: of the gyro [-]. cubic: share of the rate at the largest rate [-].
+        g_sensitivity: [rad/s/(m/s²)].
+        bias: [rad/s]. bias_walk: random walk of the bias between knots [rad/s/sqrt(s)].
+        knots: spacing of the bias knots [s].
+        accel_matrix: scale and misalignment of the accelerometer [-]. accel_bias: [m/s²].
+        skew: relative clock error [-].
+        sag: quasi-static deflection beyond the load's, for 1 g across the link [rad].
+    """
+
+    frequency: float = 20.0
+    damping: float = 0.05
+    log_frequency: float = 0.3
+    log_damping: float = 0.7
+    position: Floats = field(default_factory=lambda: np.zeros(3))
+    position_sd: float = 0.3
+    gravity: Floats = field(default_factory=lambda: GRAVITY)
+    gravity_sd: float = 0.6
+    gyro_cutoff: float = np.inf
+    accel_cutoff: float = np.inf
+    gyro_delay_sd: float = 0.0
+    accel_delay: float = 1e-4
+    scale: float = 4e-3
+    cross: float = 1.5e-3
+    asymmetry: float = 2e-4
+    cubic: float = 2e-4
+    g_sensitivity: float = 1e-5
+    bias: float = 0.01
+    bias_walk: float = 1e-5
+    knots: float = 7.0
+    accel_matrix: float = 3e-3
+    accel_bias: float = 0.05
+    skew: float = 2e-4
+    sag: float = 5e-5
+
+
+class FineRun:
+    """A servo run on a fine uniform clock, with what the sensors' low-pass makes of it."""
+
+    def __init__(self, run: ServoRun, fine: float = 1500.0) -> None:
+        h = float(np.mean(np.diff(run.t)))
+        factor = max(1, int(np.ceil(fine * h)))
+        self.factor = factor
+        self.step = h / factor
+        self.t = run.t[0] + self.step * np.arange((len(run.t) - 1) * factor + 1)
+
+        def up(x: Floats) -> Floats:
+            return CubicSpline(run.t, x)(self.t)
+
+        self.load = up(np.reshape(run.load, (len(run.t), -1)))
+        self.w, self.a, self.axis, self.arm = up(run.w), up(run.a), up(run.axis), up(run.arm)
+        self.R = up(run.R.reshape(-1, 9)).reshape(-1, 3, 3)
+        self.w_dot = np.gradient(self.w, self.step, axis=0)
+
+
+def interpolate(x: Floats, at: Floats) -> tuple[Floats, Floats]:
+    """Return values and slopes (per sample) of samples (n, ...) at fractional indices (m,).
+
+    Cubic through four neighbours; ``x`` must be sampled well above its bandwidth.
+    """
+    i = np.clip(np.floor(at).astype(np.intp), 1, len(x) - 3)
+    u = (at - i).reshape(-1, *([1] * (x.ndim - 1)))
+    p, q, r, s = x[i - 1], x[i], x[i + 1], x[i + 2]
+    c1 = r - p / 3.0 - q / 2.0 - s / 6.0
+    c2 = (p + r) / 2.0 - q
+    c3 = (s - p) / 6.0 + (q - r) / 2.0
+    return q + u * (c1 + u * (c2 + u * c3)), c1 + u * (2.0 * c2 + 3.0 * u * c3)

@@ -1,0 +1,63 @@
+"""Whitening of a sensor's noise by an autoregression fitted where the sensor rests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from pinotwin.arrays import Floats
+from pinotwin.imu.noise import rest, white_level
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Turns noise into white noise of size one, channel by channel.
+
+    Attributes:
+        taps: prediction-error filters, (channels, order + 1), first tap one.
+        sigma: standard deviation of the innovations, (channels,).
+    """
+
+    taps: Floats
+    sigma: Floats
+
+    @classmethod
+    def from_rest(cls, x: Floats, rate: float, order: int = 3) -> Whitener:
+        """Fit to the stretches of readings (m, 6), gyro and accelerometer, where the sensor rests."""
+        still = rest(x[:, :3], x[:, 3:], rate)
+        pieces = [x[a:b] for a, b in _stretches(still) if b - a > 40 * order]
+        if sum(len(p) for p in pieces) < 0.3 * rate:
+            taps = np.tile(np.eye(order + 1)[:1], (x.shape[1], 1))
+            return cls(taps, white_level(x))
+        r = sum(_autocovariance(p, order) * len(p) for p in pieces)
+        r = r / sum(len(p) for p in pieces)
+        taps, sigma = np.ones((x.shape[1], order + 1)), np.empty(x.shape[1])
+        for c in range(x.shape[1]):
+            a = solve_toeplitz(r[:-1, c], r[1:, c])
+            taps[c, 1:], sigma[c] = -a, np.sqrt(max(r[0, c] - a @ r[1:, c], 1e-30))
+        return cls(taps, sigma)
+
+    def at_least(self, residual: Floats) -> Whitener:
+        """Return one whose sigma covers the bulk of whitened residuals (m, channels)."""
+        size = np.median(np.abs(residual), axis=0) / 0.6745
+        return replace(self, sigma=self.sigma * np.maximum(1.0, size))
+
+    def __call__(self, x: Floats) -> Floats:
+        """Return whitened rows of x (m, channels, ...)."""
+        out = np.empty_like(x)
+        for c in range(x.shape[1]):
+            out[:, c] = lfilter(self.taps[c] / self.sigma[c], [1.0], x[:, c], axis=0)
+        return out
+
+
+def _stretches(mask: Floats) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _autocovariance(x: Floats, order: int) -> Floats:
+    x = x - x.mean(axis=0)
+    return np.stack([np.sum(x[k:] * x[: len(x) - k], axis=0) / len(x) for k in range(order + 1)])

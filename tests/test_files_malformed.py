@@ -1,0 +1,252 @@
+"""Malformed logs: each gives one line that names the file, the place, and the remedy."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+from mcap.writer import Writer
+
+from pinotwin.errors import LogError
+from pinotwin.files import read, read_argument
+
+_ENDINGS = ".asc, .csv, .dat, .h5, .hdf, .hdf5, .log, .mat, .mcap, .npy, .npz, .parquet, .pq, .tsv, .txt"
+_NO_SERIES = "holds a single row or only single numbers; export time series"
+
+
+def _npy(x: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, x, allow_pickle=True)
+    return buffer.getvalue()
+
+
+def _mat(**variables: object) -> bytes:
+    buffer = io.BytesIO()
+    scipy.io.savemat(buffer, variables)
+    return buffer.getvalue()
+
+
+def _parquet(table: pa.Table) -> bytes:
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer)
+    return buffer.getvalue()
+
+
+def _hdf5(**sets: object) -> bytes:
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        for name, value in sets.items():
+            file[name] = value
+    return buffer.getvalue()
+
+
+def _mcap(encoding: str, data: bytes, messages: int = 2) -> bytes:
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    writer.start()
+    channel = writer.register_channel(topic="/servo", message_encoding=encoding, schema_id=0)
+    for i in range(messages):
+        writer.add_message(channel, log_time=i, data=data, publish_time=i)
+    writer.finish()
+    return buffer.getvalue()
+
+
+CASES: list[tuple[str, bytes, str]] = [
+    ("empty.csv", b"", "is empty; record or export it again"),
+    ("blank.csv", b"\n \n\n", "holds no lines of data; record or export it again"),
+    ("comments.csv", b"# a\n# b\n", "holds no lines of data; record or export it again"),
+    ("header.csv", b"t,q\n", "has a header but no rows of numbers; record or export it again"),
+    (
+        "units.csv", b"t;q\ns;mm\n",
+        "has a header but no rows of numbers; record or export it again",
+    ),
+    ("one_row.csv", b"t,q\n0,1\n", _NO_SERIES),
+    (
+        "word.csv", b"t,q\n0,1\n1,oops\n2,3\n",
+        "line 3, column 'q': 'oops' is not a number; correct the cell or delete the line",
+    ),
+    (
+        "word_far.csv", b"# note\nt;q\n\n" + b"0;1,5\n" * 700 + b"0;ERR\n",
+        "line 704, column 'q': 'ERR' is not a number; correct the cell or delete the line",
+    ),
+    (
+        "thousands.csv", b"t;q\n0,5;1\n0,6;2\n" + b"0,7;3\n" * 300 + b"1.000,5;3\n",
+        "line 304, column 't': '1.000,5' is not a number; correct the cell or delete the line",
+    ),
+    (
+        "decimals.csv", b"t;q\n0,5;1.5\n1,5;2.5\n",
+        "'0,5' and '1.5' use different decimal signs; export with one",
+    ),
+    (
+        "ragged.csv", b"t,q\n0,1\n1\n2,3\n",
+        "line 3 has 1 cells where 2 are expected; correct the line",
+    ),
+    (
+        "wide.csv", b"t,q\n0,1\n1,2,3\n2,3\n",
+        "line 3 has 3 cells where 2 are expected; correct the line",
+    ),
+    (
+        "cut.csv", b"t,q\n0,1\n1,2\n2",
+        "line 4 has 1 cells where 2 are expected; the log was cut off, delete this last line",
+    ),
+    (
+        "german.csv", b"t,q\n0,0,1,5\n0,1,1,6\n",
+        "line 2 has 4 cells where 2 are expected; correct the line",
+    ),
+    ("twice.csv", b"t,q,q\n0,1,2\n1,2,3\n", "columns 2, 3 are all named 'q'; rename them in the file"),
+    (
+        "twice_unit.csv", b"t,q [mm],q [deg]\n0,1,2\n1,2,3\n",
+        "two channels are named 'q'; rename one in the file",
+    ),
+    (
+        "words.csv", b"mode,tool\nauto,a\nman,b\n",
+        "holds no numbers; export the recorded signals as numeric columns",
+    ),
+    (
+        "binary.csv", bytes(range(256)) * 4,
+        "is not text (a NUL byte at offset 0); export the log as CSV or Parquet",
+    ),
+    ("control.txt", bytes(range(1, 32)) * 20, "is not text; export the log as CSV or Parquet"),
+    (
+        "nul_tail.csv", b"t,q\n0,1\n1,2\n" + b"\x00" * 100,
+        "is not text (a NUL byte at offset 12); export the log as CSV or Parquet",
+    ),
+    (
+        "utf16.csv", "t,q\n0,1\n".encode("utf-16") + b"\x00",
+        "is damaged UTF-16 text; export it again as UTF-8",
+    ),
+    ("log.foo", b"abc", f"unknown ending '.foo'; known: {_ENDINGS}"),
+    ("log.xlsx", b"PK\x03\x04", ".xlsx files cannot be read; save the sheet as CSV"),
+    (
+        "log.pkl", b"\x80\x04",
+        ".pkl files cannot be read; a pickle can run code; save the signals as CSV or Parquet",
+    ),
+    (
+        "not.mat", b"t,q\n0,1\n",
+        "is not a mat file although it ends in .mat; it begins with b't,q\\n0,1\\n'; export it again "
+        "or correct the ending",
+    ),
+    (
+        "not.parquet", b"t,q\n",
+        "is not a parquet file although it ends in .parquet; it begins with b't,q\\n'; export it "
+        "again or correct the ending",
+    ),
+    (
+        "not.h5", b"t,q\n",
+        "is not a hdf5 file although it ends in .h5; it begins with b't,q\\n'; export it again or "
+        "correct the ending",
+    ),
+    (
+        "objects.npy", _npy(np.array([1, [2, 3]], dtype=object)),
+        "holds Python objects, and a pickle can run code; save it as plain numbers",
+    ),
+    ("text.npy", _npy(np.array(["a", "b"])), "holds no numbers; export the recorded signals as numeric columns"),
+    ("scalars.mat", _mat(kp=1.0, kv=2.0), _NO_SERIES),
+    ("texts.mat", _mat(a="hello"), "holds no numbers; export the recorded signals as numeric columns"),
+    (
+        "empty.parquet", _parquet(pa.table({"t": pa.array([], pa.float64())})),
+        "has columns but no rows; record or export it again",
+    ),
+    (
+        "twice.parquet", _parquet(pa.table([pa.array([1.0, 2.0])] * 2, names=["q", "q"])),
+        "columns 1, 2 are all named 'q'; rename them in the file",
+    ),
+    ("empty.h5", _hdf5(), "holds no numbers; export the recorded signals as numeric columns"),
+    (
+        "ros.mcap", _mcap("cdr", b"\x00\x01"),
+        "topic '/servo' is encoded as 'cdr'; only JSON messages of numbers can be read, re-encode the "
+        "topic or export it as CSV",
+    ),
+    ("none.mcap", _mcap("json", b"{}", messages=0), "holds no messages; record it again"),
+    (
+        "words.mcap", _mcap("json", json.dumps({"mode": "auto", "t": 1.0}).encode(), messages=1),
+        _NO_SERIES,
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "content", "message"), CASES, ids=[c[0] for c in CASES])
+def test_one_clear_line(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(LogError) as caught:
+        read(path)
+    assert str(caught.value) == f"{path}: {message}"
+
+
+DAMAGED: list[tuple[str, Callable[[], bytes]]] = [
+    ("cut.npy", lambda: _npy(np.zeros(100))),
+    ("cut.mat", lambda: _mat(t=np.arange(100.0))),
+    ("cut.h5", lambda: _hdf5(t=np.arange(100.0))),
+    ("cut.parquet", lambda: _parquet(pa.table({"t": np.arange(100.0)}))),
+    ("cut.mcap", lambda: _mcap("json", b'{"q": 1.0}', messages=50)),
+]
+
+
+@pytest.mark.parametrize(("name", "make"), DAMAGED, ids=[c[0] for c in DAMAGED])
+def test_files_cut_in_half_are_said_to_be_damaged(
+    tmp_path: Path, name: str, make: Callable[[], bytes]
+) -> None:
+    path = tmp_path / name
+    whole = make()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(LogError, match=r"is damaged") as caught:
+        read(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_lists_the_logs_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "run1.csv").write_text("t,q\n0,1\n")
+    with pytest.raises(LogError) as caught:
+        read(tmp_path / "run2.csv")
+    assert str(caught.value) == f"{tmp_path}/run2.csv: no such file; logs in its folder: run1.csv"
+
+
+def test_missing_folder(tmp_path: Path) -> None:
+    with pytest.raises(LogError) as caught:
+        read(tmp_path / "no" / "run.csv")
+    expected = f"{tmp_path}/no/run.csv: no such file; the folder {tmp_path}/no does not exist either"
+    assert str(caught.value) == expected
+
+
+def test_a_folder_is_no_log(tmp_path: Path) -> None:
+    with pytest.raises(LogError) as caught:
+        read(tmp_path)
+    assert str(caught.value) == f"{tmp_path}: is a folder; name a log file inside it"
+
+
+def test_no_file_at_all() -> None:
+    with pytest.raises(LogError, match="no log file given; name at least one"):
+        read()
+
+
+def test_join_needs_equal_lengths(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("q\n1\n2\n3\n")
+    (tmp_path / "b.csv").write_text("u\n1\n2\n")
+    with pytest.raises(LogError) as caught:
+        read(tmp_path / "a.csv", tmp_path / "b.csv")
+    assert str(caught.value) == (
+        f"cannot join files of different length (rows: {tmp_path}/a.csv 3, {tmp_path}/b.csv 2); "
+        f"cut them alike first"
+    )
+
+
+def test_join_argument_with_nothing_beside_the_plus() -> None:
+    with pytest.raises(LogError, match=r"a\.csv\+: an empty name beside '\+'; write a\.csv\+b\.csv"):
+        read_argument("a.csv+")
+
+
+def test_only_names_a_clock_that_is_not_there(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t,q\n0,1\n1,2\n")
+    with pytest.raises(LogError, match=r"a\.csv: holds no numbers whose name begins with 'imu'"):
+        read(path, only="imu")
