@@ -1,7 +1,7 @@
 """Closed loops whose truth is written down by hand, for the tests of ``pinotwin.loop``.
 
-Nothing here uses the package: the state matrices follow from the plant and the controller, the responses
-come from scipy at ten times the sampling rate, the transfer functions from python-control.
+Nothing here uses the package: the state matrices follow from the plant and the controller, the
+responses come from scipy at ten times the sampling rate.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import control
 import numpy as np
 from scipy import signal
 
@@ -29,11 +28,6 @@ class Truth:
     @cached_property
     def poles(self):
         return np.linalg.eigvals(self.A)
-
-    def system(self):
-        names = [*(f"d{i}" for i in range(self.disturbances)), "vr", "ar"]
-        outputs = [f"y{i}" for i in range(len(self.C))]
-        return control.StateSpace(self.A, self.B, self.C, self.D, inputs=names, outputs=outputs)
 
     def response(self, output, source, hertz):
         """Complex gain from a disturbance index or from "qr" at frequencies [Hz]."""
@@ -132,7 +126,10 @@ def command(seconds, step, rng, speed=0.4, acceleration=4.0):
     ar = np.zeros(n)
     at = round(0.1 / step)
     while at < n:
-        top, a = speed * rng.uniform(0.3, 1.0) * rng.choice([-1, 1]), acceleration * rng.uniform(0.4, 1)
+        top, a = (
+            speed * rng.uniform(0.3, 1.0) * rng.choice([-1, 1]),
+            acceleration * rng.uniform(0.4, 1),
+        )
         rise = max(round(abs(top) / a / step), 2)
         cruise = round(rng.uniform(0.02, 0.3) / step)
         for start, sign in ((at, 1.0), (at + rise + cruise, -1.0)):
@@ -148,18 +145,27 @@ def command(seconds, step, rng, speed=0.4, acceleration=4.0):
 def disturbance(vr, qr, rng, step, size=12.0):
     """Friction, ripple and a slow coupling torque, starting from zero."""
     friction = np.tanh(vr / 0.004)
-    ripple = 0.4 * np.sin(2 * np.pi * qr / 0.024) - 0.0
+    ripple = 0.4 * np.sin(2 * np.pi * qr / 0.024)
     b, a = signal.butter(2, 12.0 * 2 * step)
     coupling = signal.lfilter(b, a, rng.standard_normal(len(vr))) * np.sqrt(0.02 / step)
     return size * (friction + ripple + coupling)
 
 
-def record(truth, seed=0, seconds=8.0, step=1e-3, fine=10):
-    """Arrays of a noise-free log: qr, vr, ar, d (n, nd), y (n, ny) at ``step``."""
+def record(truth, seed=0, seconds=8.0, step=1e-3, fine=10, straight=False):
+    """Arrays of a noise-free log: qr, vr, ar, d (n, nd), y (n, ny) at ``step``.
+
+    ``straight`` lets d and vr run straight between the samples of the log, as the model assumes.
+    """
     rng = np.random.default_rng(seed)
     h = step / fine
     qr, vr, ar = command(seconds, h, rng)
-    d = np.column_stack([disturbance(vr, qr + 0.005 * j, rng, h) for j in range(truth.disturbances)])
-    y = truth.simulate(np.column_stack([d, vr, ar]), h)
+    d = np.column_stack(
+        [disturbance(vr, qr + 0.005 * j, rng, h) for j in range(truth.disturbances)]
+    )
+    w = np.column_stack([d, vr, ar])
     thin = slice(None, None, fine)
+    if straight:
+        t = np.arange(len(w))
+        w = np.column_stack([np.interp(t, t[thin], x[thin]) for x in w.T])
+    y = truth.simulate(w, h)
     return qr[thin], vr[thin], ar[thin], d[thin], y[thin]

@@ -18,7 +18,9 @@ from mcap.writer import Writer
 from pinotwin.errors import LogError
 from pinotwin.files import read, read_argument
 
-_ENDINGS = ".asc, .csv, .dat, .h5, .hdf, .hdf5, .log, .mat, .mcap, .npy, .npz, .parquet, .pq, .tsv, .txt"
+_ENDINGS = (
+    ".asc, .csv, .dat, .h5, .hdf, .hdf5, .log, .mat, .mcap, .npy, .npz, .parquet, .pq, .tsv, .txt"
+)
 _NO_SERIES = "holds a single row or only single numbers; export time series"
 
 
@@ -214,7 +216,9 @@ def test_missing_file_lists_the_logs_beside_it(tmp_path: Path) -> None:
 def test_missing_folder(tmp_path: Path) -> None:
     with pytest.raises(LogError) as caught:
         read(tmp_path / "no" / "run.csv")
-    expected = f"{tmp_path}/no/run.csv: no such file; the folder {tmp_path}/no does not exist either"
+    expected = (
+        f"{tmp_path}/no/run.csv: no such file; the folder {tmp_path}/no does not exist either"
+    )
     assert str(caught.value) == expected
 
 
@@ -241,7 +245,9 @@ def test_join_needs_equal_lengths(tmp_path: Path) -> None:
 
 
 def test_join_argument_with_nothing_beside_the_plus() -> None:
-    with pytest.raises(LogError, match=r"a\.csv\+: an empty name beside '\+'; write a\.csv\+b\.csv"):
+    with pytest.raises(
+        LogError, match=r"a\.csv\+: an empty name beside '\+'; write a\.csv\+b\.csv"
+    ):
         read_argument("a.csv+")
 
 

@@ -83,7 +83,7 @@ def coverage(noise, inference, whiten=0, draws=150, n=500, keep=1.0):
 @pytest.mark.parametrize("noise", [white, ar1, filtered], ids=lambda f: f.__name__)
 @pytest.mark.parametrize("inference", ["hac", "stationary"])
 def test_intervals_cover_the_truth(noise, inference):
-    draws = 150 if inference == "hac" else 75
+    draws = 300 if inference == "hac" else 150
     assert 0.90 <= coverage(noise, inference, draws=draws) <= 0.98
 
 

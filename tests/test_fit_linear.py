@@ -94,6 +94,18 @@ def test_what_the_data_leave_open_stays_at_the_prior_and_is_named():
     assert np.isinf(fit.combination(np.array([0, 1.0, 0, 0, 0, 0]))[1])
 
 
+def test_columns_that_nearly_cancel_are_named_though_determined():
+    rng = np.random.default_rng(14)
+    W = rng.standard_normal((500, 4))
+    W[:, 3] = 5 * W[:, 1] + 0.01 * W[:, 3]
+    y = W.sum(axis=1) + 0.1 * rng.standard_normal(500)
+    fit = linear(Problem.stack([AxisRows(W, y, np.arange(500))], "abcd"))
+    assert fit.determined.all()
+    assert fit.groups == ()
+    assert fit.nearly_tied() == ((1, 3),)
+    assert fit.nearly_tied(tolerance=1e-4) == ()
+
+
 def test_nothing_excited_at_all():
     problem = Problem.stack([AxisRows(np.zeros((9, 2)), np.ones(9), np.arange(9))], "ab")
     fit = linear(problem, Options(prior=Prior(np.array([1.0, 2.0]))))

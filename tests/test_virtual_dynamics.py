@@ -29,7 +29,8 @@ def random_model(seed: int, joints: int = 6) -> pin.Model:
         line = line[: int(rng.integers(1, len(line) + 1))]
         parent = line[-1]
         joint = model.addJoint(parent, kind, pin.SE3.Random(), f"j{k}")
-        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Random())
+        body = pin.Inertia.FromEllipsoid(*rng.uniform(0.2, 1.5, 4))
+        model.appendBodyToJoint(joint, body, pin.SE3.Random())
         line.append(joint)
     return model
 

@@ -62,7 +62,7 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
     """
     text, notes = _decode(raw, source)
     numbered = _leading_lines(text)
-    body = [(i, line) for i, line in numbered if line.strip() and not _is_comment(line)]
+    body = [(i, line) for i, line in numbered if line.strip() and not is_comment(line)]
     if not body:
         raise LogError(f"{source}: holds no lines of data; record or export it again")
     delimiter = _delimiter([line for _, line in body])
@@ -134,8 +134,10 @@ def _control_share(raw: bytes) -> float:
     return sum(byte < 32 and byte not in b"\t\n\r\f" for byte in raw) / max(len(raw), 1)
 
 
-def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith(COMMENTS)
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment; Excel's ``#N/A`` is a missing value."""
+    bare = line.lstrip()
+    return bare.startswith(COMMENTS) and not bare.upper().startswith("#N/A")
 
 
 def _leading_lines(text: bytes) -> list[tuple[int, str]]:
@@ -147,7 +149,7 @@ def _leading_lines(text: bytes) -> list[tuple[int, str]]:
         end = len(text) if end < 0 else end
         line = text[start:end].decode(errors="replace").rstrip("\r")
         lines.append((len(lines), line))
-        rows += bool(line.strip()) and not _is_comment(line)
+        rows += bool(line.strip()) and not is_comment(line)
         start = end + 1
     return lines
 
@@ -164,6 +166,8 @@ def _delimiter(lines: list[str]) -> str:
         share = round(100 * numbers / max(1, sum(map(len, rows))))
         if width > 1 and (votes, share, -_preference(candidate)) > score:
             best, score = candidate, (votes, share, -_preference(candidate))
+    if len(split_cells(lines[0], best)) == 1 and not is_number(lines[0].strip()):
+        return ";"  # one name above "0,5": one column with decimal commas
     return best
 
 
@@ -194,7 +198,7 @@ def _commented_names(
     lines: list[tuple[int, str]], stop: int, delimiter: str, width: int
 ) -> list[str]:
     """Return the names in the last comment above the numbers, if they fit (``# t, q, u``)."""
-    above = [line for i, line in lines if i < stop and _is_comment(line)]
+    above = [line for i, line in lines if i < stop and is_comment(line)]
     names = split_cells(above[-1].strip().lstrip("#%/ "), delimiter) if above else []
     fits = len(names) == width and all(n and not is_number(n) for n in names)
     return names if fits else []

@@ -18,7 +18,14 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import LogError
 from pinotwin.files import arrow
 from pinotwin.files.content import Content
-from pinotwin.files.layout import COMMENTS, MISSING, Layout, inspect_layout, is_number, split_cells
+from pinotwin.files.layout import (
+    MISSING,
+    Layout,
+    inspect_layout,
+    is_comment,
+    is_number,
+    split_cells,
+)
 
 _NULLS = sorted({x for m in MISSING for x in (m, m.upper(), m.capitalize())} | {"NaN", "-NaN"})
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
@@ -108,13 +115,12 @@ def _without_comments(body: _Body) -> _Body:
     """Take comment and blank lines out, and runs of blanks where these delimit."""
     if body.lines is not None:
         return body
-    marks = tuple(mark.encode() for mark in COMMENTS)
     blanks, single = body.layout.delimiter == " ", len(body.names) == 1
     kept, numbers = [], []
     rows = body.text[body.start : body.end].split(b"\n")
     for i, row in enumerate(rows, start=body.layout.skip):
         bare = row.strip()
-        if (bare or single) and not bare.startswith(marks):
+        if (bare or single) and not is_comment(bare[:8].decode(errors="replace")):
             kept.append(b"\t".join(bare.split()) if blanks else row)
             numbers.append(i)
     text = b"\n".join(kept)

@@ -36,7 +36,8 @@ class Prior:
         mean: shape (p,).
         std: how far off each may be, shape (p,); sets which of several equally good theta is taken.
             None takes the inverse column length.
-        soft: also weigh the belief against the data; otherwise it only fills what they leave open.
+        soft: also weigh the belief against the data, so that every parameter is determined, by data
+            and belief together; otherwise the belief only fills what the data leave open.
     """
 
     mean: Floats

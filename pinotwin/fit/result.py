@@ -10,6 +10,7 @@ from scipy.special import stdtrit
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.fit.problem import Problem
+from pinotwin.fit.rank import analyse
 from pinotwin.fit.whiteness import Whiteness, whiteness
 
 
@@ -105,6 +106,18 @@ class LinearFit:
     def whiteness(self) -> Whiteness:
         """Tests of the residuals' whiteness, per axis."""
         return whiteness(self.problem, self.residual)
+
+    def nearly_tied(
+        self, tolerance: float = 0.01, share: float = 0.1
+    ) -> tuple[tuple[int, ...], ...]:
+        """Return groups of parameters that these data tell apart only weakly.
+
+        Args:
+            tolerance: a direction counts as weak when its scaled columns cancel down to this share
+                of their length.
+            share: parameters with more than this share in a weak direction belong to the group.
+        """
+        return analyse(self.factor, tolerance, linked=share).groups
 
     def group_names(self) -> tuple[tuple[str, ...], ...]:
         """Return the groups by name."""

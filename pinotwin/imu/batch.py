@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.align import mounting_from_rates
@@ -38,7 +38,7 @@ class _Problem:
     sd: Floats
     whiteners: list[Whitener]
 
-    def columns(self, r: int) -> Floats:
+    def columns(self, r: int) -> Ints:
         """Return the places of run r's parameters in the whole vector."""
         local = self.lay.size - self.lay.shared
         own = self.lay.shared + r * local + np.arange(local)
@@ -149,7 +149,7 @@ def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
             v = m.seen(r.v, at)
             C = (axis[:, :, None] * v[:, None, :]).reshape(len(e), -1)
             C = C - Q @ (Q.T @ C)
-            cost = float(np.linalg.lstsq(C, e, rcond=None)[1].sum()) if C.any() else np.inf
+            cost = float(np.sum((e - C @ np.linalg.lstsq(C, e, rcond=None)[0]) ** 2))
             if cost < best[0]:
                 best = (cost, f, zeta)
     mean = problem.mean.copy()

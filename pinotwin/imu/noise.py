@@ -100,10 +100,10 @@ def white_level(x: Floats) -> Floats:
 def rest(gyr: Floats, acc: Floats, rate: float, window: float = 0.3, factor: float = 2.0) -> Mask:
     """Return where the sensor rests, shape (n,).
 
-    A window rests when the standard deviations of rate and specific force in it are within ``factor``
-    of the quietest windows (10 % quantile), its mean rate is near the quiet mean rate, and it is long
-    enough. Where nothing rests, the quietest windows are still noisy and differ in their mean: the
-    mask is then empty.
+    A window rests when the standard deviations of rate and force in it are within ``factor`` of the
+    quietest ones (2 % quantile) and its mean rate is that of the quiet windows. The quietest windows
+    count only if their readings scatter like noise and not like motion (von Neumann's ratio of
+    successive differences) about a rate that can be a bias; else the mask is empty.
 
     Args:
         gyr: angular rate [rad/s], (n, 3).
@@ -117,12 +117,15 @@ def rest(gyr: Floats, acc: Floats, rate: float, window: float = 0.3, factor: flo
         return np.zeros(len(gyr), dtype=bool)
     sg, mg = _window_std(gyr, m)
     sa, _ = _window_std(acc, m)
-    quiet = sg <= np.quantile(sg, 0.1) * 1.2
-    level = np.median(mg[quiet], axis=0)
-    near = np.linalg.norm(mg - level, axis=1) < np.maximum(6 * np.quantile(sg, 0.1) / np.sqrt(m), 5e-4)
-    still = (sg <= factor * np.quantile(sg, 0.1)) & (sa <= factor * np.quantile(sa, 0.1)) & near
-    if np.linalg.norm(level) > 0.05:  # a turning sensor: no MEMS bias is 3 deg/s
-        still[:] = False
+    jumps, _ = _window_std(np.diff(gyr, axis=0, prepend=gyr[:1]), m)
+    level_g, level_a = np.quantile(sg, 0.02), np.quantile(sa, 0.02)
+    quiet = sg <= 1.2 * level_g
+    bias = np.median(mg[quiet], axis=0)
+    like_noise = np.median(jumps[quiet]) > 0.5 * level_g  # sqrt(2) for white noise, 0 for motion
+    if not like_noise or np.linalg.norm(bias) > 0.05:  # no MEMS bias is 3 deg/s
+        return np.zeros(len(gyr), dtype=bool)
+    near = np.linalg.norm(mg - bias, axis=1) < max(6.0 * level_g / np.sqrt(m), 5e-4)
+    still = (sg <= factor * level_g) & (sa <= factor * level_a) & near
     cover = np.zeros(len(gyr) + 1)
     np.add.at(cover, np.flatnonzero(still), 1)
     np.add.at(cover, np.flatnonzero(still) + m, -1)

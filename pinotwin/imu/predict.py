@@ -72,6 +72,8 @@ class RunModel:
         self.centred = self.base - self.pivot
         self.knots = max(2, 1 + round(np.ptp(self.base) / priors.knots))
         self.hat = _hats(self.base, self.knots)
+        self.interval = float(np.median(np.diff(self.base)))
+        self.delay = float(np.sqrt(2.0) / (2.0 * np.pi * priors.gyro_cutoff))
         up = np.einsum("nji->nij", f.R)
         S, W = rot.skew(f.w_dot), rot.skew(f.w)
         rigid = np.concatenate([f.a, up.reshape(-1, 9), (S + W @ W).reshape(-1, 9)], axis=1)
@@ -83,6 +85,39 @@ class RunModel:
         self.sag_v = np.gradient(self.sag, f.step, axis=0)
         self.sag_a = np.gradient(self.sag_v, f.step, axis=0)
         self.w_max = float(np.max(np.abs(f.w)))
+
+    def set_knots(self, knots: int) -> None:
+        """Use so many bias knots (all runs of a fit have as many)."""
+        self.knots = knots
+        self.hat = _hats(self.base, knots)
+
+    def seen(self, x: Floats, at: Floats) -> Floats:
+        """Return signals (n, k) of the fine clock as the gyro sees them at fractional indices."""
+        return interpolate(low_pass(x, self.priors.gyro_cutoff, self.fine.step), at)[0]
+
+    def gyro_columns(self, at: Floats) -> Floats:
+        """Return the rigid rate and the joint's axis in the link frame, (m, 2, 3)."""
+        axis = interpolate(self.fine.axis, at - self.delay / self.fine.step)[0]
+        return np.stack([interpolate(self.w, at)[0], axis], axis=1)
+
+    def places(self, lay: Layout) -> Floats:
+        """Return the places of the parameters that the deflection's columns belong to."""
+        names = ("mode", "gain", "sag", "start")
+        return np.concatenate([np.arange(lay[n].start, lay[n].stop) for n in names])
+
+    def readings(self, delta: Floats, R_ST: Floats, p: Floats) -> tuple[Floats, Floats]:
+        """Return ideal gyro and accelerometer readings, (m, 3) each, for a given deflection.
+
+        Args:
+            delta: deflection, rate, acceleration on the fine clock, (n, 3).
+            R_ST: mounting, link to sensor.
+            p: place of the sensor in the link frame [m].
+        """
+        at = (self.base - self.fine.t[0]) / self.fine.step
+        rigid = self.gyro_columns(at)
+        gyr = rigid[:, 0] + rigid[:, 1] * self.seen(delta[:, 1:2], at)
+        f, _, _ = self._force(delta, self.priors.gravity, p, at)
+        return gyr @ R_ST.T, f @ R_ST.T
 
     def columns(self, theta: Floats, lay: Layout) -> Response:
         """Return delta and its derivatives per parameter (gains, sag, start, mode): fine clock."""
@@ -118,10 +153,6 @@ class RunModel:
         J[:, :, lay["clock"]][..., 1] = J[:, :, lay["clock"]][..., 0] * self.centred[:, None]
         return Prediction(y, J)
 
-    def _deflection_places(self, lay: Layout) -> Floats:
-        names = ("mode", "gain", "sag", "start")
-        return np.concatenate([np.arange(lay[n].start, lay[n].stop) for n in names])
-
     def _gyro(
         self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats, f_s: Floats
     ) -> tuple[Floats, Floats]:
@@ -144,7 +175,7 @@ class RunModel:
         bias = self.hat @ theta[lay["bias"]].reshape(self.knots, 3)
         y = u @ K.T + a * np.abs(u) + cubic * cube + f_s @ G.T + bias
         J, eye = np.zeros((m, 3, lay.size)), np.eye(3)
-        J[:, :, self._deflection_places(lay)] = (axis @ K.T)[:, :, None] * cols[:, None, :]
+        J[:, :, self.places(lay)] = (axis @ K.T)[:, :, None] * cols[:, None, :]
         J[:, :, lay["turn"]] = -K @ rot.skew(u)
         J[:, :, lay["clock"].start] = (w_slope @ R.T + axis * v_slope) @ K.T / step
         J[:, :, lay["scale"]] = sheared[:, :, None] * eye
@@ -160,34 +191,46 @@ class RunModel:
         self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats
     ) -> tuple[Floats, Floats]:
         """Return the specific force in perfect sensor axes (m, 3) and its Jacobian."""
-        cutoff, step, m = self.priors.accel_cutoff, self.fine.step, len(at)
+        step, m, n = self.fine.step, len(at), c.x.shape[1]
         at = at - theta[lay["accel_delay"]] / step
         g, p = theta[lay["gravity"]], theta[lay["position"]]
-        rigid, slope = interpolate(self.rigid, at)
         delta, _ = self.combine(c, theta, lay)
-        n = c.x.shape[1]
-        everything = low_pass(np.concatenate([c.x, c.v, c.a, delta], axis=1), cutoff, step)
-        cols, cols_slope = interpolate(everything, at)
-        d, d_slope = cols[:, 3 * n :], cols_slope[:, 3 * n :]
-        up, P = rigid[:, 3:12].reshape(m, 3, 3), rigid[:, 12:].reshape(m, 3, 3)
-        still = rigid[:, :3] - up @ g + P @ p
-        lag = np.sqrt(2.0) / (2.0 * np.pi * cutoff) / step
-        axis, arm, w = (interpolate(x, at - lag)[0] for x in (self.fine.axis, self.fine.arm, self.fine.w))
-        T = np.stack([-np.cross(axis, still), _spin_terms(axis, w, p), np.cross(axis, arm + p)], axis=2)
-        f = still + np.einsum("nij,nj->ni", T, d)
+        f, moved, T = self._force(delta, g, p, at)
+        stacked = np.concatenate([c.x, c.v, c.a], axis=1)
+        cols, _ = interpolate(low_pass(stacked, self.priors.accel_cutoff, step), at)
+        rigid, _ = interpolate(self.rigid, at)
+        d = low_pass(delta[:, 2:], self.priors.accel_cutoff, step)
+        axis = interpolate(self.fine.axis, at)[0]
         J = np.zeros((m, 3, lay.size))
-        parts = cols[:, : 3 * n].reshape(m, 3, n)
-        J[:, :, self._deflection_places(lay)] = T @ parts
-        J[:, :, lay["gravity"]] = -up
-        J[:, :, lay["position"]] = P + d[:, 2, None, None] * rot.skew(axis)
-        still_slope = slope[:, :3] - slope[:, 3:12].reshape(m, 3, 3) @ g
-        still_slope = still_slope + slope[:, 12:].reshape(m, 3, 3) @ p
-        moved = (still_slope + np.einsum("nij,nj->ni", T, d_slope)) / step
+        J[:, :, self.places(lay)] = T @ cols.reshape(m, 3, n)
+        J[:, :, lay["gravity"]] = -rigid[:, 3:12].reshape(m, 3, 3)
+        J[:, :, lay["position"]] = rigid[:, 12:].reshape(m, 3, 3)
+        J[:, :, lay["position"]] += interpolate(d, at)[0][:, :, None] * rot.skew(axis)
         J[:, :, lay["clock"].start] = moved
         J[:, :, lay["accel_delay"].start] = -moved
         f, J = f @ R.T, R @ J
         J[:, :, lay["turn"]] = -rot.skew(f)
         return f, J
+
+    def _force(
+        self, delta: Floats, g: Floats, p: Floats, at: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return the specific force in the link frame (m, 3), its slope per second, and df/d(delta)."""
+        cutoff, step, m = self.priors.accel_cutoff, self.fine.step, len(at)
+        rigid, slope = interpolate(self.rigid, at)
+        d, d_slope = interpolate(low_pass(delta, cutoff, step), at)
+
+        def still(x: Floats) -> Floats:
+            return x[:, :3] - x[:, 3:12].reshape(m, 3, 3) @ g + x[:, 12:].reshape(m, 3, 3) @ p
+
+        lag = np.sqrt(2.0) / (2.0 * np.pi * cutoff) / step
+        places = (self.fine.axis, self.fine.arm, self.fine.w)
+        axis, arm, w = (interpolate(x, at - lag)[0] for x in places)
+        force = still(rigid)
+        turning, levered = _spin_terms(axis, w, p), np.cross(axis, arm + p)
+        T = np.stack([-np.cross(axis, force), turning, levered], axis=2)
+        f = force + np.einsum("nij,nj->ni", T, d)
+        return f, (still(slope) + np.einsum("nij,nj->ni", T, d_slope)) / step, T
 
     def _accel_output(
         self, theta: Floats, lay: Layout, f: Floats, J_f: Floats

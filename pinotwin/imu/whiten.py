@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.imu.noise import rest, white_level
 
 
@@ -32,8 +32,8 @@ class Whitener:
         if sum(len(p) for p in pieces) < 0.3 * rate:
             taps = np.tile(np.eye(order + 1)[:1], (x.shape[1], 1))
             return cls(taps, white_level(x))
-        r = sum(_autocovariance(p, order) * len(p) for p in pieces)
-        r = r / sum(len(p) for p in pieces)
+        share = np.array([len(p) for p in pieces]) / sum(len(p) for p in pieces)
+        r = np.einsum("p,pkc->kc", share, np.stack([_autocovariance(p, order) for p in pieces]))
         taps, sigma = np.ones((x.shape[1], order + 1)), np.empty(x.shape[1])
         for c in range(x.shape[1]):
             a = solve_toeplitz(r[:-1, c], r[1:, c])
@@ -53,7 +53,7 @@ class Whitener:
         return out
 
 
-def _stretches(mask: Floats) -> list[tuple[int, int]]:
+def _stretches(mask: Mask) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 

@@ -127,13 +127,14 @@ def _corner(f: Floats, density: Floats, rate: float) -> tuple[float, float, floa
         return None
     least = peak + int(np.argmin(smooth[peak:]))
     end = int(np.flatnonzero(smooth <= 2.0 * smooth[least])[-1])
+    drowns = end < len(f) - 2
     top = (f > 0.6 * rate / 2) & (f < 0.95 * rate / 2)
-    noise = np.median(density[top] / gain[top]) * gain if least < len(f) - 2 else 0.0 * gain
+    noise = np.median(density[top] / gain[top]) * gain if drowns else 0.0 * gain
     motion = np.clip(density - noise, 0.0, None)
     too_much = np.flatnonzero(np.cumsum(noise) > BEARABLE * motion[: least + 1].sum())
     speed = np.cumsum(motion[1 : least + 1] / f[1 : least + 1] ** 2)
     return (
-        float(f[end]) if end < len(f) - 2 else np.inf,
+        float(f[end]) if drowns else np.inf,
         float(f[too_much[0]]) if len(too_much) else np.inf,
         float(f[1 + np.searchsorted(speed, NEEDED * speed[-1])]),
     )

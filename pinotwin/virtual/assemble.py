@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import MachineError, nearest
 from pinotwin.virtual.defaults import Scale, fallback, resolved_axis, resolved_limits, scales
 from pinotwin.virtual.effects import Body
@@ -58,8 +58,8 @@ def true_tree(
 ) -> tuple[Tree, Layout, tuple[str, ...]]:
     """Return the true tree, where the names sit in it, and the name of every joint.
 
-    Inertials are perturbed first, with the machine's own seed, so that switching an effect on or off
-    never changes them.
+    Inertials are perturbed first, with the machine's own seed, so that switching an effect on or
+    off never changes them.
     """
     tree = perturbed(cad, truth.inertial_error, np.random.default_rng([truth.seed, 1]))
     index = {n: model.getJointId(j) - 1 for n, j in {**folder.axes, **folder.passive}.items()}
@@ -100,15 +100,25 @@ def _with_bends(
         body = {k: v + (k >= j) for k, v in body.items()}
         bend = {k: v + 1 for k, v in bend.items()}
         bend[name] = j + 1
+    drive = {n: at[index[n]] for n in folder.axes}
     layout = Layout(
         axes=tuple(folder.axes),
-        drive={n: at[index[n]] for n in folder.axes},
+        drive=drive,
         body={n: body[k] for k, n in enumerate(list(model.names)[1:])},
         passive={n: at[index[n]] for n in folder.passive},
         bend=bend,
         home=home,
+        group=_groups(tree, list(drive.values())),
     )
     return tree, layout, tuple(names)
+
+
+def _groups(tree: Tree, drives: list[int]) -> Ints:
+    group = np.full(len(tree.mass), -1, dtype=np.intp)
+    for j in range(len(group)):
+        parent = int(tree.parent[j])
+        group[j] = drives.index(j) if j in drives else (group[parent] if parent >= 0 else -1)
+    return group
 
 
 def link_frames(model: pin.Model, layout: Layout) -> dict[str, tuple[int, Floats, Floats]]:

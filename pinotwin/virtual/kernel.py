@@ -1,4 +1,4 @@
-"""The simulation kernel: controllers, drives, friction and rigid bodies, one control period after another.
+"""The simulation kernel: controllers, drives, friction and rigid bodies, period after period.
 
 Rates: the controller runs every ``period``. Rigid-body terms M(q) and h(q, v), ripple and tables change
 slowly and are evaluated ``updates`` times a period at the predicted midpoint (second order in time).
@@ -20,7 +20,6 @@ from pinotwin.virtual.friction import friction_force
 from pinotwin.virtual.mass import invert, mass_matrix
 from pinotwin.virtual.rigid import (
     Pose,
-    Tree,
     apply_load,
     body_forces,
     joint_efforts,
@@ -41,7 +40,8 @@ class Axes(NamedTuple):
         grid: first position and inverse spacing of that grid, shape (na, 2).
         sprung: joints with a spring, shape (ns,).
         springs: their table, shape (ns, N_SPRING).
-        coupled: 0 removes inertial coupling between the joints.
+        coupled: 0 removes inertial coupling between joints of different groups.
+        group: axis to which each joint belongs, shape (nv,).
     """
 
     joint: Ints
@@ -52,6 +52,7 @@ class Axes(NamedTuple):
     sprung: Ints
     springs: Floats
     coupled: int
+    group: Ints
 
 
 class Drive(NamedTuple):
@@ -213,7 +214,7 @@ def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-unty
     if axes.coupled == 0:
         for i in range(nv):
             for j in range(nv):
-                M[i, j] *= i == j
+                M[i, j] *= axes.group[i] == axes.group[j]
     invert(M, room.W, room.inverse)
     for i in range(len(joint)):
         j = joint[i]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.kernel import Axes
 from pinotwin.virtual.mass import inertia_at
@@ -30,6 +30,8 @@ class Layout:
         passive: passive joint -> its index.
         bend: axis -> index of its hidden joint.
         home: position at which frequencies are stated, shape (nv,).
+        group: number of the axis to which each joint belongs, shape (nv,): a bend to its own, a
+            passive joint to the one that carries it (-1 for the ground).
     """
 
     axes: tuple[str, ...]
@@ -38,6 +40,7 @@ class Layout:
     passive: Mapping[str, int]
     bend: Mapping[str, int]
     home: Floats
+    group: Ints
 
 
 @dataclass(frozen=True)
@@ -180,6 +183,7 @@ def tables(
         sprung=np.array([j for j, _ in every], dtype=np.intp),
         springs=np.array(rows, dtype=float).reshape(-1, c.N_SPRING),
         coupled=int(truth.coupled),
+        group=layout.group,
     )
 
 

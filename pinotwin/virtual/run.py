@@ -50,7 +50,7 @@ def record_run(
     state = equilibrium(machine, axes, drive)
     record = empty_record(step, n // step, len(machine.axes), len(machine.joints))
     timing = (machine.timing.period, machine.timing.updates, machine.timing.substeps)
-    run(machine.tree, axes, drive, state, _room(len(machine.joints)), record, timing)
+    run(machine.tree, axes, drive, state, empty_room(len(machine.joints)), record, timing)
     if not np.all(np.isfinite(record.q)):
         raise MachineError(f"{machine.name}: the simulation diverged; lower the loop gains")
     log = _log(machine, run_truth, drive, record, every, loads, rng if noise else None)
@@ -143,7 +143,8 @@ def empty_record(every: int, rows: int, na: int, nv: int) -> Record:
     return Record(every, z(a), z(a), z(a), z(v), z(v), z(v))
 
 
-def _room(nv: int) -> Room:
+def empty_room(nv: int) -> Room:
+    """Return scratch arrays for a tree of ``nv`` joints."""
     z = np.zeros
     m = (nv, nv)
     return Room(empty_pose(nv), z(m), z(m), z(m), z(nv), z(nv), z(nv), z(nv), z(nv))

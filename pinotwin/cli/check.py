@@ -1,0 +1,82 @@
+"""``pinotwin check MACHINE [LOG]``."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pinotwin.cli.output import add_common, say, write_json
+
+if TYPE_CHECKING:
+    from pinotwin.checking import Check
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
+    parser.add_argument("log", nargs="?", help="servo log; a.csv+b.csv joins columns")
+    add_common(parser, out=None)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Examine and say what was found; 1 if something forbids going on."""
+    from pinotwin.checking import check
+    from pinotwin.files import read_argument
+    from pinotwin.machine import Machine
+
+    machine = Machine.load(args.machine)
+    log = None if args.log is None else read_argument(args.log)
+    result = check(machine, log)
+    if args.json:
+        write_json(args.json, result.as_dict())
+    for line in _lines(result):
+        say(line)
+    return 0 if result.ok else 1
+
+
+def _lines(result: Check) -> list[str]:
+    machine = result.machine
+    lines = [f"{machine.name}: {len(machine.axes)} axes, {len(machine.base)} base parameters"]
+    for name, axis in machine.axes.items():
+        kind = "rotary" if axis.rotary else "linear"
+        effects = ", ".join(effect.name for effect in axis.effects)
+        lines.append(f"  {name:<8}{kind:<8}{effects}")
+    lines += _log_lines(result)
+    lines += _base_lines(result)
+    lines += [f"{f.severity:<8}{f.channel + ': ' if f.channel else ''}{f.message}"
+              for f in result.findings]  # fmt: skip
+    lines.append("ok" if result.ok else "not usable as it is: see the errors above")
+    return lines
+
+
+def _log_lines(result: Check) -> list[str]:
+    quality = result.quality
+    if quality is None:
+        return []
+    rate = f"{quality.clock.rate:.6g} Hz" if quality.clock is not None else "no clock"
+    lines = [f"log {quality.source}: {quality.rows} rows, {quality.duration:.4g} s, {rate}"]
+    for name, axis in quality.axes.items():
+        x, effort = ("rad", "N·m") if axis.rotary else ("m", "N")
+        del effort
+        moves = "moves" if axis.moves else "stands still"
+        lines.append(
+            f"  {name:<8}{moves:<14}{axis.low:.4g} to {axis.high:.4g} {x}, up to {axis.speed:.3g} "
+            f"{x}/s and {axis.acceleration:.3g} {x}/s²{_lead(axis.lead)}"
+        )
+    return lines
+
+
+def _lead(lead: float | None) -> str:
+    if lead is None or abs(lead) < 1e-4:
+        return ""
+    side = "ahead of" if lead > 0 else "behind"
+    return f", effort {abs(lead) * 1e3:.2g} ms {side} position"
+
+
+def _base_lines(result: Check) -> list[str]:
+    base, known = result.machine.base, result.determined
+    lines = ["base parameters" + (" (x = this log does not excite it)" if known else "")]
+    for label, name, unit in zip(base.labels, base.names, base.units, strict=True):
+        mark = "x" if known.get(label) is False else " "
+        lines.append(f" {mark}{label:<12}{name} [{unit}]")
+    return lines

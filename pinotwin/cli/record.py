@@ -1,0 +1,81 @@
+"""``pinotwin record MACHINE --out LOG.csv [--seconds T] [--seed N] [--withhold ...]``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pinotwin.cli.output import add_common, say, write_json
+
+TRAJECTORIES = ("random", "multisine", "slow_reversals", "constant_speeds")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("machine", help="machine folder, machine.yaml, or a bundled name")
+    parser.add_argument("--seconds", type=float, default=20.0, help="length of the log (20)")
+    parser.add_argument("--seed", type=int, default=1,
+                        help="of the noise, and of the trajectory unless --trajectory-seed is given")  # fmt: skip
+    parser.add_argument("--trajectory", choices=TRAJECTORIES, default="random")
+    parser.add_argument("--trajectory-seed", type=int, metavar="N",
+                        help="same N, other --seed: a repeat of the same command")  # fmt: skip
+    parser.add_argument("--withhold", nargs="+", default=[], metavar="EFFECT[:AXIS]",
+                        help="effects to leave out of the truth")  # fmt: skip
+    parser.add_argument("--inject", nargs="+", default=[], metavar="EFFECT:AXIS=SIZE",
+                        help="effects to add to the truth")  # fmt: skip
+    parser.add_argument("--command", metavar="LOG", help="run the command of this log again")
+    add_common(parser, out="log to write (.csv or .parquet)", required=True)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the virtual machine and write what its controller would log."""
+    from pinotwin.errors import InputError
+    from pinotwin.machine.bundled import bundled_path, machines
+    from pinotwin.virtual import VirtualMachine
+    from pinotwin.virtual.recording import write_log
+
+    out = Path(args.out)
+    if args.seconds <= 0.0:
+        raise InputError(f"--seconds: {args.seconds:g} must be positive")
+    if out.suffix not in (".csv", ".parquet"):
+        raise InputError(f"--out: {out.name}: a log ends in .csv or .parquet")
+    if not out.parent.is_dir():
+        raise InputError(f"--out: folder {out.parent} does not exist; make it first")
+    folder = Path(args.machine)
+    if not folder.exists() and args.machine in machines():
+        folder = bundled_path(args.machine)
+    machine = VirtualMachine.load(folder, withhold=args.withhold, inject=args.inject)
+    recording = machine.record(_trajectory(args, machine), seed=args.seed)
+    write_log(out, recording.log)
+    if args.json:
+        write_json(args.json, _facts(args, recording))
+    rows = len(recording.log["t"])
+    say(f"{machine.name}: {rows} rows, {recording.log['t'][-1]:.4g} s, seed {args.seed}: {out}")
+    return 0
+
+
+def _trajectory(args, machine):  # type: ignore[no-untyped-def]
+    from pinotwin.virtual import trajectories
+
+    if args.command:
+        from pinotwin.cli.inputs import read_logs
+
+        (log,) = read_logs([args.command])
+        return trajectories.replay(log.channels, machine.axes)
+    seed = args.seed if args.trajectory_seed is None else args.trajectory_seed
+    if args.trajectory == "random":
+        return trajectories.random_trajectory(machine, args.seconds, seed)
+    if args.trajectory == "multisine":
+        return trajectories.multisine(machine, args.seconds, seed)
+    return getattr(trajectories, args.trajectory)(machine)
+
+
+def _facts(args, recording):  # type: ignore[no-untyped-def]
+    return {
+        "machine": recording.machine,
+        "seed": recording.seed,
+        "rows": len(recording.log["t"]),
+        "channels": list(recording.log),
+        "withheld": list(args.withhold),
+        "injected": list(args.inject),
+    }

@@ -1,0 +1,69 @@
+"""``pinotwin view MACHINE|TWIN [LOG] [--posture Y=0.1,A=30deg] [--html FILE]``."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pinotwin.cli.output import say
+
+if TYPE_CHECKING:
+    from pinotwin.machine import Machine
+    from pinotwin.viewer import Scene
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("machine", help="machine, twin folder, .urdf, or a bundled name")
+    parser.add_argument("log", nargs="?", help="servo log to play back")
+    parser.add_argument("--posture", metavar="Y=0.1,A=30deg", help="posture; SI unless a unit is given")
+    parser.add_argument("--html", metavar="FILE", help="write one page that opens without network")
+    parser.add_argument("--no-frames", action="store_true", help="leave out joint frames and masses")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw, and write a page or open the browser."""
+    from pinotwin.machine import Machine
+    from pinotwin.viewer import save_html, show
+
+    machine = Machine.load(args.machine)
+    drawn = draw_machine(machine, args.posture, args.log, extras=not args.no_frames)
+    if args.html:
+        save_html(Path(args.html), drawn)
+        say(f"{machine.name} written to {args.html}")
+        return 0
+    live = show(drawn)
+    say(f"{machine.name} at {live.url}; stop with Ctrl-C")
+    try:
+        while True:
+            time.sleep(1.0)
+    except KeyboardInterrupt:
+        live.close()
+    return 0
+
+
+def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extras: bool) -> Scene:
+    """Return the scene of a machine at a posture, or playing a log."""
+    from pinotwin.files import read_argument
+    from pinotwin.machine.urdf import package_dirs
+    from pinotwin.preparation import prepare
+    from pinotwin.viewer import draw, parse_posture, play, visual_model
+
+    rotary = dict(zip(machine.names, machine.rotary, strict=True))
+    joints = {part.name: part.joint for part in (*machine.axes.values(), *machine.passive.values())}
+    values = parse_posture(posture, rotary) if posture else {}
+    folders = package_dirs(machine.urdf)
+    scene = draw(
+        machine.model,
+        visual_model(machine.model, machine.urdf, folders),
+        posture={joints[name]: value for name, value in values.items()},
+        frames=extras,
+        masses=extras,
+        name=machine.name,
+    )
+    if log is None:
+        return scene
+    motion = prepare(machine, read_argument(log))
+    return play(scene, motion.t, motion.q)

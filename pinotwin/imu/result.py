@@ -1,0 +1,194 @@
+"""What the batch estimate returns: deflection on the servo clock, and how well it is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError, nearest
+from pinotwin.imu.clock import ClockFit
+from pinotwin.imu.latent import Remainder
+from pinotwin.imu.predict import Layout, RunModel
+from pinotwin.imu.reconstruct import high_passed
+from pinotwin.imu.runs import ImuRun, Priors, ServoRun
+
+CORNER = 0.5  # Hz: above it lies the dynamic band
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """One run; arrays on the servo clock, (n,), SI.
+
+    Attributes:
+        t: servo clock [s].
+        angle: deflection [rad], its quasi-static part under the load included.
+        velocity: [rad/s].
+        acceleration: [rad/s²].
+        sd_angle: standard deviation of the angle in the dynamic band (above 0.5 Hz) [rad].
+        sd_velocity: [rad/s].
+        sd_acceleration: [rad/s²].
+        quasi_static_sd: standard deviation of the angle's slow part, its mean removed [rad].
+        quasi_static: RMS of that slow part [rad].
+        clock: the clock fit after the batch.
+        scale: gyro scale deviations of the run, (3,). scale_se: their standard errors.
+        bias: gyro bias at the knots [rad/s], (knots, 3).
+        remainder: RMS of the deflection that the mode does not explain [rad].
+    """
+
+    t: Floats
+    angle: Floats
+    velocity: Floats
+    acceleration: Floats
+    sd_angle: Floats
+    sd_velocity: Floats
+    sd_acceleration: Floats
+    quasi_static_sd: float
+    quasi_static: float
+    clock: ClockFit
+    scale: Floats
+    scale_se: Floats
+    bias: Floats
+    remainder: float
+
+    @property
+    def dynamic(self) -> Floats:
+        """The angle above 0.5 Hz [rad], (n,)."""
+        return high_passed(self.t, self.angle, CORNER)
+
+    def verdict(self) -> str:
+        """Return in words what is known of the quasi-static angle; never one number for both bands."""
+        sd, size = np.degrees(self.quasi_static_sd), np.degrees(self.quasi_static)
+        if 2.0 * sd > size:
+            return f"quasi-static: not observable, +- {2.0 * sd:.2g} deg"
+        return f"quasi-static: {size:.2g} deg RMS +- {2.0 * sd:.2g} deg"
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """All runs and what they share.
+
+    Attributes:
+        runs: one result per run.
+        R_ST: mounting, link to sensor, (3, 3). R_ST_cov: covariance of its rotation vector [rad²].
+        theta: shared parameters, in the order of ``layout``. se: their standard errors.
+    """
+
+    runs: tuple[RunResult, ...]
+    R_ST: Floats
+    R_ST_cov: Floats
+    theta: Floats
+    se: Floats
+    layout: Layout = field(repr=False)
+    priors: Priors = field(repr=False)
+
+    def shared(self, name: str) -> tuple[Floats, Floats]:
+        """Return a group of shared parameters and their standard errors, e.g. "position"."""
+        if name not in self.layout.at or self.layout[name].start >= self.layout.shared:
+            names = [n for n, s in self.layout.at.items() if s.start < self.layout.shared]
+            raise DataError(f"no shared parameter {name!r}; {nearest(name, names)}")
+        return self.theta[self.layout[name]], self.se[self.layout[name]]
+
+    @property
+    def frequency(self) -> tuple[float, float]:
+        """Natural frequency with the motors held and its standard error [Hz]."""
+        f = float(np.exp(self.theta[0]) / (2.0 * np.pi))
+        return f, f * float(self.se[0])
+
+    @property
+    def damping(self) -> tuple[float, float]:
+        """Damping ratio and its standard error."""
+        zeta = float(np.exp(self.theta[1]))
+        return zeta, zeta * float(self.se[1])
+
+    @property
+    def R_GM_up(self) -> Floats:
+        """The upward direction in the machine frame (a tilted foundation shows here), (3,)."""
+        g = self.theta[self.layout["gravity"]]
+        return -g / np.linalg.norm(g)
+
+
+def run_result(
+    m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, left: Remainder,
+    p: Priors,
+) -> RunResult:  # fmt: skip
+    """Return one run's result from its parameters, their covariance and the remainder."""
+    rows = slice(None, None, m.fine.factor)
+    t = m.fine.t[rows]
+    columns = m.columns(theta, lay)
+    delta, _ = m.combine(columns, theta, lay)
+    extra, extra_sd = _on_clock(t, left)
+    places = m.places(lay)
+    C = cov[np.ix_(places, places)]
+    x, v, a = (c[rows] for c in (columns.x, columns.v, columns.a))
+    fast = high_passed(t, x, CORNER)
+    slow = x - x.mean(axis=0) - fast
+    y = delta[rows] + extra
+    slow_angle = y[:, 0] - np.mean(y[:, 0]) - high_passed(t, y[:, 0], CORNER)
+
+    def sd(J: Floats, k: int) -> Floats:
+        variance = np.einsum("ni,ij,nj->n", J, C, J)
+        return np.sqrt(np.maximum(variance, 0.0) + extra_sd[:, k] ** 2)
+
+    quasi = float(np.sqrt(np.mean(np.maximum(np.einsum("ni,ij,nj->n", slow, C, slow), 0.0))))
+    se = np.sqrt(np.diag(cov))
+    return RunResult(
+        t, y[:, 0], y[:, 1], y[:, 2], sd(fast, 0), sd(v, 1), sd(a, 2), quasi,
+        float(np.std(slow_angle)), _refined(m, theta, cov, lay, clock, p), theta[lay["scale"]],
+        se[lay["scale"]], theta[lay["bias"]].reshape(-1, 3), float(np.std(left.x[:, 0])),
+    )  # fmt: skip
+
+
+def _on_clock(t: Floats, left: Remainder) -> tuple[Floats, Floats]:
+    """Return the remainder and its standard deviation at times t; zero outside the record."""
+    inside = (t >= left.t[0]) & (t <= left.t[-1])
+    increasing = np.concatenate([[True], np.diff(left.t) > 0])
+    values = CubicSpline(left.t[increasing], left.x[increasing])(t)
+    sd = np.stack([np.interp(t, left.t, c) for c in left.sd.T], axis=1)
+    return np.where(inside[:, None], values, 0.0), sd
+
+
+def _refined(
+    m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, p: Priors
+) -> ClockFit:
+    """Return the clock with the batch's corrections; the errors are the batch's."""
+    shift, stretch = theta[lay["clock"]]
+    C = cov[lay["clock"], lay["clock"]]
+    skew = (1.0 + clock.skew) * (1.0 + stretch) - 1.0
+    segments = []
+    for s in clock.segments:
+        at = s.at_pivot + shift + stretch * (s.at_pivot - m.pivot)
+        d = s.at_pivot - m.pivot
+        se = float(np.sqrt(max(C[0, 0] + 2 * d * C[0, 1] + d**2 * C[1, 1], 0.0)))
+        segments.append(replace(s, at_pivot=at, se=float(np.hypot(se, p.gyro_delay_sd))))
+    main = max(segments, key=lambda g: g.rows.stop - g.rows.start)
+    se_skew = float(np.sqrt(C[1, 1]))
+    return replace(
+        clock, offset=main.at_pivot - (1.0 + skew) * main.pivot, skew=skew, se_skew=se_skew,
+        se_offset=float(np.hypot(main.se, main.pivot * se_skew)), segments=tuple(segments),
+    )  # fmt: skip
+
+
+def predict_readings(
+    servo: ServoRun, imu: ImuRun, run: RunResult, R_link_sensor: Floats, position: Floats,
+    clock: ClockFit, priors: Priors,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Return what another IMU on the same link should read: gyro and accelerometer, (m, 3) each.
+
+    The decisive test of a deflection: two IMUs fitted to one encoder agree by construction, but one
+    predicts the other's raw signals only if the deflection is right.
+
+    Args:
+        servo: the run as the machine saw it.
+        imu: the other IMU's record; only its stamps are used.
+        run: the deflection found with the first IMU.
+        R_link_sensor: the other IMU's mounting R_S/T.
+        position: its place in the link frame [m], (3,).
+        clock: its clock fit.
+        priors: its low-pass corners and the machine's gravity.
+    """
+    model = RunModel(servo, imu, priors, clock.to_ref(imu.t))
+    deflection = np.stack([run.angle, run.velocity, run.acceleration], axis=1)
+    return model.readings(CubicSpline(run.t, deflection)(model.fine.t), R_link_sensor, position)

@@ -1,0 +1,150 @@
+"""The pieces that a page is made of; each is escaped HTML or a plotly figure.
+
+Only :class:`Html` goes into a page as it is. Plain text is always escaped, so that a name taken from a
+file cannot become markup.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+
+@dataclass(frozen=True)
+class Html:
+    """Markup that is ready to go into a page."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure with its caption.
+
+    Attributes:
+        figure: what to draw.
+        title: caption in bold.
+        note: how to read it, one sentence.
+    """
+
+    figure: go.Figure
+    title: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Blocks side by side where the window is wide enough."""
+
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Tabs:
+    """Blocks of which one group is shown at a time.
+
+    Attributes:
+        panels: title of each tab -> its blocks.
+    """
+
+    panels: Mapping[str, Sequence[Block]]
+
+
+Block = Html | Plot | Group | Tabs | str
+"""What a section holds; a plain string is a paragraph."""
+
+
+def escape(value: object) -> str:
+    """Return text safe for HTML."""
+    return html.escape(str(value), quote=True)
+
+
+def paragraph(text: str, style: str = "") -> Html:
+    """Return a paragraph; ``style`` is a class of the style sheet (``verdict``, ``lead``)."""
+    return Html(f'<p class="{style}">{escape(text)}</p>' if style else f"<p>{escape(text)}</p>")
+
+
+def heading(text: str) -> Html:
+    """Return a heading inside a section."""
+    return Html(f"<h3>{escape(text)}</h3>")
+
+
+def notes(lines: Iterable[str]) -> Html:
+    """Return things to be careful about, each in its own box."""
+    items = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return Html(f'<ul class="note-list">{items}</ul>' if items else "")
+
+
+def bullets(lines: Iterable[str]) -> Html:
+    """Return a plain list."""
+    items = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return Html(f'<ul class="plain-list">{items}</ul>' if items else "")
+
+
+def chip(text: str, kind: str = "") -> Html:
+    """Return a short coloured label; ``kind`` is ``good``, ``fair``, ``bad`` or empty for grey."""
+    return Html(f'<span class="chip {kind}">{escape(text)}</span>')
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One figure in large print.
+
+    Attributes:
+        name: what it is of.
+        value: the figure with its unit.
+        note: what it means.
+        label: a short verdict, shown as a chip of kind ``kind``.
+        kind: see :func:`chip`.
+    """
+
+    name: str
+    value: str
+    note: str = ""
+    label: str = ""
+    kind: str = ""
+
+
+def tiles(items: Iterable[Tile]) -> Html:
+    """Return figures in large print, side by side."""
+    out = []
+    for item in items:
+        label = chip(item.label, item.kind).text if item.label else ""
+        out.append(
+            f'<div class="tile"><div class="name"><span>{escape(item.name)}</span>{label}</div>'
+            f'<div class="big">{escape(item.value)}</div>'
+            f'<div class="note">{escape(item.note)}</div></div>'
+        )
+    return Html(f'<div class="tiles">{"".join(out)}</div>')
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]], numeric: Sequence[int] = ()) -> Html:
+    """Return a plain table.
+
+    Args:
+        header: title of each column.
+        rows: cells; an :class:`Html` cell goes in as it is.
+        numeric: columns aligned as numbers.
+    """
+    kind = ["num" if k in numeric else "" for k in range(len(header))]
+    head = "".join(f'<th class="{c}">{escape(h)}</th>' for h, c in zip(header, kind, strict=True))
+    body = "".join(
+        "<tr>"
+        + "".join(f'<td class="{c}">{cell(x)}</td>' for x, c in zip(row, kind, strict=True))
+        + "</tr>"
+        for row in rows
+    )
+    return Html(
+        f'<div class="card scroll"><table><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def cell(value: object) -> str:
+    """Return the content of a table cell."""
+    return value.text if isinstance(value, Html) else escape(value)
