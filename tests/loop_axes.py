@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import signal
+from scipy import integrate, signal
 
 HERTZ = 2.0 * np.pi
 
@@ -100,9 +100,9 @@ def ball_screw(hertz=29.0, zeta=0.03, M1=18.0, M2=9.0, kp=35.0, kv=1900.0, ti=0.
 
 
 def flexure(I=3.754, k=59280.0, c=47.0, IA=0.9, b=2.0, kp=25.0, kv=110.0, ti=0.08, ff=1200.0):
-    """Tilting axis on a flexible link (thesis Eq. 5.4): inputs dA, d-delta, vr; outputs e, u, delta'.
+    """Tilting axis on a flexible link (thesis Eq. 5.4): inputs dA, d-delta, vr.
 
-    A is the table's absolute speed; the encoder sees it less that of the link.
+    Outputs e, u, delta'. A is the table's absolute speed; the encoder sees it less that of the link.
     """
     p = HERTZ * ff
     A, B = np.zeros((7, 7)), np.zeros((7, 4))
@@ -138,8 +138,8 @@ def command(seconds, step, rng, speed=0.4, acceleration=4.0):
     window = max(round(0.012 / step), 1)
     ar = np.convolve(ar, np.ones(window) / window)[:n]
     ar = np.convolve(ar, np.ones(window) / window)[:n]
-    vr = np.cumsum(ar) * step
-    return np.cumsum(vr) * step, vr, ar
+    vr = integrate.cumulative_trapezoid(ar, dx=step, initial=0.0)
+    return integrate.cumulative_trapezoid(vr, dx=step, initial=0.0), vr, ar
 
 
 def disturbance(vr, qr, rng, step, size=12.0):

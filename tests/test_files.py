@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 import json
 import pickle
-import time
 import tempfile
+import time
 from pathlib import Path
 
 import h5py

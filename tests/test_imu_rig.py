@@ -99,7 +99,9 @@ def record(
     k3 = hardening * K_D / peak**2
     d, dv, da = deflect(tau, inertia, 1 / FINE, k3, hysteresis * np.abs(tau).max(), 0.2 * peak).T
     R = turn(d + qa, qc)
-    truth = Truth(d, dv, da, LinkMotion(t, R.as_matrix(), *spin(qa, va + dv, qc, vc, ya, d, dv, da)))
+    truth = Truth(
+        d, dv, da, LinkMotion(t, R.as_matrix(), *spin(qa, va + dv, qc, vc, ya, d, dv, da))
+    )
     servo = view(t, qa, va, qc, vc, ya, tau, np.random.default_rng([seed, seed_noise]))
     return truth, servo
 

@@ -41,7 +41,7 @@ def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
     from pinotwin import __version__
 
     parser.add_argument("--version", action="version", version=f"pinotwin {__version__}")
-    sub = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    sub = parser.add_subparsers(dest="verb", metavar="COMMAND", required=True)
     for name in COMMANDS:
         text = COMMANDS[name]
         command = sub.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     named = [w for w in words[:1] if w in COMMANDS]
     try:
         args = _parser(named).parse_args(words)
-        module = importlib.import_module(f"pinotwin.cli.{args.command}")
+        module = importlib.import_module(f"pinotwin.cli.{args.verb}")
         return int(module.run(args))
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

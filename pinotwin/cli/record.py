@@ -23,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="effects to leave out of the truth")  # fmt: skip
     parser.add_argument("--inject", nargs="+", default=[], metavar="EFFECT:AXIS=SIZE",
                         help="effects to add to the truth")  # fmt: skip
+    parser.add_argument("--axis", help="axis that slow_reversals and constant_speeds move")
     parser.add_argument("--command", metavar="LOG", help="run the command of this log again")
     add_common(parser, out="log to write (.csv or .parquet)", required=True)
 
@@ -55,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _trajectory(args, machine):  # type: ignore[no-untyped-def]
+    from pinotwin.errors import InputError
     from pinotwin.virtual import trajectories
 
     if args.command:
@@ -67,7 +69,9 @@ def _trajectory(args, machine):  # type: ignore[no-untyped-def]
         return trajectories.random_trajectory(machine, args.seconds, seed)
     if args.trajectory == "multisine":
         return trajectories.multisine(machine, args.seconds, seed)
-    return getattr(trajectories, args.trajectory)(machine)
+    if args.axis is None:
+        raise InputError(f"--trajectory {args.trajectory}: say which axis, e.g. --axis {machine.axes[0]}")
+    return getattr(trajectories, args.trajectory)(machine, args.axis)
 
 
 def _facts(args, recording):  # type: ignore[no-untyped-def]

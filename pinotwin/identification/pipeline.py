@@ -59,6 +59,8 @@ def identify(
     tell = report or _silent
     tell("preparing the log", 0.02)
     logs = [log] if isinstance(log, Log) else list(log)
+    if not all(_sees_passive(machine, item) for item in logs):
+        machine = machine.with_rigid_joints()
     motion = prepare(machine, logs, cutoff=cutoff, decimate=decimate)
     tell("fitting the plant", 0.1)
     plant = fit_plant(machine, motion, consistent_inertia=consistent)
@@ -83,6 +85,11 @@ def identify(
         settings=settings,
         groups=plant.fit.group_names(),
     )
+
+
+def _sees_passive(machine: Machine, log: Log) -> bool:
+    """Whether the vibration of every passive joint was measured (see ``pinotwin vibration``)."""
+    return all(f"{name}.v" in log or f"{name}.q" in log for name in machine.passive)
 
 
 def _silent(stage: str, done: float) -> None:

@@ -138,9 +138,10 @@ def overlay(
     extracted = given.without(keys)[rows, j]
     fitted = np.sum([given.parts[key][rows, j] for key in keys], axis=0)
     grid, motion = _grid(given, j, x, against)
+    order = np.argsort(grid, kind="stable")
     return Overlay(
-        axis, given.rotary[j], against, keys, x, extracted, fitted, grid,
-        _curve(twin, keys, motion), binned(x, extracted),
+        axis, given.rotary[j], against, keys, x, extracted, fitted, grid[order],
+        _curve(twin, keys, motion)[order], binned(x, extracted),
     )  # fmt: skip
 
 

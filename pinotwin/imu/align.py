@@ -65,7 +65,9 @@ def fit_rotation(
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3:
-        raise DataError(f"an alignment needs vectors of equal shape (n, 3), not {x.shape}, {y.shape}")
+        raise DataError(
+            f"an alignment needs vectors of equal shape (n, 3), not {x.shape}, {y.shape}"
+        )
     values = np.linalg.svd(x, compute_uv=False) / np.sqrt(len(x))
     if values[0] < minimum:
         raise DataError(

@@ -80,9 +80,7 @@ def _prepare(
     settings = SyncSettings(delay=delay, delay_sd=p.gyro_delay_sd, skew=p.skew)
     if clocks is None:
         clocks = [sync(s.t, s.w, i.t, i.gyr, settings) for s, i in zip(servo, imu, strict=True)]
-    models = [
-        RunModel(s, i, p, c.to_ref(i.t)) for s, i, c in zip(servo, imu, clocks, strict=True)
-    ]
+    models = [RunModel(s, i, p, c.to_ref(i.t)) for s, i, c in zip(servo, imu, clocks, strict=True)]
     knots = max(m.knots for m in models)
     for m in models:
         m.set_knots(knots)

@@ -46,12 +46,12 @@ def remainder(
     m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener
 ) -> Remainder:
     """Return the smoothed remainder of one run for fitted parameters."""
-    t, z, C, r = _observations(m, theta, lay, R_ST, whitener)
+    t, z, C, r = _filled(m.interval, *_observations(m, theta, lay, R_ST, whitener))
     wn, zeta = np.exp(theta[lay["mode"]])
     sizes = wn**2 * np.geomspace(1e-8, 3e-4, 11)
-    scores = [_model(t, m.interval, wn, zeta, s, C).log_likelihood(z, r) for s in sizes]
+    scores = [_model(len(t), m.interval, wn, zeta, s, C).log_likelihood(z, r) for s in sizes]
     best = float(sizes[int(np.argmax(np.nan_to_num(scores, nan=-np.inf)))])
-    fit = _model(t, m.interval, wn, zeta, best, C).smooth(z, r)
+    fit = _model(len(t), m.interval, wn, zeta, best, C).smooth(z, r)
     out = np.zeros((3, 4))
     out[0, 0], out[1, 1], out[2, :3] = 1.0, 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0]
     var = np.einsum("ai,nij,aj->na", out, fit.P, out)
@@ -93,20 +93,31 @@ def _variance(whitener: Whitener) -> Floats:
     return whitener.sigma**2 * np.array(gains)
 
 
-def _model(
-    t: Floats, interval: float, wn: float, zeta: float, size: float, C: Floats
-) -> LinearModel:
-    """Return the state-space model of (e, e', f, b) with steps as the samples have them."""
+def _filled(
+    interval: float, t: Floats, z: Floats, C: Floats, r: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the same on an unbroken clock: where samples are missing their variance is infinite.
+
+    So the smoother carries the mode through a hole, where an interpolation could not.
+    """
+    at = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(t) / interval)))]).astype(
+        int
+    )
+    n = at[-1] + 1
+    times = np.interp(np.arange(n), at, t)
+    full, variance = np.zeros((n, z.shape[1])), np.full((n, z.shape[1]), np.inf)
+    full[at], variance[at] = z, r
+    return times, full, C, variance
+
+
+def _model(n: int, interval: float, wn: float, zeta: float, size: float, C: Floats) -> LinearModel:
+    """Return the state-space model of (e, e', f, b) over n samples."""
     corner = wn
     A = np.zeros((4, 4))
     A[0, 1], A[1, :3], A[2, 2] = 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0], -corner
     noise = np.diag([0.0, 0.0, 2.0 * corner * size**2, (1e-5) ** 2])
-    steps = np.maximum(1, np.round(np.diff(t) / interval).astype(int))
-    F, Q = np.empty((len(steps), 4, 4)), np.empty((len(steps), 4, 4))
-    for k in np.unique(steps):
-        h = k * interval
-        van_loan = expm(np.block([[-A, noise], [np.zeros((4, 4)), A.T]]) * h)
-        Phi = van_loan[4:, 4:].T
-        F[steps == k], Q[steps == k] = Phi, Phi @ van_loan[:4, 4:]
+    van_loan = expm(np.block([[-A, noise], [np.zeros((4, 4)), A.T]]) * interval)
+    Phi = van_loan[4:, 4:].T
     P0 = np.diag([(size / wn**2) ** 2, (size / wn) ** 2, size**2, (2e-4) ** 2])
-    return LinearModel(F, np.zeros((len(steps), 4)), Q, C, np.zeros(4), P0)
+    Q = Phi @ van_loan[:4, 4:]
+    return LinearModel(Phi[None], np.zeros((n - 1, 4)), Q[None], C, np.zeros(4), P0)

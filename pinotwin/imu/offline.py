@@ -80,7 +80,10 @@ class _Nominal:
 
 
 def offline_orientation(
-    gyr: Floats, acc: Floats, rate: float, bounds: Bounds | None = None,
+    gyr: Floats,
+    acc: Floats,
+    rate: float,
+    bounds: Bounds | None = None,
     rule: rot.Rule = "mean",
 ) -> Floats:
     """Return quaternions (n, 4), sensor to earth, heading as at the start.

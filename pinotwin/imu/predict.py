@@ -22,7 +22,7 @@ from pinotwin.imu.mode import Response, decay, respond
 from pinotwin.imu.runs import FineRun, ImuRun, Priors, ServoRun, interpolate
 from pinotwin.imu.sensor import low_pass
 
-_LOWER = ((1, 0), (2, 0), (2, 1))  # N: the rest of it is a rotation, which R_ST has
+_PAIRS = ((0, 1), (0, 2), (1, 2))  # N is symmetric: its antisymmetric part is in R_ST
 
 
 class Layout:
@@ -165,8 +165,8 @@ class RunModel:
         axis = interpolate(self.fine.axis, at - lag)[0] @ R.T
         u = w @ R.T + axis * v
         N = np.zeros((3, 3))
-        for k, (i, j) in enumerate(_LOWER):
-            N[i, j] = theta[lay["cross"]][k]
+        for k, (i, j) in enumerate(_PAIRS):
+            N[i, j] = N[j, i] = theta[lay["cross"]][k]
         scale, a, cubic = theta[lay["scale"]], theta[lay["asymmetry"]], theta[lay["cubic"]]
         G = theta[lay["g_sensitivity"]].reshape(3, 3)
         K = (np.eye(3) + np.diag(scale)) @ (np.eye(3) + N)
@@ -179,8 +179,8 @@ class RunModel:
         J[:, :, lay["turn"]] = -K @ rot.skew(u)
         J[:, :, lay["clock"].start] = (w_slope @ R.T + axis * v_slope) @ K.T / step
         J[:, :, lay["scale"]] = sheared[:, :, None] * eye
-        for k, (i, j) in enumerate(_LOWER):
-            J[:, i, lay["cross"].start + k] = u[:, j]
+        for k, (i, j) in enumerate(_PAIRS):
+            J[:, i, lay["cross"].start + k], J[:, j, lay["cross"].start + k] = u[:, j], u[:, i]
         J[:, :, lay["asymmetry"]] = np.abs(u)[:, :, None] * eye
         J[:, :, lay["cubic"]] = cube[:, :, None] * eye
         J[:, :, lay["g_sensitivity"]] = np.einsum("ij,nk->nijk", eye, f_s).reshape(m, 3, 9)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import bilinear, butter, lfilter, lfilter_zi
+from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -42,7 +42,7 @@ class Triad:
         bias: constant bias, per axis.
         bias_walk: random walk of the bias [unit/sqrt(s)].
         scale: scale-factor deviations, per axis [-].
-        nonorthogonality: off-diagonal of N, (3, 3) with zero diagonal [rad].
+        nonorthogonality: N less I, (3, 3), zero diagonal; symmetric, or it turns the mounting [rad].
         asymmetry: coefficient of abs(input), per axis [-].
         cubic: coefficient of input cubed, per axis [1/unit²].
         g_sensitivity: response to specific force, (3, 3) [unit/(m/s²)]; gyros only.
@@ -186,11 +186,15 @@ class ImuSensor:
 
 
 def low_pass(x: Floats, cutoff: float, step: float) -> Floats:
-    """Return signals (n, k) after a second-order Butterworth low-pass that starts settled."""
+    """Return signals (n, k) after a second-order Butterworth low-pass that starts settled.
+
+    Discretised for inputs that are linear between samples: a bilinear map would change the delay.
+    """
     if not np.isfinite(cutoff):
         return x
-    corner = np.tan(np.pi * cutoff * step) / (np.pi * step)  # prewarped
-    b, a = bilinear(*butter(2, 2.0 * np.pi * corner, analog=True), fs=1.0 / step)
+    analog = butter(2, 2.0 * np.pi * cutoff, analog=True)
+    b, a, _ = cont2discrete(analog, step, method="foh")
+    b = b.ravel()
     y, _ = lfilter(b, a, x, axis=0, zi=lfilter_zi(b, a)[:, None] * x[:1])
     return y
 
@@ -219,15 +223,19 @@ def mti630(rng: np.random.Generator, number: int = 1, *, scale: float = 3e-3) ->
         1: ([0.1329, 0.04537, 0.09289], [0.08493, 0.07997, 0.08274], [8.165, 7.291, 5.651]),
         2: ([-0.06855, 0.03738, 0.06225], [0.1663, 0.09148, 0.08925], [8.647, 7.331, 6.408]),
     }[number]
-    off = 1.0 - np.eye(3)
+
+    def skewed() -> Floats:  # symmetric: what is antisymmetric in it is mounting
+        a, b, c = rng.normal(0.0, 0.03 * _DEG, 3)
+        return np.array([[0.0, a, b], [a, 0.0, c], [b, c, 0.0]])
+
     gyro = Triad(
         noise=np.array(noise) * _DEG, bias=np.array(bias) * _DEG, bias_walk=5e-4 * _DEG,
-        scale=rng.normal(0.0, scale, 3), nonorthogonality=off * rng.normal(0, 0.02 * _DEG, (3, 3)),
+        scale=rng.normal(0.0, scale, 3), nonorthogonality=skewed(),
         asymmetry=rng.normal(0, 1e-4, 3), cubic=rng.normal(0, 3e-5, 3),
         g_sensitivity=rng.normal(0, 1e-3 * _DEG / _G, (3, 3)), cutoff=140.0,
     )  # fmt: skip
     accel = Triad(
         noise=np.array(acc) * 1e-3, bias=rng.normal(0.0, 0.02, 3), scale=rng.normal(0, 1e-3, 3),
-        nonorthogonality=off * rng.normal(0, 0.02 * _DEG, (3, 3)), cutoff=140.0,
+        nonorthogonality=skewed(), cutoff=140.0,
     )  # fmt: skip
     return ImuSensor(gyro=gyro, accel=accel)

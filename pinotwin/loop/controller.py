@@ -11,6 +11,7 @@ PID ffv does.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -111,8 +112,14 @@ class Controller:
 
     @property
     def seen_late(self) -> float:
-        """Filter and delay of the velocity, as the one time constant of the matrices [s]."""
-        return self.filter_time + self.velocity_delay
+        """Filter and delay of the velocity, as the one time constant of the matrices [s].
+
+        The sampled filter y[k] = a y[k-1] + (1 - a) v[k] with a = exp(-step / filter_time) is late by
+        a / (1 - a) samples, half a sample less than its time constant.
+        """
+        if self.filter_time <= 0.0:
+            return self.velocity_delay
+        return self.velocity_delay + self.step / math.expm1(self.step / self.filter_time)
 
     def _law(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Return the undelayed law: A, B of filter and integral, and the rows of u."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -202,11 +202,26 @@ class Machine:
 
     def with_effects(self, axis: str, effects: tuple[Effect, ...]) -> Machine:
         """Return the machine with other effects on one axis."""
-        from dataclasses import replace
-
         axes = dict(self.axes)
         axes[axis] = replace(self.axis(axis), effects=effects)
         return replace(self, axes=axes)
+
+    def with_rigid_joints(self) -> Machine:
+        """Return the machine with its passive joints locked at zero: as if they were infinitely stiff."""
+        if not self.passive:
+            return self
+        model = self.model
+        locked = [model.getJointId(part.joint) for part in self.passive.values()]
+        rigid = pin.buildReducedModel(model, locked, pin.neutral(model))
+        armature = np.zeros(rigid.nv)
+        axes = {}
+        for name, axis in self.axes.items():
+            index = int(rigid.idx_vs[rigid.getJointId(axis.joint)])
+            armature[index] = model.armature[axis.index]
+            axes[name] = replace(axis, index=index)
+        rigid.armature = armature
+        spec = {key: value for key, value in self.spec.items() if key != "passive"}
+        return replace(self, model=rigid, axes=axes, passive={}, spec=spec)
 
     def posture(self, values: Mapping[str, float] | None = None) -> Floats:
         """Return the configuration with the named axes at ``values`` [m or rad], others at zero."""

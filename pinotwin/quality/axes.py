@@ -195,8 +195,9 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
     """Compare position with command and with velocity: other units or other axes show at once."""
     q = log[f"{name}.q"]
     if f"{name}.qr" in log:
-        apart = q - log[f"{name}.qr"]
-        if np.nanstd(apart) > 0.5 * np.nanstd(q) > 0:
+        command = log[f"{name}.qr"]
+        both = np.isfinite(q) & np.isfinite(command)
+        if both.any() and np.std((q - command)[both]) > 0.5 * np.std(q[both]) > 0:
             yield Finding(
                 "warning", f"{name}.qr",
                 "command and position do not agree: another unit, sign or axis? check columns",

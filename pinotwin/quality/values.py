@@ -58,19 +58,22 @@ def saturated_rows(x: Floats) -> Mask:
     """Return the rows that sit on a flat top or bottom.
 
     Flat means: at least 3 samples in a row exactly at the extreme, 0.1 % of all rows (and 5), and
-    more rows than the 2 % of the range next to the extreme hold.
+    four times as many rows as beside it: within 2 % of the range, or on the next level of a coarse
+    signal (the top of a quantised sine holds up to 2.4 times as many as the level below).
     """
     flat = np.zeros(len(x), dtype=bool)
     good = np.isfinite(x)
     if good.sum() < 10 or np.ptp(x[good]) == 0:
         return flat
-    span = float(np.ptp(x[good]))
-    for extreme in (float(x[good].max()), float(x[good].min())):
+    levels = np.unique(x[good])
+    span = float(np.ptp(levels))
+    for extreme, beyond in ((levels[-1], levels[-2]), (levels[0], levels[1])):
         at = np.abs(x - extreme) <= _FLOAT * span
         at[~good] = False
-        beside = (np.abs(x - extreme) <= 0.02 * span) & ~at & good
+        near = max(0.02 * span, 1.01 * abs(float(extreme - beyond)))
+        beside = (np.abs(x - extreme) <= near) & ~at & good
         runs = _run_lengths(at)
-        if (runs >= 3).any() and at.sum() >= max(5, 0.001 * len(x)) and at.sum() > 3 * beside.sum():
+        if (runs >= 3).any() and at.sum() >= max(5, 0.001 * len(x)) and at.sum() > 4 * beside.sum():
             flat |= at
     return flat
 

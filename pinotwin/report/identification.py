@@ -1,0 +1,219 @@
+"""The report of an identification: verdict, evidence, parameters, and what these data cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pinotwin.errors import DataError
+from pinotwin.identification.study_evidence import Evidence, evidence, split_rigid_body
+from pinotwin.identification.study_overlay import (
+    FRICTION,
+    RIPPLE,
+    TABLE,
+    effect_keys_of,
+    overlay,
+)
+from pinotwin.log import Log
+from pinotwin.report import display
+from pinotwin.report.blocks import (
+    Block,
+    Group,
+    Plot,
+    Tabs,
+    bullets,
+    heading,
+    notes,
+    paragraph,
+    table,
+    tiles,
+)
+from pinotwin.report.effort_plots import (
+    breakdown_figure,
+    can_correlate,
+    correlation_figure,
+    effort_figure,
+    residual_figure,
+    shares_figure,
+    spectrum_figure,
+)
+from pinotwin.report.page import Page
+from pinotwin.report.parameter_table import parameter_table
+from pinotwin.report.study_plots import overlay_figure
+from pinotwin.report.verdict import axis_tiles, cautions, headline
+from pinotwin.twin import Twin
+
+
+def identification_report(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> str:
+    """Return a self-contained HTML page about an identified machine.
+
+    Args:
+        twin: what was identified.
+        logs: the log(s) it was identified from.
+        validate: log(s) it was judged on, if there were any.
+
+    Raises:
+        DataError: the logs hold no row that the twin can be compared with.
+    """
+    return identification_page(twin, logs, validate).html()
+
+
+def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> Page:
+    """Return the same report as a :class:`Page`, to which further sections can be added."""
+    given = evidence(twin, logs)
+    split = split_rigid_body(twin, given)
+    page = Page(f"{twin.machine.name}: identification", subtitle(given))
+    page = page.section(
+        "Verdict", paragraph(headline(twin), "verdict"), tiles(axis_tiles(twin)),
+        *_cautions(twin),
+    )  # fmt: skip
+    if validate:
+        page = page.section(
+            "Validation", Plot(effort_figure(evidence(twin, validate))),
+            intro="Measured and predicted effort on a log that was not used to fit.",
+        )  # fmt: skip
+    page = page.section(
+        "Effort", Plot(effort_figure(given)),
+        intro="Measured and predicted effort on the data that were fitted, both after the same "
+        "zero-phase filter. Drag to zoom: all axes follow; double-click to go back.",
+    )  # fmt: skip
+    page = page.section(
+        "Causes", Plot(shares_figure(split)),
+        intro="What the effort is made of: the RMS of each effect as a share of the sum of all. "
+        "Coupling is what the other axes' motion adds.",
+    )  # fmt: skip
+    page = page.section("Axis by axis", Tabs(axis_panels(twin, given, split)))
+    page = page.section(
+        "Parameters", parameter_table(twin.parameters, list(twin.machine.axes)),
+        intro="Values in SI with 95 % intervals that allow for coloured residuals. Click a heading "
+        "to sort. A parameter that these data do not determine shows no number: whatever the twin "
+        "uses for it comes from the URDF, not from the machine.",
+    )  # fmt: skip
+    page = page.section("Limits of these data", *_limits(twin))
+    return page.section("Data", *_data(twin, given))
+
+
+def subtitle(given: Evidence) -> str:
+    """Return the line below the title: where the data came from and how much of it there is."""
+    count = int(sum(given.use[:, j].sum() for j in given.measured))
+    length = display.seconds(float(given.t[-1] - given.t[0]))
+    return f"{display.elided(given.source)} · {length} · {count} rows compared"
+
+
+def _cautions(twin: Twin) -> tuple[Block, ...]:
+    lines = cautions(twin)
+    return (heading("Be careful with"), notes(lines)) if lines else ()
+
+
+def axis_panels(twin: Twin, given: Evidence, split: Evidence) -> Mapping[str, Sequence[Block]]:
+    """Return the detailed plots of every axis, by its name."""
+    return {given.names[j]: axis_panel(twin, given, split, j) for j in given.measured}
+
+
+def axis_panel(twin: Twin, given: Evidence, split: Evidence, j: int) -> list[Block]:
+    """Return the detailed plots of one axis."""
+    out: list[Block] = [
+        Plot(
+            breakdown_figure(split, j), f"{given.names[j]}: contribution of each effect",
+            "Click a name in the legend to hide or show it.",
+        ),
+        *_overlays(twin, given, j),
+        Group((
+            Plot(residual_figure(given, j, "velocity"), "Residual against velocity",
+                 "A curve in the median is friction that the model does not have."),
+            Plot(residual_figure(given, j, "position"), "Residual against position",
+                 "A curve or a wave in the median is ripple, cable or guideway."),
+        )),
+    ]  # fmt: skip
+    if can_correlate(given, j):
+        spectrum = Plot(
+            spectrum_figure(given, j), "Spectrum",
+            "A peak in the residual is a resonance or a ripple at steady speed.",
+        )  # fmt: skip
+        correlation = Plot(
+            correlation_figure(given, j), "Autocorrelation of the residual",
+            "White noise stays within the grey band; the intervals allow for what does not.",
+        )  # fmt: skip
+        out.append(Group((spectrum, correlation)))
+    return out
+
+
+def _overlays(twin: Twin, given: Evidence, j: int) -> list[Block]:
+    name = given.names[j]
+    out: list[Block] = []
+    wanted = (
+        (FRICTION, "velocity", "Friction"),
+        (RIPPLE, "position", "Ripple"),
+        (TABLE, "position", "Position-dependent effort"),
+    )
+    for names, against, title in wanted:
+        if not effect_keys_of(twin, name, names) or not given.use[:, j].any():
+            continue
+        found = overlay(twin, given, name, names, against)  # type: ignore[arg-type]
+        note = (
+            "Points: measured effort minus all other effects of the twin; line: the model, which "
+            f"explains {display.percent(max(found.explained, 0.0))} of their power."
+        )
+        out.append(Plot(overlay_figure(found), f"{title} of {name}", note))
+    return out
+
+
+def _limits(twin: Twin) -> list[Block]:
+    """Return the groups that cannot be told apart and the parameters nothing excites."""
+    out: list[Block] = []
+    if twin.groups:
+        out.append(paragraph("These parameters are known only in combination; on these data no "
+                             "method can tell the members of a group apart:"))  # fmt: skip
+        out.append(bullets(", ".join(str(name) for name in group) for group in twin.groups))
+    tied = {name for group in twin.groups for name in group}
+    alone = [row for row in twin.parameters if not row.determined and row.name not in tied]
+    if alone:
+        out.append(paragraph("Not determined:"))
+        out.append(bullets(f"{row.name}: {_why(row.verdict)}" for row in alone))
+    if not out:
+        out.append(paragraph("Every parameter of the model is determined by these data."))
+    return out
+
+
+def _why(verdict: str) -> str:
+    return verdict.removeprefix("not determined: ") if ":" in verdict else "no information"
+
+
+def _data(twin: Twin, given: Evidence) -> list[Block]:
+    rows = [
+        [
+            display.elided(str(item.get("source", "")), 80), item.get("samples", ""),
+            f"{float(item['rate']):.6g} Hz" if item.get("rate") else "", item.get("fingerprint", ""),
+        ]
+        for item in twin.data
+    ]  # fmt: skip
+    out: list[Block] = []
+    if rows:
+        out.append(table(("file", "samples", "rate", "fingerprint"), rows, numeric=(1, 2)))
+    said = [f"{item.get('source')}: {note}" for item in twin.data for note in item.get("notes", ())]
+    out.append(bullets([*_settings(twin, given), *said]))
+    return out
+
+
+def _settings(twin: Twin, given: Evidence) -> list[str]:
+    cutoff, step = twin.settings.get("cutoff"), twin.settings.get("decimate")
+    used = ", ".join(f"{given.names[j]} {int(given.use[:, j].sum())}" for j in given.measured)
+    lines = [
+        "low-pass corner: " + (f"{float(cutoff):.4g} Hz, zero phase" if cutoff else "none"),
+        f"one row in {step or 1} fitted, {given.rate:.4g} rows a second",
+        f"rows above the speed threshold of each axis: {used}",
+    ]
+    quality: Mapping[str, Any] = twin.quality
+    if "condition" in quality and np.isfinite(quality["condition"]):
+        lines.append(
+            f"scaled condition number {quality['condition']:.3g}, rank {quality.get('rank', '?')} "
+            f"of {quality.get('parameters', len(twin.theta))}"
+        )
+    if quality.get("validation_source"):
+        lines.append(f"validated on {quality['validation_source']}")
+    return lines
+
+
+__all__ = ["DataError", "identification_page", "identification_report"]

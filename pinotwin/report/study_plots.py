@@ -1,0 +1,134 @@
+"""Figures of the thesis' studies (Fig. 3-6, 3-7, 3-9, 3-10, 4-10, 4-11) and of the ripple search."""
+
+from __future__ import annotations
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from pinotwin.identification.ripple_orders import RippleOrders
+from pinotwin.identification.study_amount import ErrorAgainstData
+from pinotwin.identification.study_coupling import CoupledAgainstDecoupled
+from pinotwin.identification.study_overlay import Overlay
+from pinotwin.report import display
+from pinotwin.report.figures import (
+    ACCENT,
+    MEASURED,
+    RESIDUAL,
+    dots,
+    line,
+    some_rows,
+    style,
+    visible_rows,
+)
+
+
+def overlay_figure(given: Overlay) -> go.Figure:
+    """Return the extracted data with the fitted curve over them."""
+    of = display.velocity if given.against == "velocity" else display.position
+    across = of(given.rotary, display.largest(given.x))
+    up = display.effort(given.rotary, display.largest(given.extracted))
+    rows = some_rows(len(given.x))
+    bins = given.bins
+    figure = go.Figure(
+        dots(across(given.x[rows]), up(given.extracted[rows]), "measured minus all other effects")
+    )
+    figure.add_trace(
+        go.Scatter(
+            x=across(bins.x), y=up(bins.median), mode="markers", name="median of the data",
+            marker={"color": MEASURED, "size": 6, "line": {"width": 0}},
+            error_y={
+                "type": "data", "symmetric": False, "array": up(bins.high - bins.median),
+                "arrayminus": up(bins.median - bins.low), "thickness": 1, "width": 0,
+                "color": MEASURED,
+            },
+            hovertemplate=f"%{{y:.4g}} {up.unit}<extra>median</extra>",
+        )
+    )  # fmt: skip
+    figure.add_trace(line(across(given.grid), up(given.curve), "model", ACCENT, width=2.2))
+    style(figure, 330)
+    figure.update_xaxes(title_text=f"{given.against} [{across.unit}]")
+    figure.update_yaxes(title_text=f"{given.axis} [{up.unit}]")
+    low, high = np.percentile(given.extracted, [0.5, 99.5])
+    low, high = min(low, given.curve.min()), max(high, given.curve.max())
+    margin = 0.12 * max(high - low, 1e-12)
+    span = [float((low - margin) * up.factor), float((high + margin) * up.factor)]
+    figure.update_yaxes(range=span)
+    return figure
+
+
+def amount_figure(given: ErrorAgainstData) -> go.Figure:
+    """Return the normalised error against the amount of data."""
+    figure = go.Figure()
+    for y, name, colour, dash in (
+        (given.fitted, "on the data fitted", MEASURED, "dot"),
+        (given.held_out, "on data kept back", ACCENT, None),
+    ):
+        trace = line(given.seconds, 100.0 * y, name, colour, width=2, dash=dash, unit="%")
+        trace.update(mode="lines+markers")
+        figure.add_trace(trace)
+    style(figure, 330)
+    figure.update_xaxes(title_text="length of the data fitted [s]", rangemode="tozero")
+    top = 130.0 * float(np.nanmedian(given.held_out))
+    worst = 105.0 * float(np.nanmax(np.r_[given.fitted, given.held_out]))
+    figure.update_yaxes(title_text="error norm / effort norm [%]", range=[0, min(3 * top, worst)])
+    return figure
+
+
+def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> go.Figure:
+    """Return both models' errors on every axis, and their predictions of one."""
+    names = list(given.axes)
+    chosen = axis if axis in given.axes else max(given.gain, key=lambda name: given.gain[name])
+    figure = make_subplots(
+        rows=1, cols=2, column_widths=[0.27, 0.73], horizontal_spacing=0.09,
+        subplot_titles=("held-out error", f"effort of {chosen}"),
+    )  # fmt: skip
+    for name, colour in (("decoupled", RESIDUAL), ("coupled", ACCENT)):
+        errors = [100.0 * getattr(given.axes[a], f"{name}_error")["nrmse_std"] for a in names]
+        figure.add_bar(
+            x=names, y=errors, name=name, legendgroup=name, marker_color=colour, row=1, col=1,
+            hovertemplate="%{y:.3g} %<extra>%{x}</extra>",
+        )  # fmt: skip
+    row = given.axes[chosen]
+    rows = visible_rows([row.u, row.decoupled])
+    scale = display.effort(row.rotary, display.largest(row.u))
+    t = np.asarray(row.t[rows] - row.t[0], np.float32)
+    for y, name, colour in (
+        (row.u, "measured", MEASURED),
+        (row.decoupled, "decoupled", RESIDUAL),
+        (row.coupled, "coupled", ACCENT),
+    ):
+        trace = line(t, scale(y[rows]), name, colour, legend=name == "measured", unit=scale.unit)
+        figure.add_trace(trace, row=1, col=2)
+    style(figure, 380)
+    figure.update_layout(barmode="group", margin_t=64, legend_y=1.1)
+    figure.update_yaxes(title_text="RMS error / standard deviation [%]", row=1, col=1)
+    figure.update_xaxes(title_text="time [s]", row=1, col=2)
+    figure.update_yaxes(title_text=f"[{scale.unit}]", row=1, col=2)
+    return figure
+
+
+def orders_figure(given: RippleOrders) -> go.Figure:
+    """Return the spectrum over the orders with those found named."""
+    figure = go.Figure()
+    figure.add_trace(
+        go.Bar(
+            x=given.searched, y=given.spectrum, name="all orders", marker_color=MEASURED,
+            hovertemplate="order %{x:.4g}: %{y:.3g}<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.add_trace(
+        go.Scatter(
+            x=given.orders, y=given.amplitude, mode="markers+text", name="found",
+            text=[f"{order:.4g}" for order in given.orders], textposition="top center",
+            marker={"color": ACCENT, "size": 8},
+        )
+    )  # fmt: skip
+    figure.add_trace(
+        line(given.searched, given.threshold, "threshold", RESIDUAL, width=1.4, dash="dot")
+    )
+    style(figure, 340)
+    unit = "revolution" if given.rotary else "metre"
+    figure.update_xaxes(title_text=f"order [1/{unit}]")
+    figure.update_yaxes(title_text="amplitude", rangemode="tozero")
+    return figure

@@ -1,0 +1,135 @@
+"""The verdict in plain words: how well each axis is predicted on data not used to fit, and what to mind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pinotwin.report.blocks import Tile
+from pinotwin.report.display import effort, percent
+from pinotwin.twin import Twin
+
+GRADES = ((0.05, "very good", "good"), (0.12, "good", "good"), (0.3, "fair", "fair"))
+"""Held-out error against the effort's standard deviation, below which a word applies."""
+
+
+def grade(error: float) -> tuple[str, str]:
+    """Return word and colour for a held-out error relative to the effort's standard deviation."""
+    if not math.isfinite(error):
+        return "not judged", ""
+    for limit, word, kind in GRADES:
+        if error < limit:
+            return word, kind
+    return "poor", "bad"
+
+
+def judged(row: Mapping[str, Any]) -> tuple[Mapping[str, float], str]:
+    """Return the errors of an axis on data that were not fitted, and what data those are."""
+    if row.get("validation"):
+        return row["validation"], "On the validation log"
+    return row.get("held_out") or {}, "On stretches of the log that were held out in turn"
+
+
+def error_of(row: Mapping[str, Any], name: str) -> float:
+    """Return one figure of an axis' held-out error, NaN when it is not known."""
+    value = judged(row)[0].get(name)
+    return math.nan if value is None else float(value)
+
+
+def headline(twin: Twin) -> str:
+    """Return the verdict in one or two sentences."""
+    axes = twin.quality.get("axes", {})
+    if not axes:
+        return "This twin carries no judgement of itself: it was not identified from a log."
+    where = judged(next(iter(axes.values())))[1]
+    errors = {name: error_of(row, "nrmse_std") for name, row in axes.items()}
+    known = {name: x for name, x in errors.items() if math.isfinite(x)}
+    if not known:
+        return "The log is too short to judge the twin on data that were not fitted."
+    worst = max(known, key=lambda name: known[name])
+    size = f"{percent(known[worst])} of its standard deviation ({_rms(twin, worst)})"
+    if len(axes) == 1:
+        return f"{where}, the twin predicts the motor effort of {worst} to {size}."
+    words: dict[str, list[str]] = {}
+    for name, error in errors.items():
+        words.setdefault(_adverb(error), []).append(name)
+    order = [word for word in _ADVERBS.values() if word in words]
+    said = _and([f"{word} on {_and(words[word])}" for word in order])
+    return f"{where}, the twin predicts the motor effort {said}. The largest error is on {worst}: {size}."
+
+
+_ADVERBS = {
+    "very good": "very well", "good": "well", "fair": "fairly", "poor": "poorly",
+    "not judged": "unjudged",
+}  # fmt: skip
+
+
+def _adverb(error: float) -> str:
+    return _ADVERBS[grade(error)[0]]
+
+
+def _rms(twin: Twin, axis: str) -> str:
+    rotary = dict(zip(twin.machine.names, twin.machine.rotary, strict=True))
+    rms = error_of(twin.quality["axes"][axis], "rms")
+    scale = effort(bool(rotary.get(axis)), rms)
+    return f"{rms * scale.factor:.3g} {scale.unit} RMS"
+
+
+def _and(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def axis_tiles(twin: Twin) -> list[Tile]:
+    """Return one tile per axis: its error on data not fitted."""
+    out = []
+    for name, row in twin.quality.get("axes", {}).items():
+        error = error_of(row, "nrmse_std")
+        word, kind = grade(error)
+        note = (
+            f"of the effort's standard deviation, on data not fitted: {_rms(twin, name)}, "
+            f"{percent(error_of(row, 'nrmse'))} of the RMS effort. "
+            f"In the fit: {percent(float(row.get('fit_std', math.nan)))}."
+        )
+        out.append(Tile(f"Axis {name}", percent(error), note, word, kind))
+    return out
+
+
+def cautions(twin: Twin) -> list[str]:
+    """Return what to be careful about, most important first."""
+    quality = twin.quality
+    out = [str(line) for line in quality.get("warnings", ())]
+    open_rows = [row.name for row in twin.parameters if not row.determined]
+    if open_rows:
+        out.append(
+            f"{len(open_rows)} of {len(twin.parameters)} parameters are not determined by these data"
+            f" ({_first(open_rows)}): predictions of other motions that need them rest on what the"
+            " URDF says."
+        )
+    out += _colour(quality.get("axes", {}))
+    moved = quality.get("consistency") or {}
+    if moved.get("moved"):
+        out.append(
+            "The best fit asked for inertias that no real body has; the nearest possible ones were"
+            f" taken, which raised the fit's cost {_times(moved.get('cost_ratio'))}."
+        )
+    return out
+
+
+def _times(ratio: float | None) -> str:
+    return "a little" if ratio is None else f"to {ratio:.3f} times"
+
+
+def _first(names: Sequence[str], count: int = 4) -> str:
+    return ", ".join(names[:count]) + (" …" if len(names) > count else "")
+
+
+def _colour(axes: Mapping[str, Any]) -> list[str]:
+    """Say on which axes the residual still has structure."""
+    names = [name for name, row in axes.items() if float(row.get("lag1", 0.0)) > 0.5]
+    if not names:
+        return []
+    return [
+        f"The residual of {_and(names)} is not white: something systematic is left in it. The "
+        "intervals below allow for that; `pinotwin diagnose` looks for the cause."
+    ]
