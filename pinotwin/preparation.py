@@ -256,7 +256,8 @@ def _fast_enough(machine: Machine, v: Floats) -> Mask:
     """
     use = np.ones(v.shape, dtype=bool)
     for axis in machine.axes.values():
-        use[:, axis.index] &= _moving(v[:, axis.index], axis.min_speed)
+        if not any(effect.uses_standstill for effect in axis.effects):
+            use[:, axis.index] &= _moving(v[:, axis.index], axis.min_speed)
         for effect in axis.effects:
             partner = getattr(effect, "partner", None)
             if partner is not None:

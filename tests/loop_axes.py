@@ -102,7 +102,7 @@ def ball_screw(hertz=29.0, zeta=0.03, M1=18.0, M2=9.0, kp=35.0, kv=1900.0, ti=0.
 def flexure(I=3.754, k=59280.0, c=47.0, IA=0.9, b=2.0, kp=25.0, kv=110.0, ti=0.08, ff=1200.0):
     """Tilting axis on a flexible link (thesis Eq. 5.4): inputs dA, d-delta, vr.
 
-    Outputs e, u, delta'. A is the table's absolute speed; the encoder sees it less that of the link.
+    Outputs e, u, delta'. A is the table's absolute speed; the encoder reads it less the link's.
     """
     p = HERTZ * ff
     A, B = np.zeros((7, 7)), np.zeros((7, 4))

@@ -164,7 +164,8 @@ def test_an_unknown_unit_names_the_nearest() -> None:
 BAD_BINDINGS: list[tuple[dict[str, object], str]] = [
     (
         {"Y.q": "Y_ActPoss"},
-        "run.csv: Y.q: no column 'Y_ActPoss'; did you mean 'Y_ActPos'? known: Time, Y_ActPos, Y_Cur",
+        "run.csv: Y.q: no column 'Y_ActPoss'; did you mean 'Y_ActPos'? known: Time, "
+        "Y_ActPos, Y_Cur",
     ),
     (
         {"Y.u": {"column": "Y_Cur", "factor": "gtua"}},
@@ -172,8 +173,8 @@ BAD_BINDINGS: list[tuple[dict[str, object], str]] = [
     ),
     (
         {},
-        "run.csv: no channel has a name of the contract (t, <axis>.q, <axis>.u...) and no columns are "
-        "mapped; map them under `columns` in machine.yaml; channels: Time, Y_ActPos, Y_Cur",
+        "run.csv: no channel has a name of the contract (t, <axis>.q, <axis>.u...) and no columns "
+        "are mapped; map them under `columns` in machine.yaml; channels: Time, Y_ActPos, Y_Cur",
     ),
     (
         {"Y.q": "[1]"},

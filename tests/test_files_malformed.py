@@ -21,6 +21,7 @@ from pinotwin.files import read, read_argument
 _ENDINGS = (
     ".asc, .csv, .dat, .h5, .hdf, .hdf5, .log, .mat, .mcap, .npy, .npz, .parquet, .pq, .tsv, .txt"
 )
+_NO_NUMBERS = "holds no numbers; export the recorded signals as numeric columns"
 _NO_SERIES = "holds a single row or only single numbers; export time series"
 
 
@@ -103,14 +104,17 @@ CASES: list[tuple[str, bytes, str]] = [
         "german.csv", b"t,q\n0,0,1,5\n0,1,1,6\n",
         "line 2 has 4 cells where 2 are expected; correct the line",
     ),
-    ("twice.csv", b"t,q,q\n0,1,2\n1,2,3\n", "columns 2, 3 are all named 'q'; rename them in the file"),
+    (
+        "twice.csv", b"t,q,q\n0,1,2\n1,2,3\n",
+        "columns 2, 3 are all named 'q'; rename them in the file",
+    ),
     (
         "twice_unit.csv", b"t,q [mm],q [deg]\n0,1,2\n1,2,3\n",
         "two channels are named 'q'; rename one in the file",
     ),
     (
         "words.csv", b"mode,tool\nauto,a\nman,b\n",
-        "holds no numbers; export the recorded signals as numeric columns",
+        _NO_NUMBERS,
     ),
     (
         "binary.csv", bytes(range(256)) * 4,
@@ -133,8 +137,8 @@ CASES: list[tuple[str, bytes, str]] = [
     ),
     (
         "not.mat", b"t,q\n0,1\n",
-        "is not a mat file although it ends in .mat; it begins with b't,q\\n0,1\\n'; export it again "
-        "or correct the ending",
+        "is not a mat file although it ends in .mat; it begins with b't,q\\n0,1\\n'; export it "
+        "again or correct the ending",
     ),
     (
         "not.parquet", b"t,q\n",
@@ -150,9 +154,9 @@ CASES: list[tuple[str, bytes, str]] = [
         "objects.npy", _npy(np.array([1, [2, 3]], dtype=object)),
         "holds Python objects, and a pickle can run code; save it as plain numbers",
     ),
-    ("text.npy", _npy(np.array(["a", "b"])), "holds no numbers; export the recorded signals as numeric columns"),
+    ("text.npy", _npy(np.array(["a", "b"])), _NO_NUMBERS),
     ("scalars.mat", _mat(kp=1.0, kv=2.0), _NO_SERIES),
-    ("texts.mat", _mat(a="hello"), "holds no numbers; export the recorded signals as numeric columns"),
+    ("texts.mat", _mat(a="hello"), _NO_NUMBERS),
     (
         "empty.parquet", _parquet(pa.table({"t": pa.array([], pa.float64())})),
         "has columns but no rows; record or export it again",
@@ -161,11 +165,11 @@ CASES: list[tuple[str, bytes, str]] = [
         "twice.parquet", _parquet(pa.table([pa.array([1.0, 2.0])] * 2, names=["q", "q"])),
         "columns 1, 2 are all named 'q'; rename them in the file",
     ),
-    ("empty.h5", _hdf5(), "holds no numbers; export the recorded signals as numeric columns"),
+    ("empty.h5", _hdf5(), _NO_NUMBERS),
     (
         "ros.mcap", _mcap("cdr", b"\x00\x01"),
-        "topic '/servo' is encoded as 'cdr'; only JSON messages of numbers can be read, re-encode the "
-        "topic or export it as CSV",
+        "topic '/servo' is encoded as 'cdr'; only JSON messages of numbers can be read, re-encode "
+        "the topic or export it as CSV",
     ),
     ("none.mcap", _mcap("json", b"{}", messages=0), "holds no messages; record it again"),
     (
@@ -204,6 +208,49 @@ def test_files_cut_in_half_are_said_to_be_damaged(
         read(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
+
+
+def _broken(whole: bytes, rng: np.random.Generator) -> bytes:
+    """Return a file with some bytes changed, its end cut off, or a part replaced."""
+    raw = bytearray(whole)
+    kind = rng.integers(3)
+    if kind == 0:
+        for place in rng.integers(0, len(raw), 4):
+            raw[place] = rng.integers(256)
+    elif kind == 1:
+        del raw[rng.integers(1, len(raw)) :]
+    else:
+        start = rng.integers(len(raw))
+        raw[start : start + 10] = rng.bytes(20)
+    return bytes(raw)
+
+
+_NUMBERS = np.random.default_rng(0).normal(size=(60, 3))
+SOUND: list[tuple[str, Callable[[], bytes]]] = [
+    ("x.csv", lambda: "\n".join(",".join(map(repr, r)) for r in _NUMBERS.tolist()).encode()),
+    ("x.npy", lambda: _npy(_NUMBERS)),
+    ("x.mat", lambda: _mat(rec={"q": _NUMBERS, "name": "abc"}, k=2.0)),
+    ("x.h5", lambda: _hdf5(q=_NUMBERS, k=3.0)),
+    ("x.parquet", lambda: _parquet(pa.table({"q": _NUMBERS[:, 0]}))),
+    ("x.mcap", lambda: _mcap("json", b'{"q": 1.0}', messages=50)),
+]
+
+
+@pytest.mark.parametrize(("name", "make"), SOUND, ids=[c[0] for c in SOUND])
+def test_whatever_happens_to_a_file_the_answer_is_a_log_or_one_line(
+    tmp_path: Path, name: str, make: Callable[[], bytes]
+) -> None:
+    rng = np.random.default_rng(1)
+    path = tmp_path / name
+    said: list[str] = []
+    for _ in range(60):
+        path.write_bytes(_broken(make(), rng))
+        try:
+            read(path)
+        except LogError as error:
+            said.append(str(error))
+    assert said
+    assert all(text.startswith(f"{path}: ") and "\n" not in text for text in said)
 
 
 def test_missing_file_lists_the_logs_beside_it(tmp_path: Path) -> None:

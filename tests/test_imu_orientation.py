@@ -74,7 +74,8 @@ def swing(seconds: float = 40.0, rate: float = 200.0) -> tuple[np.ndarray, np.nd
     w[t < 2.0] = 0.0
     q = rot.strapdown(w, 1 / rate)
     acc = rot.rotate(rot.conjugate(q), np.tile([0, 0, 9.81], (len(t), 1)))
-    gyr = w + np.array([5e-3, -3e-3, 2e-3]) + 1e-3 * rng.normal(size=w.shape)
+    mean = np.vstack([w[:1], rot.increments(w, 1 / rate) * rate])  # over the step that ends there
+    gyr = mean + np.array([5e-3, -3e-3, 2e-3]) + 1e-3 * rng.normal(size=w.shape)
     return q, gyr, acc + 0.02 * rng.normal(size=w.shape)
 
 

@@ -114,7 +114,7 @@ def test_decimate_stretch_by_stretch() -> None:
 
 @pytest.mark.parametrize(("cutoff", "order"), [(5.0, 2), (20.0, 4), (60.0, 4), (20.0, 6)])
 def test_edge_samples_cover_the_start_up(cutoff: float, order: int) -> None:
-    # The answer to a step is the start-up at its worst: beyond the count less than 2 % of it is left.
+    # A step is the start-up at its worst: beyond the count less than 2 % of it is left.
     x = np.r_[np.zeros(1000), np.ones(1000)]
     sos = scipy_signal.butter(order, cutoff, fs=1000.0, output="sos")
     once = scipy_signal.sosfilt(sos, x)

@@ -13,6 +13,7 @@ from pinotwin.effects.friction import (
     ViscousAsymmetric,
 )
 from pinotwin.effects.position import Offset, PositionTable, Ripple, RippleModulated
+from pinotwin.effects.presliding import Presliding
 from pinotwin.effects.rigid_body import RigidBody
 from pinotwin.effects.spring import Spring
 
@@ -24,6 +25,7 @@ EFFECTS: dict[str, type[Effect]] = {
         Coulomb,
         CoulombAsymmetric,
         Stribeck,
+        Presliding,
         QuadraticDrag,
         Offset,
         Ripple,
@@ -45,6 +47,7 @@ __all__ = [
     "Effect",
     "Offset",
     "PositionTable",
+    "Presliding",
     "QuadraticDrag",
     "RigidBody",
     "Ripple",

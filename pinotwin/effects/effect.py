@@ -85,6 +85,9 @@ class Effect(abc.ABC):
     name: ClassVar[str]
     """Name in YAML, JSON and reports."""
 
+    uses_standstill: ClassVar[bool] = False
+    """Whether rows at standstill help to identify it (presliding): they are kept for its axis."""
+
     axis: str | None
     """Axis it belongs to, or None for the whole machine."""
 

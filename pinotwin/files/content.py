@@ -64,6 +64,12 @@ class Content:
         return np.asarray((x - origin) / np.timedelta64(1, "s"))  # type: ignore[operator]
 
 
+def damaged(source: str, error: Exception, remedy: str = "save or copy it again") -> LogError:
+    """Return the error for a file that its own library cannot read to the end."""
+    reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
+    return LogError(f"{source}: is damaged or cut off ({reason}); {remedy}")
+
+
 def to_log(content: Content, source: str, only: str | None = None) -> Log:
     """Return the log that is in the content of a file.
 

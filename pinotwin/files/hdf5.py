@@ -9,8 +9,7 @@ from pathlib import Path
 
 import h5py
 
-from pinotwin.errors import LogError
-from pinotwin.files.content import Content
+from pinotwin.files.content import Content, damaged
 
 
 def load(path: Path, source: str) -> Content:
@@ -23,8 +22,7 @@ def load(path: Path, source: str) -> Content:
         with h5py.File(path, "r") as file:
             _walk(file, "", content)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        reason = str(error).splitlines()[0][:80]
-        raise LogError(f"{source}: is damaged or cut off ({reason}); save it again") from None
+        raise damaged(source, error) from None
     return content
 
 

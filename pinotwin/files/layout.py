@@ -92,7 +92,11 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     """Return the cells of one line, without the blanks around them."""
     if delimiter == _WHITESPACE:
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:  # a stray carriage return, or a cell beyond csv's limit
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
 
 
 def is_number(cell: str) -> bool:

@@ -10,8 +10,13 @@ import numpy as np
 import scipy.io
 from scipy.io.matlab import MatReadError, MatReadWarning, mat_struct
 
-from pinotwin.errors import LogError
-from pinotwin.files.content import Content
+from pinotwin.files.content import Content, damaged
+
+# What scipy's reader lets through when a record is damaged; UnboundLocalError is a bug of its own.
+_BROKEN = (
+    MatReadError, ValueError, TypeError, NotImplementedError, KeyError, IndexError, OverflowError,
+    AttributeError, UnboundLocalError, MemoryError, OSError, EOFError, zlib.error,
+)  # fmt: skip
 
 
 def load(path: Path, source: str) -> Content:
@@ -21,10 +26,8 @@ def load(path: Path, source: str) -> Content:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", MatReadWarning)
             stored = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
-    except (MatReadError, ValueError, TypeError, NotImplementedError, OSError, EOFError,
-            zlib.error, IndexError, MemoryError, KeyError, OverflowError) as error:  # fmt: skip
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-        raise LogError(f"{source}: is damaged or cut off ({reason}); save it again") from None
+    except _BROKEN as error:
+        raise damaged(source, error) from None
     for name, value in stored.items():
         if not str(name).startswith("__") and str(name) != "None":
             _flatten(str(name), value, content)

@@ -13,13 +13,21 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from pinotwin.errors import LogError
-from pinotwin.files.content import Content
+from pinotwin.files.content import Content, damaged
 
 _Rows = list[dict[str, float]]
+
+# What the mcap package lets through when a record is damaged (ValueError: lengths, JSON, UTF-8;
+# RuntimeError: lz4).
+_BROKEN = (
+    McapError, ValueError, RuntimeError, KeyError, OverflowError, MemoryError, struct.error,
+    OSError, EOFError, zstandard.ZstdError,
+)  # fmt: skip
 
 
 def load(path: Path, source: str) -> Content:
@@ -39,9 +47,8 @@ def load(path: Path, source: str) -> Content:
                 values = dict(_numbers(json.loads(message.data), "", text))
                 rows.setdefault(channel.topic, []).append(values)
                 times.setdefault(channel.topic, []).append(message.log_time)
-    except (McapError, json.JSONDecodeError, UnicodeDecodeError, struct.error, OSError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-        raise LogError(f"{source}: is damaged ({reason}); recover it with `mcap recover`") from None
+    except _BROKEN as error:
+        raise damaged(source, error, "recover it with `mcap recover`") from None
     if not rows:
         raise LogError(f"{source}: holds no messages; record it again")
     content = Content(left_out=sorted(text))

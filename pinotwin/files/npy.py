@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import tokenize
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
 
 from pinotwin.errors import LogError
-from pinotwin.files.content import Content
+from pinotwin.files.content import Content, damaged
+
+# What NumPy lets through when header or body are damaged.
+_BROKEN = (
+    ValueError, TypeError, KeyError, SyntaxError, tokenize.TokenError, MemoryError, OverflowError,
+    OSError, EOFError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 
 def load(path: Path, source: str) -> Content:
@@ -17,8 +25,13 @@ def load(path: Path, source: str) -> Content:
     try:
         stored = np.load(path, allow_pickle=False)
         named = dict(stored) if isinstance(stored, np.lib.npyio.NpzFile) else {"": stored}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise LogError(f"{source}: {_remedy(error)}") from None
+    except _BROKEN as error:
+        if "pickle" in str(error).lower() or "object array" in str(error).lower():
+            raise LogError(
+                f"{source}: holds Python objects, and a pickle can run code; save it as plain "
+                f"numbers"
+            ) from None
+        raise damaged(source, error) from None
     for name, x in named.items():
         if name or x.dtype.names:
             content.add(name, x)
@@ -28,9 +41,3 @@ def load(path: Path, source: str) -> Content:
             if x.ndim == 1 and path.stem in content.arrays:
                 content.arrays[f"{path.stem}[0]"] = content.arrays.pop(path.stem)[0]
     return content
-
-
-def _remedy(error: Exception) -> str:
-    if "pickle" in str(error).lower() or "object array" in str(error).lower():
-        return "holds Python objects, and a pickle can run code; save it as plain numbers"
-    return f"is damaged or cut off ({str(error).splitlines()[0][:80]}); record or copy it again"

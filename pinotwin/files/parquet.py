@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 
 from pinotwin.errors import LogError
 from pinotwin.files import arrow
-from pinotwin.files.content import Content
+from pinotwin.files.content import Content, damaged
 
 
 def load(path: Path, source: str) -> Content:
@@ -17,9 +17,8 @@ def load(path: Path, source: str) -> Content:
     content = Content()
     try:
         table = pq.ParquetFile(path).read()
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0][:100]
-        raise LogError(f"{source}: is damaged or cut off ({reason}); write it again") from None
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        raise damaged(source, error) from None
     for field in table.schema:
         unit = (field.metadata or {}).get(b"unit")
         if unit:

@@ -125,10 +125,18 @@ class RunModel:
         gain = theta[lay["gain"]]
         r = respond(self.fine.load, self.fine.step, wn, zeta)
         d = decay(len(self.fine.t), self.fine.step, wn, zeta)
-        x, v = r.x @ gain, r.v @ gain
-        drive = np.stack([-2 * zeta * v - 2 * wn * x, -2 * wn * v], axis=1) * np.array([wn, zeta])
-        s = respond(drive, self.fine.step, wn, zeta)  # with respect to the logarithms
-        parts = zip((s.x, s.v, s.a), (r.x, r.v, r.a), (self.sag, self.sag_v, self.sag_a),
+        f = self.fine
+
+        def sensitivity(x: Floats, v: Floats, *, rest: bool) -> Response:
+            """With respect to the logarithms of wn and zeta."""
+            drive = np.stack([-2 * zeta * v - 2 * wn * x, -2 * wn * v], axis=1)
+            return respond(drive * np.array([wn, zeta]), f.step, wn, zeta, rest=rest)
+
+        free = theta[lay["start"]]
+        s = sensitivity(r.x @ gain, r.v @ gain, rest=True)
+        e = sensitivity(d.x @ free, d.v @ free, rest=False)
+        mode = (s.x + e.x, s.v + e.v, s.a + e.a)
+        parts = zip(mode, (r.x, r.v, r.a), (self.sag, self.sag_v, self.sag_a),
                     (d.x, d.v, d.a), strict=True)  # fmt: skip
         # s.a is the whole derivative of a: drive minus the mode's own
         return Response(*(np.concatenate(p, axis=1) for p in parts))

@@ -114,7 +114,7 @@ class Controller:
     def seen_late(self) -> float:
         """Filter and delay of the velocity, as the one time constant of the matrices [s].
 
-        The sampled filter y[k] = a y[k-1] + (1 - a) v[k] with a = exp(-step / filter_time) is late by
+        The sampled filter y[k] = a y[k-1] + (1 - a) v[k], a = exp(-step / filter_time), is late by
         a / (1 - a) samples, half a sample less than its time constant.
         """
         if self.filter_time <= 0.0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import lapack
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.loop import kernels
@@ -88,16 +89,24 @@ def triangle(blocks: Floats) -> Floats:
     """Return the triangular factor of the rows of all blocks, shape (columns, columns).
 
     Args:
-        blocks: columns in blocks of rows, shape (m, columns, rows); m may be zero.
+        blocks: columns in blocks of rows, shape (m, columns, rows), overwritten; m may be zero.
     """
     columns = blocks.shape[1]
     out = np.zeros((columns, columns))
     if len(blocks):
-        factors: Floats = np.asarray(np.linalg.qr(np.swapaxes(blocks, 1, 2), mode="r"))
-        if len(blocks) > 1:
-            factors = np.asarray(np.linalg.qr(factors.reshape(1, -1, columns), mode="r"))
-        out[: factors.shape[1]] = factors[0]
+        factors = [_factor(block.T) for block in blocks]
+        last = factors[0] if len(factors) == 1 else _factor(np.asfortranarray(np.vstack(factors)))
+        out[: len(last)] = last
     return out
+
+
+def _factor(rows: Floats) -> Floats:
+    """Return the triangular factor of rows in Fortran order, which are overwritten.
+
+    LAPACK itself, since numpy copies and transposes every block twice on the way.
+    """
+    reflected, *_ = lapack.dgeqrf(rows, overwrite_a=True)
+    return np.triu(reflected[: rows.shape[1]])
 
 
 def without_free(R: Floats, layout: Layout) -> tuple[Floats, tuple[Floats, Floats, Floats]]:

@@ -1,10 +1,11 @@
 """The search for the poles: bounded, deterministic, from physically spread starts.
 
 The starts are a Halton sequence over the logarithmic box, narrowed to where servo loops live,
-beside a few plain guesses. They are run on the liveliest short piece of the log; the best two
-different ends are polished on all of it with the trust-region reflective method (Branch, Coleman
-and Li 1999, doi:10.1137/S1064827595289108). Poles live in logarithms of p, wn and zeta, so that
-every point of the search, and hence every result, is stable.
+beside a plain guess. All run a few steps on the liveliest short piece of the log, the best four of
+them to their ends there, and the best two different ends are polished on all of it, each by the
+trust-region reflective method (Branch, Coleman and Li 1999, doi:10.1137/S1064827595289108). Poles
+live in logarithms of p, wn and zeta, so that every point of the search, and hence every result, is
+stable.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pinotwin.loop.layout import Layout
 from pinotwin.loop.projection import Misfit, Projection, Scales
 
 STARTS = 12
+FURTHER = 4
 PIECE = 5000
 PIECE_SECONDS = 2.5
 
@@ -120,8 +122,10 @@ def search(
     begin = starting_points(layout) if starts is None else np.atleast_2d(starts)
     piece = liveliest(data)
     short = whole if piece is None else Projection(data.within((piece,)), layout, scales)
-    ends = sorted((polish(short, x, 1e-5, 40) for x in begin), key=lambda f: f.cost)
-    count = sum(e.evaluations for e in ends)
+    tried = sorted((polish(short, x, 1e-4, 10) for x in begin), key=lambda f: f.cost)
+    further = [polish(short, f.theta, 1e-5, 40) for f in tried[:FURTHER]]
+    ends = sorted([*further, *tried[FURTHER:]], key=lambda f: f.cost)
+    count = sum(e.evaluations for e in (*tried, *further))
     finals = [polish(whole, e.theta) for e in _different(ends)]
     best = min(finals, key=lambda f: f.cost)
     lowest = max(ends[0].cost, 1e-300)

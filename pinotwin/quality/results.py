@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -124,17 +125,15 @@ class Quality:
         return not any(f.severity == "error" for f in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain types for JSON."""
-        plain = {
-            k: v
-            for k, v in self.__dict__.items()
-            if k not in ("clock", "channels", "axes", "findings")
-        }
-        return {
-            **plain,
-            "ok": self.ok,
-            "clock": None if self.clock is None else dataclasses.asdict(self.clock),
-            "channels": {k: dataclasses.asdict(v) for k, v in self.channels.items()},
-            "axes": {k: dataclasses.asdict(v) for k, v in self.axes.items()},
-            "findings": [dataclasses.asdict(f) for f in self.findings],
-        }
+        """Return plain types for JSON; what is not finite becomes None."""
+        return {"ok": self.ok, **_plain(dataclasses.asdict(self))}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -86,9 +86,16 @@ def bullets(lines: Iterable[str]) -> Html:
     return Html(f'<ul class="plain-list">{items}</ul>' if items else "")
 
 
-def chip(text: str, kind: str = "") -> Html:
-    """Return a short coloured label; ``kind`` is ``good``, ``fair``, ``bad`` or empty for grey."""
-    return Html(f'<span class="chip {kind}">{escape(text)}</span>')
+def chip(text: str, kind: str = "", hint: str = "") -> Html:
+    """Return a short coloured label.
+
+    Args:
+        text: what it says.
+        kind: ``good``, ``fair``, ``bad``, or empty for grey.
+        hint: shown when the pointer rests on it.
+    """
+    title = f' title="{escape(hint)}"' if hint else ""
+    return Html(f'<span class="chip {kind}"{title}>{escape(text)}</span>')
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,9 @@ def percent(x: float) -> str:
     p = 100.0 * x
     if p >= 999.5:
         return f"{x:.3g} times"
-    return f"{p:.0f} %" if p >= 99.5 else f"{p:.1f} %" if p >= 0.95 else f"{p:.2g} %"
+    if p >= 99.95:
+        return f"{p:.0f} %"
+    return f"{p:.1f} %" if p >= 0.95 else f"{p:.2g} %"
 
 
 def digits(value: float, error: float) -> int:

@@ -49,9 +49,11 @@ def effort_figure(given: Evidence) -> go.Figure:
 
 def _effort_pair(figure: go.Figure, given: Evidence, j: int, row: int, points: int) -> None:
     u, predicted, residual = given.u[:, j], given.predicted[:, j], given.residual[:, j]
+    still = np.where(given.use[:, j], np.nan, residual)
     rows = visible_rows([u, residual], points)
     scale = display.effort(given.rotary[j], display.largest(u))
-    t, *values = broken(rows, given.block, given.t, u, predicted, residual)
+    moving = np.where(given.use[:, j], residual, np.nan)
+    t, *values = broken(rows, given.block, given.t, u, predicted, moving, still)
     time = np.asarray(t, dtype=np.float32)
     shown = [scale(x) for x in values]
     first = row == 1
@@ -61,8 +63,13 @@ def _effort_pair(figure: go.Figure, given: Evidence, j: int, row: int, points: i
     ):
         trace = line(time, y, name, colour, width=width, legend=first, unit=scale.unit)
         figure.add_trace(trace, row=row, col=1)
-    trace = line(time, shown[2], "residual", RESIDUAL, width=1, legend=first, unit=scale.unit)
-    figure.add_trace(trace, row=row + 1, col=1)
+    for y, name, colour in (
+        (shown[2], "residual", RESIDUAL),
+        (shown[3], "residual, not fitted", MEASURED),
+    ):
+        if name == "residual" or np.isfinite(y).any():
+            trace = line(time, y, name, colour, width=1, legend=first, unit=scale.unit)
+            figure.add_trace(trace, row=row + 1, col=1)
     figure.update_yaxes(title_text=f"<b>{given.names[j]}</b> [{scale.unit}]", row=row, col=1)
     figure.update_yaxes(title_text="residual", row=row + 1, col=1, nticks=4)
 
@@ -194,7 +201,7 @@ def spectrum_figure(given: Evidence, j: int) -> go.Figure:
     unit = "N·m" if given.rotary[j] else "N"
     figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1, minor={"showgrid": False})
     figure.update_yaxes(
-        title_text=f"density [{unit}/√Hz]", type="log", exponentformat="power", dtick=1,
+        title_text=f"density [{unit}/√Hz]", type="log", tickformat="~g", dtick=1,
         range=[top - 4.5, top + 0.3],
     )  # fmt: skip
     return figure

@@ -20,7 +20,7 @@ _EFFECTS = {
     "inertia": "#4e79a7", "rigid_body": "#4e79a7", "coupling": "#2fa6a0", "gravity": "#59a14f",
     "viscous": "#f28e2b", "viscous_asymmetric": "#f28e2b", "coulomb": "#e15759",
     "coulomb_asymmetric": "#e15759", "stribeck": "#b6992d", "ripple": "#b07aa1",
-    "ripple_modulated": "#8e5fa8", "position_table": "#9c755f", "offset": "#7f8fa6",
+    "ripple_modulated": "#8e5fa8", "position_table": "#9c755f", "offset": "#a05195",
     "quadratic_drag": "#ff7f8a", "spring": "#6b8e23", "wrist_coupling": "#3a7d7b",
     "external_force": "#d37295",
 }  # fmt: skip

@@ -67,6 +67,8 @@ def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequenc
     page = Page(f"{twin.machine.name}: identification", subtitle(given))
     page = page.section(
         "Verdict", paragraph(headline(twin), "verdict"), tiles(axis_tiles(twin)),
+        paragraph("Large print: error on data not fitted, relative to the standard deviation of the "
+                  "axis' effort.", "lead"),
         *_cautions(twin),
     )  # fmt: skip
     if validate:
@@ -77,7 +79,8 @@ def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequenc
     page = page.section(
         "Effort", Plot(effort_figure(given)),
         intro="Measured and predicted effort on the data that were fitted, both after the same "
-        "zero-phase filter. Drag to zoom: all axes follow; double-click to go back.",
+        "zero-phase filter. Rows slower than the speed threshold are not fitted: at standstill dry "
+        "friction is not a function of the velocity. Drag to zoom: all axes follow; double-click to go back.",
     )  # fmt: skip
     page = page.section(
         "Causes", Plot(shares_figure(split)),
@@ -88,7 +91,7 @@ def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequenc
     page = page.section(
         "Parameters", parameter_table(twin.parameters, list(twin.machine.axes)),
         intro="Values in SI with 95 % intervals that allow for coloured residuals. Click a heading "
-        "to sort. A parameter that these data do not determine shows no number: whatever the twin "
+        "to sort. Weak: the interval is wide against the value. A parameter that these data do not determine shows no number: whatever the twin "
         "uses for it comes from the URDF, not from the machine.",
     )  # fmt: skip
     page = page.section("Limits of these data", *_limits(twin))

@@ -40,16 +40,21 @@ def parameter_table(rows: Sequence[Parameter], axes: Sequence[str]) -> Html:
 
 
 def _groups(rows: Sequence[Parameter], axes: Sequence[str]) -> Mapping[str, list[Parameter]]:
-    """Return the rows of the whole machine first, then those of each axis."""
-    out: dict[str, list[Parameter]] = {"Rigid body, all axes": []}
-    out |= {f"Axis {name}": [] for name in axes}
+    """Return the rows of each axis, then those of passive joints and of what belongs to none."""
+    out: dict[str, list[Parameter]] = {f"Axis {name}": [] for name in axes}
     for row in rows:
-        owner = row.effect.split(".")[0]
-        title = f"Axis {owner}" if owner in axes else "Rigid body, all axes"
-        if owner not in axes and owner != "rigid_body":
-            title = owner
-        out.setdefault(title, []).append(row)
+        owner = _owner(row, axes)
+        out.setdefault(f"Axis {owner}" if owner in axes else owner, []).append(row)
     return {title: part for title, part in out.items() if part}
+
+
+def _owner(row: Parameter, axes: Sequence[str]) -> str:
+    """Return the axis of a parameter; one of the rigid body belongs to the joint that ends its name."""
+    first = row.effect.split(".")[0]
+    if first != "rigid_body":
+        return first
+    last = row.name.rstrip("*").rsplit("_", 1)[-1]
+    return last if last in axes else "Rigid body"
 
 
 def _bodies(title: str, rows: Sequence[Parameter]) -> str:
@@ -98,9 +103,11 @@ def _row(row: Parameter) -> str:
 def _verdict(row: Parameter) -> str:
     word, _, why = row.verdict.partition(":")
     label = "not determined" if not row.determined else word
-    detail = why.strip() if row.determined or word == label else row.verdict
-    sub = f'<div class="sub">{escape(detail)}</div>' if detail else ""
-    return chip(label, verdict_kind(row)).text + sub
+    if row.determined:
+        return chip(label, verdict_kind(row), hint=why.strip()).text
+    detail = why.strip() if word == label else row.verdict
+    sub = f'<div class="sub">{escape(detail)}</div>' if detail and detail != label else ""
+    return chip(label).text + sub
 
 
 def _cell(cell: tuple[str, str, str], kind: str) -> str:
@@ -130,4 +137,6 @@ def _numbers(row: Parameter) -> Iterable[tuple[str, str, str]]:
 def _share(x: float) -> str:
     if not math.isfinite(x):
         return "–"
-    return f"{100 * x:.2g} %" if x < 0.995 else f"{min(100 * x, 999):.0f} %"
+    if x > 9.99:
+        return "> 999 %"
+    return f"{100 * x:.2g} %" if x < 0.995 else f"{100 * x:.0f} %"

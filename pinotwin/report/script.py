@@ -23,8 +23,7 @@ function draw(box) {
       linecolor: css("--line")});
   }
   layout.font = Object.assign({}, layout.font, {color: css("--soft")});
-  layout.modebar = {bgcolor: "rgba(0,0,0,0)", color: css("--line"), activecolor: css("--accent"),
-    orientation: "v"};
+  layout.modebar = {bgcolor: "rgba(0,0,0,0)", color: css("--soft"), activecolor: css("--accent")};
   layout.hoverlabel = {bgcolor: css("--card"), bordercolor: css("--line"),
     font: {color: css("--ink")}};
   const config = {responsive: true, displaylogo: false,

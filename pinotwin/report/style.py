@@ -79,7 +79,8 @@ padding:.7rem .5rem .3rem;min-width:0}
 figcaption{padding:0 .6rem .1rem;font-weight:600;font-size:.93rem}
 figcaption span{display:block;font-weight:400;color:var(--soft);font-size:.85rem;line-height:1.4}
 .plot{width:100%;position:relative}
-.js-plotly-plot .modebar{background:none!important}
+.js-plotly-plot .modebar{opacity:0;transition:opacity .2s}
+.js-plotly-plot:hover .modebar{opacity:1}
 footer{color:var(--soft);font-size:.83rem;margin-top:3rem;border-top:1px solid var(--line);
 padding-top:.8rem}
 noscript p{color:var(--bad)}

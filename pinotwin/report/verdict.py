@@ -87,9 +87,8 @@ def axis_tiles(twin: Twin) -> list[Tile]:
         error = error_of(row, "nrmse_std")
         word, kind = grade(error)
         note = (
-            f"of the effort's standard deviation, on data not fitted: {_rms(twin, name)}, "
-            f"{percent(error_of(row, 'nrmse'))} of the RMS effort. "
-            f"In the fit: {percent(float(row.get('fit_std', math.nan)))}."
+            f"{_rms(twin, name)} · {percent(error_of(row, 'nrmse'))} of the RMS effort · "
+            f"in the fit {percent(float(row.get('fit_std', math.nan)))}"
         )
         out.append(Tile(f"Axis {name}", percent(error), note, word, kind))
     return out

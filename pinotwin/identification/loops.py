@@ -1,0 +1,159 @@
+"""The closed loop of every axis whose command is logged (thesis Fig. 4-6, steps 4.2 and 4.3).
+
+Inputs are the command and the generalised disturbance of the identified plant, outputs the tracking
+error and the effort. Beside that black box the controller itself is identified (grey box), so that the
+two can be compared and a gain can be changed afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.disturbance import generalised_disturbance
+from pinotwin.errors import DataError
+from pinotwin.loop import Controller, LoopData, LoopModel, Structure, identify_controller, identify_loop
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+
+TRAINED = 2.0 / 3.0
+"""Share of the log on which the orders are compared; the rest judges them."""
+PAYS = 0.95
+"""A larger order is taken if it brings the held-out error below this share of the smaller one's."""
+MOST_PAIRS = 3
+
+
+@dataclass
+class Loops:
+    """Closed loops as found.
+
+    Attributes:
+        models: black box of each axis.
+        controllers: grey box of each axis.
+        quality: per axis the errors of both, in the fit and held out, and what was chosen.
+        notes: axes that were left out, and why.
+    """
+
+    models: dict[str, LoopModel] = field(default_factory=dict)
+    controllers: dict[str, Controller] = field(default_factory=dict)
+    quality: dict[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def fit_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) -> Loops:
+    """Identify the loop of every axis that has a command, an effort and motion.
+
+    Args:
+        twin: plant, with its diagonal.
+        motion: prepared log(s) with commands.
+        tell: called with the stage and the share of this step done.
+    """
+    found = Loops()
+    disturbance = generalised_disturbance(twin, motion, twin.diagonal)
+    axes = list(twin.machine.axes)
+    for k, name in enumerate(axes):
+        tell(f"closed loop of {name}", k / len(axes))
+        try:
+            data = loop_data(motion, disturbance, name)
+            model, row = _choose(twin.machine, data, name)
+        except DataError as error:
+            found.notes.append(f"no closed loop of {name}: {error}")
+            continue
+        found.models[name] = model
+        found.quality[name] = row
+        try:
+            found.controllers[name] = identify_controller(data)
+        except DataError as error:
+            found.notes.append(f"no controller of {name}: {error}")
+    return found
+
+
+def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
+    """Return inputs and outputs of one axis' loop.
+
+    Raises:
+        DataError: the axis has no effort, or does not move.
+    """
+    i = motion.index(name)
+    if motion.qr is None or motion.vr is None or motion.ar is None:
+        raise DataError(f"{motion.source}: no command in the log")
+    if not np.isfinite(motion.u[:, i]).any():
+        raise DataError(f"{motion.source}: no effort of axis {name}")
+    data = LoopData(
+        step=motion.step,
+        qr=motion.qr[:, i],
+        d=disturbance[:, i],
+        outputs=np.stack([motion.qr[:, i] - motion.q[:, i], motion.u[:, i]], axis=1),
+        segments=motion.segments,
+        axis=name,
+    )
+    data.require_motion()
+    return data
+
+
+def _choose(machine: Machine, data: LoopData, name: str) -> tuple[LoopModel, dict[str, Any]]:
+    """Return the loop of the stated order, or of the order that pays on held-out data."""
+    given = machine.loop.get(name)
+    if given is not None:
+        structure = Structure(real_poles=given.real_poles, pole_pairs=given.pole_pairs)
+        model = identify_loop(data, structure)
+        return model, _judged(data, model, identify_loop(_first(data), structure))
+    best = Structure()
+    trial = identify_loop(_first(data), best)
+    error = _score(data, trial)
+    for pairs in range(2, MOST_PAIRS + 1):
+        structure = Structure(pole_pairs=pairs)
+        other = identify_loop(_first(data), structure)
+        score = _score(data, other)
+        if score > PAYS * error:
+            break
+        best, trial, error = structure, other, score
+    model = identify_loop(data, best)
+    return model, _judged(data, model, trial)
+
+
+def _first(data: LoopData) -> LoopData:
+    """Return the part of the data on which orders are compared."""
+    return data.within([s for s in (_clip(s, 0, _cut(data)) for s in data.segments) if s is not None])
+
+
+def _cut(data: LoopData) -> int:
+    return int(TRAINED * len(data.qr))
+
+
+def _clip(s: slice, start: int, stop: int) -> slice | None:
+    low, high = max(s.start, start), min(s.stop, stop)
+    return slice(low, high) if high - low > 32 else None
+
+
+def _score(data: LoopData, model: LoopModel) -> float:
+    """Return the mean held-out error of the outputs, each over its RMS."""
+    return float(np.mean(list(errors(data, model, held_out=True).values())))
+
+
+def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[str, float]:
+    """Return the normalised RMS error of each output, with the disturbance from measured motion."""
+    total = np.zeros(len(model.outputs))
+    size = np.zeros(len(model.outputs))
+    for s in data.segments:
+        y = model.simulate(data.qr[s], data.d[s])
+        start = max(_cut(data) - s.start, 0) if held_out else 0
+        truth = data.outputs[s][start:]
+        total += np.sum((y[start:] - truth) ** 2, axis=0)
+        size += np.sum(truth**2, axis=0)
+    ratio = np.sqrt(total / np.maximum(size, 1e-300))
+    return dict(zip(model.outputs, ratio.tolist(), strict=True))
+
+
+def _judged(data: LoopData, model: LoopModel, trial: LoopModel) -> dict[str, Any]:
+    return {
+        "real_poles": model.structure.real_poles,
+        "pole_pairs": model.structure.pole_pairs,
+        "fit": errors(data, model),
+        "held_out": errors(data, trial, held_out=True),
+    }

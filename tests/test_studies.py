@@ -1,0 +1,258 @@
+"""The thesis' studies on a machine whose truth is known, and the ripple search on real cogging maps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.signal import lfilter
+
+import pinotwin as pt
+from pinotwin.effects import Coulomb, PositionTable, Ripple, Viscous
+from pinotwin.errors import DataError
+from pinotwin.identification.studies import (
+    coupled_against_decoupled,
+    error_against_data,
+    friction_overlay,
+    ripple_orders,
+    ripple_overlay,
+    table_overlay,
+)
+from pinotwin.identification.study_evidence import evidence, split_rigid_body
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.twin import Twin
+
+PITCH, RIPPLE = 2 * np.pi / 9, 0.8  # [rad], [N·m]
+COULOMB = {"Y": 24.0, "A": 1.6}
+VISCOUS = {"Y": 60.0, "A": 0.9}
+
+
+def trunnion() -> Machine:
+    """Bundled machine with a table on Y, a ripple on A, and an axis C that stands switched off."""
+    machine = Machine.load("trunnion")
+    effects = {
+        "Y": (Viscous("Y"), Coulomb("Y", width=0.0), PositionTable("Y", spacing=0.02)),
+        "A": (Viscous("A", rotary=True), Coulomb("A", rotary=True, width=0.0),
+              Ripple("A", rotary=True, period=PITCH)),
+    }  # fmt: skip
+    for axis, listed in effects.items():
+        machine = machine.with_effects(axis, listed)
+    return replace(machine, data=replace(machine.data, cutoff=60.0))
+
+
+def bump(q: np.ndarray) -> np.ndarray:
+    """The guideway's force on Y [N], piecewise linear between multiples of 20 mm."""
+    knots = 0.02 * np.arange(-12, 13)
+    return np.interp(q, knots, 9.0 * np.sin(knots / 0.045))
+
+
+def recorded(machine: Machine, seed: int, seconds: float = 8.0, noise: float = 0.02) -> Log:
+    """A log of the machine moving Y and A, written with pin.rnea and friction by hand."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 1e-3)
+    q, v, a = (np.zeros((len(t), 3)) for _ in range(3))
+    for j, size in ((0, 0.12), (1, 0.9)):
+        for k in range(5):
+            w = 2 * np.pi * (0.25 + 0.5 * k + 0.2 * rng.random())
+            r, phi = size * rng.uniform(0.3, 0.5) / (1 + k), rng.uniform(0, 2 * np.pi)
+            q[:, j] += r * np.sin(w * t + phi)
+            v[:, j] += r * w * np.cos(w * t + phi)
+            a[:, j] -= r * w * w * np.sin(w * t + phi)
+    data = machine.model.createData()
+    u = np.array([
+        pin.rnea(machine.model, data, *x).copy() for x in zip(q, v, a, strict=True)
+    ])  # fmt: skip
+    for j, name in enumerate(("Y", "A")):
+        u[:, j] += VISCOUS[name] * v[:, j] + COULOMB[name] * np.sign(v[:, j])
+    u[:, 0] += bump(q[:, 0])
+    u[:, 1] += RIPPLE * np.cos(2 * np.pi * q[:, 1] / PITCH)
+    u += noise * np.std(u, axis=0) * rng.normal(size=u.shape)
+    channels = {"t": t}
+    for j, name in enumerate(("Y", "A", "C")):
+        channels[f"{name}.q"] = q[:, j]
+    for j, name in enumerate(("Y", "A")):  # C is switched off: no effort is logged
+        channels[f"{name}.u"] = u[:, j]
+    return Log(channels, source=f"synthetic-{seed}")
+
+
+@cache
+def identified() -> tuple[Twin, Log]:
+    machine = trunnion()
+    log = recorded(machine, 1)
+    return pt.identify(machine, log, loop=False), log
+
+
+def test_evidence_of_a_twin_adds_up() -> None:
+    twin, log = identified()
+    given = evidence(twin, log)
+    assert given.names == ("Y", "A", "C")
+    np.testing.assert_allclose(given.predicted + given.residual, given.u)
+    # Noise of 2 % is all that is left; a tenth more for the low-pass' edges at reversals.
+    for axis in ("Y", "A"):
+        j = given.index(axis)
+        use = given.use[:, j]
+        assert np.std(given.residual[use, j]) < 0.03 * np.std(given.u[:, j])
+    with pytest.raises(DataError, match="no measured effort of axis 'Z'"):
+        given.index("Z")
+
+
+def test_split_of_the_rigid_body_is_that_of_pinocchio() -> None:
+    twin, log = identified()
+    given = evidence(twin, log)
+    split = split_rigid_body(twin, given)
+    three = split.parts["inertia"] + split.parts["gravity"] + split.parts["coupling"]
+    np.testing.assert_allclose(three, given.parts["rigid_body"], atol=1e-9)
+    data = twin.model.createData()
+    k = len(given.t) // 3
+    gravity = pin.computeGeneralizedGravity(twin.model, data, given.q[k])
+    np.testing.assert_allclose(split.parts["gravity"][k], gravity, atol=1e-6)
+    M = pin.crba(twin.model, data, given.q[k])
+    M = np.triu(M) + np.triu(M, 1).T
+    coriolis = pin.nonLinearEffects(twin.model, data, given.q[k], given.v[k]) - gravity
+    coupling = (M - np.diag(np.diag(M))) @ given.a[k] + coriolis
+    np.testing.assert_allclose(split.parts["coupling"][k], coupling, atol=1e-6)
+
+
+def test_friction_overlay_shows_the_true_curve() -> None:
+    twin, log = identified()
+    found = friction_overlay(twin, log, "Y")
+    assert found.effects == ("Y.viscous", "Y.coulomb")
+    assert np.all(np.diff(found.grid) >= 0)
+    fast = np.abs(found.grid) > 0.02
+    truth = VISCOUS["Y"] * found.grid + COULOMB["Y"] * np.sign(found.grid)
+    np.testing.assert_allclose(found.curve[fast], truth[fast], atol=0.05 * COULOMB["Y"])
+    fast = np.abs(found.bins.x) > 0.05
+    data = VISCOUS["Y"] * found.bins.x + COULOMB["Y"] * np.sign(found.bins.x)
+    np.testing.assert_allclose(found.bins.median[fast], data[fast], atol=0.1 * COULOMB["Y"])
+    assert found.explained > 0.95
+
+
+def test_ripple_and_table_overlays_show_the_true_curves() -> None:
+    twin, log = identified()
+    ripple = ripple_overlay(twin, log, "A")
+    truth = RIPPLE * np.cos(2 * np.pi * ripple.grid / PITCH)
+    np.testing.assert_allclose(ripple.curve, truth, atol=0.1 * RIPPLE)
+    table = table_overlay(twin, log, "Y")
+    middle = np.abs(table.grid) < 0.1
+    # A table and the constant part of another effect share their mean: compare without it.
+    curve, truth = table.curve[middle], bump(table.grid[middle])
+    np.testing.assert_allclose(curve - curve.mean(), truth - truth.mean(), atol=1.0)
+
+
+def test_overlay_of_an_effect_that_the_axis_has_not() -> None:
+    twin, log = identified()
+    with pytest.raises(DataError, match=r"axis Y has none of ripple, ripple_modulated"):
+        ripple_overlay(twin, log, "Y")
+
+
+def test_error_against_data_falls_to_the_noise() -> None:
+    machine = trunnion()
+    found = error_against_data(machine, recorded(machine, 3, seconds=10.0), seconds=[0.5, 2, 4, 6])
+    assert len(found.seconds) == 4
+    assert np.all(np.diff(found.seconds) > 0)
+    # With little data the fit flatters itself; with enough, both errors are the noise.
+    assert found.held_out[0] > 1.5 * found.fitted[0]
+    assert found.held_out[-1] < 1.2 * found.fitted[-1]
+    assert found.fitted[-1] < 0.035
+    assert np.isnan(found.held_out_axes[-1, 2])  # C stands still
+
+
+def test_error_against_data_names_impossible_lengths() -> None:
+    machine = trunnion()
+    log = recorded(machine, 3, seconds=3.0)
+    with pytest.raises(DataError, match="lengths of data must lie between 0 and"):
+        error_against_data(machine, log, seconds=[50.0])
+    with pytest.raises(DataError, match="keep_back is a share"):
+        error_against_data(machine, log, keep_back=1.5)
+
+
+def test_coupling_matters_where_the_tree_couples() -> None:
+    machine = trunnion()
+    log = recorded(machine, 4, seconds=12.0)
+    found = coupled_against_decoupled(machine, log)
+    # Y's acceleration tilts the table through its first moment and the other way round.
+    assert found.gain["A"] > 1.5
+    assert found.axes["A"].coupled_error["nrmse_std"] < 0.04
+    assert set(found.axes) == {"Y", "A"}
+    assert len(found.figure().data) >= 4
+
+
+def test_one_axis_has_nothing_to_couple_with() -> None:
+    machine = Machine.load("emps")
+    t = np.arange(0.0, 6.0, 1e-3)
+    q = 0.1 * np.sin(2.0 * t) + 0.03 * np.sin(9.0 * t)
+    v = 0.2 * np.cos(2.0 * t) + 0.27 * np.cos(9.0 * t)
+    a = -0.4 * np.sin(2.0 * t) - 2.43 * np.sin(9.0 * t)
+    u = 95.0 * a + 200.0 * v + 20.0 * np.sign(v) + np.random.default_rng(0).normal(size=len(t))
+    log = Log({"t": t, "X.q": q, "X.u": u})
+    found = coupled_against_decoupled(replace(machine, columns={}), log, decimate=1)
+    assert found.gain["X"] == pytest.approx(1.0, abs=1e-6)
+
+
+# The search for ripple orders
+
+
+def cogging(data_dir: Path, which: str) -> tuple[np.ndarray, np.ndarray]:
+    path = data_dir / "odrive_cogging" / f"coggingmap_0_cogging_measure_final_{which}_16.npy"
+    current = np.load(path)
+    counts = np.flatnonzero(current)  # 0 means that the count was not visited
+    return 2 * np.pi * counts / 8192, current[counts]
+
+
+def test_cogging_map_a_names_the_orders_and_predicts_map_b(data_dir: Path) -> None:
+    """7 pole pairs, 12 slots: 7, 14, 28 from the magnets, 12, 36 from the slots, 84 their lcm."""
+    found = ripple_orders(*cogging(data_dir, "a"))
+    assert found.orders[:6].tolist() == [7, 28, 14, 36, 12, 84]
+    np.testing.assert_allclose(
+        found.amplitude[:6], [0.86, 0.56, 0.35, 0.29, 0.26, 0.11], atol=0.015
+    )
+    report = found.compare(*cogging(data_dir, "b"))
+    assert report["correlation"] > 0.995
+    assert report["nrmse_std"] < 0.09
+    assert np.all(found.chance < 0.01)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+def test_noise_alone_names_no_order(colour: float) -> None:
+    rng = np.random.default_rng(7)
+    q = np.arange(512) * (2 * np.pi / 512)
+    named = 0
+    for _ in range(60):
+        u = lfilter([1.0], [1.0, -colour], rng.normal(size=700))[188:]
+        named += len(ripple_orders(q, u).orders) > 0
+    # At a chance of 1 % each, 5 or more of 60 happen once in 3000.
+    assert named < 5
+
+
+def test_known_orders_are_found_in_an_irregular_log() -> None:
+    rng = np.random.default_rng(3)
+    q = np.cumsum(rng.uniform(0.0, 2e-3, 20_000))  # more rows than are kept unbinned
+    u = 0.4 + 1.0 * np.cos(7 * q - 0.5) + 0.3 * np.sin(36 * q) + 0.3 * rng.normal(size=len(q))
+    found = ripple_orders(q, u)
+    assert found.orders.tolist() == [7, 36]
+    np.testing.assert_allclose(found.amplitude, [1.0, 0.3], atol=0.02)
+    assert found.phase[0] == pytest.approx(0.5, abs=0.03)
+    assert found.mean == pytest.approx(0.4, abs=0.02)
+    assert found.travel == pytest.approx(np.ptp(q) / (2 * np.pi))
+
+
+def test_linear_axis_gives_pitches_that_are_not_whole() -> None:
+    rng = np.random.default_rng(5)
+    q = np.sort(rng.uniform(-0.3, 0.3, 3000))
+    u = 2.0 * np.cos(2 * np.pi * q / 0.0242) + rng.normal(size=len(q))
+    found = ripple_orders(q, u, rotary=False)
+    assert 1 / found.orders[0] == pytest.approx(0.0242, rel=2e-3)
+    assert found.amplitude[0] == pytest.approx(2.0, rel=0.05)
+
+
+def test_less_than_a_revolution_is_refused() -> None:
+    q = np.linspace(0, 5.0, 500)
+    with pytest.raises(DataError, match=r"need a full revolution; these data cover 0\.80 of one"):
+        ripple_orders(q, np.sin(7 * q))
+    with pytest.raises(DataError, match="record more positions"):
+        ripple_orders(np.linspace(0, 6.3, 40), np.ones(40))
