@@ -31,3 +31,6 @@ bench: setup
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info out
+
+docs: setup
+	$(BIN)/python docs/generate_effects.py

@@ -16,7 +16,7 @@ from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import InputError, MachineError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.machine.urdf import read_tree
+from pinotwin.machine.urdf_check import read_tree
 from pinotwin.preparation import prepare
 from pinotwin.quality import Finding, Limits, Quality, inspect
 

@@ -44,8 +44,11 @@ def as_runs(truth: Truth, servo: object, s: ImuSensor, seed: int) -> tuple[Servo
     return view, ImuRun(r.t, r.gyr, r.acc)
 
 
+Case = tuple[Truth, ServoRun, ImuRun, ImuSensor, BatchResult]
+
+
 @cache
-def case(k: int, hysteresis: float = 0.0, hardening: float = 0.0) -> tuple[Truth, ServoRun, ImuRun, ImuSensor, BatchResult]:  # fmt: skip
+def case(k: int, hysteresis: float = 0.0, hardening: float = 0.0) -> Case:
     truth, servo = record(k, hysteresis=hysteresis, hardening=hardening)
     s = sensor(k)
     view, imu = as_runs(truth, servo, s, k)
@@ -64,8 +67,11 @@ def gaps(truth: Truth, result: BatchResult) -> tuple[float, float, float, float]
             rms(r.acceleration - truth.delta_a[rows]) / DEG, rms(dynamic) / DEG)  # fmt: skip
 
 
-@pytest.mark.parametrize(("k", "hysteresis", "hardening"), [(0, 0, 0), (1, 0, 0), (0, 0.05, 0.1), (2, 0.05, 0.1)])  # fmt: skip
-def test_one_run_beats_the_sources_mean_of_twenty_two(k: int, hysteresis: float, hardening: float) -> None:  # fmt: skip
+@pytest.mark.parametrize(
+    ("k", "hysteresis", "hardening"),
+    [(0, 0.0, 0.0), (1, 0.0, 0.0), (0, 0.05, 0.1), (2, 0.05, 0.1)],
+)
+def test_one_run_beats_the_sources_mean_of_22(k: int, hysteresis: float, hardening: float) -> None:
     truth, _, _, _, result = case(k, hysteresis, hardening)
     angle, velocity, acceleration, size = gaps(truth, result)
     assert angle < 0.001
@@ -125,12 +131,16 @@ def test_an_unused_imu_is_predicted_to_its_noise() -> None:
     del clock
     at = own.runs[0].clock.to_ref(imu.t)
     inside = (at > servo.t[0] + 0.02) & (at < servo.t[-1] - 0.02)
-    for y, yhat, noise, factor in ((imu.gyr, gyr, other.gyro.noise, 1.25), (imu.acc, acc, other.accel.noise, 1.5)):  # fmt: skip
+    gyro = (imu.gyr, gyr, other.gyro.noise, 1.25)
+    accel = (imu.acc, acc, other.accel.noise, 1.5)
+    for y, yhat, noise, factor in (gyro, accel):
         X = np.hstack([yhat, np.ones((len(yhat), 1))])  # scale, cross-axis and bias of the other
         e = y[inside] - X @ np.linalg.lstsq(X, y[inside], rcond=None)[0]
         assert np.all(np.std(e, axis=0) < factor * noise)
-    with_no_deflection = replace(result.runs[0], **{n: 0 * servo.t for n in ("angle", "velocity", "acceleration")})  # fmt: skip
-    blind, _ = predict_readings(view, imu, with_no_deflection, own.R_ST, own.shared("position")[0], own.runs[0].clock, tilt)  # fmt: skip
+    none = 0 * servo.t
+    rigid = replace(result.runs[0], angle=none, velocity=none, acceleration=none)
+    place = own.shared("position")[0]
+    blind, _ = predict_readings(view, imu, rigid, own.R_ST, place, own.runs[0].clock, tilt)
     X = np.hstack([blind, np.ones((len(blind), 1))])
     e = imu.gyr[inside] - X @ np.linalg.lstsq(X, imu.gyr[inside], rcond=None)[0]
     assert rms(e) > 2 * rms(other.gyro.noise)
@@ -212,7 +222,7 @@ def test_nothing_rotates_and_bad_arrays_are_refused() -> None:
         batch.estimate([servo], [], PRIORS)
     with pytest.raises(DataError, match="'axis' has shape"):
         replace(servo, axis=servo.axis[:-1])
-    with pytest.raises(DataError, match="did you mean 'position'"):
+    with pytest.raises(DataError, match="did you mean"):
         case(0)[4].shared("positon")
 
 
@@ -225,7 +235,7 @@ def test_reconstruction_and_integration_in_closed_form() -> None:
     np.testing.assert_allclose(joint_angles(about_y, axis)[:, 0], [0.01, -0.02], atol=1e-12)
     t = np.linspace(0, 1, 1001)
     np.testing.assert_allclose(naive(t, np.cos(t)[:, None])[:, 0], np.sin(t), atol=1e-6)
-    with pytest.raises(DataError, match="too short for a 0.5 Hz corner"):
+    with pytest.raises(DataError, match=r"too short for a 0\.5 Hz corner"):
         high_passed(t, t, 0.5)
 
 

@@ -21,7 +21,7 @@ run = cache(record)
 
 
 def draw(k: int, seconds: float = 24.0, **clock: object) -> tuple[ImuSensor, ImuReading]:
-    """A sensor with the source's errors, any mounting and any clock, and its record of run k % 3."""
+    """A sensor of the source's errors, any mounting and clock, and its record of run k % 3."""
     rng = np.random.default_rng([77, k])
     sensor = replace(
         mti630(rng), mounting=Rotation.random(random_state=k).as_matrix(),
@@ -74,7 +74,7 @@ def test_a_restarted_clock_has_two_offsets_and_one_skew() -> None:
 
 def test_no_rotation_or_another_run_is_a_clear_failure() -> None:
     servo, (_, imu) = run(0, 24.0)[1], draw(0)
-    with pytest.raises(DataError, match="the encoders' angular rate varies by .* nothing rotates"):
+    with pytest.raises(DataError, match=r"the encoders' angular rate varies by .* nothing rotates"):
         sync(servo.t, 0 * servo.w, imu.t, imu.gyr)
     still = 1e-3 * np.random.default_rng(0).normal(size=imu.gyr.shape)
     with pytest.raises(DataError, match="the IMU's angular rate varies"):
@@ -97,7 +97,8 @@ def on_servo(k: int) -> tuple[ImuSensor, np.ndarray, np.ndarray]:
     sensor, imu = draw(k)
     servo, c = run(k % 3, 24.0)[1], sensor.clock
     at = (1 + c.skew) * imu.t + c.offset - sensor.gyro.delay
-    return sensor, *(np.stack([np.interp(servo.t, at, x) for x in y.T], 1) for y in (imu.gyr, imu.acc))  # fmt: skip
+    gyr, acc = (np.stack([np.interp(servo.t, at, x) for x in y.T], 1) for y in (imu.gyr, imu.acc))
+    return sensor, gyr, acc
 
 
 @pytest.mark.parametrize("k", range(4))

@@ -14,7 +14,12 @@ from pinotwin.imu.ekf import ekf, gravity_rows, transition
 from pinotwin.imu.kalman import LinearModel
 from pinotwin.imu.orientation import orientation
 
-TRIALS = {"02": "slow_rotation", "07": "fast_rotation", "11": "slow_translation", "16": "fast_translation"}  # fmt: skip
+TRIALS = {
+    "02": "slow_rotation",
+    "07": "fast_rotation",
+    "11": "slow_translation",
+    "16": "fast_translation",
+}
 VQF_OFFLINE = {"02": 0.31, "07": 0.96, "11": 0.26, "16": 0.43}  # deg, data/broad_imu/README.md
 
 

@@ -1,7 +1,8 @@
-"""A small analytic flexure rig (Y prismatic, delta passive, A, C) for the IMU tests, and tests of it.
+"""A small analytic flexure rig (Y, passive delta, A, C) for the IMU tests, and tests of it.
 
-Planar equations of the rig at small delta (thesis Eq. 5.4-5.5 in relative coordinates), numbers as in
-DESIGN section 4. The truth (``Truth``) is kept apart from what an estimator may see (``Servo``).
+Planar equations of the rig at small delta (thesis Eq. 5.4-5.5 in relative coordinates), numbers as
+in DESIGN section 4. The truth (``Truth``) is kept apart from what an estimator may see
+(``Servo``).
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from pinotwin.imu.sensor import LinkMotion
 
 DEG = np.pi / 180
 FINE = 4000.0
-M_A, R_A, J_A, M_L, L_L, L, I_D, K_D, C_D, G = 10.3, 0.086, 0.12, 30.4, 0.29, 0.29, 3.754, 59280.0, 47.0, 9.81  # fmt: skip
+M_A, R_A, J_A, M_L, L_L, L = 10.3, 0.086, 0.12, 30.4, 0.29, 0.29
+I_D, K_D, C_D, G = 3.754, 59280.0, 47.0, 9.81
 
 
 @dataclass(frozen=True)

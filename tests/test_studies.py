@@ -1,4 +1,4 @@
-"""The thesis' studies on a machine whose truth is known, and the ripple search on real cogging maps."""
+"""The thesis' studies on a machine of known truth, and the ripple search on real cogging maps."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from pinotwin.identification.studies import (
     table_overlay,
 )
 from pinotwin.identification.study_evidence import evidence, split_rigid_body
+from pinotwin.identification.study_significance import false_alarm, ratio_at
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
@@ -222,11 +223,19 @@ def test_noise_alone_names_no_order(colour: float) -> None:
     rng = np.random.default_rng(7)
     q = np.arange(512) * (2 * np.pi / 512)
     named = 0
-    for _ in range(60):
+    for _ in range(40):
         u = lfilter([1.0], [1.0, -colour], rng.normal(size=700))[188:]
         named += len(ripple_orders(q, u).orders) > 0
-    # At a chance of 1 % each, 5 or more of 60 happen once in 3000.
+    # At a chance of 1 % each, 5 or more of 40 happen once in 20 000.
     assert named < 5
+
+
+def test_false_alarm_formula_against_simulation() -> None:
+    rng = np.random.default_rng(2)
+    median = np.sort(rng.exponential(size=(200_000, 24)), axis=1)[:, 11]
+    exceeded = np.mean(rng.exponential(size=200_000) > 6.0 * median)
+    assert false_alarm(np.array([6.0]))[0] == pytest.approx(exceeded, rel=0.05)
+    assert false_alarm(np.array([ratio_at(1e-5)]))[0] == pytest.approx(1e-5)
 
 
 def test_known_orders_are_found_in_an_irregular_log() -> None:

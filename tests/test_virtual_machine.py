@@ -113,7 +113,7 @@ def test_energy_falls_without_motors_and_never_rises():
     machine = replace(machine, truth=replace(machine.truth, axes={"J": axis}))
     push = Pulse("a", 0.2, 0.2, moment=(12.0, 0.0, 0.0))
     r = machine.record(standstill(machine, 14.0), seed=0, noise=False, external=[push])
-    q, v, _ = r.truth.joint("J")
+    q, v, _ = r.truth.joint("j")
     M = machine.inertia()[0, 0]
     weight = 9.81 * np.linalg.norm(machine.tree.moment[0])
     angle = np.arctan2(machine.tree.moment[0][1], -machine.tree.moment[0][2])
@@ -125,11 +125,11 @@ def test_energy_falls_without_motors_and_never_rises():
 
 
 def test_nothing_creeps_at_standstill(trunnion):
-    r = trunnion.record(standstill(trunnion), seed=0, noise=False)
+    r = trunnion.record(standstill(trunnion, 6.0), seed=0, noise=False)
     for name in trunnion.joints:
         q, v, _ = r.truth.joint(name)
-        assert np.ptp(q[r.truth.t > 1.0]) < 1e-8
-        assert np.abs(v[r.truth.t > 1.0]).max() < 1e-7
+        assert np.ptp(q[r.truth.t > 5.0]) < 1e-9
+        assert np.abs(v[r.truth.t > 5.0]).max() < 1e-8
 
 
 def test_the_seed_decides_everything(trunnion, run):
@@ -255,7 +255,7 @@ def test_a_logged_pulse_is_in_the_log_and_moves_the_machine(trunnion):
     calm = trunnion.record(standstill(trunnion), seed=0, noise=False)
     hit = trunnion.record(standstill(trunnion), seed=0, noise=False, external=[pulse])
     assert {f"A_link.{x}" for x in ("fx", "fy", "fz", "mx", "my", "mz")} <= set(hit.log)
-    assert hit.log["A_link.fy"].max() == pytest.approx(40.0, rel=1e-3)
+    assert hit.log["A_link.fy"].max() == pytest.approx(40.0, rel=1e-2)
     # Impulse balance on Y: what the hammer gives, motor and friction take.
     t, u = hit.truth.t, hit.truth.u[:, 0] - calm.truth.u[:, 0]
     taken = np.trapezoid(u - hit.truth.friction[:, 0] + calm.truth.friction[:, 0], t)
@@ -273,15 +273,17 @@ def test_true_poles_of_a_rigid_axis(trunnion):
     k = trunnion.truth.axes["Y"].controller
     M = trunnion.inertia()[0, 0]
     b = trunnion.truth.axes["Y"].friction.viscous
-    rate = [1 / (2 * np.pi * k.velocity_filter) + 0.5 / 4000.0, 1.0]  # filter, backward difference
-    lag = [1 / (2 * np.pi * k.current_bandwidth) + 0.5 / 4000.0, 1.0]  # current loop, hold
+    T, left = 1 / 4000.0, np.exp(-2 * np.pi * k.velocity_filter / 4000.0)
+    rate = [T * left / (1 - left) + T / 2, 1.0]  # delay of the sampled filter, backward difference
+    lag = [1 / (2 * np.pi * k.current_bandwidth) + T / 2, 1.0]  # current loop, hold
     plant = np.polymul(np.polymul([M, b, 0.0], rate), lag)
     control = np.polyadd(np.polymul([k.kp, k.ki], rate), [k.kv, 0.0, 0.0])
     s = np.roots(np.polyadd(np.polymul(plant, [1.0, 0.0]), control))
     expected = s[np.argsort(np.abs(s))][:3]
     found = closed_loop_poles(trunnion, ["Y"])[:3]
-    np.testing.assert_allclose(np.abs(found), np.abs(expected), rtol=0.03)
-    np.testing.assert_allclose(np.abs(found[:2].real), np.abs(expected[:2].real), rtol=0.03)
+    np.testing.assert_allclose(np.abs(found[:2]), np.abs(expected[:2]), rtol=0.005)
+    np.testing.assert_allclose(np.abs(found[2]), np.abs(expected[2]), rtol=0.06)
+    np.testing.assert_allclose(np.abs(found[:2].real), np.abs(expected[:2].real), rtol=0.005)
 
 
 def test_saturation_holds_the_effort_and_recovers(urdf_dir):

@@ -1,17 +1,11 @@
-r"""Which orders of position a motor's effort ripples with, found by a greedy search with a false alarm rate.
+r"""Which orders of position a motor's effort ripples with, by a search of known false alarm rate.
 
     u(q) = c + sum_k [ a_k cos(f_k q) + b_k sin(f_k q) ] + e(q)
 
-Orders are taken one by one, the strongest that stands out first, and all coefficients are solved anew
-after each (orthogonal matching pursuit: Pati, Rezaiifar, Krishnaprasad 1993,
-doi:10.1109/ACSSC.1993.342465). What is left of a real map is never white: an order counts only if it
-stands out from its *neighbours*. Its power is compared with the median power z of N neighbouring orders.
-For noise that is even over those, powers are exponentially distributed and the chance that one exceeds
-T z by accident is known exactly whatever the noise level (Rohling 1983, doi:10.1109/TAES.1983.309350),
-
-    P = product over i < N/2 of (N - i) / (N - i + T),
-
-which, times the number of candidates, must stay below ``alpha``. There is no threshold to tune.
+Orders are taken one by one, the strongest that stands out from its neighbours first, and all
+coefficients are solved anew after each (orthogonal matching pursuit: Pati, Rezaiifar, Krishnaprasad
+1993, doi:10.1109/ACSSC.1993.342465). What stands out is decided by
+:mod:`pinotwin.identification.study_significance`: there is no threshold to tune.
 """
 
 from __future__ import annotations
@@ -21,14 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
+from pinotwin.identification.study_significance import NEIGHBOURS, floor, ratio_at, strongest
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 _TURN = 2.0 * np.pi
-_NEIGHBOURS = 24
 _MOST_ROWS = 16_384
 _LINEAR_OVERSAMPLING = 2
 
@@ -125,7 +119,7 @@ def ripple_orders(
     chance: list[float] = []
     while len(orders) < most:
         power = search.powers(orders)
-        found, p = _strongest(power, search.floor(power), alpha)
+        found, p = strongest(power, search.floor(power), alpha)
         if found is None:
             break
         orders.append(float(candidates[found]) if rotary else search.refined(found, orders))
@@ -153,8 +147,9 @@ def _rows(q: Floats, u: Floats, rotary: bool, max_order: float) -> tuple[Floats,
     place = np.floor((s % 1.0 if rotary else s - s.min()) * 16.0 * max_order).astype(int)
     _, group, count = np.unique(place, return_inverse=True, return_counts=True)
     wrapped = s % 1.0 if rotary else s
-    means = [np.bincount(group, weights=x) / count for x in (wrapped, u)]
-    return means[0], means[1], np.sqrt(count)
+    rows = count.astype(float)
+    means = [np.asarray(np.bincount(group, weights=x) / rows) for x in (wrapped, u)]
+    return means[0], means[1], np.sqrt(rows)
 
 
 def _candidates(s: Floats, rotary: bool, max_order: float, travel: float) -> Floats:
@@ -168,12 +163,12 @@ def _candidates(s: Floats, rotary: bool, max_order: float, travel: float) -> Flo
     step = 1.0 if rotary else 1.0 / (_LINEAR_OVERSAMPLING * travel)
     out = step * np.arange(1, int(top / step) + 1)
     out = out if rotary else out[out * travel >= 1.5]
-    if len(out) < 2 * _NEIGHBOURS:
+    if len(out) < 2 * NEIGHBOURS:
         raise DataError(
-            f"{len(s)} samples resolve {len(out)} ripple orders, {2 * _NEIGHBOURS} are needed to "
+            f"{len(s)} samples resolve {len(out)} ripple orders, {2 * NEIGHBOURS} are needed to "
             "judge them: record more positions or a longer move"
         )
-    return out
+    return np.asarray(out)
 
 
 @dataclass(frozen=True)
@@ -191,11 +186,15 @@ class _Search:
         waves = _waves(self.s, np.asarray(orders, dtype=float))
         return np.column_stack([np.ones(len(self.s)), waves]) * self.weight[:, None]
 
-    def powers(self, orders: list[float]) -> Floats:
-        """Return each candidate's power in what the orders leave, their own set to zero."""
+    def left(self, orders: list[float]) -> tuple[Floats, Floats]:
+        """Return a basis of the orders' columns and what of the effort lies outside it."""
         basis = np.linalg.qr(self.columns(orders))[0]
         rest = self.u * self.weight
-        rest = rest - basis @ (basis.T @ rest)
+        return basis, rest - basis @ (basis.T @ rest)
+
+    def powers(self, orders: list[float]) -> Floats:
+        """Return each candidate's power in what the orders leave, their own set to zero."""
+        basis, rest = self.left(orders)
         out = np.array([self._power(f, basis, rest) for f in self.candidates])
         near = 0.75 * (self.candidates[1] - self.candidates[0]) * self.oversampling
         for f in orders:
@@ -209,13 +208,15 @@ class _Search:
             return 0.0
         return float(np.sum((np.linalg.qr(pair)[0].T @ rest) ** 2))
 
+    def floor(self, power: Floats) -> Floats:
+        """Return the level of each candidate's neighbours."""
+        return floor(self.candidates, power, 2 * self.oversampling - 1)
+
     def refined(self, found: int, orders: list[float]) -> float:
         """Return the order beside a candidate at which the power is largest."""
         from scipy.optimize import minimize_scalar
 
-        basis = np.linalg.qr(self.columns(orders))[0]
-        rest = self.u * self.weight
-        rest = rest - basis @ (basis.T @ rest)
+        basis, rest = self.left(orders)
         step = float(self.candidates[1] - self.candidates[0])
         centre = float(self.candidates[found])
         best = minimize_scalar(
@@ -224,58 +225,6 @@ class _Search:
             method="bounded",
         )
         return float(best.x)
-
-    def floor(self, power: Floats) -> Floats:
-        """Return the median power of each candidate's neighbours, itself and the nearest left out.
-
-        Neighbours are compared after the spectrum's slope is taken out, else a floor that falls with
-        the order would make the lowest orders stand out.
-        """
-        m, guard = len(power), 2 * self.oversampling - 1
-        slope = _slope(self.candidates, power)
-        level = power / slope
-        places = np.arange(m)
-        out = np.empty(m)
-        for k in places:
-            distance = np.abs(places - k)
-            order = np.argsort(distance, kind="stable")
-            near: Ints = order[(distance[order] > guard) & (power[order] > 0.0)][:_NEIGHBOURS]
-            out[k] = np.sort(level[near])[_NEIGHBOURS // 2 - 1] if len(near) else 0.0
-        return out * slope
-
-
-def _slope(orders: Floats, power: Floats) -> Floats:
-    """Return the trend of the power, a parabola in logarithmic scales fitted by least moduli."""
-    alive = power > 0.0
-    x = np.log(orders / orders[-1])
-    columns = np.stack([np.ones_like(x), x, x**2], axis=1)
-    y = np.log(np.where(alive, power, 1.0))
-    weight = alive.astype(float)
-    theta = np.zeros(3)
-    for _ in range(30):
-        theta = np.linalg.lstsq(columns * weight[:, None], y * weight, rcond=None)[0]
-        # The square root of the usual weight 1/|r|, with a floor that keeps it bounded.
-        weight = alive / np.sqrt(np.maximum(np.abs(y - columns @ theta), 0.05))
-    return np.asarray(np.exp(columns @ theta))
-
-
-def _false_alarm(ratio: Floats) -> Floats:
-    """Return the chance that noise exceeds ``ratio`` times the median of its neighbours."""
-    i = np.arange(_NEIGHBOURS // 2)
-    left = (_NEIGHBOURS - i)[:, None]
-    return np.asarray(np.prod(left / (left + np.atleast_1d(ratio)), axis=0))
-
-
-def _strongest(power: Floats, floor: Floats, alpha: float) -> tuple[int | None, float]:
-    """Return the strongest candidate that stands out, and its family-wise chance."""
-    alive = (power > 0.0) & (floor > 0.0)
-    ratio = np.where(alive, power / np.where(alive, floor, 1.0), 0.0)
-    chance = np.minimum(_false_alarm(ratio) * max(int(alive.sum()), 1), 1.0)
-    named = np.flatnonzero(alive & (chance < alpha))
-    if not len(named):
-        return None, 1.0
-    best = int(named[np.argmax(power[named])])
-    return best, float(chance[best])
 
 
 def _result(
@@ -291,12 +240,5 @@ def _result(
         rotary=rotary, orders=np.array(orders)[rank], cosine=pairs[rank, 0],
         sine=pairs[rank, 1], chance=np.array(chance)[rank], mean=float(theta[0]),
         searched=search.candidates, spectrum=np.sqrt(size * search.powers([])),
-        threshold=np.sqrt(size * floor * _ratio_at(alpha / len(search.candidates))), travel=travel,
+        threshold=np.sqrt(size * floor * ratio_at(alpha / len(search.candidates))), travel=travel,
     )  # fmt: skip
-
-
-def _ratio_at(chance: float) -> float:
-    """Return the ratio to the neighbours' median that noise exceeds with a given chance."""
-    from scipy.optimize import brentq
-
-    return float(brentq(lambda x: float(_false_alarm(np.array([x]))[0]) - chance, 0.0, 1e6))

@@ -1,22 +1,24 @@
-"""What the coupling between axes is worth: one model of the machine against one per axis (Fig. 3-7).
+"""What coupling between axes is worth: one model of the machine against one per axis (Fig. 3-7).
 
-The decoupled model is the same machine, each axis on its own: its inertia and its gravity as if the
-other axes stood still where they are on average, and its own effects. It has no term in which another
-axis' motion appears. Shapes are those of the coupled fit in both, so that nothing else differs.
+The decoupled model is the same machine, each axis on its own: its inertia and its gravity as if
+the other axes stood still where they are on average, and its own effects. It has no term in which
+another axis' motion appears. Shapes are those of the coupled fit in both, so that nothing else
+differs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import qr
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import AxisEffect, Effect
 from pinotwin.fit.crossval import held_out
-from pinotwin.fit.linear import Options, linear
+from pinotwin.fit.linear import Options
 from pinotwin.fit.problem import Problem
 from pinotwin.identification.assemble import assemble, choose_rows, joint_columns, thin
 from pinotwin.identification.judge import error_row
@@ -80,7 +82,7 @@ class CoupledAgainstDecoupled:
         }
 
     def figure(self, axis: str | None = None) -> go.Figure:
-        """Return both errors per axis, and both predictions of one axis (that of the largest gain)."""
+        """Return both errors per axis, and both predictions of one axis (of the largest gain)."""
         from pinotwin.report.study_plots import coupling_figure
 
         return coupling_figure(self, axis)
@@ -141,11 +143,11 @@ def decoupled_problem(
     rows = choose_rows(motion)
     blocks, names, lower, upper = [], [], [], []
     for joint, kept in zip(rows.joints, rows.kept, strict=True):
-        own = [e for e in effects if isinstance(e, AxisEffect) and motion.index(e.axis) == joint]
+        own = [e for e in effects if isinstance(e, AxisEffect) and e.axis == motion.names[joint]]
         columns = [_alone(machine, motion, joint)]
         columns += [c for e in own if (c := joint_columns(motion, e, joint)) is not None]
         blocks.append(np.concatenate(columns, axis=1)[kept])
-        beta = len(machine.base)
+        beta = columns[0].shape[1]
         given = [c for e in own for c in e.coefficients()]
         lower += [-np.inf] * beta + [c.lower for c in given]
         upper += [np.inf] * beta + [c.upper for c in given]
@@ -160,7 +162,7 @@ def decoupled_problem(
 
 
 def _alone(machine: Machine, motion: Motion, joint: int) -> Floats:
-    """Return the tree's columns at one joint with all others standing at their median."""
+    """Return the tree's independent columns at one joint, all others standing at their median."""
     q = np.broadcast_to(np.median(motion.q, axis=0), motion.q.shape).copy()
     v, a = np.zeros_like(q), np.zeros_like(q)
     for still, moving in ((q, motion.q), (v, motion.v), (a, motion.a)):
@@ -170,4 +172,16 @@ def _alone(machine: Machine, motion: Motion, joint: int) -> Floats:
         rows = slice(start, start + 20_000)
         values = machine.base.regressor(machine.model, q[rows], v[rows], a[rows])
         out[rows] = values[:, joint]
-    return thin(motion, out)
+    some = out[:: max(len(out) // 2000, 1)]
+    _, R, pivot = qr(some / _unit(some), mode="economic", pivoting=True)
+    size = np.abs(np.diag(R))
+    kept = np.sort(pivot[: len(size)][size > 1e-8 * size.max(initial=1e-300)])
+    return thin(motion, out[:, kept])
+
+
+def _unit(columns: Floats) -> Floats:
+    """Return the columns' lengths; those of rounding size count as one, so that they stay small."""
+    length = np.linalg.norm(columns, axis=0)
+    return np.where(
+        length > 1e-12 * length.max(initial=1e-300), length, 1.0 + length.max(initial=0.0)
+    )

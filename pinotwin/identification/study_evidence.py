@@ -1,7 +1,7 @@
 """A log beside the twin's prediction of it: what every study and every report looks at.
 
-The rows are those of the fit (the same zero-phase filter, the same decimation), so that measured and
-predicted effort went through the same hands.
+The rows are those of the fit (the same zero-phase filter, the same decimation), so that measured
+and predicted effort went through the same hands.
 """
 
 from __future__ import annotations
@@ -150,8 +150,8 @@ def _rigid(twin: Twin, q: Floats, v: Floats, a: Floats) -> Floats:
 def split_rigid_body(twin: Twin, given: Evidence) -> Evidence:
     """Return the evidence with ``rigid_body`` as ``inertia``, ``gravity`` and ``coupling``.
 
-    ``inertia`` is what an axis' own acceleration takes, ``coupling`` what the others' accelerations and
-    all velocities add (Coriolis, centrifugal). The three sum to the rigid-body effort exactly.
+    ``inertia`` is what an axis' own acceleration takes, ``coupling`` what the others' accelerations
+    and all velocities add (Coriolis, centrifugal). The three sum to the rigid-body effort exactly.
     """
     q, v, a = given.q, given.v, given.a
     zero = np.zeros_like(q)

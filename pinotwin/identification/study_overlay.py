@@ -102,7 +102,7 @@ def ripple_overlay(twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str) -
 
 
 def table_overlay(twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str) -> Overlay:
-    """Return an axis' position table over the disturbance extracted from a log (Fig. 4-10, 4-11)."""
+    """Return an axis' position table over the data extracted from a log (Fig. 4-10, 4-11)."""
     return overlay(twin, log, axis, TABLE, "position")
 
 
@@ -166,11 +166,13 @@ def _grid(
     n = 1200
     if against == "position":
         grid = np.linspace(float(x.min()), float(x.max()), n)
-        q, v, pieces = grid, np.zeros(n), (slice(0, n),)
+        q, v = grid, np.zeros(n)
+        pieces: tuple[slice, ...] = (slice(0, n),)
     else:
         half = np.linspace(0.0, 1.0, n // 2) ** 2  # denser where Stribeck's curve bends
         grid = np.r_[half * min(float(x.min()), 0.0), half * max(float(x.max()), 0.0)]
-        q, v, pieces = np.zeros(n), grid, (slice(0, n // 2), slice(n // 2, n))
+        q, v = np.zeros(n), grid
+        pieces = (slice(0, n // 2), slice(n // 2, n))
     t = np.arange(n, dtype=float)
     motion = AxisMotion(
         given.names[j], j, given.rotary[j], t, q, v, np.zeros(n), pieces, 1.0 / given.rate
@@ -188,7 +190,7 @@ def _curve(twin: Twin, keys: Sequence[str], motion: AxisMotion) -> Floats:
 
 
 def binned(x: Floats, y: Floats, count: int = _BINS) -> Bins:
-    """Return median and quartiles of ``y`` in bins of ``x``; bins with fewer than 5 rows are left out."""
+    """Return median and quartiles of ``y`` in bins of ``x``; bins below 5 rows are left out."""
     edges = np.linspace(float(x.min()), float(x.max()), count + 1)
     place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
     order = np.argsort(place, kind="stable")

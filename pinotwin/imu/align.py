@@ -2,9 +2,10 @@
 
 Inertial alignment R_G/M (thesis Eq. 6.12-6.19): the link's angular velocity in the machine frame
 against the IMU's in its own earth frame. Mounting R_S/T (Eq. 6.20-6.25): from orientations, or
-directly from rates in the link frame, which needs no integration. As in the thesis ``R_S/T`` turns a
-vector of the table (link) frame into the sensor frame, ``R_G/M`` one of the machine into the IMU's
-earth frame. All use Kabsch's determinant correction: Eq. 6.19 and 6.25 can return a reflection.
+directly from rates in the link frame, which needs no integration. As in the thesis ``R_S/T`` turns
+a vector of the table (link) frame into the sensor frame, ``R_G/M`` one of the machine into the
+IMU's earth frame. All use Kabsch's determinant correction: Eq. 6.19 and 6.25 can return a
+reflection.
 
 Two directions fix a rotation. Rates give them if at least two axes that are not parallel turn; else
 gravity is the second one. If it is parallel too, nothing is known about the turn around it.
@@ -71,8 +72,8 @@ def fit_rotation(
     values = np.linalg.svd(x, compute_uv=False) / np.sqrt(len(x))
     if values[0] < minimum:
         raise DataError(
-            f"the link turns with {np.degrees(values[0]):.2g} deg/s RMS only: too little to align an "
-            "IMU; move a rotary axis in the log"
+            f"the link turns with {np.degrees(values[0]):.2g} deg/s RMS only: too little to align "
+            "an IMU; move a rotary axis in the log"
         )
     ratio, helped = float(values[1] / values[0]), False
     if ratio < spread:
@@ -113,7 +114,7 @@ def inertial_alignment(
     """Return R_G/M (Eq. 6.12-6.19).
 
     Args:
-        w_machine: the link's angular velocity from the encoders in the machine frame [rad/s], (n, 3).
+        w_machine: the link's angular velocity by the encoders, machine frame [rad/s], (n, 3).
         w_earth: the IMU's angular velocity in its own earth frame (z up) [rad/s], (n, 3).
         gravity_machine: the upward direction in the machine frame, (3,), for logs with one axis.
         lag: samples over which residuals are correlated.
@@ -143,7 +144,7 @@ def mounting_from_rates(
     w_link: Floats, gyr: Floats, gravity: tuple[Floats, Floats] | None = None,
     *, scale: float = 5e-3, bias: float = 0.02, lag: int = 100,
 ) -> RotationFit:  # fmt: skip
-    """Return R_S/T from rates in the link frame, with the gyro's scale and bias estimated beside it.
+    """Return R_S/T from rates in the link frame, the gyro's scale and bias estimated beside it.
 
         gyr = (I + diag(s)) exp(e) R w_link + b
 

@@ -1,11 +1,12 @@
 """One estimate over servo and IMU data: gyro scale, bias, mounting, clocks and the deflection.
 
-Nothing is integrated. The encoders give the link's rotation; the IMU has to give the difference. The
-deflection is the response of a spring-mass-damper (shared by all runs) to a known load, so its slow
-part is load over stiffness and not an integral of the gyro's scale error. All parameters have priors
-(MAP); without them scale, asymmetry and sag cannot be told apart. Gauss-Newton with the analytic
-Jacobian of :mod:`pinotwin.imu.predict`; residuals whitened by the noise at rest; standard errors are
-robust to correlated residuals. What the mode does not explain goes to :mod:`pinotwin.imu.latent`.
+Nothing is integrated. The encoders give the link's rotation; the IMU has to give the difference.
+The deflection is the response of a spring-mass-damper (shared by all runs) to a known load, so its
+slow part is load over stiffness and not an integral of the gyro's scale error. All parameters have
+priors (MAP); without them scale, asymmetry and sag cannot be told apart. Gauss-Newton with the
+analytic Jacobian of :mod:`pinotwin.imu.predict`; residuals whitened by the noise at rest; standard
+errors are robust to correlated residuals. What the mode does not explain goes to
+:mod:`pinotwin.imu.latent`.
 """
 
 from __future__ import annotations
@@ -135,7 +136,8 @@ def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
     at = (m.base - m.fine.t[0]) / m.fine.step
     base = m.gyro_columns(at) @ problem.R_ST.T  # rigid rate, then axis
     u, axis = base[:, 0], base[:, 1]
-    fixed = np.concatenate([u[:, :, None] * np.eye(3), -rot.skew(u), np.tile(np.eye(3), (len(u), 1, 1))], axis=2)  # fmt: skip
+    ones = np.tile(np.eye(3), (len(u), 1, 1))
+    fixed = np.concatenate([u[:, :, None] * ones, -rot.skew(u), ones], axis=2)
     Q, _ = np.linalg.qr(fixed.reshape(-1, 9))
     e = (y - u).ravel()
     e = e - Q @ (Q.T @ e)

@@ -7,15 +7,16 @@ Section 6.4.1). Coarse: normalised cross-correlation of the magnitudes. Fine: Ga
 
     y(t) = A r(t_ref(t)) + b + noise
 
-in offset, skew, A and b, both signals low-passed alike so that structural vibration stays out. With
-rates as vectors A is a full 3x3 matrix (mounting, scale factors); with magnitudes it is a number.
-A sensor's low-pass delays what it reports; its group delay is an input (``delay``). A clock that jumps
-back was restarted: each stretch has its own offset, all share the skew.
+in offset, skew, A and b, both signals low-passed alike so that structural vibration stays out.
+With rates as vectors A is a full 3x3 matrix (mounting, scale factors); with magnitudes it is a
+number. A sensor's low-pass delays what it reports; its group delay is an input (``delay``). A
+clock that jumps back was restarted: each stretch has its own offset, all share the skew.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -158,7 +159,7 @@ def _checked(
 def _stretches(t: Floats) -> list[slice]:
     """Return the rows between restarts of a clock, those of at least 50 samples."""
     cuts = [0, *(np.flatnonzero(np.diff(t) < 0.0) + 1), len(t)]
-    return [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b - a >= 50]
+    return [slice(a, b) for a, b in pairwise(cuts) if b - a >= 50]
 
 
 def _coarse(

@@ -12,7 +12,7 @@ from pinotwin.arrays import Floats
 
 
 def best_lag(a: Floats, b: Floats) -> tuple[float, float]:
-    """Return by how many samples ``b`` begins after ``a``, with a parabolic peak, and the coefficient.
+    """Return by how many samples ``b`` begins after ``a`` (parabolic peak) and the coefficient.
 
     Lags whose overlap is short or hardly varies in either signal do not count.
     """

@@ -1,14 +1,15 @@
 """An adaptive extended Kalman filter for orientation, with body-acceleration rejection.
 
-After Sabatini 2006 (DOI 10.1109/TBME.2006.875664; thesis Fig. 6-5), without the magnetometer and with
-the gyro's bias as a state. States: quaternion (sensor to earth), gyro bias, accelerometer bias:
+After Sabatini 2006 (DOI 10.1109/TBME.2006.875664; thesis Fig. 6-5), without the magnetometer and
+with the gyro's bias as a state. States: quaternion (sensor to earth), gyro bias, accelerometer
+bias:
 
     q[k+1] = q[k] exp((y - b) h)        y_acc = R(q)' (0, 0, g) + b_acc + noise
 
-The accelerometer corrects only where its magnitude has stayed within ``gate`` of g for ``hold``; that is
-the adaptive part: a moving sensor is integrated, a resting one levelled. (A magnitude that merely passes
-through g says nothing, hence the hold.) The smoother runs Rauch-Tung-Striebel over the
-same states afterwards. :func:`transition` and :func:`gravity_rows` are the analytic Jacobians.
+The accelerometer corrects only where its magnitude has stayed within ``gate`` of g for ``hold``;
+that is the adaptive part: a moving sensor is integrated, a resting one levelled. (A magnitude that
+merely passes through g says nothing, hence the hold.) The smoother runs Rauch-Tung-Striebel over
+the same states afterwards. :func:`transition` and :func:`gravity_rows` are the analytic Jacobians.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class OrientationTrack:
 
 @njit(cache=True)
 def transition(x, gyr, h):  # type: ignore[no-untyped-def]
-    """Return the next state (10,) and its Jacobian (10, 10) for a rate ``gyr`` [rad/s] held for h [s]."""
+    """Return the next state (10,) and its Jacobian (10, 10): rate ``gyr`` [rad/s] over h [s]."""
     F = np.eye(10)
     phi = (gyr - x[4:7]) * h
     angle = np.sqrt(phi @ phi)
@@ -110,7 +111,11 @@ def gravity_rows(x, g):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
-    """Filter ``turn``, rates (n - 1, 3) over the steps; ``s`` holds accel variance, gate, g, samples of hold. Returns predicted and filtered states."""
+    """Return predicted and filtered states and how many samples passed the gate.
+
+    ``turn`` are the rates (n - 1, 3) over the steps; ``noise`` gyro and bias-walk densities
+    squared; ``s`` accelerometer variance, gate, g and the samples of the hold.
+    """
     n = len(acc)
     xp, xf = np.empty((n, 10)), np.empty((n, 10))
     Pp, Pf = np.empty((n, 10, 10)), np.empty((n, 10, 10))

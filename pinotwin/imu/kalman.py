@@ -1,6 +1,7 @@
 """A Kalman filter and Rauch-Tung-Striebel smoother for linear, time-varying models.
 
-    x[k+1] = F[k] x[k] + u[k] + w[k],  w ~ N(0, Q[k])        z[k] = H[k] x[k] + e[k],  e ~ N(0, r[k])
+    x[k+1] = F[k] x[k] + u[k] + w[k],  w ~ N(0, Q[k])
+    z[k]   = H[k] x[k] + e[k],         e ~ N(0, r[k])
 
 Measurements of one time are independent of each other and are used one by one; a variance of
 infinity leaves one out. Rauch, Tung and Striebel 1965, DOI 10.2514/3.3166.
@@ -88,7 +89,7 @@ def _update(x, P, h, z, r):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _filter(F, u, Q, H, z, r, x0, P0):  # type: ignore[no-untyped-def]
+def _filter(F, u, Q, H, z, r, x0, P0):  # type: ignore[no-untyped-def]  # noqa: PLR0913
     n, m = z.shape
     d = len(x0)
     xp, xf = np.empty((n, d)), np.empty((n, d))

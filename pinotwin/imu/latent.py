@@ -1,7 +1,7 @@
 """What the mode does not explain: hysteresis, hardening, forces from outside.
 
-The remainder e of the deflection is the response of the same mode to an unknown force f, a Gauss-Markov
-process, smoothed over what gyro and accelerometer leave:
+The remainder e of the deflection is the response of the same mode to an unknown force f, a
+Gauss-Markov process, smoothed over what gyro and accelerometer leave:
 
     e'' + 2 zeta wn e' + wn² e = f,   f' = -f / tau + noise        z_g = e' + b,   z_a = c e''
 

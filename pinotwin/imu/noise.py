@@ -6,7 +6,8 @@ Allan deviation of a rate sampled at tau0 (IEEE Std 952; overlapping estimator),
 
 White noise of density N [unit/sqrt(Hz)] (one-sided PSD N²) gives sigma = N / sqrt(2 tau); in the
 inertial world the number quoted is the random-walk coefficient N/sqrt(2) per axis. A floor at
-sigma = 0.664 B is the bias instability B; a random walk K [unit/sqrt(s)] gives sigma = K sqrt(tau/3).
+sigma = 0.664 B is the bias instability B; a random walk K [unit/sqrt(s)] gives sigma = K
+sqrt(tau/3).
 """
 
 from __future__ import annotations
@@ -65,8 +66,8 @@ def allan_deviation(x: Floats, rate: float, points: int = 40) -> tuple[Floats, F
 def characterise(x: Floats, rate: float) -> NoiseFigures:
     """Return the noise figures of a rest segment, shape (n, channels) or (n,).
 
-    The Allan variance is fitted by non-negative least squares on N²/(2 tau) + (0.664 B)² + K² tau/3,
-    each point weighted with its relative error (tau over length).
+    The Allan variance is fitted by non-negative least squares on N²/(2 tau) + (0.664 B)² + K²
+    tau/3, each point weighted with its relative error (tau over length).
 
     Raises:
         DataError: fewer than 50 samples.
@@ -88,7 +89,7 @@ def characterise(x: Floats, rate: float) -> NoiseFigures:
 
 
 def white_level(x: Floats) -> Floats:
-    """Return the standard deviation of the fast part of moving signals (n, k), robustly, shape (k,).
+    """Return the standard deviation of the fast part of moving signals (n, k), robustly, (k,).
 
     From third differences, which let a smooth motion through with little: median absolute deviation
     over sqrt(20). Noise that a low-pass has coloured reads too low.
@@ -100,10 +101,10 @@ def white_level(x: Floats) -> Floats:
 def rest(gyr: Floats, acc: Floats, rate: float, window: float = 0.3, factor: float = 2.0) -> Mask:
     """Return where the sensor rests, shape (n,).
 
-    A window rests when the standard deviations of rate and force in it are within ``factor`` of the
-    quietest ones (2 % quantile) and its mean rate is that of the quiet windows. The quietest windows
-    count only if their readings scatter like noise and not like motion (von Neumann's ratio of
-    successive differences) about a rate that can be a bias; else the mask is empty.
+    A window rests when the standard deviations of rate and force in it are within ``factor`` of
+    the quietest ones (2 % quantile) and its mean rate is that of the quiet windows. The quietest
+    windows count only if their readings scatter like noise and not like motion (von Neumann's
+    ratio of successive differences) about a rate that can be a bias; else the mask is empty.
 
     Args:
         gyr: angular rate [rad/s], (n, 3).
@@ -133,7 +134,7 @@ def rest(gyr: Floats, acc: Floats, rate: float, window: float = 0.3, factor: flo
 
 
 def _window_std(x: Floats, m: int) -> tuple[Floats, Floats]:
-    """Return the standard deviation (norm over channels) and mean of sliding windows of m samples."""
+    """Return standard deviation (norm over channels) and mean of sliding windows of m."""
     x = x - np.mean(x, axis=0)
     s1 = np.cumsum(np.vstack([np.zeros(x.shape[1]), x]), axis=0)
     s2 = np.cumsum(np.vstack([np.zeros(x.shape[1]), x**2]), axis=0)

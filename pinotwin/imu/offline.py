@@ -28,7 +28,8 @@ from pinotwin.imu.ekf import ekf
 from pinotwin.imu.kalman import LinearModel, Smoothed
 
 _E, _V, _P, _B, _K, _A, _G = (
-    slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 21), slice(21, 24), slice(24, 25),
+    slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12),
+    slice(12, 21), slice(21, 24), slice(24, 25),
 )  # fmt: skip
 _SIZE = 25
 _G0 = 9.81
@@ -70,7 +71,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class _Nominal:
-    """About what is linearised: orientation (any), gyro bias, gyro matrix, accelerometer bias, g."""
+    """What is linearised about: orientation (any), gyro bias and matrix, accel bias, g."""
 
     q: Floats  # (n, 4)
     bias: Floats  # (n, 3)

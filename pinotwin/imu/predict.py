@@ -3,11 +3,14 @@
     gyro   y = (I + diag(s)) (I + N) u + a |u| + c u³ + G f_s + b(t),    u = R_ST (w + axis delta')
     accel  y = (I + E) R_ST f + b_a
     f      = a - R' g + (w' x + w x w x) p + delta'' axis x (arm + p)
-             + delta' [(axis x w) x p + axis x (w x p) + w x (axis x p)] - delta axis x (f without delta)
+             + delta' [(axis x w) x p + axis x (w x p) + w x (axis x p)] - delta axis x f0
 
-Everything is taken at t_ref = (1 + skew) t_imu + offset after the sensors' low-pass. delta is linear in
-the load's gains, the sag and the start; small parameters enter linearly, so Gauss-Newton converges in
-a few rounds. Shared parameters come first, those of the run last; :class:`Layout` names the columns.
+(f0: f without delta).
+
+Everything is taken at t_ref = (1 + skew) t_imu + offset after the sensors' low-pass. delta is
+linear in the load's gains, the sag and the start; small parameters enter linearly, so Gauss-Newton
+converges in a few rounds. Shared parameters come first, those of the run last; :class:`Layout`
+names the columns.
 """
 
 from __future__ import annotations
@@ -51,7 +54,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Readings (m, 6), gyro then accelerometer, and their Jacobian (m, 6, p); rows outside are NaN."""
+    """Readings (m, 6), gyro then accelerometer, and their Jacobian (m, 6, p)."""
 
     y: Floats
     J: Floats
@@ -223,7 +226,7 @@ class RunModel:
     def _force(
         self, delta: Floats, g: Floats, p: Floats, at: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """Return the specific force in the link frame (m, 3), its slope per second, and df/d(delta)."""
+        """Return the specific force in the link frame (m, 3), its slope [1/s], df/d(delta)."""
         cutoff, step, m = self.priors.accel_cutoff, self.fine.step, len(at)
         rigid, slope = interpolate(self.rigid, at)
         d, d_slope = interpolate(low_pass(delta, cutoff, step), at)

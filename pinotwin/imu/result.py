@@ -59,7 +59,7 @@ class RunResult:
         return high_passed(self.t, self.angle, CORNER)
 
     def verdict(self) -> str:
-        """Return in words what is known of the quasi-static angle; never one number for both bands."""
+        """Return in words what is known of the slow angle; never one number for both bands."""
         sd, size = np.degrees(self.quasi_static_sd), np.degrees(self.quasi_static)
         if 2.0 * sd > size:
             return f"quasi-static: not observable, +- {2.0 * sd:.2g} deg"

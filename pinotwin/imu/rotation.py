@@ -4,9 +4,9 @@ A quaternion is ``(w, x, y, z)``, unit, and turns a vector of the sensor into th
 ``u_earth = q u_sensor q*``; its matrix is ``R_earth_sensor``, the transpose of the thesis' R_S/G.
 With the body rate w(t) [rad/s] its kinematics are ``q' = q (0, w) / 2``.
 
-Strapdown. The thesis steps R by its first-order expansion (Eq. 6.8), which leaves SO(3). Over a step
-the exact increment is ``exp(phi)`` with Bortz's rotation vector (Bortz 1971,
-DOI 10.1109/TAES.1971.310252); for rates a and b at the ends of the step h
+Strapdown. The thesis steps R by its first-order expansion (Eq. 6.8), which leaves SO(3). Over a
+step the exact increment is ``exp(phi)`` with Bortz's rotation vector (Bortz 1971, DOI
+10.1109/TAES.1971.310252); for rates a and b at the ends of the step h
 
     phi = integral of w over the step + h^2 / 12 (a x b) + O(h^5),
 
@@ -52,7 +52,7 @@ def conjugate(q: Floats) -> Floats:
 
 
 def rotate(q: Floats, v: Floats) -> Floats:
-    """Return vectors (..., 3) turned by quaternions (..., 4): from the sensor into the earth frame."""
+    """Return vectors (..., 3) turned by quaternions (..., 4): from the sensor to the earth."""
     q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
     t = 2.0 * np.cross(q[..., 1:], v)
     return v + q[..., :1] * t + np.cross(q[..., 1:], t)
@@ -91,7 +91,8 @@ def nearest_rotation(M: Floats) -> Floats:
 def inclination_error(q: Floats, reference: Floats) -> Floats:
     """Return the angle between the two verticals [rad], shape (n,); heading does not enter.
 
-    As in the BROAD benchmark (Laidig et al. 2021, DOI 10.3390/data6070072). NaN where the reference is.
+    As in the BROAD benchmark (Laidig et al. 2021, DOI 10.3390/data6070072).
+    NaN where the reference is.
     """
     d = multiply(q, conjugate(reference))
     return 2.0 * np.arccos(np.clip(np.hypot(d[..., 0], d[..., 3]), 0.0, 1.0))
@@ -151,7 +152,7 @@ def strapdown(
 
 
 def chain(phi: Floats, start: Floats | None = None) -> Floats:
-    """Return the quaternions (n, 4) reached by rotation vectors of the steps (n - 1, 3), one by one."""
+    """Return the quaternions (n, 4) reached by the rotation vectors of steps (n - 1, 3)."""
     first = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else np.asarray(start, dtype=float)
     return _chain(first / np.linalg.norm(first), exp(phi))
 

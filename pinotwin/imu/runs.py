@@ -1,4 +1,4 @@
-"""What the batch estimate takes: the machine's view of a run, the IMU's, and what is known before."""
+"""What the batch estimate takes: the machine's view of a run, the IMU's, and the priors."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ServoRun:
 
 @dataclass(frozen=True)
 class ImuRun:
-    """One run as the IMU recorded it: stamps (m,) [s], rates (m, 3) [rad/s], force (m, 3) [m/s²]."""
+    """One run by the IMU: stamps (m,) [s], rates (m, 3) [rad/s], specific force (m, 3) [m/s²]."""
 
     t: Floats
     gyr: Floats

@@ -7,9 +7,9 @@ Measured by a triad with mounting R (sensor axes in the link frame) at p in the 
     f      = R_world_link' (a_origin - g) + w' x p + w x (w x p)           (specific force at p)
 
 ``N`` is I plus the non-orthogonality, ``b(t)`` a constant plus a random walk. Sizes: thesis Tables
-6-3, 6-4 and B-1 (Xsens MTi-630). The sensor has its own clock: it stamps a sample that it takes at the
-true time ``t`` with ``tau``, where ``t = (1 + skew) tau + offset`` plus jitter; it may drop samples,
-leave a hole, or restart at zero.
+6-3, 6-4 and B-1 (Xsens MTi-630). The sensor has its own clock: it stamps a sample that it takes at
+the true time ``t`` with ``tau``, where ``t = (1 + skew) tau + offset`` plus jitter; it may drop
+samples, leave a hole, or restart at zero.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Triad:
         bias: constant bias, per axis.
         bias_walk: random walk of the bias [unit/sqrt(s)].
         scale: scale-factor deviations, per axis [-].
-        nonorthogonality: N less I, (3, 3), zero diagonal; symmetric, or it turns the mounting [rad].
+        nonorthogonality: N less I, (3, 3) [rad]; symmetric, or it turns the mounting.
         asymmetry: coefficient of abs(input), per axis [-].
         cubic: coefficient of input cubed, per axis [1/unit²].
         g_sensitivity: response to specific force, (3, 3) [unit/(m/s²)]; gyros only.
@@ -212,7 +212,7 @@ def _errors(triad: Triad, rate: float, tau: Floats, rng: np.random.Generator) ->
 
 
 def mti630(rng: np.random.Generator, number: int = 1, *, scale: float = 3e-3) -> ImuSensor:
-    """Return an Xsens MTi-630 as in thesis Tables 6-3 (number 1) or B-1 (2), 6-4, with drawn errors.
+    """Return an Xsens MTi-630 as in thesis Tables 6-3 (number 1) or B-1 (2), errors drawn.
 
     Args:
         rng: draws scale errors, non-orthogonality, g-sensitivity and accelerometer errors.

@@ -11,8 +11,8 @@ def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
     """Return the covariance of parameters, (p, p), robust to correlated residuals.
 
     Newey and West 1987 (DOI 10.2307/1913610): with scores s[k] = J[k]' r[k] of the samples and the
-    information A = J'J, the covariance is A^-1 S A^-1, S the sum of the lagged products of s under a
-    triangular window.
+    information A = J'J, the covariance is A^-1 S A^-1, S the sum of the lagged products of s under
+    a triangular window.
 
     Args:
         scores: J' r of every sample, (n, p).

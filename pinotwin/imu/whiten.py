@@ -26,7 +26,7 @@ class Whitener:
 
     @classmethod
     def from_rest(cls, x: Floats, rate: float, order: int = 3) -> Whitener:
-        """Fit to the stretches of readings (m, 6), gyro and accelerometer, where the sensor rests."""
+        """Fit to the stretches of readings (m, 6), gyro and accelerometer, that are at rest."""
         still = rest(x[:, :3], x[:, 3:], rate)
         pieces = [x[a:b] for a, b in _stretches(still) if b - a > 40 * order]
         if sum(len(p) for p in pieces) < 0.3 * rate:

@@ -16,7 +16,8 @@ from pinotwin.columns import parse_columns
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.bundled import bundled_path, machines
 from pinotwin.machine.machine import Axis, DataSettings, Imu, LoopShape, Machine, Passive
-from pinotwin.machine.urdf import check_inertia, load_model, moving_joints, read_tree
+from pinotwin.machine.urdf import check_inertia, load_model
+from pinotwin.machine.urdf_check import mimics, moving_joints, read_tree
 from pinotwin.machine.yaml_file import (
     DEFAULT_EFFECTS,
     check_keys,
@@ -36,7 +37,8 @@ def load_machine(path: str | Path) -> Machine:
     given = Path(path)
     if given.suffix == ".urdf":
         root = read_tree(given)
-        axes = {name: {"joint": name} for name in moving_joints(root)}
+        followers = mimics(root)  # they have no motor of their own
+        axes = {name: {"joint": name} for name in moving_joints(root) if name not in followers}
         spec: dict[str, Any] = {"name": given.stem, "urdf": given.name, "axes": axes}
         return _build(spec, given)
     if not given.exists() and str(path) in machines():

@@ -1,8 +1,7 @@
-"""From a URDF file to the ``pin.Model`` of the joints that matter, with errors that name the element.
+"""From a URDF file to the ``pin.Model`` of the joints that matter, and back with other inertias.
 
-Pinocchio and urdfdom accept negative masses and massless links and turn a ``continuous`` joint into a
-(cos, sin) pair; identification needs physical links and one number a joint. So the XML is checked and
-rewritten here, and the joints that are no axis are locked at zero.
+Pinocchio turns a ``continuous`` joint into a (cos, sin) pair; identification needs one number a joint.
+So the checked XML is rewritten here, and the joints that are no axis are locked at zero.
 """
 
 from __future__ import annotations
@@ -16,146 +15,33 @@ import pinocchio as pin
 from lxml import etree
 
 from pinotwin.errors import MachineError, nearest
+from pinotwin.machine.urdf_check import MOVING, moving_joints, read_tree
 
-_MOVING = ("revolute", "continuous", "prismatic")
 _WIDE = "1e9"
-
-
-def read_tree(path: Path) -> etree._Element:
-    """Parse a URDF file and return its ``<robot>`` element.
-
-    Raises:
-        MachineError: no such file, not XML, not a URDF, or a link or joint that cannot be.
-    """
-    if not path.is_file():
-        raise MachineError(f"{path}: no such URDF file; check `urdf` in machine.yaml")
-    try:
-        root = etree.parse(str(path), etree.XMLParser(remove_comments=False)).getroot()
-    except etree.XMLSyntaxError as error:
-        raise MachineError(f"{path}: not valid XML: {error.msg}") from None
-    if root.tag != "robot":
-        raise MachineError(f"{path}: root element is <{root.tag}>, a URDF starts with <robot>")
-    _check_links(path, root)
-    _check_joints(path, root)
-    return root
-
-
-def _number(path: Path, where: str, text: str | None) -> float:
-    try:
-        value = float(text if text is not None else "")
-    except ValueError:
-        raise MachineError(f"{path}: {where}: {text!r} is not a number") from None
-    if not np.isfinite(value):
-        raise MachineError(f"{path}: {where}: {text!r} is not a finite number")
-    return value
-
-
-def _check_links(path: Path, root: etree._Element) -> None:
-    names = [link.get("name") for link in root.findall("link")]
-    if not names:
-        raise MachineError(f"{path}: no <link>; this is not a machine")
-    for name in names:
-        if names.count(name) > 1:
-            raise MachineError(f"{path}: link {name!r} is defined {names.count(name)} times")
-    for link in root.findall("link"):
-        inertial = link.find("inertial")
-        if inertial is not None:
-            _check_inertial(path, f"link {link.get('name')!r}", inertial)
-
-
-def _check_inertial(path: Path, where: str, inertial: etree._Element) -> None:
-    mass_tag, tag = inertial.find("mass"), inertial.find("inertia")
-    if mass_tag is None or tag is None:
-        raise MachineError(f"{path}: {where}: <inertial> needs <mass> and <inertia>")
-    mass = _number(path, f"{where} mass", mass_tag.get("value"))
-    if mass < 0.0:
-        raise MachineError(f"{path}: {where}: mass {mass:g} kg is negative")
-    entries = {k: _number(path, f"{where} {k}", tag.get(k, "0")) for k in tag.attrib}
-    xx, yy, zz = (entries.get(k, 0.0) for k in ("ixx", "iyy", "izz"))
-    xy, xz, yz = (entries.get(k, 0.0) for k in ("ixy", "ixz", "iyz"))
-    principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    slack = 1e-6 * max(abs(principal[-1]), 1e-12)
-    if principal[0] < -slack:
-        raise MachineError(
-            f"{path}: {where}: inertia has a negative principal moment ({principal[0]:.3g} kg·m²)"
-        )
-    if principal[0] + principal[1] < principal[2] - 1e-2 * abs(principal[2]) - slack:
-        raise MachineError(
-            f"{path}: {where}: principal moments {np.array2string(principal, precision=4)} kg·m² "
-            "break the triangle inequality; no rigid body has them"
-        )
-
-
-def _check_joints(path: Path, root: etree._Element) -> None:
-    links = [link.get("name") for link in root.findall("link")]
-    children: dict[str, str] = {}
-    seen: set[str] = set()
-    for joint in root.findall("joint"):
-        name = joint.get("name") or "(unnamed)"
-        if name in seen:
-            raise MachineError(f"{path}: joint {name!r} is defined twice")
-        seen.add(name)
-        for end in ("parent", "child"):
-            tag = joint.find(end)
-            link = None if tag is None else tag.get("link")
-            if link not in links:
-                hint = nearest(str(link), [str(x) for x in links])
-                raise MachineError(f"{path}: joint {name!r}: {end} link {link!r} not found; {hint}")
-        child = str(joint.find("child").get("link"))  # type: ignore[union-attr]
-        if child in children:
-            raise MachineError(
-                f"{path}: link {child!r} is the child of both {children[child]!r} and {name!r}; "
-                "a URDF is a tree"
-            )
-        children[child] = name
-        _check_axis(path, name, joint)
-    roots = [link for link in links if link not in children]
-    if len(roots) != 1:
-        raise MachineError(
-            f"{path}: {len(roots)} root links ({', '.join(map(str, roots)) or 'a loop'}); "
-            "a URDF has exactly one: join or remove the dangling links"
-        )
-
-
-def _check_axis(path: Path, name: str, joint: etree._Element) -> None:
-    kind = joint.get("type")
-    if kind not in (*_MOVING, "fixed", "floating", "planar"):
-        raise MachineError(f"{path}: joint {name!r}: unknown type {kind!r}; {nearest(str(kind), _MOVING)}")
-    axis = joint.find("axis")
-    if kind in _MOVING and axis is not None:
-        words = (axis.get("xyz") or "1 0 0").split()
-        values = [_number(path, f"joint {name!r} axis", w) for w in words]
-        if len(values) != 3 or not any(values):
-            raise MachineError(f"{path}: joint {name!r}: axis {axis.get('xyz')!r} is no direction")
-
-
-def moving_joints(root: etree._Element) -> tuple[str, ...]:
-    """Return the names of the prismatic, revolute and continuous joints, in file order."""
-    return tuple(
-        str(j.get("name")) for j in root.findall("joint") if j.get("type") in _MOVING
-    )
 
 
 def _without_turns(root: etree._Element) -> bytes:
     """Return the XML with continuous joints as revolute ones and every limit present."""
     copy = etree.fromstring(etree.tostring(root))
     for joint in copy.findall("joint"):
-        if joint.get("type") not in _MOVING:
+        if joint.get("type") not in MOVING:
             continue
         limit = joint.find("limit")
         if limit is None:
             limit = etree.SubElement(joint, "limit")
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
+        unlimited = limit.get("lower") is None and limit.get("upper") is None
+        if joint.get("type") == "continuous" or unlimited:
             limit.set("lower", "-" + _WIDE)
             limit.set("upper", _WIDE)
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
         for key, value in (("effort", _WIDE), ("velocity", _WIDE)):
             limit.set(key, limit.get(key, value))
         mimic = joint.find("mimic")
         if mimic is not None:
             joint.remove(mimic)
     for tag in ("visual", "collision"):
-        for element in copy.iter(tag):
+        for element in list(copy.iter(tag)):
             element.getparent().remove(element)  # type: ignore[union-attr]
     return etree.tostring(copy)
 
@@ -172,7 +58,12 @@ def load_model(path: Path, joints: Sequence[str]) -> pin.Model:
     """
     root = read_tree(path)
     known = moving_joints(root)
+    types = {str(j.get("name")): str(j.get("type")) for j in root.findall("joint")}
     for name in joints:
+        if name not in known and name in types:
+            raise MachineError(
+                f"{path}: joint {name!r} is {types[name]}; an axis is one of {', '.join(MOVING)}"
+            )
         if name not in known:
             raise MachineError(f"{path}: no moving joint {name!r}; {nearest(name, known)}")
     with _quiet():

@@ -1,7 +1,7 @@
 """Reports: self-contained HTML pages with interactive plots.
 
-``identification_report`` is the page of ``pinotwin identify``; ``Page`` with its blocks is what other
-reports are made of.
+``identification_report`` is the page of ``pinotwin identify``; ``Page`` with its blocks is what
+other reports are made of.
 """
 
 from pinotwin.report.blocks import Block as Block

@@ -1,7 +1,7 @@
 """The pieces that a page is made of; each is escaped HTML or a plotly figure.
 
-Only :class:`Html` goes into a page as it is. Plain text is always escaped, so that a name taken from a
-file cannot become markup.
+Only :class:`Html` goes into a page as it is. Plain text is always escaped, so that a name taken
+from a file cannot become markup.
 """
 
 from __future__ import annotations
@@ -130,7 +130,9 @@ def tiles(items: Iterable[Tile]) -> Html:
     return Html(f'<div class="tiles">{"".join(out)}</div>')
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[object]], numeric: Sequence[int] = ()) -> Html:
+def table(
+    header: Sequence[str], rows: Iterable[Sequence[object]], numeric: Sequence[int] = ()
+) -> Html:
     """Return a plain table.
 
     Args:

@@ -20,8 +20,8 @@ class Scale:
     unit: str
 
     def __call__(self, x: Floats) -> Floats:
-        """Return the numbers in the unit that is shown, in single precision (half the page)."""
-        return np.asarray(x * self.factor, dtype=np.float32)
+        """Return the numbers in the unit that is shown."""
+        return np.asarray(x * self.factor, dtype=float)
 
 
 def position(rotary: bool, largest: float) -> Scale:
@@ -66,8 +66,8 @@ def percent(x: float) -> str:
     return f"{p:.1f} %" if p >= 0.95 else f"{p:.2g} %"
 
 
-def digits(value: float, error: float) -> int:
-    """Return how many decimals show two digits of the error; negative ones round before the point."""
+def decimals(error: float) -> int:
+    """Return how many decimals show two digits of an error; below zero: before the point."""
     return 1 - math.floor(math.log10(error))
 
 
@@ -81,10 +81,10 @@ def rounded(value: float, error: float) -> tuple[str, str]:
     size = max(abs(value), error)
     exponent = math.floor(math.log10(size))
     if -4 <= exponent < 6:
-        places = max(digits(value, error), 0)
+        places = max(decimals(error), 0)
         return f"{value:.{min(places, 12)}f}", f"{error:.{min(places, 12)}f}"
     scaled, small = value / 10.0**exponent, error / 10.0**exponent
-    places = min(max(digits(scaled, small), 0), 12)
+    places = min(max(decimals(small), 0), 12)
     return f"{scaled:.{places}f}e{exponent:+03d}", f"{small:.{places}f}e{exponent:+03d}"
 
 

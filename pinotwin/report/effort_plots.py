@@ -54,21 +54,20 @@ def _effort_pair(figure: go.Figure, given: Evidence, j: int, row: int, points: i
     scale = display.effort(given.rotary[j], display.largest(u))
     moving = np.where(given.use[:, j], residual, np.nan)
     t, *values = broken(rows, given.block, given.t, u, predicted, moving, still)
-    time = np.asarray(t, dtype=np.float32)
     shown = [scale(x) for x in values]
     first = row == 1
     for y, name, colour, width in (
         (shown[0], "measured", MEASURED, 2.6),
         (shown[1], "predicted", ACCENT, 1.1),
     ):
-        trace = line(time, y, name, colour, width=width, legend=first, unit=scale.unit)
+        trace = line(t, y, name, colour, width=width, legend=first, unit=scale.unit)
         figure.add_trace(trace, row=row, col=1)
     for y, name, colour in (
         (shown[2], "residual", RESIDUAL),
         (shown[3], "residual, not fitted", MEASURED),
     ):
         if name == "residual" or np.isfinite(y).any():
-            trace = line(time, y, name, colour, width=1, legend=first, unit=scale.unit)
+            trace = line(t, y, name, colour, width=1, legend=first, unit=scale.unit)
             figure.add_trace(trace, row=row + 1, col=1)
     figure.update_yaxes(title_text=f"<b>{given.names[j]}</b> [{scale.unit}]", row=row, col=1)
     figure.update_yaxes(title_text="residual", row=row + 1, col=1, nticks=4)
@@ -138,9 +137,7 @@ def breakdown_figure(given: Evidence, j: int) -> go.Figure:
     ]:
         t, shown = broken(rows, given.block, given.t, y)
         label = name.replace("_", " ")
-        trace = line(
-            np.asarray(t, np.float32), scale(shown), label, colour, width=width, unit=scale.unit
-        )
+        trace = line(t, scale(shown), label, colour, width=width, unit=scale.unit)
         figure.add_trace(trace)
     style(figure, 360)
     figure.update_xaxes(title_text="time [s]")
@@ -194,9 +191,7 @@ def spectrum_figure(given: Evidence, j: int) -> go.Figure:
         keep = spectrum.f > 0.0
         y = np.sqrt(spectrum.density[keep])
         top = max(top, np.log10(max(float(y.max()), 1e-300)))
-        figure.add_trace(
-            line(np.float32(spectrum.f[keep]), np.asarray(y, np.float32), name, colour)
-        )
+        figure.add_trace(line(spectrum.f[keep], y, name, colour))
     style(figure, 290)
     unit = "N·m" if given.rotary[j] else "N"
     figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1, minor={"showgrid": False})
@@ -215,7 +210,7 @@ def correlation_figure(given: Evidence, j: int) -> go.Figure:
     r = autocorrelation(residual, lags)
     lag = np.arange(lags + 1) / given.rate
     band = 1.96 / np.sqrt(len(residual))
-    figure = go.Figure(line(np.float32(lag), np.asarray(r, np.float32), "residual", RESIDUAL))
+    figure = go.Figure(line(lag, r, "residual", RESIDUAL))
     figure.add_hrect(y0=-band, y1=band, fillcolor=MEASURED, opacity=0.3, line_width=0)
     style(figure, 290, legend=False)
     figure.update_xaxes(title_text="lag [s]")

@@ -36,7 +36,7 @@ def effect_name(key: str) -> str:
 
 
 def effect_colour(key: str) -> str:
-    """Return the colour of an effect; effects that the table does not know get one by their name."""
+    """Return the colour of an effect; one that the table does not know gets one by its name."""
     name = effect_name(key)
     return _EFFECTS.get(name, _OTHERS[sum(map(ord, name)) % len(_OTHERS)])
 
@@ -63,13 +63,14 @@ def style(figure: go.Figure, height: int, *, legend: bool = True, gap: int = 8) 
 
 
 def line(
-    x: Floats, y: Floats, name: str, colour: str, *, width: float = 1.3, dash: str | None = None,
-    legend: bool = True, unit: str = "",
+    x: Floats, y: Floats, name: str, colour: str, *, width: float = 1.3, legend: bool = True,
+    unit: str = "",
 ) -> go.Scatter:  # fmt: skip
-    """Return a line."""
+    """Return a line; in single precision, which halves the page."""
     return go.Scatter(
-        x=x, y=y, name=name, mode="lines", showlegend=legend, legendgroup=name,
-        line={"color": colour, "width": width, "dash": dash},
+        x=x.astype(np.float32), y=y.astype(np.float32), name=name, mode="lines",
+        showlegend=legend, legendgroup=name,
+        line={"color": colour, "width": width},
         hovertemplate=f"%{{y:.4g}} {unit}<extra>{name}</extra>",
     )  # fmt: skip
 
@@ -80,13 +81,14 @@ def dots(
 ) -> go.Scatter:  # fmt: skip
     """Return a cloud of points."""
     return go.Scatter(
-        x=x, y=y, name=name, mode="markers", showlegend=legend, hoverinfo="skip",
+        x=x.astype(np.float32), y=y.astype(np.float32), name=name, mode="markers",
+        showlegend=legend, hoverinfo="skip",
         marker={"color": colour, "size": size, "opacity": opacity, "line": {"width": 0}},
     )  # fmt: skip
 
 
 def visible_rows(signals: list[Floats], points: int = POINTS) -> Ints:
-    """Return the rows that a screen needs: per pixel column the extremes of every signal, shape (k,).
+    """Return the rows that a screen needs: the extremes of every signal per pixel, shape (k,).
 
     Peaks survive, unlike when every so many-th row is taken.
 
@@ -109,13 +111,13 @@ def visible_rows(signals: list[Floats], points: int = POINTS) -> Ints:
 
 
 def broken(rows: Ints, block: Ints, *arrays: Floats) -> list[Floats]:
-    """Return arrays at ``rows`` with a NaN where the log has a break, so that no line bridges it."""
+    """Return arrays at ``rows`` with a NaN where the log breaks, so that no line bridges it."""
     breaks = np.flatnonzero(np.diff(block[rows])) + 1
     return [np.insert(np.asarray(x[rows], dtype=float), breaks, np.nan) for x in arrays]
 
 
 def some_rows(count: int, among: Ints | None = None, points: int = _SCATTER) -> Ints:
-    """Return rows for a cloud of points, drawn at random so that no pattern of the log is aliased."""
+    """Return rows for a cloud of points, at random so that no pattern of the log is aliased."""
     rows = np.arange(count) if among is None else among
     if len(rows) <= points:
         return rows

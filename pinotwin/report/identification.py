@@ -1,4 +1,4 @@
-"""The report of an identification: verdict, evidence, parameters, and what these data cannot tell."""
+"""The report of an identification: verdict, evidence, parameters, and what the data cannot tell."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ from pinotwin.report.verdict import axis_tiles, cautions, headline
 from pinotwin.twin import Twin
 
 
-def identification_report(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> str:
+def identification_report(
+    twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()
+) -> str:
     """Return a self-contained HTML page about an identified machine.
 
     Args:
@@ -60,15 +62,17 @@ def identification_report(twin: Twin, logs: Log | Sequence[Log], validate: Seque
     return identification_page(twin, logs, validate).html()
 
 
-def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> Page:
+def identification_page(
+    twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()
+) -> Page:
     """Return the same report as a :class:`Page`, to which further sections can be added."""
     given = evidence(twin, logs)
     split = split_rigid_body(twin, given)
     page = Page(f"{twin.machine.name}: identification", subtitle(given))
     page = page.section(
         "Verdict", paragraph(headline(twin), "verdict"), tiles(axis_tiles(twin)),
-        paragraph("Large print: error on data not fitted, relative to the standard deviation of the "
-                  "axis' effort.", "lead"),
+        paragraph("Large print: error on data not fitted, relative to the standard deviation of "
+                  "the axis' effort.", "lead"),
         *_cautions(twin),
     )  # fmt: skip
     if validate:
@@ -80,7 +84,8 @@ def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequenc
         "Effort", Plot(effort_figure(given)),
         intro="Measured and predicted effort on the data that were fitted, both after the same "
         "zero-phase filter. Rows slower than the speed threshold are not fitted: at standstill dry "
-        "friction is not a function of the velocity. Drag to zoom: all axes follow; double-click to go back.",
+        "friction is not a function of the velocity. Drag to zoom: all axes follow; double-click "
+        "to go back.",
     )  # fmt: skip
     page = page.section(
         "Causes", Plot(shares_figure(split)),
@@ -91,7 +96,8 @@ def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequenc
     page = page.section(
         "Parameters", parameter_table(twin.parameters, list(twin.machine.axes)),
         intro="Values in SI with 95 % intervals that allow for coloured residuals. Click a heading "
-        "to sort. Weak: the interval is wide against the value. A parameter that these data do not determine shows no number: whatever the twin "
+        "to sort. Weak: the interval is wide against the value. A parameter that these data do not "
+        "determine shows no number: whatever the twin "
         "uses for it comes from the URDF, not from the machine.",
     )  # fmt: skip
     page = page.section("Limits of these data", *_limits(twin))
@@ -188,7 +194,8 @@ def _data(twin: Twin, given: Evidence) -> list[Block]:
     rows = [
         [
             display.elided(str(item.get("source", "")), 80), item.get("samples", ""),
-            f"{float(item['rate']):.6g} Hz" if item.get("rate") else "", item.get("fingerprint", ""),
+            f"{float(item['rate']):.6g} Hz" if item.get("rate") else "",
+            item.get("fingerprint", ""),
         ]
         for item in twin.data
     ]  # fmt: skip

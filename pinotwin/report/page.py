@@ -9,8 +9,8 @@ if the page has a plot. A figure may use the colours of the style sheet, written
 from __future__ import annotations
 
 import base64
-import gzip
 import re
+import zlib
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Self
@@ -67,7 +67,10 @@ class Page:
         links = "".join(
             f'<a href="#{s.anchor}">{escape(s.title)}</a>' for s in self.sections if s.title
         )
-        script = f'<script type="text/plain" id="plotly-packed">{_plotly()}</script>'
+        size, packed = _plotly()
+        script = (
+            f'<script type="text/plain" id="plotly-packed" data-size="{size}">{packed}</script>'
+        )
         return _SHELL.format(
             title=escape(self.title), subtitle=escape(self.subtitle), css=CSS, links=links,
             body=body, figures="".join(writer.figures), script=SCRIPT,
@@ -80,7 +83,8 @@ _SHELL = """<!DOCTYPE html>
 <meta name="viewport" content="width=device-width,initial-scale=1">
 <meta name="generator" content="pinotwin"><title>{title}</title>
 <link rel="icon" href="data:,"><style>{css}</style></head>
-<body><div class="bar"><nav><b>{title}</b>{links}<button id="theme">light / dark</button></nav></div>
+<body><div class="bar"><nav><b>{title}</b>{links}
+<button id="theme">light / dark</button></nav></div>
 <main><header><h1>{title}</h1><p>{subtitle}</p></header>
 <noscript><p>The plots need JavaScript; the tables are complete without it.</p></noscript>
 {body}
@@ -91,11 +95,13 @@ _SHELL = """<!DOCTYPE html>
 
 
 @cache
-def _plotly() -> str:
-    """Return plotly's script, compressed and as base64; always the same bytes."""
+def _plotly() -> tuple[int, str]:
+    """Return the size of plotly's script, and the script deflated and as base64."""
     from plotly.offline import get_plotlyjs
 
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
+    text = get_plotlyjs().encode()
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    return len(text), base64.b64encode(deflate.compress(text) + deflate.flush()).decode()
 
 
 @dataclass(frozen=True)
@@ -139,9 +145,7 @@ class _Writer:
         heads, panels = [], []
         for k, (title, blocks) in enumerate(tabs.panels.items()):
             chosen = "true" if k == 0 else "false"
-            heads.append(
-                f'<button role="tab" aria-selected="{chosen}">{escape(title)}</button>'
-            )
+            heads.append(f'<button role="tab" aria-selected="{chosen}">{escape(title)}</button>')
             inner = "".join(self.block(block) for block in blocks)
             hidden = "" if k == 0 else " hidden"
             panels.append(f'<div class="panel" role="tabpanel"{hidden}>{inner}</div>')

@@ -1,4 +1,4 @@
-"""The parameter table: value, interval and verdict of every number; what is not determined shows none."""
+"""The parameter table: value, interval, verdict; what is not determined shows no number."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _groups(rows: Sequence[Parameter], axes: Sequence[str]) -> Mapping[str, list
 
 
 def _owner(row: Parameter, axes: Sequence[str]) -> str:
-    """Return the axis of a parameter; one of the rigid body belongs to the joint that ends its name."""
+    """Return the axis of a parameter; of the rigid body, the joint that ends its name."""
     first = row.effect.split(".")[0]
     if first != "rigid_body":
         return first

@@ -91,17 +91,94 @@ document.querySelectorAll("button.fold").forEach(button => button.addEventListen
   button.textContent = folded ? "show all" : "hide";
 }));
 
-async function unpack() {
+/* Inflate (RFC 1951), at once: the browser's own unpacker answers later, after a page has been
+   printed or photographed. Canonical codes are walked bit by bit; 5 MB take about 0.2 s. */
+function inflate(bytes, size) {
+  const out = new Uint8Array(size);
+  let at = 0, place = 0, hold = 0, held = 0;
+  const bits = count => {
+    while (held < count) {hold |= bytes[at++] << held; held += 8}
+    const value = hold & ((1 << count) - 1);
+    hold >>>= count; held -= count;
+    return value;
+  };
+  const code = lengths => {
+    const count = new Uint16Array(16), start = new Uint16Array(16);
+    const symbol = new Uint16Array(lengths.length);
+    for (const n of lengths) count[n]++;
+    count[0] = 0;
+    for (let n = 1; n < 16; n++) start[n] = start[n - 1] + count[n - 1];
+    lengths.forEach((n, k) => {if (n) symbol[start[n]++] = k});
+    return {count, symbol};
+  };
+  const next = ({count, symbol}) => {
+    let value = 0, first = 0, index = 0;
+    for (let n = 1; ; n++) {
+      if (!held) {hold = bytes[at++]; held = 8}
+      value |= hold & 1; hold >>>= 1; held--;
+      const here = count[n];
+      if (value - here < first) return symbol[index + value - first];
+      index += here; first = (first + here) << 1; value <<= 1;
+    }
+  };
+  const base = [3, 4, 5, 6, 7, 8, 9, 10, 11, 13, 15, 17, 19, 23, 27, 31, 35, 43, 51, 59, 67, 83, 99,
+    115, 131, 163, 195, 227, 258];
+  const extra = base.map((_, k) => k < 8 || k === 28 ? 0 : (k - 4) >> 2);
+  const far = [1];
+  for (let k = 1; k < 30; k++) far.push(far[k - 1] + (1 << Math.max(0, (k - 3) >> 1)));
+  const order = [16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15];
+  for (let last = 0; !last;) {
+    last = bits(1);
+    const kind = bits(2);
+    if (kind === 0) {
+      hold = held = 0;
+      const n = bytes[at] | bytes[at + 1] << 8;
+      out.set(bytes.subarray(at + 4, at + 4 + n), place);
+      at += 4 + n; place += n;
+      continue;
+    }
+    const all = [];
+    let literals = 288;
+    if (kind === 1) {
+      for (let k = 0; k < 288; k++) all.push(k < 144 ? 8 : k < 256 ? 9 : k < 280 ? 7 : 8);
+      for (let k = 0; k < 30; k++) all.push(5);
+    } else {
+      literals = bits(5) + 257;
+      const total = literals + bits(5) + 1, short = new Array(19).fill(0);
+      for (let k = 0, n = bits(4) + 4; k < n; k++) short[order[k]] = bits(3);
+      const lengths = code(short);
+      while (all.length < total) {
+        const s = next(lengths);
+        if (s < 16) {all.push(s); continue}
+        const again = s === 16 ? all[all.length - 1] : 0;
+        for (let n = s === 16 ? 3 + bits(2) : s === 17 ? 3 + bits(3) : 11 + bits(7); n; n--) {
+          all.push(again);
+        }
+      }
+    }
+    const literal = code(all.slice(0, literals)), distance = code(all.slice(literals));
+    for (let s = next(literal); s !== 256; s = next(literal)) {
+      if (s < 256) {out[place++] = s; continue}
+      let n = base[s - 257] + bits(extra[s - 257]);
+      const d = next(distance), back = far[d] + bits(Math.max(0, (d >> 1) - 1));
+      for (; n; n--, place++) out[place] = out[place - back];
+    }
+  }
+  return out;
+}
+
+function start() {
   const packed = document.getElementById("plotly-packed");
   if (!packed) return;
-  const bytes = Uint8Array.from(atob(packed.textContent.trim()), c => c.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const text = atob(packed.textContent.trim()), bytes = new Uint8Array(text.length);
+  for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
   const script = document.createElement("script");
-  script.textContent = await new Response(stream).text();
+  script.textContent = new TextDecoder().decode(inflate(bytes, Number(packed.dataset.size)));
   document.head.appendChild(script);
-  everyPlot(box => waiting.observe(box));
+  everyPlot(box => {
+    if (box.offsetParent && box.getBoundingClientRect().top < innerHeight) draw(box);
+    else waiting.observe(box);
+  });
 }
-unpack().catch(error => everyPlot(box => {
-  box.textContent = "This browser cannot draw the plots (" + error + "); the tables are complete.";
-}));
+start();
 """

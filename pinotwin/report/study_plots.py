@@ -1,4 +1,4 @@
-"""Figures of the thesis' studies (Fig. 3-6, 3-7, 3-9, 3-10, 4-10, 4-11) and of the ripple search."""
+"""Figures of the thesis' studies (Fig. 3-6, 3-7, 3-9, 3-10, 4-10, 4-11) and the ripple search."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ def amount_figure(given: ErrorAgainstData) -> go.Figure:
         (given.fitted, "on the data fitted", MEASURED, "dot"),
         (given.held_out, "on data kept back", ACCENT, None),
     ):
-        trace = line(given.seconds, 100.0 * y, name, colour, width=2, dash=dash, unit="%")
-        trace.update(mode="lines+markers")
+        trace = line(given.seconds, 100.0 * y, name, colour, width=2, unit="%")
+        trace.update(mode="lines+markers", line_dash=dash)
         figure.add_trace(trace)
     style(figure, 330)
     figure.update_xaxes(title_text="length of the data fitted [s]", rangemode="tozero")
@@ -92,7 +92,7 @@ def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> 
     row = given.axes[chosen]
     rows = visible_rows([row.u, row.decoupled])
     scale = display.effort(row.rotary, display.largest(row.u))
-    t = np.asarray(row.t[rows] - row.t[0], np.float32)
+    t = row.t[rows] - row.t[0]
     for y, name, colour in (
         (row.u, "measured", MEASURED),
         (row.decoupled, "decoupled", RESIDUAL),
@@ -125,10 +125,11 @@ def orders_figure(given: RippleOrders) -> go.Figure:
         )
     )  # fmt: skip
     figure.add_trace(
-        line(given.searched, given.threshold, "threshold", RESIDUAL, width=1.4, dash="dot")
+        line(given.searched, given.threshold, "threshold", RESIDUAL).update(line_dash="dot")
     )
     style(figure, 340)
     unit = "revolution" if given.rotary else "metre"
     figure.update_xaxes(title_text=f"order [1/{unit}]")
-    figure.update_yaxes(title_text="amplitude", rangemode="tozero")
+    top = 1.18 * float(max(given.spectrum.max(initial=0.0), given.amplitude.max(initial=0.0)))
+    figure.update_yaxes(title_text="amplitude", range=[0, top])
     return figure

@@ -35,10 +35,12 @@ p{margin:.35rem 0 .7rem;max-width:46rem}
 .verdict{font-size:1.12rem;line-height:1.5;max-width:52rem;margin:.2rem 0 .6rem}
 .card{background:var(--card);border:1px solid var(--line);border-radius:10px;padding:.8rem 1rem;
 margin:.8rem 0}
-.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(215px,1fr));gap:.8rem;margin:1rem 0}
+.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(215px,1fr));gap:.8rem;
+margin:1rem 0}
 .tile{background:var(--card);border:1px solid var(--line);border-radius:10px;padding:.8rem 1rem}
 .tile .name{color:var(--soft);font-size:.87rem;display:flex;justify-content:space-between;gap:.5rem}
-.tile .big{font-size:1.75rem;font-weight:660;letter-spacing:-.02em;line-height:1.25;margin:.15rem 0 0}
+.tile .big{font-size:1.75rem;font-weight:660;letter-spacing:-.02em;line-height:1.25;
+margin:.15rem 0 0}
 .tile .note{color:var(--soft);font-size:.83rem;line-height:1.4}
 .chip{display:inline-block;border-radius:999px;padding:.05rem .6rem;font-size:.8rem;line-height:1.5;
 background:var(--mutebg);color:var(--mute)}

@@ -1,4 +1,4 @@
-"""The verdict in plain words: how well each axis is predicted on data not used to fit, and what to mind."""
+"""The verdict in plain words: how well each axis is predicted on new data, and what to mind."""
 
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ def headline(twin: Twin) -> str:
         words.setdefault(_adverb(error), []).append(name)
     order = [word for word in _ADVERBS.values() if word in words]
     said = _and([f"{word} on {_and(words[word])}" for word in order])
-    return f"{where}, the twin predicts the motor effort {said}. The largest error is on {worst}: {size}."
+    text = f"{where}, the twin predicts the motor effort {said}."
+    return f"{text} The largest error is on {worst}: {size}."
 
 
 _ADVERBS = {
@@ -101,9 +102,9 @@ def cautions(twin: Twin) -> list[str]:
     open_rows = [row.name for row in twin.parameters if not row.determined]
     if open_rows:
         out.append(
-            f"{len(open_rows)} of {len(twin.parameters)} parameters are not determined by these data"
-            f" ({_first(open_rows)}): predictions of other motions that need them rest on what the"
-            " URDF says."
+            f"{len(open_rows)} of {len(twin.parameters)} parameters are not determined by these "
+            f"data ({_first(open_rows)}): predictions of other motions that need them rest on what "
+            "the URDF says."
         )
     out += _colour(quality.get("axes", {}))
     moved = quality.get("consistency") or {}

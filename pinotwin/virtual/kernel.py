@@ -270,17 +270,18 @@ def plant_steps(axes, room, s, target, extra, dt, substeps):  # type: ignore[no-
             tau[j] = -bias[j]
         for i in range(na):
             j = joint[i]
+            push = target[i] + P[i, c.U_MEAN] * (u[i] - target[i])
             u[i] += P[i, c.U_ALPHA] * (target[i] - u[i])
             if P[i, c.FLEXIBLE] < 0.5:
-                f[i] = friction_force(P, i, q[j], v[j], z, u[i] - f[i], extra, dt)
-                tau[j] += u[i] - f[i]
+                f[i] = friction_force(P, i, q[j], v[j], z, push - f[i], extra, dt)
+                tau[j] += push - f[i]
                 continue
             qm[i] += half * vm[i]
             passed = transmit(P, i, qm[i] - q[j], vm[i] - v[j])
             share = P[i, c.LOAD_FRICTION]
             f[i] = friction_force(P, i, qm[i], vm[i], z, passed, extra, dt)
             tau[j] += passed - share * f[i]
-            vm[i] += dt * P[i, c.INV_ROTOR] * (u[i] - passed - (1.0 - share) * f[i])
+            vm[i] += dt * P[i, c.INV_ROTOR] * (push - passed - (1.0 - share) * f[i])
             qm[i] += half * vm[i]
         spring_efforts(axes, s, tau, dt)
         for j in range(nv):

@@ -75,7 +75,8 @@ def _control_row(row: Floats, axis: AxisTruth, aff: float, timing: Timing) -> No
     row[c.I_LIMIT], row[c.U_LIMIT] = k.integral_limit or np.inf, k.effort_limit or np.inf
     row[c.DELAY] = k.delay
     dt = timing.period / timing.updates / timing.substeps
-    row[c.U_ALPHA] = 1.0 - np.exp(-2.0 * np.pi * k.current_bandwidth * dt)
+    fast = 2.0 * np.pi * k.current_bandwidth * dt
+    row[c.U_ALPHA], row[c.U_MEAN] = 1.0 - np.exp(-fast), (1.0 - np.exp(-fast)) / fast
     e = axis.encoder
     row[c.RESOLUTION], row[c.PITCH] = e.resolution or 0.0, e.pitch
     row[c.ERROR], row[c.ERROR_RATE], row[c.ERROR_PHASE] = e.error, 2 * np.pi / e.period, e.phase

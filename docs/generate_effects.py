@@ -1,0 +1,40 @@
+"""Write docs/effects.md from the effects themselves; ``make docs`` runs it, a test holds it true."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pinotwin.effects import EFFECTS
+from pinotwin.machine.yaml_file import make_effects, settings_of
+
+HEAD = """# Effects
+
+Every effect adds `columns(motion; shape) @ theta` to the effort of its axis. Coefficients (theta) are solved by
+least squares, shapes are searched. `rigid_body` (inertia, coupling, Coriolis, centrifugal, gravity: the base
+parameters of the whole tree) belongs to every machine. Units are for a linear axis; a rotary one has rad for m and
+N·m for N. A new effect is one small class in `pinotwin/effects/` and one line in its table.
+
+"""
+
+
+def page() -> str:
+    """Return the text of docs/effects.md."""
+    return HEAD + "\n".join(_section(name) for name in EFFECTS)
+
+
+def _section(name: str) -> str:
+    spec = {name: {"with": "A"}} if name == "wrist_coupling" else name
+    (effect,) = make_effects([spec], "X", False, "effects")
+    text = (type(effect).__doc__ or "").split("\n\n    Attributes")[0]
+    lines = [line.strip() for line in text.strip().splitlines()]
+    coefficients = ", ".join(f"`{c.name}` [{c.unit}]" for c in effect.coefficients()) or "from the log"
+    shapes = ", ".join(f"`{s.name}` [{s.unit}], {s.lower:.3g} to {s.upper:.3g}" for s in effect.shapes())
+    settings = ", ".join(f"`{key}`" for key in settings_of(type(effect)))
+    rows = [f"## {name}", "", *lines, "", f"- coefficients: {coefficients}"]
+    rows += [f"- shapes searched: {shapes}"] if shapes else []
+    rows += [f"- settings in YAML: {settings}"] if settings else []
+    return "\n".join([*rows, ""])
+
+
+if __name__ == "__main__":
+    (Path(__file__).parent / "effects.md").write_text(page(), encoding="utf-8")

@@ -1,0 +1,219 @@
+"""The base model of a diagnosis: what is believed already, as columns with a prior.
+
+Dry friction is written with the memory of its bristles (:mod:`pinotwin.diagnosis.bristle`); a shape
+that was searched (a Stribeck speed, a ripple's pitch) stays free to first order by one column more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.bristle import bristles, usual_distance
+from pinotwin.diagnosis.rows import Rows
+from pinotwin.effects import (
+    Coulomb,
+    CoulombAsymmetric,
+    Effect,
+    PositionTable,
+    RigidBody,
+    Stribeck,
+    Viscous,
+)
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.twin.twin import Twin, effect_slices
+
+DRY = (Coulomb, CoulombAsymmetric, Stribeck)
+SCATTERED = ("coulomb", "viscous", "coulomb_asymmetric", "viscous_asymmetric")
+
+
+@dataclass(frozen=True)
+class Base:
+    """Effects of the base model and what is believed about their coefficients.
+
+    Attributes:
+        effects: with their shapes fixed.
+        distance: presliding distance per joint [m or rad], shape (nv,).
+        mean: prior mean of the coefficients, shape (p,).
+        precision: prior precision, shape (p, p).
+        slopes: (effect, shape, coefficients) of the shapes that stay free to first order.
+        change: True if the mean is a twin's belief, False if the base is refitted.
+    """
+
+    effects: tuple[Effect, ...]
+    distance: Floats
+    mean: Floats
+    precision: Floats
+    slopes: tuple[tuple[int, int, Floats], ...] = ()
+    change: bool = False
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return len(self.mean)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every column."""
+        out = []
+        for effect in self.effects:
+            where = "" if effect.axis is None else f"{effect.axis}."
+            out += [f"{where}{effect.name}.{c.name}" for c in effect.coefficients()]
+        for i, k, _ in self.slopes:
+            effect = self.effects[i]
+            out.append(f"{effect.axis}.{effect.name}.{effect.shapes()[k].name}")
+        return tuple(out)
+
+    def columns(self, motion: Motion) -> list[tuple[int, slice, Floats]]:
+        """Return the nonzero blocks: (joint, columns, values of shape (n, k))."""
+        out = []
+        slices = effect_slices(self.effects)
+        for effect, where in zip(self.effects, slices, strict=True):
+            for joint, values in effect_columns(effect, motion, self.distance):
+                out.append((joint, where, values))
+        at = slices[-1].stop
+        for number, (i, k, theta) in enumerate(self.slopes):
+            for joint, values in _slope(self.effects[i], k, theta, motion, self.distance):
+                out.append((joint, slice(at + number, at + number + 1), values))
+        return out
+
+
+def effect_columns(
+    effect: Effect, motion: Motion, distance: Floats
+) -> list[tuple[int, Floats]]:
+    """Return (joint, columns) of one effect, dry friction with the memory of its bristles."""
+    if isinstance(effect, DRY):
+        axis = motion.axis(str(effect.axis))
+        fade = None
+        if isinstance(effect, Stribeck):
+            fade = np.exp(-(np.abs(axis.v / effect.v_s) ** effect.exponent))
+        state = bristles(axis, float(distance[axis.index]), fade)
+        if isinstance(effect, Stribeck):
+            return [(axis.index, state[:, 1:])]
+        z = state[:, :1]
+        if isinstance(effect, CoulombAsymmetric):
+            z = np.concatenate([np.maximum(z, 0.0), np.minimum(z, 0.0)], axis=1)
+        return [(axis.index, z)]
+    made = effect.columns(motion)
+    return [(joint, made.values[:, k, :]) for k, joint in enumerate(made.joints)]
+
+
+def _slope(
+    effect: Effect, k: int, theta: Floats, motion: Motion, distance: Floats
+) -> list[tuple[int, Floats]]:
+    """Return the derivative of an effect's effort by one of its shapes."""
+    shape, x = effect.shapes()[k], effect.shape_values()
+    h = 1e-3 * abs(x[k]) if shape.log else 1e-4 * (shape.upper - shape.lower)
+    out = []
+    up, down = (effect.shaped([v + s * h * (i == k) for i, v in enumerate(x)]) for s in (1, -1))
+    for (joint, a), (_, b) in zip(
+        effect_columns(up, motion, distance), effect_columns(down, motion, distance), strict=True
+    ):
+        out.append((joint, ((a - b) @ theta / (2 * h))[:, None] * max(abs(x[k]), h)))
+    return out
+
+
+def structure_base(machine: Machine, rows: Rows) -> Base:
+    """Return the base of a machine whose model is refitted on the log itself."""
+    effects, theta = _shaped_effects(machine, rows)
+    slices = effect_slices(effects)
+    distance = np.array([usual_distance(r) for r in machine.rotary])
+    slopes = []
+    for i, effect in enumerate(effects):
+        for k in range(len(effect.shapes())):
+            if np.linalg.norm(theta[slices[i]]) > 0.0:
+                slopes.append((i, k, theta[slices[i]]))
+    p = slices[-1].stop + len(slopes)
+    return Base(
+        effects, distance, np.zeros(p), np.diag(_weak(effects, rows, p)), tuple(slopes), False
+    )
+
+
+def _shaped_effects(machine: Machine, rows: Rows) -> tuple[tuple[Effect, ...], Floats]:
+    """Return the machine's effects laid over these logs, searched shapes at their best values."""
+    joined = Motion.join(rows.motions)
+    fitted = tuple(effect.fitted_to(joined) for effect in machine.effects)
+    if not any(effect.shapes() for effect in fitted):
+        return fitted, np.zeros(effect_slices(fitted)[-1].stop)
+    from dataclasses import replace
+
+    from pinotwin.identification.plant import fit_plant
+
+    held = [m for m, v in zip(rows.motions, rows.validation, strict=True) if not v]
+    motion = Motion.join(held or list(rows.motions))
+    motion = replace(motion, decimation=rows.thinner.factor)
+    plant = fit_plant(machine, motion, consistent_inertia=False)
+    shaped = tuple(effect.fitted_to(joined) for effect in plant.effects)
+    full = tuple(
+        old if isinstance(old, PositionTable) else new
+        for old, new in zip(fitted, shaped, strict=True)
+    )
+    theta = np.zeros(effect_slices(full)[-1].stop)
+    found = dict(zip(_keys(plant.effects), effect_slices(plant.effects), strict=True))
+    for key, effect, where in zip(_keys(full), full, effect_slices(full), strict=True):
+        if not isinstance(effect, PositionTable):
+            theta[where] = plant.theta[found[key]]
+    return full, theta
+
+
+def _keys(effects: Sequence[Effect]) -> list[tuple[int, str]]:
+    return [(k, effect.name) for k, effect in enumerate(effects)]
+
+
+def _weak(effects: Sequence[Effect], rows: Rows, p: int) -> Floats:
+    """Return a precision per column that only fills what the data leave open."""
+    size = {c.joint: float(np.std(c.y)) + 1e-12 for c in rows.channels}
+    out = np.zeros(p)
+    for effect, where in zip(effects, effect_slices(effects), strict=True):
+        if isinstance(effect, PositionTable):
+            joint = rows.motions[0].index(str(effect.axis))
+            out[where] = 1.0 / size.get(joint, 1.0) ** 2
+    return out
+
+
+def change_base(twin: Twin, rows: Rows, *, scatter: float = 0.015) -> Base:
+    """Return the base of a twin: its coefficients with their covariance, and ordinary scatter."""
+    machine = twin.machine
+    distance = np.array([usual_distance(r) for r in machine.rotary])
+    effects = twin.effects
+    covariance = np.array(twin.covariance)
+    spread = np.zeros(len(twin.theta))
+    for effect, where in zip(effects, effect_slices(effects), strict=True):
+        share = scatter if effect.name in SCATTERED else 0.003
+        spread[where] = share * np.abs(twin.theta[where])
+        if isinstance(effect, RigidBody):
+            spread[where] += 0.002 * np.abs(twin.theta[where]).max() * 0.0
+    covariance = 2.25 * covariance + np.diag(spread**2)
+    open_ = np.diag(twin.covariance) <= 0.0
+    precision = np.zeros_like(covariance)
+    known = np.flatnonzero(~open_)
+    scale = np.sqrt(np.diag(covariance)[known])
+    normal = covariance[np.ix_(known, known)] / np.outer(scale, scale)
+    normal += 1e-9 * np.eye(len(known))
+    precision[np.ix_(known, known)] = np.linalg.inv(normal) / np.outer(scale, scale)
+    return Base(effects, distance, np.array(twin.theta), precision, (), True)
+
+
+def is_scattered(effect: Effect) -> bool:
+    """Whether the coefficients of an effect differ a little from run to run."""
+    return effect.name in SCATTERED
+
+
+def lists(effects: Sequence[Effect], name: str, axis: str) -> bool:
+    """Whether an effect is among the base's on an axis."""
+    return any(e.name == name and e.axis == axis for e in effects)
+
+
+__all__ = [
+    "Base",
+    "Viscous",
+    "change_base",
+    "effect_columns",
+    "is_scattered",
+    "lists",
+    "structure_base",
+]

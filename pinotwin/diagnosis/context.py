@@ -1,0 +1,141 @@
+"""What candidates are made from: the motions, and the base model's own prediction of every effort."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.base import Base
+from pinotwin.diagnosis.bristle import bristles
+from pinotwin.diagnosis.rows import Rows
+from pinotwin.diagnosis.stage import Blocks
+from pinotwin.effects import RigidBody
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.twin.twin import effect_slices
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One log as candidates see it; arrays of shape (n, nv).
+
+    Attributes:
+        motion: prepared log.
+        effort: effort that the base model predicts (never the measured one) [N or N·m].
+        rigid: the rigid-body part of it.
+        direction: direction of motion with bristle memory, within [-1, 1].
+        inertia: effective inertia of every joint, others at rest [kg or kg·m²].
+    """
+
+    motion: Motion
+    effort: Floats
+    rigid: Floats
+    direction: Floats
+    inertia: Floats
+
+
+@dataclass(frozen=True)
+class Context:
+    """Everything that a family of candidates may use.
+
+    Attributes:
+        machine: the machine.
+        rows: rows of the diagnosis.
+        base: base model.
+        theta: its coefficients.
+        scenes: per log.
+    """
+
+    machine: Machine
+    rows: Rows
+    base: Base
+    theta: Floats
+    scenes: tuple[Scene, ...]
+
+    def has(self, effect: str, axis: str) -> bool:
+        """Whether the base lists an effect on an axis."""
+        return any(e.name == effect and e.axis == axis for e in self.base.effects)
+
+    def travel(self, joint: int) -> tuple[float, float]:
+        """Return the lowest and highest position of a joint over all logs."""
+        q = [s.motion.q[:, joint] for s in self.scenes]
+        return min(float(x.min()) for x in q), max(float(x.max()) for x in q)
+
+    def speed(self, joint: int) -> float:
+        """Return the top speed of a joint over all logs."""
+        return max(float(np.abs(s.motion.v[:, joint]).max()) for s in self.scenes)
+
+    def on_joint(self, joint: int, make: Callable[[Scene], Floats]) -> list[Blocks]:
+        """Return columns that act on one joint, per log."""
+        return [[(joint, make(scene))] for scene in self.scenes]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one shape, ready to be judged.
+
+    Attributes:
+        effect: name in the catalogue.
+        axis: axis, or None.
+        shape: shape values, SI.
+        columns: per log, (joint, values of shape (n, k)).
+        names: name of every coefficient.
+        positive: the one coefficient must not be negative.
+        price: what the search of its shape costs beyond the held-out score [deviance].
+    """
+
+    effect: str
+    axis: str | None
+    shape: dict[str, float]
+    columns: list[Blocks]
+    names: tuple[str, ...]
+    positive: bool = False
+    price: float = 0.0
+
+
+Family = Sequence[Candidate]
+
+
+def make_context(rows: Rows, base: Base, theta: Floats) -> Context:
+    """Return the context of a base model with its coefficients."""
+    scenes = tuple(_scene(rows, base, theta, motion) for motion in rows.motions)
+    return Context(rows.machine, rows, base, theta, scenes)
+
+
+def _scene(rows: Rows, base: Base, theta: Floats, motion: Motion) -> Scene:
+    machine = rows.machine
+    shape = motion.q.shape
+    effort, rigid = np.zeros(shape), np.zeros(shape)
+    for joint, where, values in base.columns(motion):
+        effort[:, joint] += values @ theta[where]
+    at = [isinstance(e, RigidBody) for e in base.effects].index(True)
+    beta = theta[effect_slices(base.effects)[at]]
+    own = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)
+    rigid = own @ beta
+    return Scene(motion, effort, rigid, _directions(base, motion), _inertias(machine, motion, beta))
+
+
+def _directions(base: Base, motion: Motion) -> Floats:
+    out = np.zeros(motion.q.shape)
+    for joint, name in enumerate(motion.names):
+        out[:, joint] = bristles(motion.axis(name), float(base.distance[joint]))[:, 0]
+    return out
+
+
+def _inertias(machine: Machine, motion: Motion, beta: Floats) -> Floats:
+    """Return M_jj(q) on a thinned grid, interpolated to all samples."""
+    n = len(motion)
+    some = np.unique(np.linspace(0, n - 1, min(n, 400)).astype(int))
+    q = motion.q[some]
+    zero = np.zeros_like(q)
+    still = machine.base.regressor(machine.model, q, zero, zero) @ beta
+    out = np.empty(motion.q.shape)
+    for joint in range(machine.nv):
+        a = zero.copy()
+        a[:, joint] = 1.0
+        pushed = machine.base.regressor(machine.model, q, zero, a) @ beta
+        out[:, joint] = np.interp(np.arange(n), some, (pushed - still)[:, joint])
+    return out

@@ -1,0 +1,188 @@
+"""The rows that a diagnosis looks at: every log thinned by one filter, standstill left out.
+
+The columns of the model and the effort go through the same short low-pass before they are thinned
+(the parallel filter of Gautier 1997), and a row counts only if the axis moves throughout the filter's
+span: below that, dry friction is not a function of what the log shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.preparation import prepare
+
+ROW_RATE = 125.0  # [Hz] rows per second that are looked at
+
+
+@dataclass(frozen=True)
+class Thinner:
+    """Low-pass and thin: a windowed mean over ``2 factor + 1`` samples, one row every ``factor``."""
+
+    factor: int
+
+    @property
+    def weights(self) -> Floats:
+        """Weights of the filter, shape (2 factor - 1,) or longer, sum 1."""
+        if self.factor == 1:
+            return np.ones(1)
+        half = 2 * self.factor
+        x = np.arange(-half, half + 1) / self.factor
+        w = np.sinc(0.8 * x) * np.cos(0.5 * np.pi * x / (2.0 + 1.0 / self.factor)) ** 2
+        return np.asarray(w / w.sum(), dtype=float)
+
+    def centres(self, part: slice) -> Ints:
+        """Return the samples that the rows of a stretch are centred on."""
+        half = len(self.weights) // 2
+        return np.arange(part.start + half, part.stop - half, self.factor)
+
+    def apply(self, x: Floats, centres: Ints) -> Floats:
+        """Return ``x`` (n, k) filtered at the centres, shape (m, k)."""
+        w = self.weights
+        half = len(w) // 2
+        out = w[half] * x[centres]
+        for k in range(1, half + 1):
+            out += w[half + k] * (x[centres - k] + x[centres + k])
+        return np.asarray(out)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The rows of one joint in one log.
+
+    Attributes:
+        log: index of the log.
+        joint: column of the joint.
+        centres: samples of the log's motion, shape (m,).
+        runs: unbroken runs among the rows.
+        y: effort at the rows [N or N·m], shape (m,).
+    """
+
+    log: int
+    joint: int
+    centres: Ints
+    runs: tuple[slice, ...]
+    y: Floats
+
+
+@dataclass(frozen=True)
+class Rows:
+    """All rows of a diagnosis.
+
+    Attributes:
+        machine: whose logs these are.
+        motions: prepared logs, lightly filtered.
+        thinner: filter that every column goes through.
+        channels: per log and joint.
+        commands: which logs repeat one command: a label per log.
+        validation: which logs are for validation only.
+    """
+
+    machine: Machine
+    motions: tuple[Motion, ...]
+    thinner: Thinner
+    channels: tuple[Channel, ...]
+    commands: tuple[int, ...]
+    validation: tuple[bool, ...]
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Joints that have rows."""
+        return tuple(sorted({c.joint for c in self.channels}))
+
+    @property
+    def row_step(self) -> float:
+        """Time between rows [s]."""
+        return self.motions[0].step * self.thinner.factor
+
+    @property
+    def repeated(self) -> bool:
+        """Whether a command was run more than once."""
+        return len(set(self.commands)) < len(self.commands)
+
+
+def take_rows(
+    machine: Machine, logs: Sequence[Log], validation: Sequence[Log], *, rate: float = ROW_RATE
+) -> Rows:
+    """Prepare logs and choose their rows.
+
+    Args:
+        machine: whose logs they are.
+        logs: logs to diagnose; those with the same command are repeats.
+        validation: logs that no effect is fitted to.
+        rate: rows per second [Hz].
+    """
+    every = [*logs, *validation]
+    cutoff = machine.data.cutoff or 1e9
+    motions = [prepare(machine, log, cutoff=cutoff, decimate=1) for log in every]
+    factor = max(1, round(1.0 / (motions[0].step * rate)))
+    thinner = Thinner(factor)
+    channels = []
+    for k, motion in enumerate(motions):
+        for joint in range(machine.nv):
+            channel = _channel(motion, thinner, k, joint)
+            if channel is not None:
+                channels.append(channel)
+    flags = tuple([False] * len(logs) + [True] * len(validation))
+    return Rows(machine, tuple(motions), thinner, tuple(channels), _commands(motions), flags)
+
+
+def _channel(motion: Motion, thinner: Thinner, log: int, joint: int) -> Channel | None:
+    u = motion.u[:, joint]
+    good = motion.use[:, joint] & np.isfinite(u)
+    half = len(thinner.weights) // 2
+    kernel = np.ones(2 * half + 1)
+    centres, runs, count = [], [], 0
+    for part in motion.segments:
+        inside = np.convolve(good[part].astype(float), kernel, "same") > len(kernel) - 0.5
+        at = thinner.centres(part)
+        keep = inside[at - part.start]
+        for a, b in _stretches(keep):
+            if b - a >= 12:
+                centres.append(at[a:b])
+                runs.append(slice(count, count + b - a))
+                count += b - a
+    if count < 40:
+        return None
+    where = np.concatenate(centres)
+    load = u if motion.external is None else u + motion.external[:, joint]
+    y = thinner.apply(np.nan_to_num(load)[:, None], where)[:, 0]
+    return Channel(log, joint, where, tuple(runs), y)
+
+
+def _stretches(keep: Mask) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], keep.astype(int), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _commands(motions: Sequence[Motion]) -> tuple[int, ...]:
+    """Return a label per log; logs that follow the same path in time share one."""
+    labels: list[int] = []
+    for k, motion in enumerate(motions):
+        label = k
+        for j in range(k):
+            if _same(motions[j], motion):
+                label = labels[j]
+                break
+        labels.append(label)
+    return tuple(labels)
+
+
+def _same(a: Motion, b: Motion) -> bool:
+    x, y = (m.qr if m.qr is not None else m.q for m in (a, b))
+    n = min(len(x), len(y))
+    if n < 0.9 * max(len(x), len(y)):
+        return False
+    size = np.std(x[:n], axis=0) + 1e-12
+    return bool((np.sqrt(np.mean((x[:n] - y[:n]) ** 2, axis=0)) < 0.01 * size + 1e-9).all())
+
+
+def with_validation(rows: Rows, flags: Sequence[bool]) -> Rows:
+    """Return the rows with other logs held out."""
+    return replace(rows, validation=tuple(flags))

@@ -1,0 +1,217 @@
+"""Reading a URDF file: what no machine can have is refused with the element that has it.
+
+Pinocchio and urdfdom accept negative masses, massless links, loops (some for ever) and numbers that
+are none; identification needs a tree of physical links. So the XML is checked before they see it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import MachineError, nearest
+
+MOVING = ("revolute", "continuous", "prismatic")
+"""Joint types with one degree of freedom, which may be axes."""
+
+_TYPES = (*MOVING, "fixed", "floating", "planar")
+
+
+def read_tree(path: Path) -> etree._Element:
+    """Parse a URDF file and return its ``<robot>`` element.
+
+    Raises:
+        MachineError: no such file, not XML, not a URDF, or a link or joint that cannot be.
+    """
+    if not path.is_file():
+        raise MachineError(f"{path}: no such URDF file; check `urdf` in machine.yaml")
+    try:
+        root = etree.parse(str(path), etree.XMLParser(remove_comments=False)).getroot()
+    except etree.XMLSyntaxError as error:
+        raise MachineError(f"{path}: not valid XML: {error.msg}; export it again") from None
+    _check_root(path, root)
+    _check_links(path, root)
+    parents = _check_joints(path, root)
+    _check_is_tree(path, [str(link.get("name")) for link in root.findall("link")], parents)
+    return root
+
+
+def moving_joints(root: etree._Element) -> tuple[str, ...]:
+    """Return the names of the prismatic, revolute and continuous joints, in file order."""
+    return tuple(str(j.get("name")) for j in root.findall("joint") if j.get("type") in MOVING)
+
+
+def mimics(root: etree._Element) -> dict[str, str]:
+    """Return the joints that follow another one: name -> the joint they follow."""
+    return {
+        str(j.get("name")): str(j.find("mimic").get("joint"))  # type: ignore[union-attr]
+        for j in root.findall("joint")
+        if j.get("type") in MOVING and j.find("mimic") is not None
+    }
+
+
+def _check_root(path: Path, root: etree._Element) -> None:
+    if etree.QName(root).localname == "robot" and etree.QName(root).namespace:
+        raise MachineError(f"{path}: <robot> has an XML namespace; remove its xmlns attribute")
+    if root.tag != "robot":
+        raise MachineError(f"{path}: root element is <{root.tag}>; a URDF starts with <robot>")
+    if any(element.prefix == "xacro" for element in root.iter()):
+        raise MachineError(f"{path}: is a xacro file; expand it first: `xacro FILE > robot.urdf`")
+    if not root.get("name"):
+        raise MachineError(f"{path}: <robot> has no name; give it one")
+
+
+def _number(path: Path, where: str, text: str | None) -> float:
+    try:
+        value = float(text if text is not None else "")
+    except ValueError:
+        raise MachineError(f"{path}: {where}: {text!r} is not a number") from None
+    if not np.isfinite(value):
+        raise MachineError(f"{path}: {where}: {text!r} is not a finite number")
+    return value
+
+
+def _triple(path: Path, where: str, text: str) -> Floats:
+    words = text.split()
+    if len(words) != 3:
+        raise MachineError(f"{path}: {where}: {text!r} are {len(words)} numbers, expected 3")
+    return np.array([_number(path, where, word) for word in words])
+
+
+def _check_origin(path: Path, where: str, element: etree._Element) -> None:
+    origin = element.find("origin")
+    for key in ("xyz", "rpy"):
+        if origin is not None and origin.get(key) is not None:
+            _triple(path, f"{where} origin {key}", str(origin.get(key)))
+
+
+def _check_names(path: Path, root: etree._Element, kind: str) -> None:
+    seen: set[str] = set()
+    for element in root.findall(kind):
+        name = element.get("name")
+        if not name:
+            raise MachineError(f"{path}: line {element.sourceline}: a <{kind}> has no name; give it one")
+        if name in seen:
+            raise MachineError(f"{path}: {kind} {name!r} is defined twice; rename one of them")
+        seen.add(name)
+
+
+def _check_links(path: Path, root: etree._Element) -> None:
+    if root.find("link") is None:
+        raise MachineError(f"{path}: no <link>; this is not a machine")
+    _check_names(path, root, "link")
+    for link in root.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is not None:
+            where = f"link {link.get('name')!r}"
+            _check_origin(path, where, inertial)
+            _check_inertial(path, where, inertial)
+
+
+def _check_inertial(path: Path, where: str, inertial: etree._Element) -> None:
+    mass_tag, tag = inertial.find("mass"), inertial.find("inertia")
+    if mass_tag is None or tag is None:
+        raise MachineError(f"{path}: {where}: <inertial> needs <mass> and <inertia>")
+    mass = _number(path, f"{where} mass", mass_tag.get("value"))
+    if mass < 0.0:
+        raise MachineError(f"{path}: {where}: mass {mass:g} kg is negative; correct it")
+    entries = {k: _number(path, f"{where} {k}", tag.get(k, "0")) for k in tag.attrib}
+    xx, yy, zz = (entries.get(k, 0.0) for k in ("ixx", "iyy", "izz"))
+    xy, xz, yz = (entries.get(k, 0.0) for k in ("ixy", "ixz", "iyz"))
+    principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    slack = 1e-6 * max(abs(principal[-1]), 1e-12)
+    if principal[0] < -slack:
+        raise MachineError(
+            f"{path}: {where}: inertia has a negative principal moment ({principal[0]:.3g} kg·m²); "
+            "correct it"
+        )
+    if principal[0] + principal[1] < principal[2] - 1e-2 * abs(principal[2]) - slack:
+        raise MachineError(
+            f"{path}: {where}: principal moments {np.array2string(principal, precision=4)} kg·m² "
+            "break the triangle inequality, no rigid body has them; correct its <inertia>"
+        )
+
+
+def _check_joints(path: Path, root: etree._Element) -> dict[str, tuple[str, str]]:
+    """Check every joint by itself and return child link -> (joint, parent link)."""
+    _check_names(path, root, "joint")
+    links = [str(link.get("name")) for link in root.findall("link")]
+    names = [str(joint.get("name")) for joint in root.findall("joint")]
+    parents: dict[str, tuple[str, str]] = {}
+    for joint in root.findall("joint"):
+        name = str(joint.get("name"))
+        where = f"joint {name!r}"
+        parent, child = (_end(path, where, joint, end, links) for end in ("parent", "child"))
+        if child in parents:
+            raise MachineError(
+                f"{path}: link {child!r} is the child of both {parents[child][0]!r} and {name!r}; "
+                "a URDF is a tree"
+            )
+        parents[child] = (name, parent)
+        _check_origin(path, where, joint)
+        _check_axis(path, where, joint)
+        _check_limit(path, where, joint)
+        mimic = joint.find("mimic")
+        if mimic is not None and mimic.get("joint") not in names:
+            hint = nearest(str(mimic.get("joint")), names)
+            raise MachineError(f"{path}: {where}: mimics {mimic.get('joint')!r}, no joint; {hint}")
+    return parents
+
+
+def _end(path: Path, where: str, joint: etree._Element, end: str, links: list[str]) -> str:
+    tag = joint.find(end)
+    link = None if tag is None else tag.get("link")
+    if link is None:
+        raise MachineError(f"{path}: {where}: has no <{end} link=...>; add it")
+    if link not in links:
+        raise MachineError(f"{path}: {where}: {end} link {link!r} not found; {nearest(link, links)}")
+    return str(link)
+
+
+def _check_axis(path: Path, where: str, joint: etree._Element) -> None:
+    kind = joint.get("type")
+    if kind not in _TYPES:
+        raise MachineError(f"{path}: {where}: unknown type {kind!r}; {nearest(str(kind), _TYPES)}")
+    axis = joint.find("axis")
+    if kind in MOVING and axis is not None and axis.get("xyz") is not None:
+        direction = _triple(path, f"{where} axis", str(axis.get("xyz")))
+        if not direction.any():
+            raise MachineError(f"{path}: {where}: axis {axis.get('xyz')!r} is no direction; give one, such as 0 0 1")
+
+
+def _check_limit(path: Path, where: str, joint: etree._Element) -> None:
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") not in MOVING:
+        return
+    keys = ("lower", "upper", "effort", "velocity")
+    given = {k: _number(path, f"{where} limit {k}", limit.get(k)) for k in keys if limit.get(k)}
+    for key in ("effort", "velocity"):
+        if given.get(key, 0.0) < 0.0:
+            raise MachineError(f"{path}: {where}: {key} limit {given[key]:g} is negative; correct it")
+    low, high = given.get("lower", 0.0), given.get("upper", 0.0)
+    if joint.get("type") != "continuous" and low > high:
+        raise MachineError(f"{path}: {where}: lower limit {low:g} is above the upper {high:g}; swap them")
+
+
+def _check_is_tree(path: Path, links: list[str], parents: dict[str, tuple[str, str]]) -> None:
+    """Refuse loops, and links that hang on nothing."""
+    for link in links:
+        at, way = link, [link]
+        while at in parents:
+            at = parents[at][1]
+            if at in way:
+                ring = way[way.index(at) :]
+                joints = ", ".join(sorted(parents[x][0] for x in ring))
+                raise MachineError(
+                    f"{path}: joints {joints} form a loop; a URDF is a tree: cut the loop at one"
+                )
+            way.append(at)
+    roots = [link for link in links if link not in parents]
+    if len(roots) != 1:
+        raise MachineError(
+            f"{path}: {len(roots)} root links ({', '.join(roots)}); a URDF has exactly one: join or "
+            "remove the dangling links"
+        )

@@ -1,0 +1,263 @@
+"""The report's page: complete, self-contained, honest about what is not known."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import zlib
+from dataclasses import replace
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from pinotwin.report import Group, Page, Plot, Tabs, identification_report
+from pinotwin.report.blocks import notes, table
+from pinotwin.report.display import effort, number, percent, position, rounded, velocity
+from pinotwin.report.figures import visible_rows
+from pinotwin.report.parameter_table import parameter_table
+from pinotwin.report.verdict import cautions, headline
+from pinotwin.twin import Parameter
+from tests.test_studies import identified, recorded, trunnion
+
+
+class Reader(HTMLParser):
+    """Collects what a browser would load, the nesting, and the cells of the parameter table."""
+
+    VOID = frozenset({"meta", "link", "br", "img", "input", "hr"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+        self.open: list[str] = []
+        self.rows: list[list[str]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.loaded += [v or "" for k, v in attrs if k in ("src", "href", "data", "action")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag == "td" and self.rows:
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "td" in self.open:
+            self.rows[-1][-1] += data
+
+
+def read(page: str) -> Reader:
+    reader = Reader()
+    reader.feed(page)
+    assert reader.open == []
+    return reader
+
+
+@cache
+def report() -> str:
+    twin, log = identified()
+    return identification_report(twin, log, [recorded(trunnion(), 2, seconds=4.0)])
+
+
+def figures(page: str) -> list[dict]:
+    found = re.findall(r'<script type="application/json" id="[^"]+">(.*?)</script>', page, re.S)
+    return [json.loads(text) for text in found]
+
+
+def test_report_loads_nothing_from_outside() -> None:
+    page = report()
+    assert all(x.startswith(("#", "data:")) for x in read(page).loaded)
+    assert "http://" not in page
+    assert "https://" not in page
+    assert "@import" not in page
+    assert len(page.encode()) < 6e6
+
+
+def test_report_names_every_axis_and_parameter() -> None:
+    twin, _ = identified()
+    page = report()
+    for name in twin.machine.axes:
+        assert f"Axis {name}" in page
+    names = [row[0] for row in read(page).rows if row]
+    for row in twin.parameters:
+        assert any(name.startswith(row.name) for name in names), row.name
+
+
+def test_parameter_that_is_not_determined_shows_no_number() -> None:
+    twin, _ = identified()
+    cells = {row[0]: row for row in read(report()).rows if len(row) == 7}
+    undetermined = [row for row in twin.parameters if not row.determined]
+    assert len(undetermined) >= 5  # axis C stands still
+    for row in undetermined:
+        shown = cells[row.name + row.meaning]
+        value, _, interval, relative, before, verdict = shown[1:]
+        assert value == "not determined"
+        assert not re.search(r"\d", interval + relative + before)
+        assert verdict.startswith("not determined")
+    known = next(row for row in twin.parameters if row.name == "Y.coulomb.c")
+    value = cells["Y.coulomb.c"][1]
+    assert float(value) == pytest.approx(known.value, abs=known.error)
+
+
+def test_values_of_undetermined_parameters_stay_out_of_the_sort_keys() -> None:
+    row = Parameter("rigid_body.m_A", "rigid_body", "linear", 123.456, "kg", np.nan, False,
+                    "not determined: nothing in this log excites it", prior=123.456)  # fmt: skip
+    assert "123" not in parameter_table([row], ["A"]).text
+
+
+def test_plotly_is_packed_once_and_whole() -> None:
+    from plotly.offline import get_plotlyjs
+
+    page = report()
+    assert page.count('id="plotly-packed"') == 1
+    packed = re.search(r'data-size="(\d+)">([^<]+)</script>', page)
+    assert packed is not None
+    text = zlib.decompress(base64.b64decode(packed[2]), -zlib.MAX_WBITS)
+    assert text.decode() == get_plotlyjs()
+    assert len(text) == int(packed[1])
+
+
+def test_plots_of_a_report_cover_the_evidence() -> None:
+    found = figures(report())
+    names = {trace.get("name") for figure in found for trace in figure["data"]}
+    assert {"measured", "predicted", "residual", "inertia", "coulomb", "gravity", "ripple",
+            "position table", "measured minus all other effects", "model"} <= names  # fmt: skip
+    page = report()
+    for title in ("Friction of Y", "Position-dependent effort of Y", "Ripple of A", "Spectrum"):
+        assert title in page
+    boxes = re.findall(r'data-figure="([^"]+)"', page)
+    assert len(boxes) == len(set(boxes)) == len(found)
+
+
+def test_headline_says_how_good_and_on_what() -> None:
+    twin, _ = identified()
+    quality = {
+        "axes": {
+            "Y": {"fit": 0.01, "held_out": {"rms": 2.0, "nrmse": 0.03, "nrmse_std": 0.04}},
+            "A": {"fit": 0.2, "held_out": {"rms": 1.0, "nrmse": 0.2, "nrmse_std": 0.456}},
+        }
+    }
+    said = headline(replace(twin, quality=quality))
+    assert said == (
+        "On stretches of the log that were held out in turn, the twin predicts the motor effort "
+        "very well on Y and poorly on A. The largest error is on A: 45.6 % of its standard "
+        "deviation (1 N·m RMS)."
+    )
+    quality["axes"]["A"]["validation"] = {"rms": 0.1, "nrmse": 0.02, "nrmse_std": 0.03}
+    quality["axes"]["Y"]["validation"] = {"rms": 1.0, "nrmse": 0.02, "nrmse_std": 0.02}
+    assert headline(replace(twin, quality=quality)).startswith("On the validation log, the twin")
+    assert "not identified from a log" in headline(replace(twin, quality={}))
+
+
+def test_cautions_carry_warnings_open_parameters_and_colour() -> None:
+    twin, _ = identified()
+    quality = {"axes": {"Y": {"lag1": 0.9}, "A": {"lag1": 0.0}}, "warnings": ["mind the gap"],
+               "consistency": {"moved": True, "cost_ratio": 1.25}}  # fmt: skip
+    lines = cautions(replace(twin, quality=quality))
+    assert lines[0] == "mind the gap"
+    assert any("parameters are not determined by these data" in line for line in lines)
+    assert any(line.startswith("The residual of Y is not white") for line in lines)
+    assert any("to 1.250 times" in line for line in lines)
+
+
+def test_long_tables_are_folded() -> None:
+    rows = [
+        Parameter(
+            f"Y.position_table.m{k}", "Y.position_table", "linear", 1.0 + k, "N", 0.1, True, "good"
+        )
+        for k in range(30)
+    ]
+    text = parameter_table(rows, ["Y"]).text
+    assert 'class="folded"' in text
+    assert "30 coefficients, 30 determined: 1 to 30 N" in text
+    assert "Y.position_table.m29" in text
+
+
+def test_names_from_files_cannot_become_markup() -> None:
+    evil = "<script>alert(1)</script>"
+    figure = go.Figure(go.Scatter(y=[1.0], name="</script><b>"))
+    page = Page(evil, evil).section(
+        evil, evil, notes([evil]), table([evil], [[evil]]),
+        Tabs({evil: [evil], "b": [Group((Plot(figure, evil, evil),))]}),
+    ).html()  # fmt: skip
+    assert "<script>alert" not in page
+    assert "</script><b>" not in page
+    read(page)
+    assert figures(page)[0]["data"][0]["name"] == "</script><b>"
+
+
+def test_page_is_a_value_and_leaves_out_what_is_empty() -> None:
+    empty = Page("a")
+    assert empty.section("Nothing") == empty
+    longer = empty.section("Tables only", table(["x"], [[1]]))
+    assert empty.sections == ()
+    text = longer.html()
+    assert 'id="tables-only"' in text
+    assert 'id="plotly-packed"' not in text  # no plot, no script: a small page
+    assert len(text) < 40_000
+    assert longer.html() == text
+
+
+def test_thinning_keeps_the_peaks() -> None:
+    x = np.zeros(100_000)
+    x[54_321], x[77_777] = 5.0, -3.0
+    rows = visible_rows([x, np.arange(100_000.0)], 1000)
+    assert {0, 54_321, 77_777, 99_999} <= set(rows.tolist())
+    assert len(rows) <= 1010
+    np.testing.assert_array_equal(visible_rows([np.zeros(10)], 100), np.arange(10))
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "shown"),
+    [
+        (95.1089, 0.1085, ("95.11", "0.11")),
+        (-3.1648, 0.0444, ("-3.165", "0.044")),
+        (1.2345e-5, 1.2e-7, ("1.234e-05", "0.012e-05")),
+        (2.5e7, 3e5, ("2.500e+07", "0.030e+07")),
+        (12.0, 300.0, ("12", "300")),
+        (1.5, float("nan"), ("1.5", "")),
+    ],
+)
+def test_numbers_show_two_digits_of_their_error(
+    value: float, error: float, shown: tuple[str, str]
+) -> None:
+    assert rounded(value, error) == shown
+
+
+def test_units_are_readable() -> None:
+    assert position(False, 0.3).unit == "mm"
+    assert position(True, 1.0)(np.array([np.pi])) == pytest.approx([180.0])
+    assert velocity(False, 2.0).unit == "m/s"
+    assert velocity(False, 0.2)(np.array([0.2])) == pytest.approx([200.0])
+    assert effort(True, 0.02).unit == "mN·m"
+    assert effort(False, 5e4)(np.array([5e4])) == pytest.approx([50.0])
+    assert percent(0.0341) == "3.4 %"
+    assert percent(0.9973) == "99.7 %"
+    assert percent(float("nan")) == "not known"
+    assert percent(31.4) == "31.4 times"
+    assert number(0.12345, "N") == "0.123 N"
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium on this machine")
+def test_plots_are_drawn_in_a_browser(tmp_path: Path) -> None:
+    """The page unpacks plotly by itself and draws: a page with a plot differs from one without."""
+    Image = pytest.importorskip("PIL.Image")
+
+    from pinotwin.viewer.screenshot import screenshot
+
+    path, png = tmp_path / "page.html", tmp_path / "page.png"
+    y = np.sin(np.linspace(0, 9, 200))
+    figure = go.Figure(go.Scatter(y=y, line={"color": "#ff0000", "width": 8}))
+    path.write_text(Page("t").section("s", Plot(figure)).html(), encoding="utf-8")
+    screenshot(path, png, (900, 700))
+    pixels = np.asarray(Image.open(png).convert("RGB")).astype(int)
+    red = (pixels[..., 0] > 230) & (pixels[..., 1] < 60) & (pixels[..., 2] < 60)
+    assert red.sum() > 2000
