@@ -35,14 +35,23 @@ class TwinError(InputError):
     """A saved twin cannot be used (missing file, other schema, other machine)."""
 
 
+MOST_WORDS = 30
+"""A hint lists all known words up to this many, else the nearest few."""
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint that names the known word nearest to ``name`` and lists the others.
+    """Return a hint that names the known word nearest to ``name`` and lists the others (if not too many).
 
     Args:
         name: the word that was given.
         known: the words that exist.
     """
     words = sorted(str(word) for word in known)
-    close = difflib.get_close_matches(str(name), words, n=1, cutoff=0.5)
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    folded = {word.casefold(): word for word in reversed(words)}
+    close = difflib.get_close_matches(str(name).casefold(), folded, n=6, cutoff=0.5)
+    near = [folded[word] for word in close]
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    if len(words) > MOST_WORDS:
+        few = near or words[:6]
+        return f"{hint}{'nearest' if near else 'some'} of {len(words)}: {', '.join(few)}"
     return f"{hint}known: {', '.join(words) if words else 'none'}"

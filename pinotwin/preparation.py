@@ -37,7 +37,7 @@ def prepare(
     Args:
         machine: whose log it is.
         log: servo log(s), raw or in the names of the contract.
-        cutoff: corner of the low-pass [Hz]; from machine.yaml, else from the spectra of the log.
+        cutoff: corner of the low-pass [Hz], 0 for none; from machine.yaml, else from the spectra of the log.
         decimate: fit one row in so many; from machine.yaml, else four rows a period of the corner.
 
     Raises:
@@ -46,7 +46,9 @@ def prepare(
     """
     logs = [log] if isinstance(log, Log) else list(log)
     bound = [bind(item, machine.columns) for item in logs]
-    corner = cutoff or machine.data.cutoff or min(_corner(machine, item) for item in bound)
+    corner = cutoff if cutoff is not None else machine.data.cutoff
+    if corner is None:
+        corner = min(_corner(machine, item) for item in bound)
     parts = [_prepare_one(machine, item, corner, decimate) for item in bound]
     steps = {round(p.step, 9) for p in parts}
     if len(steps) > 1:
@@ -77,7 +79,7 @@ def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None
     stretches = _stretches(machine, log)
     step = _step(log.t, stretches)
     rate, settings = 1.0 / step, machine.data
-    corner = cutoff if cutoff < 0.45 * rate else np.inf
+    corner = cutoff if 0.0 < cutoff < 0.45 * rate else np.inf
     smoother = Smoother(step, corner, settings.order, tuple(stretches))
     q, v, a = smoother.derivatives(_joint_positions(machine, log, "q"))
     v, a = _measured_derivatives(machine, log, v, a, smoother)
@@ -269,8 +271,10 @@ def _fast_enough(machine: Machine, v: Floats) -> Mask:
 
 
 def _moving(v: Floats, limit: float | None) -> Mask:
+    """Return the rows that move; none of an axis that stands still throughout."""
     speed = np.abs(v)
-    return speed >= (0.01 * float(speed.max(initial=0.0)) if limit is None else limit)
+    top = float(speed.max(initial=0.0))
+    return (speed > 0.0) & (speed >= (0.01 * top if limit is None else limit))
 
 
 def with_rows(motion: Motion, use: Mask) -> Motion:

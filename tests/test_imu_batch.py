@@ -157,6 +157,20 @@ def test_quasi_static_band_has_its_own_interval() -> None:
     assert fast < 2 * rms(r.sd_angle)
 
 
+def test_parasitic_axes_show_what_happens_across_the_joint() -> None:
+    truth, servo, _, s, result = case(0)
+    assert rms(result.runs[0].parasitic) < 0.07 * DEG
+    t = np.asarray(truth.motion.t)
+    shake = 0.5 * DEG * np.sin(2 * np.pi * 31.0 * t)  # about the machine's y
+    extra = np.einsum("nji,j->ni", truth.motion.R, [0.0, 1.0, 0.0]) * shake[:, None]
+    shaken = replace(truth, motion=replace(truth.motion, w=truth.motion.w + extra))
+    reading = s.measure(shaken.motion, np.random.default_rng([9, 0]))
+    again = batch.estimate([servo], [ImuRun(reading.t, reading.gyr, reading.acc)], PRIORS)
+    sizes = sorted(np.std(again.runs[0].parasitic, axis=0) / DEG)
+    assert sizes[1] == pytest.approx(0.5 / np.sqrt(2), rel=0.15)
+    assert sizes[0] < 0.09
+
+
 def test_several_runs_share_the_mode_and_combine() -> None:
     pairs, truths = [], []
     for k in range(3):

@@ -83,11 +83,14 @@ def test_allan_deviation_of_white_noise_walk_and_both() -> None:
 
 def test_rest_is_found_where_the_rig_rests_and_nowhere_else() -> None:
     truth, _ = record(4, 12.0)
-    reading = mti630(np.random.default_rng(0)).measure(truth.motion, np.random.default_rng(1))
+    sensor = mti630(np.random.default_rng(0))
+    reading = sensor.measure(truth.motion, np.random.default_rng(1))
     found = rest(reading.gyr, reading.acc, 400.0)
     assert found[:340].mean() > 0.95
     moving = np.interp(reading.t, truth.motion.t, np.linalg.norm(truth.motion.w, axis=1)) > 0.05
     assert (found & moving).mean() < 0.005
+    offset = reading.gyr[found].mean(axis=0) - sensor.gyro.bias
+    assert np.abs(offset).max() < 0.01 * DEG
     busy = slice(600, 3600)
     assert not rest(reading.gyr[busy], reading.acc[busy], 400.0)[200:-200].all()
     np.testing.assert_allclose(

@@ -22,7 +22,7 @@ from pinotwin.report.display import effort, number, percent, position, rounded, 
 from pinotwin.report.figures import visible_rows
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.verdict import cautions, headline
-from pinotwin.twin import Parameter
+from pinotwin.twin import Parameter, Twin
 from tests.test_studies import identified, recorded, trunnion
 
 
@@ -155,6 +155,16 @@ def test_headline_says_how_good_and_on_what() -> None:
     quality["axes"]["Y"]["validation"] = {"rms": 1.0, "nrmse": 0.02, "nrmse_std": 0.02}
     assert headline(replace(twin, quality=quality)).startswith("On the validation log, the twin")
     assert "not identified from a log" in headline(replace(twin, quality={}))
+
+
+def test_saved_twin_gives_the_same_report(tmp_path: Path) -> None:
+    twin, log = identified()
+    quality = {**twin.quality, "condition": float("nan")}
+    quality["axes"] = {"Y": {"held_out": {"rms": float("nan")}}, "A": {}}
+    loaded = Twin.load(replace(twin, quality=quality).save(tmp_path / "twin"))
+    page = identification_report(loaded, log)
+    assert "The log is too short to judge the twin" in page
+    assert page.count("<tr") == identification_report(twin, log).count("<tr")
 
 
 def test_cautions_carry_warnings_open_parameters_and_colour() -> None:

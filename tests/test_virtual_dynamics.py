@@ -1,8 +1,9 @@
-"""The virtual machines' own rigid-body code against Pinocchio, and their friction against its laws."""
+"""The virtual machines' rigid-body code against Pinocchio, their friction against its laws."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
+
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import control_step
 from pinotwin.virtual.friction import friction_force

@@ -6,13 +6,15 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+
 from pinotwin.errors import InputError, MachineError
 from pinotwin.virtual import VirtualMachine, random_trajectory
+from pinotwin.virtual.axis_truth import Friction
 from pinotwin.virtual.folder import Folder, read_folder
 from pinotwin.virtual.linear import closed_loop_poles
 from pinotwin.virtual.recording import inverse_dynamics, write_log
 from pinotwin.virtual.trajectories import Trajectory, rest
-from pinotwin.virtual.truth import Friction, Pulse, Truth
+from pinotwin.virtual.truth import Pulse, Truth
 from pinotwin.virtual.truth_yaml import read_truth
 
 BUNDLED = ("trunnion", "laser_driller", "flexure_rig", "emps", "tx40")
@@ -109,7 +111,7 @@ def test_energy_falls_without_motors_and_never_rises():
     machine = VirtualMachine.build(Folder("p", text, {"J": "j"}, {}, Truth()))
     axis = machine.truth.axes["J"]
     free = replace(axis.controller, kp=0.0, kv=0.0, ki=0.0, acceleration_feedforward=0.0)
-    axis = replace(axis, controller=free, friction=Friction("lugre", 0.1, 1.3, 0.02, 0.01, 1e-4))
+    axis = replace(axis, controller=free, friction=Friction("lugre", 0.5, 1.3, 0.02, 0.01, 1e-4))
     machine = replace(machine, truth=replace(machine.truth, axes={"J": axis}))
     push = Pulse("a", 0.2, 0.2, moment=(12.0, 0.0, 0.0))
     r = machine.record(standstill(machine, 14.0), seed=0, noise=False, external=[push])
@@ -187,7 +189,7 @@ def test_the_csv_follows_the_contract(trunnion, run, tmp_path):
     for k, name in enumerate(head):
         np.testing.assert_allclose(table[:, k], run.log[name], rtol=1e-11, atol=1e-14)
     write_log(tmp_path / "log.parquet", run.log)
-    with pytest.raises(InputError, match="csv or .parquet"):
+    with pytest.raises(InputError, match="csv or"):
         write_log(tmp_path / "log.txt", run.log)
     assert len(run.to_log()) == len(run.log["t"])
 
@@ -232,7 +234,7 @@ def test_the_flexure_rings_at_its_tap_tested_frequencies(urdf_dir):
     released = _released(machine)
     push = Pulse("delta_link", 0.1, 0.02, moment=(60.0, 0.0, 0.0))
     r = released.record(standstill(released, 1.0), seed=0, noise=False, external=[push])
-    q, v, _ = r.truth.joint("delta")
+    v = r.truth.joint("delta")[1]
     late = (r.truth.t > 0.14) & (r.truth.t < 0.6)
     crossings = np.flatnonzero(np.diff(np.sign(v[late])) != 0)
     period = 2.0 * np.mean(np.diff(r.truth.t[late][crossings]))
@@ -261,9 +263,7 @@ def test_a_logged_pulse_is_in_the_log_and_moves_the_machine(trunnion):
     taken = np.trapezoid(u - hit.truth.friction[:, 0] + calm.truth.friction[:, 0], t)
     assert -taken == pytest.approx(40.0 * 0.05 * 2 / np.pi, rel=0.03)
     secret = replace(pulse, logged=False)
-    assert "A_link.fy" not in trunnion.record(
-        standstill(trunnion), seed=0, external=[secret]
-    ).log
+    assert "A_link.fy" not in trunnion.record(standstill(trunnion), seed=0, external=[secret]).log
     with pytest.raises(MachineError, match="no link 'Alink'"):
         trunnion.record(standstill(trunnion), seed=0, external=[replace(pulse, link="Alink")])
 
@@ -281,9 +281,9 @@ def test_true_poles_of_a_rigid_axis(trunnion):
     s = np.roots(np.polyadd(np.polymul(plant, [1.0, 0.0]), control))
     expected = s[np.argsort(np.abs(s))][:3]
     found = closed_loop_poles(trunnion, ["Y"])[:3]
-    np.testing.assert_allclose(np.abs(found[:2]), np.abs(expected[:2]), rtol=0.005)
+    np.testing.assert_allclose(np.abs(found[:2]), np.abs(expected[:2]), rtol=0.01)
     np.testing.assert_allclose(np.abs(found[2]), np.abs(expected[2]), rtol=0.06)
-    np.testing.assert_allclose(np.abs(found[:2].real), np.abs(expected[:2].real), rtol=0.005)
+    np.testing.assert_allclose(np.abs(found[:2].real), np.abs(expected[:2].real), rtol=0.01)
 
 
 def test_saturation_holds_the_effort_and_recovers(urdf_dir):

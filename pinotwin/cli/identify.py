@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from pinotwin.cli.inputs import add_preparation, read_logs, settings
-from pinotwin.cli.output import add_common, say, whole_folder, write_json
+from pinotwin.cli.output import add_common, check_folder, say, whole_folder, write_json
 from pinotwin.cli.progress import progress
 
 
@@ -29,6 +29,8 @@ def run(args: argparse.Namespace) -> int:
     from pinotwin.report import identification_report
     from pinotwin.twin.files import document
 
+    check_folder(args.out)
+    options = settings(args)
     machine = Machine.load(args.machine)
     logs = read_logs(args.logs)
     validate = read_logs(args.validate)
@@ -40,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
             loop=not args.no_loop,
             consistent=not args.inconsistent,
             report=report,
-            **settings(args),
+            **options,
         )
         with whole_folder(args.out) as folder:
             report("writing the twin", 0.9)

@@ -1,16 +1,19 @@
-"""Entry point ``pinotwin``: parse, run the command, and turn a known error into one line and exit code 2.
+"""Entry point ``pinotwin``: parse, run the command, turn a known error into one line and exit code 2.
 
 Each command lives in its own module of this package, imported only when it is called, and offers
-``add_arguments(parser)`` and ``run(args) -> int``.
-"""  # noqa: E501
+``add_arguments(parser)`` and ``run(args) -> int``. Any other error is a bug and keeps its traceback.
+"""
 
 from __future__ import annotations
 
 import argparse
 import importlib
+import importlib.util
 import os
 import sys
 from collections.abc import Sequence
+
+from pinotwin.errors import PinotwinError
 
 COMMANDS: dict[str, str] = {
     "check": "what is wrong with a machine or a log, and what the log can identify",
@@ -42,8 +45,9 @@ def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
 
     parser.add_argument("--version", action="version", version=f"pinotwin {__version__}")
     sub = parser.add_subparsers(dest="verb", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        text = COMMANDS[name]
+    for name, text in COMMANDS.items():
+        if importlib.util.find_spec(f"pinotwin.cli.{name}") is None:
+            continue
         command = sub.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         if name in commands:
             module = importlib.import_module(f"pinotwin.cli.{name}")
@@ -62,6 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     named = [w for w in words[:1] if w in COMMANDS]
     try:
         args = _parser(named).parse_args(words)
+        _check_files(args)
         module = importlib.import_module(f"pinotwin.cli.{args.verb}")
         return int(module.run(args))
     except BrokenPipeError:
@@ -70,22 +75,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         sys.stderr.write("pinotwin: stopped\n")
         return 130
-    except Exception as error:
-        return _report(error)
+    except PinotwinError as error:
+        return _complain(str(error))
+    except OSError as error:
+        if error.strerror is None:
+            raise
+        return _complain(f"{error.filename or 'the system says'}: {error.strerror}")
 
 
-def _report(error: Exception) -> int:
-    """Print a known error as one line; let any other go on with its traceback."""
-    from pinotwin.errors import PinotwinError
+def _check_files(args: argparse.Namespace) -> None:
+    """Refuse result files that cannot be written before the work for them is done."""
+    from pinotwin.cli.output import check_file
 
-    if isinstance(error, PinotwinError):
-        line = " ".join(str(error).split())
-        sys.stderr.write(f"pinotwin: {line}\n")
-        return 2
-    if isinstance(error, OSError) and error.filename is not None:
-        sys.stderr.write(f"pinotwin: {error.filename}: {error.strerror}\n")
-        return 2
-    raise error
+    for name in ("json", "html"):
+        if getattr(args, name, None):
+            check_file(getattr(args, name), folder=getattr(args, "out", None))
+
+
+def _complain(text: str) -> int:
+    sys.stderr.write(f"pinotwin: {' '.join(text.split())}\n")
+    return 2
 
 
 if __name__ == "__main__":

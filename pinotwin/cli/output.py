@@ -44,27 +44,57 @@ def plain(value: Any) -> Any:
 
 def write_json(path: str | Path, value: Any) -> None:
     """Write ``value`` as JSON, whole or not at all."""
-    target = Path(path)
-    _check_parent(target)
     text = json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    write_text(target, text)
+    write_text(Path(path), text)
 
 
 def write_text(target: Path, text: str) -> None:
     """Write a text file so that a crash leaves either the old one or the new one."""
-    _check_parent(target)
+    check_file(target)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    with os.fdopen(handle, "w", encoding="utf-8") as stream:
-        stream.write(text)
-    os.chmod(name, 0o644)
-    os.replace(name, target)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def check_file(path: str | Path, *, folder: str | Path | None = None) -> None:
+    """Refuse a file that cannot be written, before any work is done for it.
+
+    Args:
+        path: the file.
+        folder: a folder that the same command makes; the file may lie in it.
+
+    Raises:
+        InputError: with what to do.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise InputError(f"{target}: is a folder; give a file name")
+    if folder is None or target.parent != Path(folder):
+        _check_parent(target)
+
+
+def check_folder(path: str | Path) -> None:
+    """Refuse an output folder that cannot be made, before any work is done for it.
+
+    Raises:
+        InputError: with what to do.
+    """
+    target = Path(path)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file; give a folder for --out")
+    _check_parent(target)
 
 
 def _check_parent(target: Path) -> None:
-    if target.is_dir():
-        raise InputError(f"{target}: is a folder; give a file name")
     if not target.parent.is_dir():
         raise InputError(f"{target}: folder {target.parent} does not exist; make it first")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise InputError(f"{target}: folder {target.parent} cannot be written to; check its access")
 
 
 @contextmanager
@@ -74,15 +104,14 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
     Files of an earlier run under the same names are replaced, others stay.
     """
     target = Path(path)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file; give a folder for --out")
-    if not target.parent.is_dir():
-        raise InputError(f"{target}: folder {target.parent} does not exist; make it first")
+    check_folder(target)
     work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
     try:
         yield work
         target.mkdir(exist_ok=True)
+        mode = target.stat().st_mode
         shutil.copytree(work, target, dirs_exist_ok=True)
+        target.chmod(mode)  # copytree gave it the private mode of the temporary folder
     finally:
         shutil.rmtree(work, ignore_errors=True)
 

@@ -36,7 +36,7 @@ class Group:
     S: Floats  # indices of scattered base columns, shape (s,)
     M: Floats  # (S'S + Sigma^-1)^-1, shape (s, s)
     SB: Floats  # S'B, shape (s, p)
-    Sy: Floats  # shape (s,)
+    Sy: Floats  # shape (s, d)
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,10 @@ class Ledger:
         stage: whose sums they are.
         groups: (fold, log) pairs.
         total: factor of L of all rows, and of all rows but each fold.
-        right: B'y of all rows, and of all but each fold, shape (folds + 1, p).
+        right: B'Y of all rows, and of all but each fold, shape (folds + 1, p, d).
         theta: coefficients of the base from all rows, shape (p,).
         scale: length of every base column, shape (p,).
+        Y: measured (first) and drawn efforts per piece, whitened, each of shape (m, d).
     """
 
     stage: Stage
@@ -58,6 +59,7 @@ class Ledger:
     right: Floats
     theta: Floats
     scale: Floats
+    Y: tuple[Floats, ...]
 
     def solve(self, k: int, x: Floats) -> Floats:
         """Return L_k^-1 x, with k = 0 for all rows and f + 1 for all but fold f."""
@@ -68,12 +70,15 @@ class Ledger:
         )
 
 
-def build_ledger(stage: Stage, theta: Floats | None = None) -> Ledger:
+def build_ledger(
+    stage: Stage, theta: Floats | None = None, drawn: Sequence[Floats] | None = None
+) -> Ledger:
     """Return the block sums of a stage.
 
     Args:
         stage: whitened rows.
         theta: coefficients that set the size of the run-to-run scatter; None leaves it out.
+        drawn: per piece, efforts of healthy machines to be judged as well, shape (m, draws).
     """
     from pinotwin.diagnosis.stage import scatter_precision
 
@@ -84,12 +89,17 @@ def build_ledger(stage: Stage, theta: Floats | None = None) -> Ledger:
     )
     S = np.flatnonzero(np.isfinite(precision))
     folds = stage.blocks
-    A, r = np.zeros((folds, p, p)), np.zeros((folds, p))
+    Y = tuple(
+        np.column_stack([piece.y, *([] if drawn is None else [drawn[k]])])
+        for k, piece in enumerate(stage.pieces)
+    )
+    A, r = np.zeros((folds, p, p)), np.zeros((folds, p, Y[0].shape[1]))
     groups = []
     for fold, log in keys:
-        BB, By = np.zeros((p, p)), np.zeros(p)
-        for piece, rows in _members(stage, fold, log):
-            B, y = piece.B[rows], piece.y[rows]
+        BB, By = np.zeros((p, p)), np.zeros(r.shape[1:])
+        for k, rows in _members(stage, fold, log):
+            piece = stage.pieces[k]
+            B, y = piece.B[rows], Y[k][rows]
             BB[np.ix_(piece.columns, piece.columns)] += B.T @ B
             By[piece.columns] += B.T @ y
         M = np.linalg.inv(BB[np.ix_(S, S)] + np.diag(precision[S])) if len(S) else np.zeros((0, 0))
@@ -97,18 +107,20 @@ def build_ledger(stage: Stage, theta: Floats | None = None) -> Ledger:
         groups.append(Group(fold, log, S, M, SB, Sy))
         A[fold] += BB - SB.T @ M @ SB
         r[fold] += By - SB.T @ (M @ Sy)
-    return _factored(stage, tuple(groups), A, r)
+    return _factored(stage, tuple(groups), A, r, Y)
 
 
 def _members(stage: Stage, fold: int, log: int):  # type: ignore[no-untyped-def]
-    for piece in stage.pieces:
+    for k, piece in enumerate(stage.pieces):
         if piece.channel.log == log:
             rows = piece.block == fold
             if rows.any():
-                yield piece, rows
+                yield k, rows
 
 
-def _factored(stage: Stage, groups: tuple[Group, ...], A: Floats, r: Floats) -> Ledger:
+def _factored(
+    stage: Stage, groups: tuple[Group, ...], A: Floats, r: Floats, Y: tuple[Floats, ...]
+) -> Ledger:
     whole, right = A.sum(axis=0) + stage.base.precision, r.sum(axis=0)
     scale = np.sqrt(np.maximum(np.diag(whole), 1e-30))
     scale = np.where(scale > 1e-12 * scale.max(), scale, scale.max())
@@ -119,8 +131,8 @@ def _factored(stage: Stage, groups: tuple[Group, ...], A: Floats, r: Floats) -> 
     for fold in range(stage.blocks):
         factors.append(cho_factor((whole - A[fold]) / outer + 10 * eye))
         rights.append(right - r[fold])
-    theta = cho_solve(factors[0], right / scale) / scale
-    return Ledger(stage, groups, tuple(factors), np.array(rights), theta, scale)
+    theta = cho_solve(factors[0], right[:, 0] / scale) / scale
+    return Ledger(stage, groups, tuple(factors), np.array(rights), theta, scale, Y)
 
 
 @dataclass(frozen=True)
@@ -130,7 +142,7 @@ class Sums:
     Attributes:
         CC: shape (folds + 1, I, k, k); entry 0 of all rows, f + 1 of all but fold f.
         CB: shape (folds + 1, I, k, p).
-        Cy: shape (folds + 1, I, k).
+        Cy: shape (folds + 1, I, k, d).
     """
 
     CC: Floats
@@ -149,19 +161,19 @@ def sums(ledger: Ledger, batch: Sequence[Floats | None]) -> Sums:
     shape = next(x.shape for x in batch if x is not None)
     count, k, p, folds = shape[1], shape[2], stage.base.count, stage.blocks
     CC, CB = np.zeros((folds, count, k, k)), np.zeros((folds, count * k, p))
-    Cy = np.zeros((folds, count * k))
-    at = {id(piece): n for n, piece in enumerate(stage.pieces)}
+    d = ledger.right.shape[2]
+    Cy = np.zeros((folds, count * k, d))
     for group in ledger.groups:
-        cc, cb, cy = np.zeros((count, k, k)), np.zeros((count * k, p)), np.zeros(count * k)
-        for piece, rows in _members(stage, group.fold, group.log):
-            C = batch[at[id(piece)]]
+        cc, cb, cy = np.zeros((count, k, k)), np.zeros((count * k, p)), np.zeros((count * k, d))
+        for n, rows in _members(stage, group.fold, group.log):
+            C, piece = batch[n], stage.pieces[n]
             if C is None:
                 continue
             own = C[rows]
             flat = own.reshape(len(own), -1)
             cc += np.einsum("nik,nil->ikl", own, own) if k > 1 else (own**2).sum(0)[:, :, None]
             cb[:, piece.columns] += flat.T @ piece.B[rows]
-            cy += flat.T @ piece.y[rows]
+            cy += flat.T @ ledger.Y[n][rows]
         if len(group.S):
             cs = cb[:, group.S]
             csm = cs @ group.M
@@ -175,7 +187,7 @@ def sums(ledger: Ledger, batch: Sequence[Floats | None]) -> Sums:
     return Sums(
         _leave_out(CC),
         _leave_out(CB).reshape(folds + 1, count, k, p),
-        _leave_out(Cy).reshape(folds + 1, count, k),
+        _leave_out(Cy).reshape(folds + 1, count, k, d),
     )
 
 
@@ -189,12 +201,13 @@ class Worth:
     """What a batch of candidates is worth.
 
     Attributes:
-        G: held-out gain in whitened deviance, shape (I,).
-        gain: in-sample gain, shape (I,).
+        G: held-out gain in whitened deviance, on the measured and the drawn efforts, shape (I, d).
+        gain: in-sample gain on the measured effort, shape (I,).
         theta: coefficients, shape (I, k).
         share: how much of the columns the base does not explain already, shape (I,).
         deviation: standard error of theta, shape (I, k).
-        by_fold: gain on each fold, shape (folds, I).
+        by_fold: held-out gain on each fold, shape (folds, I).
+        sign: sign of the first coefficient, on the measured and the drawn efforts, shape (I, d).
     """
 
     G: Floats
@@ -203,37 +216,40 @@ class Worth:
     share: Floats
     deviation: Floats
     by_fold: Floats
+    sign: Floats
 
 
 def worth(ledger: Ledger, s: Sums) -> Worth:
     """Return what candidates are worth on data they were not fitted to."""
     gains, logdets = [], []
-    theta = share = deviation = np.zeros(0)
     for k in range(s.CC.shape[0]):
         g, S, raw = schur(ledger, s, k)
         size = np.sqrt(np.maximum(raw, 1e-300))
         normal = S / (size[:, :, None] * size[:, None, :]) + 1e-7 * np.eye(S.shape[1])
-        x = np.linalg.solve(normal, (g / size)[:, :, None])[:, :, 0]
-        gains.append(np.einsum("ik,ik->i", x, g / size))
+        x = np.linalg.solve(normal, g / size[:, :, None])
+        gains.append(np.einsum("ikd,ikd->id", x, g / size[:, :, None]))
         logdets.append(np.linalg.slogdet(normal)[1] + 2 * np.log(size).sum(axis=1))
         if k == 0:
-            theta = x / size
+            theta = x[:, :, 0] / size
+            sign = np.sign(x[:, 0, :])
             inverse = np.linalg.inv(normal)
             deviation = np.sqrt(np.maximum(np.einsum("ikk->ik", inverse), 0)) / size
             share = np.einsum("ikk->i", S) / np.maximum(raw.sum(axis=1), 1e-300)
-    gain, logdet = np.array(gains), np.array(logdets)
+    gain, logdet = np.array(gains), np.array(logdets)[:, :, None]
     by_fold = (gain[0] - gain[1:]) - (logdet[0] - logdet[1:])
-    return Worth(by_fold.sum(axis=0), gain[0], theta, share, deviation, by_fold)
+    return Worth(
+        by_fold.sum(axis=0), gain[0][:, 0], theta, share, deviation, by_fold[:, :, 0], sign
+    )
 
 
 def schur(ledger: Ledger, s: Sums, k: int) -> tuple[Floats, Floats, Floats]:
-    """Return g (I, k), S (I, k, k) and the raw column powers (I, k), base projected out."""
+    """Return g (I, k, d), S (I, k, k) and the raw column powers (I, k), base projected out."""
     CB = s.CB[k]
     count, width, p = CB.shape
     flat = CB.reshape(count * width, p)
     X = ledger.solve(k, flat.T).T.reshape(count, width, p)
     S = s.CC[k] - np.einsum("ikp,ilp->ikl", CB, X)
-    g = s.Cy[k] - (X.reshape(-1, p) @ ledger.right[k]).reshape(count, width)
+    g = s.Cy[k] - (X.reshape(-1, p) @ ledger.right[k]).reshape(count, width, -1)
     return g, S, np.einsum("ikk->ik", s.CC[k])
 
 

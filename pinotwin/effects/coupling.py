@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinotwin.effects.effect import Coefficient, Columns, Effect
+from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import Motion
 
@@ -27,6 +27,7 @@ class WristCoupling(Effect):
     """
 
     name: ClassVar[str] = "wrist_coupling"
+    causes: ClassVar[tuple[Cause, ...]] = ("inertial_coupling", "friction", "friction")
     axis: str
     rotary: bool = True
     partner: str = field(default="", metadata={"yaml": "with"})

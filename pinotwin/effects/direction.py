@@ -39,7 +39,7 @@ def direction(motion: AxisMotion, width: float) -> Floats:
     """
     if width <= 0.0:
         return np.sign(motion.v)
-    d = np.empty_like(motion.v)
+    d: Floats = np.clip(motion.v / width, -1.0, 1.0)  # rows between the segments
     for s in motion.segments:
         v, a = motion.v[s], motion.a[s]
         start = float(np.clip(v[0] / width, -1.0, 1.0)) if len(v) else 0.0

@@ -16,12 +16,18 @@ import abc
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.motion import AxisMotion, Motion
+
+
+Cause = Literal[
+    "stiffness", "viscous", "friction", "position", "inertial_coupling", "rigid_body", "other"
+]
+Depends = Literal["position", "velocity", "direction", "displacement", "other"]
 
 
 @dataclass(frozen=True)
@@ -87,6 +93,15 @@ class Effect(abc.ABC):
 
     uses_standstill: ClassVar[bool] = False
     """Whether rows at standstill help to identify it (presliding): they are kept for its axis."""
+
+    causes: ClassVar[tuple[Cause, ...]] = ("other",)
+    """What its effort counts as in the generalised disturbance: one word for all coefficients, or one
+    for each. ``stiffness`` and ``viscous`` say that the column is the axis' own q or v."""
+
+    depends: ClassVar[Depends] = "other"
+    """What its columns are a function of, so that a simulation can tabulate them: ``position``,
+    ``velocity``; ``direction`` (times a function of the speed); ``displacement`` (slip elements times
+    a function of the speed). An effect of any other kind is still simulated, by repeated passes."""
 
     axis: str | None
     """Axis it belongs to, or None for the whole machine."""

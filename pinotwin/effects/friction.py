@@ -15,7 +15,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.direction import default_width, direction
-from pinotwin.effects.effect import AxisEffect, Coefficient, Shape
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Shape
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion
 
@@ -29,6 +29,8 @@ class Viscous(AxisEffect):
     """Friction in proportion to speed: tau = b v."""
 
     name: ClassVar[str] = "viscous"
+    causes: ClassVar[tuple[Cause, ...]] = ("viscous",)
+    depends: ClassVar[Depends] = "velocity"
     axis: str
     rotary: bool = False
 
@@ -46,6 +48,8 @@ class ViscousAsymmetric(AxisEffect):
     """Viscous friction with its own coefficient per direction: tau = b+ max(v, 0) + b- min(v, 0)."""
 
     name: ClassVar[str] = "viscous_asymmetric"
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    depends: ClassVar[Depends] = "velocity"
     axis: str
     rotary: bool = False
 
@@ -68,6 +72,8 @@ class Coulomb(AxisEffect):
     """
 
     name: ClassVar[str] = "coulomb"
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    depends: ClassVar[Depends] = "direction"
     axis: str
     rotary: bool = False
     width: float | None = None
@@ -89,6 +95,8 @@ class CoulombAsymmetric(AxisEffect):
     """
 
     name: ClassVar[str] = "coulomb_asymmetric"
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    depends: ClassVar[Depends] = "direction"
     axis: str
     rotary: bool = False
     width: float | None = None
@@ -114,6 +122,8 @@ class Stribeck(AxisEffect):
     """
 
     name: ClassVar[str] = "stribeck"
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    depends: ClassVar[Depends] = "direction"
     axis: str
     rotary: bool = False
     v_s: float = 0.01
@@ -140,6 +150,8 @@ class QuadraticDrag(AxisEffect):
     """Drag that grows with the square of speed (fans, churning oil): tau = b2 v |v|."""
 
     name: ClassVar[str] = "quadratic_drag"
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    depends: ClassVar[Depends] = "velocity"
     axis: str
     rotary: bool = False
 

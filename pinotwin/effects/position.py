@@ -12,7 +12,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Coefficient, Shape
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Shape
 from pinotwin.effects.symbols import effort, length
 from pinotwin.errors import MachineError
 from pinotwin.motion import AxisMotion, Motion
@@ -25,6 +25,8 @@ class Offset(AxisEffect):
     """A constant effort: current offset, or the pull of a counterbalance: tau = f0."""
 
     name: ClassVar[str] = "offset"
+    causes: ClassVar[tuple[Cause, ...]] = ("position",)
+    depends: ClassVar[Depends] = "position"
     axis: str
     rotary: bool = False
 
@@ -73,6 +75,8 @@ class Ripple(AxisEffect):
     """
 
     name: ClassVar[str] = "ripple"
+    causes: ClassVar[tuple[Cause, ...]] = ("position",)
+    depends: ClassVar[Depends] = "position"
     axis: str
     rotary: bool = False
     period: float | None = None
@@ -134,6 +138,8 @@ class RippleModulated(AxisEffect):
     """
 
     name: ClassVar[str] = "ripple_modulated"
+    causes: ClassVar[tuple[Cause, ...]] = ("position",)
+    depends: ClassVar[Depends] = "position"
     axis: str
     rotary: bool = True
     period: float | None = None
@@ -192,6 +198,8 @@ class PositionTable(AxisEffect):
     """
 
     name: ClassVar[str] = "position_table"
+    causes: ClassVar[tuple[Cause, ...]] = ("position",)
+    depends: ClassVar[Depends] = "position"
     axis: str
     rotary: bool = False
     spacing: float | None = None

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Coefficient, Shape
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Shape
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion
 
@@ -64,6 +64,8 @@ class Presliding(AxisEffect):
     """
 
     name: ClassVar[str] = "presliding"
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    depends: ClassVar[Depends] = "displacement"
     uses_standstill: ClassVar[bool] = True
     axis: str
     rotary: bool = False

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pinotwin.dynamics.base import BaseParameters
-from pinotwin.effects.effect import Coefficient, Columns, Effect
+from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect
 from pinotwin.motion import Motion
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ class RigidBody(Effect):
     """
 
     name: ClassVar[str] = "rigid_body"
+    causes: ClassVar[tuple[Cause, ...]] = ("rigid_body",)
     model: pin.Model
     base: BaseParameters
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Coefficient
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion
 
@@ -18,6 +18,7 @@ class Spring(AxisEffect):
     """Linear spring and damper: tau = k q + c v."""
 
     name: ClassVar[str] = "spring"
+    causes: ClassVar[tuple[Cause, ...]] = ("stiffness", "viscous")
     axis: str
     rotary: bool = True
 

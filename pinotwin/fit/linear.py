@@ -51,6 +51,9 @@ class Options:
 
     Attributes:
         prior: see :class:`Prior`; None is zero.
+        ridge: standard deviation of a weak belief that a coefficient is near the prior's mean,
+            shape (p,), inf for none; it keeps coefficients with hardly any data (the edge knots of
+            a table) from running away, but never makes one count as determined.
         lower: bounds on theta, shape (p,); None for none.
         upper: bounds on theta, shape (p,); None for none.
         sigma: known noise level per axis; None to find it.
@@ -60,6 +63,7 @@ class Options:
     """
 
     prior: Prior | None = None
+    ridge: Floats | None = None
     lower: Floats | None = None
     upper: Floats | None = None
     sigma: Floats | None = None
@@ -205,6 +209,12 @@ def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
     if prior is not None and prior.soft and std is not None:
         A, b = np.concatenate([R, np.diag(1 / std)]), np.concatenate([z, mean / std])
     rank = analyse(A, options.tolerance, std)
+    if options.ridge is not None:
+        weak = np.flatnonzero(np.isfinite(options.ridge))
+        extra = np.zeros((len(weak), p))
+        extra[np.arange(len(weak)), weak] = 1.0 / options.ridge[weak]
+        A, b = np.concatenate([A, extra]), np.concatenate([b, extra @ mean])
+        rank = _with_ridge(rank, analyse(A, options.tolerance, std))
     theta = mean + rank.nearest(rank.root @ (rank.root.T @ (A.T @ (b - A @ mean))))
     theta += rank.root @ (rank.root.T @ (A.T @ (b - A @ theta)))
     active = np.zeros(p, bool)
@@ -212,6 +222,14 @@ def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
     if ((theta < lower) | (theta > upper)).any():
         theta, active = bounded(A, b, lower, upper, mean, rank)
     return Solution(theta, sigma, rank, active, R, z)
+
+
+def _with_ridge(data: Rank, both: Rank) -> Rank:
+    """Return the solution's rank analysis with the ridge, and what the data alone determine."""
+    return replace(
+        both, rank=data.rank, condition=data.condition, determined=data.determined,
+        unexcited=data.unexcited, groups=data.groups,
+    )  # fmt: skip
 
 
 def _first_levels(reduced: Reduced) -> Floats:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from pinotwin.disturbance import diagonal
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import DataError
 from pinotwin.fit.crossval import held_out
@@ -65,15 +67,14 @@ def identify(
     tell("fitting the plant", 0.1)
     plant = fit_plant(machine, motion, consistent_inertia=consistent)
     tell("judging the plant", 0.4)
-    settings = {"cutoff": _finite(motion.cutoff), "decimate": motion.decimation}
+    settings = {"cutoff": _finite(motion.cutoff) or 0.0, "decimate": motion.decimation}
     table = parameter_table(machine, plant)
     quality = _quality(machine, motion, plant)
     quality["at_bound"] = at_bounds(table)
     if validate is not None:
         _validate(machine, plant, validate, settings, quality)
     quality["warnings"] = warnings(quality, dict(zip(machine.names, machine.rotary, strict=True)))
-    del loop
-    return Twin(
+    twin = Twin(
         machine=machine,
         effects=plant.effects,
         theta=plant.theta,
@@ -85,6 +86,18 @@ def identify(
         settings=settings,
         groups=plant.fit.group_names(),
     )
+    twin = replace(twin, diagonal=diagonal(twin, motion))
+    return _with_loops(twin, motion, tell) if loop and motion.qr is not None else twin
+
+
+def _with_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) -> Twin:
+    """Return the twin with the closed loops of its axes."""
+    from pinotwin.identification.loops import fit_loops
+
+    found = fit_loops(twin, motion, lambda stage, done: tell(stage, 0.45 + 0.4 * done))
+    quality = {**twin.quality, "loops": found.quality}
+    quality["warnings"] = [*twin.quality["warnings"], *found.notes]
+    return replace(twin, loops=found.models, controllers=found.controllers, quality=quality)
 
 
 def _sees_passive(machine: Machine, log: Log) -> bool:
@@ -105,7 +118,7 @@ def _quality(machine: Machine, motion: Motion, plant: Plant) -> dict[str, Any]:
     fit, names = plant.fit, machine.names
     problem = fit.problem
     error = problem.y - problem.W @ plant.theta
-    options = fit_options(machine, plant.effects)
+    options = fit_options(machine, plant.effects, motion)
     held = _held_out_error(problem, options)
     axes = {}
     for joint, rows in problem.slices.items():

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.parameters import body_count, parameters
-from pinotwin.effects import Effect, RigidBody
+from pinotwin.effects import Effect, PositionTable, RigidBody
 from pinotwin.fit.consistency import Bodies, ConsistentFit, Evidence, consistent
 from pinotwin.fit.linear import Options, Prior, linear
 from pinotwin.fit.problem import Problem
@@ -55,7 +55,7 @@ def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = Tr
     """
     effects = tuple(effect.fitted_to(motion) for effect in machine.effects)
     rows = choose_rows(motion)
-    options = fit_options(machine, effects)
+    options = fit_options(machine, effects, motion)
     fit, effects, errors, bounds = _solve(motion, effects, rows, options)
     pi0 = parameters(machine.model)
     if consistent_inertia:
@@ -69,16 +69,31 @@ def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = Tr
     return Plant(effects, rows, fit, theta, pi, errors, bounds, found)
 
 
-def fit_options(machine: Machine, effects: Sequence[Effect]) -> Options:
-    """Return bounds from the effects, and the CAD values as prior for what the data leave open."""
+def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | None = None) -> Options:
+    """Return bounds from the effects, and the CAD values as prior for what the data leave open.
+
+    With a motion, table knots are weakly held within the size of their axis' effort, so that a knot
+    that is hardly ever passed cannot run away.
+    """
     coefficients = [c for effect in effects for c in effect.coefficients()]
     mean = np.zeros(len(coefficients))
     mean[_beta(effects)] = machine.base.from_standard(parameters(machine.model))
     return Options(
         prior=Prior(mean=mean),
+        ridge=None if motion is None else _ridge(effects, motion),
         lower=np.array([c.lower for c in coefficients]),
         upper=np.array([c.upper for c in coefficients]),
     )
+
+
+def _ridge(effects: Sequence[Effect], motion: Motion) -> Floats | None:
+    slices = effect_slices(effects)
+    out = np.full(slices[-1].stop, np.inf)
+    for effect, where in zip(effects, slices, strict=True):
+        if isinstance(effect, PositionTable):
+            u = motion.u[:, motion.index(effect.axis)]
+            out[where] = max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
+    return out if np.isfinite(out).any() else None
 
 
 def _beta(effects: Sequence[Effect]) -> slice:

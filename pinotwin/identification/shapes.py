@@ -87,7 +87,9 @@ def _permuted(options: Options, order: Ints) -> Options:
     prior = options.prior
     if prior is not None:
         prior = Prior(prior.mean[order], pick(prior.std), prior.soft)
-    return replace(options, prior=prior, lower=pick(options.lower), upper=pick(options.upper))
+    return replace(
+        options, prior=prior, ridge=pick(options.ridge), lower=pick(options.lower), upper=pick(options.upper)
+    )
 
 
 def _restored(fit: LinearFit, back: Ints) -> LinearFit:

@@ -1,9 +1,9 @@
-r"""Which lines of a spectrum stand out from their neighbours, at a false alarm rate known in advance.
+r"""Which lines of a spectrum stand out from their neighbours, at a known false alarm rate.
 
 What is left of a real spectrum is never white, so a line is compared with the median power z of N
 neighbours, not with a level for all. For noise that is even over those, powers are exponentially
-distributed, and the chance that one exceeds T z by accident is known exactly whatever the noise level
-(Rohling 1983, doi:10.1109/TAES.1983.309350):
+distributed, and the chance that one exceeds T z by accident is known exactly whatever the noise
+level (Rohling 1983, doi:10.1109/TAES.1983.309350):
 
     P = product over i < N/2 of (N - i) / (N - i + T)
 
@@ -23,8 +23,8 @@ NEIGHBOURS = 24
 def floor(orders: Floats, power: Floats, guard: int) -> Floats:
     """Return the median power of each line's neighbours.
 
-    Neighbours are compared after the spectrum's slope is taken out, else a floor that falls with the
-    order would make the lowest orders stand out.
+    Neighbours are compared after the spectrum's slope is taken out, else a floor that falls with
+    the order would make the lowest orders stand out.
 
     Args:
         orders: ascending, shape (m,).

@@ -34,19 +34,24 @@ class Remainder:
         x: e, e', e'' [rad, rad/s, rad/s²], (m, 3).
         sd: their standard deviations, (m, 3).
         force: standard deviation of the unknown force [rad/s²].
+        seen_t: reference times of the samples themselves [s], (k,).
+        seen_rate: what the fitted model leaves of the gyro, in the link frame [rad/s], (k, 3).
     """
 
     t: Floats
     x: Floats
     sd: Floats
     force: float
+    seen_t: Floats
+    seen_rate: Floats
 
 
 def remainder(
     m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener
 ) -> Remainder:
     """Return the smoothed remainder of one run for fitted parameters."""
-    t, z, C, r = _filled(m.interval, *_observations(m, theta, lay, R_ST, whitener))
+    seen_t, seen_rate, *seen = _observations(m, theta, lay, R_ST, whitener)
+    t, z, C, r = _filled(m.interval, seen_t, *seen)
     wn, zeta = np.exp(theta[lay["mode"]])
     sizes = wn**2 * np.geomspace(1e-8, 3e-4, 11)
     scores = [_model(len(t), m.interval, wn, zeta, s, C).log_likelihood(z, r) for s in sizes]
@@ -55,13 +60,13 @@ def remainder(
     out = np.zeros((3, 4))
     out[0, 0], out[1, 1], out[2, :3] = 1.0, 1.0, [-(wn**2), -2.0 * zeta * wn, 1.0]
     var = np.einsum("ai,nij,aj->na", out, fit.P, out)
-    return Remainder(t, fit.x @ out.T, np.sqrt(np.maximum(var, 0.0)), best)
+    return Remainder(t, fit.x @ out.T, np.sqrt(np.maximum(var, 0.0)), best, seen_t, seen_rate)
 
 
 def _observations(
     m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return times, the projected residuals (n, 2), rows (n, 2, 4) and variances (n, 2)."""
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Return times, gyro residuals in the link frame, their projections, rows and variances."""
     wn, zeta = np.exp(theta[lay["mode"]])
     e = np.hstack([m.imu.gyr, m.imu.acc])[m.rows] - m.predict(theta, lay, R_ST).y
     variance = _variance(whitener)
@@ -82,7 +87,7 @@ def _observations(
     C = np.zeros((1, 2, 4))
     C[0, 0, 1] = C[0, 0, 3] = 1.0
     C[0, 1, :3] = [-(wn**2), -2.0 * zeta * wn, 1.0]
-    return t, z, C, r
+    return t, e[:, :3] @ R, z, C, r
 
 
 def _variance(whitener: Whitener) -> Floats:

@@ -135,9 +135,10 @@ def rest(gyr: Floats, acc: Floats, rate: float, window: float = 0.3, factor: flo
 
 def _window_std(x: Floats, m: int) -> tuple[Floats, Floats]:
     """Return standard deviation (norm over channels) and mean of sliding windows of m."""
-    x = x - np.mean(x, axis=0)
+    centre = np.mean(x, axis=0)  # differences of sums lose digits otherwise
+    x = x - centre
     s1 = np.cumsum(np.vstack([np.zeros(x.shape[1]), x]), axis=0)
     s2 = np.cumsum(np.vstack([np.zeros(x.shape[1]), x**2]), axis=0)
     mean = (s1[m:] - s1[:-m]) / m
     variance = np.maximum((s2[m:] - s2[:-m]) / m - mean**2, 0.0)
-    return np.sqrt(variance.sum(axis=1)), mean
+    return np.sqrt(variance.sum(axis=1)), mean + centre

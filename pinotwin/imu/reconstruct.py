@@ -48,7 +48,7 @@ def joint_angles(R_joint: Floats, axis: Floats | None = None) -> Floats:
         axis: the principal axis in the joint frame; x by default.
     """
     if axis is not None:
-        A = _frame(axis)
+        A = joint_frame(axis)
         R_joint = A.T @ R_joint @ A
     # Eq. 6.28 turns coordinates by Rx Ry Rz; turning vectors it reads Rz Ry Rx
     return Rotation.from_matrix(R_joint).as_euler("ZYX")[:, ::-1]
@@ -97,7 +97,7 @@ def high_passed(t: Floats, angle: Floats, corner: float) -> Floats:
     return sosfiltfilt(sos, angle - np.mean(angle, axis=0), axis=0, padlen=pad)
 
 
-def _frame(axis: Floats) -> Floats:
+def joint_frame(axis: Floats) -> Floats:
     """Return a right-handed frame (columns) whose first axis is ``axis``."""
     x = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     helper = np.eye(3)[int(np.argmin(np.abs(x)))]

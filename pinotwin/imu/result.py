@@ -6,14 +6,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, nearest
 from pinotwin.imu.clock import ClockFit
 from pinotwin.imu.latent import Remainder
 from pinotwin.imu.predict import Layout, RunModel
-from pinotwin.imu.reconstruct import high_passed
-from pinotwin.imu.runs import ImuRun, Priors, ServoRun
+from pinotwin.imu.reconstruct import high_passed, joint_frame
+from pinotwin.imu.runs import ImuRun, Priors, ServoRun, interpolate
 
 CORNER = 0.5  # Hz: above it lies the dynamic band
 
@@ -36,6 +37,8 @@ class RunResult:
         scale: gyro scale deviations of the run, (3,). scale_se: their standard errors.
         bias: gyro bias at the knots [rad/s], (knots, 3).
         remainder: RMS of the deflection that the mode does not explain [rad].
+        parasitic: rates about the two axes across the joint's [rad/s], (n, 2), up to 50 Hz; the
+            near side of the joint is taken not to rotate. Where it is stiff, they are gyro noise.
     """
 
     t: Floats
@@ -52,6 +55,7 @@ class RunResult:
     scale_se: Floats
     bias: Floats
     remainder: float
+    parasitic: Floats
 
     @property
     def dynamic(self) -> Floats:
@@ -137,8 +141,20 @@ def run_result(
     return RunResult(
         t, y[:, 0], y[:, 1], y[:, 2], sd(fast, 0), sd(v, 1), sd(a, 2), quasi,
         float(np.std(slow_angle)), _refined(m, theta, cov, lay, clock, p), theta[lay["scale"]],
-        se[lay["scale"]], theta[lay["bias"]].reshape(-1, 3), float(np.std(left.x[:, 0])),
+        se[lay["scale"]], theta[lay["bias"]].reshape(-1, 3),
+        float(np.std(left.x[:, 0])), _parasitic(m, t, left),
     )  # fmt: skip
+
+
+def _parasitic(m: RunModel, t: Floats, left: Remainder) -> Floats:
+    """Return the rates across the joint's axis on the servo clock, (n, 2)."""
+    at = (left.seen_t - m.fine.t[0]) / m.fine.step
+    R, axis = interpolate(m.fine.R, at)[0], interpolate(m.fine.axis, at)[0]
+    frame = joint_frame(np.mean(np.einsum("nij,nj->ni", R, axis), axis=0))
+    across = np.einsum("nij,nj->ni", R, left.seen_rate) @ frame[:, 1:]
+    values = np.stack([np.interp(t, left.seen_t, c) for c in across.T], axis=1)
+    sos = butter(2, 50.0, fs=1.0 / float(t[1] - t[0]), output="sos")
+    return sosfiltfilt(sos, values, axis=0)
 
 
 def _on_clock(t: Floats, left: Remainder) -> tuple[Floats, Floats]:

@@ -1,23 +1,20 @@
-"""machine.yaml to :class:`Machine` and back."""
+"""machine.yaml, or a bare URDF, to :class:`Machine` and back."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.arrays import Floats
-from pinotwin.columns import parse_columns
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.bundled import bundled_path, machines
-from pinotwin.machine.machine import Axis, DataSettings, Imu, LoopShape, Machine, Passive
+from pinotwin.machine.machine import Axis, Machine, Passive
+from pinotwin.machine.sections import columns, data_settings, imus, loops, transmission
 from pinotwin.machine.urdf import check_inertia, load_model
-from pinotwin.machine.urdf_check import mimics, moving_joints, read_tree
+from pinotwin.machine.urdf_check import MOVING, mimics, moving_joints, read_tree
 from pinotwin.machine.yaml_file import (
     DEFAULT_EFFECTS,
     check_keys,
@@ -45,7 +42,10 @@ def load_machine(path: str | Path) -> Machine:
         given = bundled_path(str(path))
     file = given / "machine.yaml" if given.is_dir() else given
     if given.is_dir() and not file.is_file():
-        raise MachineError(f"{given}: no machine.yaml in this folder")
+        found = ", ".join(sorted(f.name for f in given.glob("*.urdf"))) or "no .urdf either"
+        raise MachineError(
+            f"{given}: no machine.yaml in this folder (found: {found}); write one, or give the .urdf"
+        )
     if not file.exists() and len(given.parts) == 1:
         raise MachineError(
             f"{path}: no such machine; give a folder, a machine.yaml, a .urdf, or a bundled one "
@@ -68,10 +68,12 @@ def _machine(spec: dict[str, Any], file: Path) -> Machine:
     for key in ("name", "urdf", "axes"):
         if not spec.get(key):
             raise MachineError(f"{key}: missing; a machine needs name, urdf and axes")
+    _check_words(spec)
     urdf = file.parent / str(spec["urdf"])
     axes_spec = mapping(spec["axes"], "axes.")
     passive_spec = mapping(spec.get("passive"), "passive.")
     joints = _joints(axes_spec, passive_spec)
+    _check_joints(urdf, joints, tuple(axes_spec))
     model = load_model(urdf, list(joints.values()))
     axes = {str(n): _axis(str(n), s, model) for n, s in axes_spec.items()}
     passive = {str(n): _passive(str(n), s, model) for n, s in passive_spec.items()}
@@ -86,13 +88,28 @@ def _machine(spec: dict[str, Any], file: Path) -> Machine:
         model=model,
         axes=axes,
         passive=passive,
-        imus=_imus(spec, urdf),
-        loop=_loops(spec, names),
-        columns=parse_columns(mapping(spec.get("columns"), "columns."), "columns"),
-        transmission=_transmission(spec, axes, model.nv),
-        data=_data(spec),
+        imus=imus(spec, urdf),
+        loop=loops(spec, names),
+        columns=columns(spec, (*axes, *passive), model),
+        transmission=transmission(spec, axes, model.nv),
+        data=data_settings(spec),
         spec=spec,
     )
+
+
+def _check_words(spec: Mapping[str, Any]) -> None:
+    """Refuse names that cannot name a file, a channel or an axis on the command line."""
+    if isinstance(spec["name"], (list, dict)) or set("/\\\n") & set(str(spec["name"])):
+        raise MachineError(f"name: {spec['name']!r} cannot name a file; use letters and digits")
+    if str(spec["name"]).strip(". ") != str(spec["name"]):
+        raise MachineError(f"name: {spec['name']!r} begins or ends with a dot or blank")
+    if not isinstance(spec["urdf"], str):
+        raise MachineError(f"urdf: expected the name of a file, found {spec['urdf']!r}")
+    for kind in ("axes", "passive"):
+        for name in mapping(spec.get(kind), f"{kind}."):
+            text = "" if name is None else str(name)
+            if not text or text.strip() != text or set(',;:=+\n"') & set(text):
+                raise MachineError(f"{kind}: {name!r} cannot name a joint; use letters and digits")
 
 
 def _joints(axes: Mapping[str, Any], passive: Mapping[str, Any]) -> dict[str, str]:
@@ -107,6 +124,21 @@ def _joints(axes: Mapping[str, Any], passive: Mapping[str, Any]) -> dict[str, st
                 raise MachineError(f"{where}joint: joint {joint!r} is used twice")
             joints[str(name)] = joint
     return joints
+
+
+def _check_joints(urdf: Path, joints: Mapping[str, str], axes: tuple[str, ...]) -> None:
+    """Refuse an axis or passive joint that the URDF does not have, or that is none."""
+    root = read_tree(urdf)
+    types = {str(j.get("name")): str(j.get("type")) for j in root.findall("joint")}
+    for name, joint in joints.items():
+        where = f"{'axes' if name in axes else 'passive'}.{name}.joint"
+        if joint not in types:
+            hint = nearest(joint, moving_joints(root))
+            raise MachineError(f"{where}: no moving joint {joint!r} in {urdf.name}; {hint}")
+        if types[joint] not in MOVING:
+            raise MachineError(
+                f"{where}: {joint!r} is a {types[joint]} joint; an axis is one of {', '.join(MOVING)}"
+            )
 
 
 def _place(name: str, settings: Mapping[str, Any], model: pin.Model) -> tuple[str, int, bool]:
@@ -126,7 +158,9 @@ def _axis(name: str, settings: Any, model: pin.Model) -> Axis:
     rotor = number(settings.get("rotor_inertia", 0.0), f"{where}rotor_inertia")
     if rotor < 0.0:
         raise MachineError(f"{where}rotor_inertia: {rotor:g} is negative")
-    speed = settings.get("min_speed")
+    speed = None if settings.get("min_speed") is None else settings["min_speed"]
+    if speed is not None and number(speed, f"{where}min_speed") < 0.0:
+        raise MachineError(f"{where}min_speed: {speed} is negative; a speed here has no sign")
     return Axis(
         name=name,
         joint=joint,
@@ -155,6 +189,9 @@ def _passive(name: str, settings: Any, model: pin.Model) -> Passive:
         key: None if settings.get(key) is None else number(settings[key], where + key)
         for key in ("stiffness", "damping")
     }
+    for key, value in values.items():
+        if value is not None and value < 0.0:
+            raise MachineError(f"{where}{key}: {value:g} is negative; correct it")
     return Passive(name, joint, index, rotary, values["stiffness"], values["damping"])
 
 
@@ -174,78 +211,6 @@ def _check_partners(axes: Mapping[str, Axis]) -> None:
                     f"axes.{axis.name}.effects: {effect.name} needs `with:` another axis; "
                     f"{nearest(str(partner), set(axes) - {axis.name})}"
                 )
-
-
-def _imus(spec: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
-    links = [str(link.get("name")) for link in read_tree(urdf).findall("link")]
-    out = {}
-    for name, settings in mapping(spec.get("imus"), "imus.").items():
-        settings = mapping(settings, f"imus.{name}.")
-        check_keys(settings, ("link",), f"imus.{name}.")
-        link = str(settings.get("link", ""))
-        if link not in links:
-            raise MachineError(f"imus.{name}.link: no link {link!r}; {nearest(link, links)}")
-        out[str(name)] = Imu(str(name), link)
-    return out
-
-
-def _loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape]:
-    out = {}
-    for name, settings in mapping(spec.get("loop"), "loop.").items():
-        check_keys({name: None}, axes, "loop.")
-        settings = mapping(settings, f"loop.{name}.")
-        check_keys(settings, ("real_poles", "pole_pairs"), f"loop.{name}.")
-        counts = {k: int(number(v, f"loop.{name}.{k}")) for k, v in settings.items()}
-        shape = LoopShape(**counts)
-        if shape.real_poles < 0 or shape.pole_pairs < 0 or shape.real_poles + shape.pole_pairs < 1:
-            raise MachineError(f"loop.{name}: needs at least one pole")
-        out[str(name)] = shape
-    return out
-
-
-def _transmission(spec: Mapping[str, Any], axes: Mapping[str, Axis], nv: int) -> Floats | None:
-    rows = mapping(spec.get("transmission"), "transmission.")
-    if not rows:
-        return None
-    matrix = np.eye(nv)
-    for motor, row in rows.items():
-        check_keys({motor: None}, tuple(axes), "transmission.")
-        row = mapping(row, f"transmission.{motor}.")
-        check_keys(row, tuple(axes), f"transmission.{motor}.")
-        matrix[axes[motor].index] = 0.0
-        for joint, ratio in row.items():
-            matrix[axes[motor].index, axes[joint].index] = number(
-                ratio, f"transmission.{motor}.{joint}"
-            )
-    if abs(np.linalg.det(matrix)) < 1e-12:
-        raise MachineError("transmission: the matrix is singular; every joint needs a motor")
-    return matrix
-
-
-def _data(spec: Mapping[str, Any]) -> DataSettings:
-    given = mapping(spec.get("data"), "data.")
-    known = tuple(f.name for f in dataclasses.fields(DataSettings))
-    check_keys(given, known, "data.")
-    settings = DataSettings()
-    for key, value in given.items():
-        if key == "filter_effort":
-            if str(value).lower() not in ("true", "false"):
-                raise MachineError(f"data.{key}: expected true or false, found {value!r}")
-            settings = replace(settings, filter_effort=str(value).lower() == "true")
-            continue
-        settings = replace(settings, **{key: _data_value(key, value)})
-    return settings
-
-
-def _data_value(key: str, value: Any) -> Any:
-    where = f"data.{key}"
-    if key == "drop":
-        ends = value if isinstance(value, list) else [value, value]
-        if len(ends) != 2:
-            raise MachineError(f"{where}: expected samples at the start and the end, found {value!r}")
-        return tuple(max(int(number(x, where)), 0) for x in ends)
-    x = number(value, where, positive=True)
-    return x if key == "cutoff" else int(x)
 
 
 def machine_spec(machine: Machine) -> dict[str, Any]:

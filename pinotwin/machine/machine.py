@@ -225,9 +225,7 @@ class Machine:
 
     def posture(self, values: Mapping[str, float] | None = None) -> Floats:
         """Return the configuration with the named axes at ``values`` [m or rad], others at zero."""
-        q = np.clip(
-            np.zeros(self.nv), self.model.lowerPositionLimit, self.model.upperPositionLimit
-        )
+        q = np.clip(np.zeros(self.nv), self.model.lowerPositionLimit, self.model.upperPositionLimit)
         for name, value in (values or {}).items():
             if name not in self.names:
                 raise MachineError(f"{self.name}: no axis {name!r}; {nearest(name, self.names)}")

@@ -58,12 +58,7 @@ def load_model(path: Path, joints: Sequence[str]) -> pin.Model:
     """
     root = read_tree(path)
     known = moving_joints(root)
-    types = {str(j.get("name")): str(j.get("type")) for j in root.findall("joint")}
     for name in joints:
-        if name not in known and name in types:
-            raise MachineError(
-                f"{path}: joint {name!r} is {types[name]}; an axis is one of {', '.join(MOVING)}"
-            )
         if name not in known:
             raise MachineError(f"{path}: no moving joint {name!r}; {nearest(name, known)}")
     with _quiet():
@@ -172,6 +167,13 @@ def _inertial(inertia: pin.Inertia) -> etree._Element:
     etree.SubElement(element, "origin", xyz=text(inertia.lever), rpy="0 0 0")
     etree.SubElement(element, "mass", value=repr(float(inertia.mass)))
     m = inertia.inertia
-    entries = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    entries = {
+        "ixx": (0, 0),
+        "ixy": (0, 1),
+        "ixz": (0, 2),
+        "iyy": (1, 1),
+        "iyz": (1, 2),
+        "izz": (2, 2),
+    }
     etree.SubElement(element, "inertia", {k: repr(float(m[ij])) for k, ij in entries.items()})
     return element

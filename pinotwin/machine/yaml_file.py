@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_origin, get_type_hints
 
 import numpy as np
 import yaml
@@ -27,9 +27,12 @@ class _Loader(yaml.SafeLoader):
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
     seen: dict[Any, Any] = {}
     for key_node, value_node in node.value:
+        line = key_node.start_mark.line + 1
+        if not isinstance(key_node, yaml.ScalarNode):
+            raise MachineError(f"line {line}: a key must be one word, not a list or a mapping")
         key = loader.construct_object(key_node, deep=True)
         if key in seen:
-            raise MachineError(f"line {key_node.start_mark.line + 1}: key {key!r} is given twice")
+            raise MachineError(f"line {line}: key {key!r} is given twice")
         seen[key] = loader.construct_object(value_node, deep=True)
     return seen
 
@@ -102,8 +105,23 @@ def number(value: Any, where: str, *, positive: bool = False) -> float:
     except ValueError:
         raise MachineError(f"{where}: expected a number, found {value!r}") from None
     if not np.isfinite(x) or (positive and x <= 0.0):
-        raise MachineError(f"{where}: expected a {'positive' if positive else 'finite'} number, found {x:g}")
+        raise MachineError(
+            f"{where}: expected a {'positive' if positive else 'finite'} number, found {x:g}"
+        )
     return x
+
+
+def whole(value: Any, where: str, least: int, most: int | None = None) -> int:
+    """Return ``value`` as a whole number from ``least`` to ``most``.
+
+    Raises:
+        MachineError: it is none.
+    """
+    x = number(value, where)
+    if x != int(x) or x < least or (most is not None and x > most):
+        upper = "" if most is None else f" to {most}"
+        raise MachineError(f"{where}: expected a whole number from {least}{upper}, found {value!r}")
+    return int(x)
 
 
 def make_effects(specs: Any, axis: str, rotary: bool, where: str) -> tuple[Effect, ...]:
@@ -131,16 +149,35 @@ def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
         name, settings = next(iter(spec.items()))
         settings = mapping(settings, f"{where}.{name}.")
     else:
-        raise MachineError(f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}")
+        raise MachineError(
+            f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}"
+        )
     if name == "rigid_body":
-        raise MachineError(f"{where}: rigid_body belongs to every machine; leave it out of the list")
+        raise MachineError(
+            f"{where}: rigid_body belongs to every machine; leave it out of the list"
+        )
     if name not in EFFECTS:
         raise MachineError(f"{where}: unknown effect {name!r}; {nearest(str(name), EFFECTS)}")
     cls = EFFECTS[name]
-    fields = settings_of(cls)
+    fields, types = settings_of(cls), get_type_hints(cls)
     check_keys(settings, tuple(fields), f"{where}.{name}.")
-    values = {fields[key]: _setting(value, f"{where}.{name}.{key}") for key, value in settings.items()}
-    return cls(axis=axis, rotary=rotary, **values)  # type: ignore[call-arg]
+    values = {
+        fields[key]: _setting(value, types[fields[key]], f"{where}.{name}.{key}")
+        for key, value in settings.items()
+        if value is not None
+    }
+    effect = cls(axis=axis, rotary=rotary, **values)  # type: ignore[call-arg]
+    _check_search(effect, f"{where}.{name}")
+    return effect
+
+
+def _check_search(effect: Effect, where: str) -> None:
+    for shape in effect.shapes():
+        if not shape.lower < shape.upper:
+            raise MachineError(
+                f"{where}: {shape.name} would be searched from {shape.lower:g} to {shape.upper:g} "
+                f"{shape.unit}; the lower end must be below the upper"
+            )
 
 
 def settings_of(cls: type[Effect]) -> dict[str, str]:
@@ -152,15 +189,34 @@ def settings_of(cls: type[Effect]) -> dict[str, str]:
     }
 
 
-def _setting(value: Any, where: str) -> Any:
-    if isinstance(value, list):
-        return tuple(number(x, where) for x in value)
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
+_SIGNED = ("eps", "start", "stop")  # settings that are positions; all others are sizes
+
+
+def _setting(value: Any, kind: Any, where: str) -> Any:
+    """Return a setting as the type of the effect's field."""
+    if get_origin(kind) is tuple:
+        items = value if isinstance(value, list) else [value]
+        return tuple(whole(x, where, 1) for x in items)
+    if kind is str:
+        if not isinstance(value, str):
+            raise MachineError(f"{where}: expected text, found {value!r}")
+        return value
+    if kind is bool:
+        return truth(value, where)
+    if kind is int:
+        return whole(value, where, 0)
+    return number(value, where, positive=where.rpartition(".")[2] not in _SIGNED)
+
+
+def truth(value: Any, where: str) -> bool:
+    """Return ``value`` as true or false.
+
+    Raises:
+        MachineError: it is neither.
+    """
+    if str(value).lower() not in ("true", "false"):
+        raise MachineError(f"{where}: expected true or false, found {value!r}")
+    return str(value).lower() == "true"
 
 
 def effect_spec(effect: Effect) -> Any:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.errors import DataError
 from pinotwin.identification.study_evidence import Evidence, evidence, split_rigid_body
 from pinotwin.identification.study_overlay import (
     FRICTION,
@@ -42,7 +41,7 @@ from pinotwin.report.effort_plots import (
 from pinotwin.report.page import Page
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
-from pinotwin.report.verdict import axis_tiles, cautions, headline
+from pinotwin.report.verdict import axis_tiles, cautions, headline, known
 from pinotwin.twin import Twin
 
 
@@ -216,14 +215,12 @@ def _settings(twin: Twin, given: Evidence) -> list[str]:
         f"rows above the speed threshold of each axis: {used}",
     ]
     quality: Mapping[str, Any] = twin.quality
-    if "condition" in quality and np.isfinite(quality["condition"]):
+    condition = known(quality, "condition")
+    if np.isfinite(condition):
         lines.append(
-            f"scaled condition number {quality['condition']:.3g}, rank {quality.get('rank', '?')} "
+            f"scaled condition number {condition:.3g}, rank {quality.get('rank', '?')} "
             f"of {quality.get('parameters', len(twin.theta))}"
         )
     if quality.get("validation_source"):
         lines.append(f"validated on {quality['validation_source']}")
     return lines
-
-
-__all__ = ["DataError", "identification_page", "identification_report"]

@@ -31,10 +31,15 @@ def judged(row: Mapping[str, Any]) -> tuple[Mapping[str, float], str]:
     return row.get("held_out") or {}, "On stretches of the log that were held out in turn"
 
 
+def known(row: Mapping[str, Any], name: str) -> float:
+    """Return a figure of a twin's quality, NaN when it is not there (JSON has null for NaN)."""
+    value = row.get(name)
+    return math.nan if value is None else float(value)
+
+
 def error_of(row: Mapping[str, Any], name: str) -> float:
     """Return one figure of an axis' held-out error, NaN when it is not known."""
-    value = judged(row)[0].get(name)
-    return math.nan if value is None else float(value)
+    return known(judged(row)[0], name)
 
 
 def headline(twin: Twin) -> str:
@@ -44,11 +49,11 @@ def headline(twin: Twin) -> str:
         return "This twin carries no judgement of itself: it was not identified from a log."
     where = judged(next(iter(axes.values())))[1]
     errors = {name: error_of(row, "nrmse_std") for name, row in axes.items()}
-    known = {name: x for name, x in errors.items() if math.isfinite(x)}
-    if not known:
+    finite = {name: x for name, x in errors.items() if math.isfinite(x)}
+    if not finite:
         return "The log is too short to judge the twin on data that were not fitted."
-    worst = max(known, key=lambda name: known[name])
-    size = f"{percent(known[worst])} of its standard deviation ({_rms(twin, worst)})"
+    worst = max(finite, key=lambda name: finite[name])
+    size = f"{percent(finite[worst])} of its standard deviation ({_rms(twin, worst)})"
     if len(axes) == 1:
         return f"{where}, the twin predicts the motor effort of {worst} to {size}."
     words: dict[str, list[str]] = {}
@@ -89,7 +94,7 @@ def axis_tiles(twin: Twin) -> list[Tile]:
         word, kind = grade(error)
         note = (
             f"{_rms(twin, name)} · {percent(error_of(row, 'nrmse'))} of the RMS effort · "
-            f"in the fit {percent(float(row.get('fit_std', math.nan)))}"
+            f"in the fit {percent(known(row, 'fit_std'))}"
         )
         out.append(Tile(f"Axis {name}", percent(error), note, word, kind))
     return out
@@ -126,7 +131,7 @@ def _first(names: Sequence[str], count: int = 4) -> str:
 
 def _colour(axes: Mapping[str, Any]) -> list[str]:
     """Say on which axes the residual still has structure."""
-    names = [name for name, row in axes.items() if float(row.get("lag1", 0.0)) > 0.5]
+    names = [name for name, row in axes.items() if known(row, "lag1") > 0.5]
     if not names:
         return []
     return [

@@ -28,9 +28,21 @@ def save(twin: Twin, folder: Path) -> Path:
     machine = twin.machine
     (folder / f"{machine.name}.urdf").write_bytes(with_inertias(machine.urdf, twin.model))
     (folder / "machine.yaml").write_text(_yaml(twin), encoding="utf-8")
-    text = json.dumps(document(twin), indent=2, ensure_ascii=False, allow_nan=False)
-    (folder / "twin.json").write_text(text + "\n", encoding="utf-8")
+    (folder / "twin.json").write_text(_text(document(twin)), encoding="utf-8")
     return folder
+
+
+def _text(content: dict[str, Any]) -> str:
+    """Return JSON with one line per top-level item, or per entry of a list of them."""
+    lines = []
+    for key, value in content.items():
+        name = json.dumps(key)
+        if isinstance(value, list) and value and isinstance(value[0], (dict, list)):
+            rows = ",\n    ".join(json.dumps(v, ensure_ascii=False, allow_nan=False) for v in value)
+            lines.append(f"  {name}: [\n    {rows}\n  ]")
+        else:
+            lines.append(f"  {name}: {json.dumps(value, ensure_ascii=False, allow_nan=False)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def _yaml(twin: Twin) -> str:
@@ -58,9 +70,11 @@ def document(twin: Twin) -> dict[str, Any]:
                 for key, effect in zip(twin.keys, twin.effects, strict=True)
             ],
             "theta": twin.theta,
-            "covariance": twin.covariance,
+            "covariance_lower": [row[: k + 1] for k, row in enumerate(twin.covariance)],
             "standard_inertial_parameters": twin.pi,
             "loops": {name: loop.to_dict() for name, loop in twin.loops.items()},
+            "controllers": {name: law.to_dict() for name, law in twin.controllers.items()},
+            "diagonal": twin.diagonal,
             "quality": twin.quality,
             "not_separable": [list(group) for group in twin.groups],
             "data": list(twin.data),
@@ -123,15 +137,23 @@ def _twin(machine: Machine, content: dict[str, Any]) -> Twin:
         machine=machine,
         effects=effects,
         theta=theta,
-        covariance=np.array(content["covariance"], dtype=float),
+        covariance=_symmetric(content["covariance_lower"]),
         parameters=tuple(_parameter(row) for row in content["parameters"]),
         pi=np.array(content["standard_inertial_parameters"], dtype=float),
-        loops=_loops(content["loops"]),
+        **_closed_loop(content),
         quality=content["quality"],
         data=content["data"],
         settings=content["settings"],
         groups=content["not_separable"],
     )
+
+
+def _symmetric(lower: list[list[float]]) -> Floats:
+    """Return the symmetric matrix whose lower rows are given, each up to its diagonal."""
+    matrix = np.zeros((len(lower), len(lower)))
+    for k, row in enumerate(lower):
+        matrix[k, : k + 1] = matrix[: k + 1, k] = row
+    return matrix
 
 
 def _remade(machine: Machine, item: dict[str, Any]) -> Effect:
@@ -160,12 +182,17 @@ def _parameter(row: dict[str, Any]) -> Parameter:
     )
 
 
-def _loops(content: dict[str, Any]) -> dict[str, Any]:
-    if not content:
-        return {}
-    from pinotwin.loop import LoopModel
+def _closed_loop(content: dict[str, Any]) -> dict[str, Any]:
+    diagonal = {key: np.array(row, dtype=float) for key, row in content["diagonal"].items()}
+    if not content["loops"] and not content["controllers"]:
+        return {"diagonal": diagonal}
+    from pinotwin.loop import Controller, LoopModel
 
-    return {name: LoopModel.from_dict(item) for name, item in content.items()}
+    return {
+        "loops": {k: LoopModel.from_dict(v) for k, v in content["loops"].items()},
+        "controllers": {k: Controller.from_dict(v) for k, v in content["controllers"].items()},
+        "diagonal": diagonal,
+    }
 
 
 def fingerprint(values: dict[str, Floats]) -> str:

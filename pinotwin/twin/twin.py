@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +19,9 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin.parameters import Parameter
+
+if TYPE_CHECKING:
+    from pinotwin.loop import Controller, LoopModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +36,10 @@ class Twin:
         parameters: the table of all parameters.
         pi: standard inertial parameters with ``P pi = beta``; physically consistent unless
             ``quality["consistency"]`` says otherwise.
-        loops: closed loop of each axis that has one.
+        loops: closed loop of each axis that has one (black box).
+        controllers: controller of each axis whose command was logged (grey box).
+        diagonal: constant inertia, viscous and stiffness terms that the loops were identified with,
+            each of shape (nv,); see :mod:`pinotwin.disturbance`.
         quality: how good the fit is: errors per axis, whiteness, condition, held-out errors.
         data: fingerprints of the logs that were used.
         settings: how they were prepared.
@@ -46,7 +52,9 @@ class Twin:
     covariance: Floats
     parameters: tuple[Parameter, ...]
     pi: Floats
-    loops: Mapping[str, Any] = field(default_factory=dict)
+    loops: Mapping[str, LoopModel] = field(default_factory=dict)
+    controllers: Mapping[str, Controller] = field(default_factory=dict)
+    diagonal: Mapping[str, Floats] = field(default_factory=dict)
     quality: Mapping[str, Any] = field(default_factory=dict)
     data: Sequence[Mapping[str, Any]] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -111,6 +119,15 @@ class Twin:
         from pinotwin.preparation import prepare
 
         return prepare(self.machine, log, **self.settings)
+
+    def simulate(self, log: Log, **options: Any) -> Log:
+        """Return position, error and effort that the command of a log will produce.
+
+        Nothing measured is used; see :func:`pinotwin.simulation.simulate` for the options.
+        """
+        from pinotwin.simulation import simulate
+
+        return simulate(self, log, **options)
 
     def save(self, folder: str | Path) -> Path:
         """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""

@@ -10,13 +10,14 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import MachineError, nearest
+from pinotwin.virtual.axis_truth import AxisTruth
 from pinotwin.virtual.defaults import Scale, fallback, resolved_axis, resolved_limits, scales
-from pinotwin.virtual.effects import Body
+from pinotwin.virtual.doses import Body
 from pinotwin.virtual.folder import Folder
 from pinotwin.virtual.parameters import Layout
 from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.tree import perturbed, tilted, with_hidden_joint, with_payload
-from pinotwin.virtual.truth import AxisTruth, Passive, Truth
+from pinotwin.virtual.truth import Passive, Truth
 
 
 def resolve(folder: Folder, model: pin.Model, cad: Tree) -> tuple[Truth, dict[str, Scale]]:

@@ -1,8 +1,8 @@
 """The sampled position controllers: cascade P-PI and PID, with feed-forward and anti-windup.
 
 State of an axis, one row: integral part [N or N·m], filtered rate, previous reading.
-The rate is a backward difference through a first-order filter, as in a drive. The integral part stands
-still while the effort is saturated in the same direction, and never leaves its own limit.
+The rate is a backward difference through a first-order filter, as in a drive. The integral part
+stands still while the effort is saturated in the same direction, and never leaves its own limit.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Fill in what a ``virtual.yaml`` leaves open, by rules a commissioning engineer would use.
 
-Sizes are set against the *rated effort* of an axis: its inertia times its acceleration limit, plus what
-gravity asks for. Gains come from the CAD inertia: the engineer does not know the truth either.
+Sizes are set against the *rated effort* of an axis: its inertia times its acceleration limit,
+plus what gravity asks for. Gains come from the CAD inertia: the engineer does not know the truth
+either.
 """
 
 from __future__ import annotations
@@ -13,9 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.virtual.mass import gravity_at, inertia_at
-from pinotwin.virtual.rigid import Tree
-from pinotwin.virtual.truth import (
+from pinotwin.virtual.axis_truth import (
     AxisTruth,
     Controller,
     Drive,
@@ -24,6 +23,8 @@ from pinotwin.virtual.truth import (
     Friction,
     Limits,
 )
+from pinotwin.virtual.mass import gravity_at, inertia_at
+from pinotwin.virtual.rigid import Tree
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The part of a machine folder that a virtual machine needs: name, URDF, axes and passive joints."""
+"""What a virtual machine needs of a machine folder: name, URDF, axes and passive joints."""
 
 from __future__ import annotations
 

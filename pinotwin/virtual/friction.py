@@ -1,11 +1,12 @@
 """Friction that sticks, as the plant feels it: LuGre and generalised Maxwell slip.
 
 LuGre (Canudas de Wit et al. 1995, doi:10.1109/9.376053): ``dz/dt = v - |v| s0 z / g(v)``,
-``f = s0 z + s1 dz/dt``. Within one step of constant ``v`` the bristle has a closed form, so the update is
-exact at any stiffness and its force is the mean over the step.
+``f = s0 z + s1 dz/dt``. Within one step of constant ``v`` the bristle has a closed form, so the
+update is exact at any stiffness and its force is the mean over the step.
 
-GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel spring-slider elements, each slips at
-its share of ``g(v)``; unlike LuGre it does not creep under a load that never reaches breakaway.
+GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel spring-slider elements, each
+slips at its share of ``g(v)``; unlike LuGre it does not creep under a load that never reaches
+breakaway.
 
 Level: ``g = C (1 + (static - 1) exp(-(v/vs)^2))`` with C by direction, load and position.
 """
@@ -67,7 +68,7 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-def]
+def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-def]  # noqa: PLR0913 (a struct of these costs more than the law)
     """Return the whole friction effort of an axis and advance its bristles.
 
     Args:

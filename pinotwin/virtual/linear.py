@@ -1,8 +1,9 @@
 """The true closed loop, linearised: what an identification of poles must find.
 
-The sampled machine itself (controller, filter, current loop, plant; friction only viscous, no ripple)
-is run over one control period from states that differ by a little; the eigenvalues ``z`` of that map
-give ``s = ln(z) / T``. Nothing is written down twice, so nothing can disagree with the simulation.
+The sampled machine itself (controller, filter, current loop, plant; friction only viscous, no
+ripple) is run over one control period from states that differ by a little; the eigenvalues ``z``
+of that map give ``s = ln(z) / T``. Nothing is written down twice, so nothing can disagree with
+the simulation.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import InputError
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import N_STATE
-from pinotwin.virtual.kernel import Axes, Drive, State, run
+from pinotwin.virtual.kernel import run
 from pinotwin.virtual.machine import VirtualMachine
 from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.run import empty_record, empty_room, equilibrium
+from pinotwin.virtual.structs import Axes, Drive, State
 
 # Perturbations: positions, velocities, efforts are scaled by the machine's own sizes below.
 _STEP = 1e-4
@@ -43,7 +45,7 @@ def closed_loop_poles(
     names = list(machine.axes) if axes is None else list(axes)
     tables = smooth(machine.tables())
     if np.any(tables.P[:, c.DELAY] > 0.0):
-        raise InputError(f"{machine.name}: poles of a loop with whole-period delays are not offered")
+        raise InputError(f"{machine.name}: no poles for a loop that is late by whole periods")
     home = machine.layout.home[tables.joint] if q is None else np.asarray(q, dtype=float)
     free = _free(machine, names, passive)
     tree = _locked(machine, {index for name, index in free if name == "q"})
@@ -103,7 +105,7 @@ def _transition(
         step = _STEP * sizes[name].flat[index]
         ends = []
         for sign in (1.0, -1.0):
-            state = State(*(x.copy() for x in start))
+            state = State._make(x.copy() for x in start)
             getattr(state, name).flat[index] += sign * step
             if name == "q":
                 _carry(machine, tables, state)

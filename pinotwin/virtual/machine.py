@@ -11,18 +11,19 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.virtual.assemble import bodies_of, link_frames, resolve, true_tree
+from pinotwin.virtual.axis_truth import Limits
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.effects import inject_all, withhold_all
 from pinotwin.virtual.folder import Folder, read_folder
-from pinotwin.virtual.kernel import Axes
 from pinotwin.virtual.mass import inertia_at
 from pinotwin.virtual.parameters import Layout, Timing, stiffest, tables
 from pinotwin.virtual.recording import Recording
 from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.run import record_run
+from pinotwin.virtual.structs import Axes
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.tree import load_model, tree_of
-from pinotwin.virtual.truth import Limits, Pulse, Truth
+from pinotwin.virtual.truth import Pulse, Truth
 
 Injection = Mapping[str, object] | str
 
@@ -158,6 +159,6 @@ def _timing(truth: Truth, layout: Layout, tree: Tree, cad: Mapping[str, float]) 
     if truth.substeps:
         return Timing(period, 1, truth.substeps)
     guess = tables(truth, layout, tree, Timing(period, 1, 4), cad)
-    inverse = np.linalg.inv(inertia_at(tree, layout.home))
+    inverse = np.asarray(np.linalg.inv(inertia_at(tree, layout.home)), dtype=np.float64)
     needed = int(np.ceil(stiffest(guess, inverse) * period / 0.2))
     return Timing(period, 1, int(np.clip(needed, 4, 100)))

@@ -107,29 +107,34 @@ def mass_matrix(tree, pose, M):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def invert(M, W, inverse):  # type: ignore[no-untyped-def]
-    """Fill ``inverse`` with M^-1 by Cholesky (``W`` is room), all of shape (nv, nv)."""
-    nv = len(M)
-    for i in range(nv):
+def _cholesky(M, L):  # type: ignore[no-untyped-def]
+    """Fill the lower triangle of ``L`` with the Cholesky factor of ``M``."""
+    for i in range(len(M)):
         for j in range(i + 1):
             x = M[i, j]
             for k in range(j):
-                x -= W[i, k] * W[j, k]
-            W[i, j] = np.sqrt(x) if i == j else x / W[j, j]
-    for i in range(nv):  # W <- W^-1, kept in the upper triangle of `inverse` for a moment
+                x -= L[i, k] * L[j, k]
+            L[i, j] = np.sqrt(x) if i == j else x / L[j, j]
+
+
+@njit(cache=True)
+def invert(M, W, inverse):  # type: ignore[no-untyped-def]
+    """Fill ``inverse`` with M^-1 by Cholesky (``W`` is room), all of shape (nv, nv)."""
+    nv = len(M)
+    _cholesky(M, W)
+    for i in range(nv):  # the inverse of the factor, transposed, in the upper triangle
         inverse[i, i] = 1.0 / W[i, i]
         for j in range(i - 1, -1, -1):
             x = 0.0
             for k in range(j, i):
                 x -= W[i, k] * inverse[j, k]
             inverse[j, i] = x / W[i, i]
-    for i in range(nv):
+    for i in range(nv):  # row by row: row i is not read again once its product is known
         for j in range(i, nv):
             x = 0.0
             for k in range(j, nv):
                 x += inverse[i, k] * inverse[j, k]
             W[i, j] = x
-    for i in range(nv):
         for j in range(i, nv):
             inverse[i, j] = W[i, j]
             inverse[j, i] = W[i, j]

@@ -9,10 +9,11 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.virtual import columns as c
-from pinotwin.virtual.kernel import Axes
+from pinotwin.virtual.axis_truth import AxisTruth, Bend, Friction, Harmonic
 from pinotwin.virtual.mass import inertia_at
 from pinotwin.virtual.rigid import Tree
-from pinotwin.virtual.truth import AxisTruth, Bend, Friction, Harmonic, Passive, Truth
+from pinotwin.virtual.structs import Axes
+from pinotwin.virtual.truth import Passive, Truth
 
 _LAWS = {"none": c.NONE, "lugre": c.LUGRE, "gms": c.GMS}
 _GRID = 4096

@@ -1,12 +1,14 @@
 """Jerk-limited point-to-point motion in closed form (seven phases), and other commands of one axis.
 
 Rest to rest over a distance d with limits (v, a, j), Biagiotti & Melchiorri 2008,
-doi:10.1007/978-3-540-85629-0, section 3.4: whichever of jerk, acceleration and speed limit is reached.
+doi:10.1007/978-3-540-85629-0, section 3.4: whichever of jerk, acceleration and speed limit is
+reached.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -28,7 +30,8 @@ class JerkPieces:
 
     Attributes:
         start: start of every piece [s], shape (k,), increasing; the last piece lasts for ever.
-        q: position at each start, shape (k,); likewise ``v`` and ``a``; ``j`` the jerk of the piece.
+        q: position at each start, shape (k,); likewise ``v`` and ``a``; ``j`` the jerk of the
+            piece.
         v: velocity.
         a: acceleration.
         j: jerk.
@@ -158,7 +161,7 @@ def chain(home: float, moves: list[tuple[list[tuple[float, float]], float]]) -> 
     rows = [(0.0, home, 0.0, 0.0, 0.0)]
     for pieces, target in moves:
         q, v, a = rows[-1][1], 0.0, 0.0
-        for (t, j), (after, _) in zip(pieces[:-1], pieces[1:], strict=True):
+        for (t, j), (after, _) in pairwise(pieces):
             rows.append((t, q, v, a, j))
             s = after - t
             q += s * (v + s * (a / 2.0 + s * j / 6.0))

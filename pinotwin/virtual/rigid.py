@@ -2,9 +2,10 @@
 
     M(q) a + h(q, v) = tau + J^T f_ext
 
-``h`` by the recursive Newton-Euler algorithm and ``M`` by composite rigid bodies (Featherstone 2008,
-doi:10.1007/978-1-4899-7560-7, chapters 5 and 6), in body coordinates, every inertia about the joint's
-origin. Written apart from the identification side, so that an error there cannot hide here.
+``h`` by the recursive Newton-Euler algorithm and ``M`` by composite rigid bodies (Featherstone
+2008, doi:10.1007/978-1-4899-7560-7, chapters 5 and 6), in body coordinates, every inertia about
+the joint's origin. Written apart from the identification side, so that an error there cannot hide
+here.
 """
 
 from __future__ import annotations
@@ -131,7 +132,7 @@ def place_in_world(tree, pose):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def move(tree, v, acc, pose):  # type: ignore[no-untyped-def]
-    """Fill velocities and accelerations of the bodies for joint rates; gravity as -g at the base."""
+    """Fill velocities and accelerations of the bodies; gravity enters as -g at the base."""
     E, r, w, dw, a = pose.E, pose.r, pose.w, pose.dw, pose.a
     parent, rotary, axis, g = tree.parent, tree.rotary, tree.axis, tree.gravity
     for i in range(len(v)):

@@ -11,11 +11,12 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, MachineError, nearest
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import INTEGRAL, N_STATE, PREVIOUS
-from pinotwin.virtual.kernel import Axes, Drive, Record, Room, State, run
+from pinotwin.virtual.kernel import run
 from pinotwin.virtual.mass import gravity_at
 from pinotwin.virtual.recording import Recording, SealedTruth
 from pinotwin.virtual.rigid import empty_pose
 from pinotwin.virtual.sensors import measured_effort
+from pinotwin.virtual.structs import Axes, Drive, Record, Room, State
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.truth import Pulse, Truth
 
@@ -43,7 +44,7 @@ def record_run(
     every = _decimation(truth.control_rate, truth.log_rate, "log rate")
     fine = _decimation(truth.control_rate, truth_rate or truth.log_rate, "truth rate")
     step = int(np.gcd(every, fine))
-    n = int(round(trajectory.seconds * truth.control_rate / every)) * every
+    n = round(trajectory.seconds * truth.control_rate / every) * every
     if n < every:
         raise DataError(f"{machine.name}: a trajectory of {trajectory.seconds} s is too short")
     drive = _drive(machine, trajectory, loads, n, rng if noise else None)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats
-from pinotwin.virtual.truth import EffortSensor
+from pinotwin.virtual.axis_truth import EffortSensor
 
 
 def coloured_noise(

@@ -1,4 +1,4 @@
-"""Commands for a whole machine: drilling-cycle moves, multisines, slow reversals, constant speeds."""
+"""Commands for a machine: drilling-cycle moves, multisines, slow reversals, constant speeds."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
+from pinotwin.virtual.axis_truth import Limits
 from pinotwin.virtual.profiles import (
     JerkPieces,
     Profile,
@@ -18,7 +19,6 @@ from pinotwin.virtual.profiles import (
     move_pieces,
     move_time,
 )
-from pinotwin.virtual.truth import Limits
 
 Triple = tuple[float, float, float]
 
@@ -75,8 +75,9 @@ def random_trajectory(
 ) -> Trajectory:
     """Return random simultaneous point-to-point moves, as in a drilling cycle.
 
-    Each step moves a random subset of the axes to random targets, then dwells (drilling). In a share
-    ``synchronised`` of the steps all axes arrive together, else each moves as fast as it can.
+    Each step moves a random subset of the axes to random targets, then dwells (drilling). In a
+    share ``synchronised`` of the steps all axes arrive together, else each moves as fast as it
+    can.
 
     Args:
         machine: whose axes and limits.
@@ -199,7 +200,7 @@ def constant_speeds(
     *,
     shares: Sequence[float] = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8),
 ) -> Trajectory:
-    """Return runs of one axis at constant speeds over two decades, both ways: viscous, Stribeck, drag.
+    """Return runs of one axis at constant speeds, two decades, both ways: viscous, Stribeck, drag.
 
     Args:
         machine: whose axes and limits.

@@ -1,8 +1,8 @@
 """From a URDF to a :class:`~pinotwin.virtual.rigid.Tree`, and what the truth does to it.
 
-The shipped URDF is what CAD believes. The simulated truth moves every mass, centre of mass and inertia
-by a pseudo-inertia congruence ``J -> A J A^T`` (Wensing et al. 2018, doi:10.1109/LRA.2017.2729659): any
-regular ``A`` keeps a body physically possible.
+The shipped URDF is what CAD believes. The simulated truth moves every mass, centre of mass and
+inertia by a pseudo-inertia congruence ``J -> A J A^T`` (Wensing et al. 2018,
+doi:10.1109/LRA.2017.2729659): any regular ``A`` keeps a body physically possible.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def perturbed(tree: Tree, spread: tuple[float, float], rng: np.random.Generator)
 
 
 def with_payload(tree: Tree, body: int, mass: float, centre: Floats) -> Tree:
-    """Return the tree with a point mass [kg] added to a body at ``centre`` [m] in its joint frame."""
+    """Return the tree with a point mass [kg] on a body, at ``centre`` [m] in its joint frame."""
     masses, moment, inertia = tree.mass.copy(), tree.moment.copy(), tree.inertia.copy()
     masses[body] += mass
     moment[body] += mass * np.asarray(centre)
@@ -130,9 +130,9 @@ def tilted(tree: Tree, joint: int, angles: Floats) -> Tree:
 def with_hidden_joint(tree: Tree, joint: int, share: float) -> Tree:
     """Return the tree with a second joint of the same axis that carries ``share`` of the body.
 
-    The joint and its body are split: ``1 - share`` of the inertia stays with the drive and its encoder,
-    ``share`` and all that the body carries move on a joint appended behind it (a carriage that bends).
-    The new joint is ``joint + 1``; later indices move up by one.
+    The joint and its body are split: ``1 - share`` of the inertia stays with the drive and its
+    encoder, ``share`` and all that the body carries move on a joint appended behind it (a
+    carriage that bends). The new joint is ``joint + 1``; later indices move up by one.
     """
     fields = {}
     for name in ("rotary", "axis", "mass", "moment", "inertia", "armature"):

@@ -1,0 +1,187 @@
+"""Candidates of the mechanics: elastic drive or joint, backlash, payload, coupling, tilted axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import pinocchio as pin
+from scipy import signal
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.context import Candidate, Context, Family, Scene
+from pinotwin.diagnosis.stage import Blocks
+from pinotwin.dynamics.batch import inverse
+from pinotwin.dynamics.parameters import parameters, with_parameters
+from pinotwin.dynamics.regressor import regressor
+from pinotwin.effects import RigidBody
+from pinotwin.motion import Motion
+from pinotwin.twin.twin import effect_slices
+
+DAMPING = (0.03, 0.15)
+TILT = 0.01  # [rad]
+
+
+def axis_dynamics(context: Context, axis: str, joint: int) -> Iterator[Family]:
+    """Yield the mechanical families of one axis."""
+    yield _flexibility(context, axis, joint)
+    yield _backlash(context, axis, joint)
+    yield _coupling(context, axis, joint)
+
+
+def machine_dynamics(context: Context) -> Iterator[Family]:
+    """Yield the families of the whole tree."""
+    pi = _standard(context)
+    if context.base.change:
+        for axis in context.machine.axes.values():
+            yield _payload(context, axis.name, axis.joint)
+    for axis in context.machine.axes.values():
+        yield _tilt(context, axis.name, axis.joint, pi)
+
+
+def _flexibility(context: Context, axis: str, joint: int) -> Family:
+    step = context.scenes[0].motion.step
+    top = min(0.4 / context.rows.row_step, 120.0)
+    out = []
+    for frequency in np.geomspace(8.0, max(top, 16.0), 9):
+        for zeta in DAMPING:
+
+            def make(s: Scene, f: float = frequency, z: float = zeta) -> Floats:
+                load = s.inertia[:, joint] * s.motion.a[:, joint]
+                return (_resonance(load, f, z, step, s.motion) - load)[:, None]
+
+            shape = {"frequency": float(frequency), "damping": zeta}
+            columns = context.on_joint(joint, make)
+            out.append(
+                Candidate("drive_flexibility", axis, shape, columns, ("share",), positive=True)
+            )
+    return out
+
+
+def _resonance(x: Floats, f: float, zeta: float, step: float, motion: Motion) -> Floats:
+    """Return ``x`` through a spring-damper: w^2 (+ 2 zeta w s) / (s^2 + 2 zeta w s + w^2)."""
+    w = 2.0 * np.pi * f
+    b, a, _ = signal.cont2discrete(
+        ([2.0 * zeta * w, w * w], [1.0, 2.0 * zeta * w, w * w]), step, method="foh"
+    )
+    out = x.copy()
+    for part in motion.segments:
+        zi = signal.lfilter_zi(b.ravel(), a) * x[part][0]
+        out[part] = signal.lfilter(b.ravel(), a, x[part], zi=zi)[0]
+    return out
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _play(q: Floats, gap: float, start: float) -> Floats:
+    """Return how far the motor is across the gap, -1 to 1, shape (n,)."""
+    out = np.empty(len(q))
+    x = start
+    for k in range(len(q)):
+        if k > 0:
+            x += 2.0 * (q[k] - q[k - 1]) / gap
+            x = min(1.0, max(-1.0, x))
+        out[k] = x
+    return out
+
+
+def _backlash(context: Context, axis: str, joint: int) -> Family:
+    rotary = context.machine.rotary[joint]
+    usual = 1e-4 if rotary else 1e-5
+    out = []
+    for gap in usual * np.array([0.3, 1.0, 3.0, 10.0, 30.0]):
+
+        def make(s: Scene, gap: float = gap) -> Floats:
+            q = np.ascontiguousarray(s.motion.q[:, joint])
+            across = _play(q, gap, 0.0)
+            inside = (np.abs(across) < 0.999).astype(float)
+            return (inside * s.rigid[:, joint])[:, None]
+
+        shape = {"gap": float(gap)}
+        columns = context.on_joint(joint, make)
+        out.append(Candidate("backlash", axis, shape, columns, ("share",)))
+    return out
+
+
+def _coupling(context: Context, axis: str, joint: int) -> Family:
+    machine = context.machine
+    out = []
+    for other, name in enumerate(machine.names):
+        if other <= joint or name not in machine.axes:
+            continue
+
+        def blocks(s: Scene, other: int = other) -> Blocks:
+            m = s.motion
+            slide = np.sign(m.v[:, joint] + m.v[:, other])
+            mine = np.stack([m.a[:, other], m.v[:, other], slide], axis=1)
+            theirs = np.stack([m.a[:, joint], m.v[:, joint], slide], axis=1)
+            return [(joint, mine), (other, theirs)]
+
+        if machine.rotary[joint] and machine.rotary[other] and not context.has("wrist_coupling", name):
+            columns = [blocks(s) for s in context.scenes]
+            label = ("Ia_m", "b_m", "c_m")
+            out.append(Candidate("wrist_coupling", name, {"with": float(joint)}, columns, label))
+    return out
+
+
+def _standard(context: Context) -> Floats:
+    """Return standard parameters near CAD that agree with the base model's coefficients."""
+    machine = context.machine
+    at = [isinstance(e, RigidBody) for e in context.base.effects].index(True)
+    beta = context.theta[effect_slices(context.base.effects)[at]]
+    pi0 = parameters(machine.model)
+    P = machine.base.P
+    return np.asarray(pi0 + np.linalg.pinv(P) @ (beta - P @ pi0))
+
+
+def _payload(context: Context, axis: str, joint: str) -> Family:
+    model = context.machine.model
+    first = 10 * (model.getJointId(joint) - 1)
+    index = np.arange(first, first + 10)
+    columns = []
+    for scene in context.scenes:
+        m = scene.motion
+        W = regressor(model, m.q, m.v, m.a, index)
+        W = W[:, :, np.abs(W).reshape(-1, 10).max(axis=0) > 1e-12]
+        columns.append([(k, W[:, k, :]) for k in range(model.nv)])
+    alive = columns[0][0][1].shape[1]
+    names = tuple(f"p{k}" for k in range(alive))
+    return [Candidate("payload", axis, {}, columns, names)]
+
+
+def _tilt(context: Context, axis: str, joint: str, pi: Floats) -> Family:
+    machine = context.machine
+    try:
+        model = with_parameters(machine.model, pi)
+    except (ValueError, RuntimeError):
+        model = machine.model
+    at = model.getJointId(joint)
+    tilted = []
+    direction = _direction(model, at)
+    for side in _across(direction):
+        copy = model.copy()
+        copy.jointPlacements[at] = model.jointPlacements[at] * pin.SE3(
+            pin.exp3(TILT * side), np.zeros(3)
+        )
+        tilted.append(copy)
+    columns = []
+    for scene in context.scenes:
+        m = scene.motion
+        straight = inverse(model, m.q, m.v, m.a)
+        values = np.stack([(inverse(x, m.q, m.v, m.a) - straight) / TILT for x in tilted], axis=2)
+        columns.append([(k, values[:, k, :]) for k in range(model.nv)])
+    return [Candidate("geometric_error", axis, {}, columns, ("tilt1", "tilt2"))]
+
+
+def _direction(model: pin.Model, at: int) -> Floats:
+    data = model.joints[at].createData()
+    model.joints[at].calc(data, np.zeros(model.joints[at].nq), np.zeros(model.joints[at].nv))
+    S = np.asarray(data.S).reshape(6)
+    axis = S[:3] if np.linalg.norm(S[:3]) > 0.5 else S[3:]
+    return np.asarray(axis / np.linalg.norm(axis))
+
+
+def _across(direction: Floats) -> list[Floats]:
+    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+    first /= np.linalg.norm(first)
+    return [first, np.cross(direction, first)]

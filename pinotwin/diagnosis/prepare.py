@@ -1,0 +1,126 @@
+"""From logs to a whitened stage: the base model, its noise, and its first coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.base import Base, change_base, is_scattered, structure_base
+from pinotwin.diagnosis.context import Context, make_context
+from pinotwin.diagnosis.ledger import build_ledger
+from pinotwin.diagnosis.noise import Noise, estimate, white_noise
+from pinotwin.diagnosis.rows import Rows, take_rows
+from pinotwin.diagnosis.stage import Stage, build_stage
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.twin.twin import Twin, effect_slices
+
+
+@dataclass(frozen=True)
+class Ready:
+    """All that a search starts from.
+
+    Attributes:
+        context: what candidates are made from.
+        stage: whitened rows.
+        theta: coefficients of the base, shape (p,).
+        residuals: effort the base leaves, per channel [N or N·m].
+    """
+
+    context: Context
+    stage: Stage
+    theta: Floats
+    residuals: tuple[Floats, ...]
+
+
+def ready(
+    subject: Machine | Twin,
+    logs: Sequence[Log],
+    validation: Sequence[Log],
+    tick: Callable[[str], None],
+) -> Ready:
+    """Return the stage of a diagnosis."""
+    machine = subject.machine if isinstance(subject, Twin) else subject
+    machine = machine.with_rigid_joints()
+    rows = take_rows(machine, logs, validation)
+    tick("rows")
+    base = change_base(subject, rows) if isinstance(subject, Twin) else structure_base(machine, rows)
+    tick("base")
+    theta, residuals = _first(rows, base, white_noise(rows))
+    noise = estimate(rows, residuals, _friction(rows, base), rich=_rich(rows, residuals))
+    for _ in range(2):
+        stage = build_stage(rows, base, noise)
+        ledger = build_ledger(stage, theta)
+        theta = ledger.theta + (base.mean if base.change else 0.0)
+    residuals = _residuals(rows, base, theta)
+    noise = estimate(rows, residuals, _friction(rows, base), rich=_rich(rows, residuals))
+    stage = build_stage(rows, base, noise)
+    tick("noise")
+    context = make_context(rows, base, theta)
+    tick("scenes")
+    return Ready(context, stage, theta, residuals)
+
+
+def _first(rows: Rows, base: Base, noise: Noise) -> tuple[Floats, tuple[Floats, ...]]:
+    stage = build_stage(rows, base, noise)
+    theta = build_ledger(stage).theta + (base.mean if base.change else 0.0)
+    return theta, _residuals(rows, base, theta)
+
+
+def _residuals(rows: Rows, base: Base, theta: Floats) -> tuple[Floats, ...]:
+    columns = [base.columns(motion) for motion in rows.motions]
+    out = []
+    for c in rows.channels:
+        effort = np.zeros((len(rows.motions[c.log]), 1))
+        for joint, where, values in columns[c.log]:
+            if joint == c.joint:
+                effort[:, 0] += values @ theta[where]
+        out.append(c.y - rows.thinner.apply(effort, c.centres)[:, 0])
+    return tuple(out)
+
+
+def _friction(rows: Rows, base: Base) -> list[Floats]:
+    """Return the columns of friction that may scatter from run to run, per channel."""
+    slices = effect_slices(base.effects)
+    wanted = [w for e, w in zip(base.effects, slices, strict=True) if is_scattered(e)]
+    columns = [base.columns(motion) for motion in rows.motions]
+    out = []
+    for c in rows.channels:
+        mine = [x for j, w, x in columns[c.log] if j == c.joint and w in wanted]
+        values = np.concatenate(mine, axis=1) if mine else np.zeros((len(rows.motions[c.log]), 0))
+        out.append(rows.thinner.apply(values, c.centres))
+    return out
+
+
+def _rich(rows: Rows, residuals: Sequence[Floats]) -> list[Floats]:
+    """Return the residual less what smooth functions of position, speed and acceleration explain."""
+    out = []
+    for c, r in zip(rows.channels, residuals, strict=True):
+        m = rows.motions[c.log]
+        features = [np.ones(len(r))]
+        for x, knots in ((m.q, 40), (m.v, 30), (m.a, 12)):
+            features += list(_hats(x[c.centres, c.joint], knots).T)
+        direction = np.sign(m.v[c.centres, c.joint])
+        features.append(direction)
+        W = np.stack(features, axis=1)
+        W /= np.linalg.norm(W, axis=0) + 1e-12
+        solved = np.linalg.solve(W.T @ W + 1e-6 * np.eye(W.shape[1]), W.T @ r)
+        out.append(r - W @ solved)
+    return out
+
+
+def _hats(x: Floats, count: int) -> Floats:
+    knots = np.quantile(x, np.linspace(0.0, 1.0, count))
+    knots = np.unique(knots)
+    if len(knots) < 3:
+        return np.zeros((len(x), 0))
+    out = np.zeros((len(x), len(knots)))
+    place = np.clip(np.searchsorted(knots, x) - 1, 0, len(knots) - 2)
+    share = np.clip((x - knots[place]) / (knots[place + 1] - knots[place]), 0.0, 1.0)
+    rows = np.arange(len(x))
+    out[rows, place] = 1.0 - share
+    out[rows, place + 1] += share
+    return out

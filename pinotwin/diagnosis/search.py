@@ -1,0 +1,250 @@
+"""Which effects: every candidate judged jointly with the base, one admitted at a time, with re-checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.catalogue import families
+from pinotwin.diagnosis.catalogue.position import waves
+from pinotwin.diagnosis.context import Candidate, Context, Family
+from pinotwin.diagnosis.ledger import Ledger, Worth, build_ledger, sums, worth
+from pinotwin.diagnosis.null import draws
+from pinotwin.diagnosis.stage import Piece, Stage
+
+LEAST_SHARE = 1e-4  # of a candidate's columns that the base must leave open
+BATCH = 64
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The best candidate of a family.
+
+    Attributes:
+        candidate: at its best shape.
+        G: held-out gain less the price of its search [whitened deviance].
+        gain: in-sample gain.
+        theta: coefficients, shape (k,).
+        deviation: their standard errors.
+        share: of its columns that the base leaves open.
+        by_fold: held-out gain per fold.
+        identifiable: whether the log can tell it from the base at all.
+    """
+
+    candidate: Candidate
+    G: float
+    gain: float
+    theta: Floats
+    deviation: Floats
+    share: float
+    by_fold: Floats
+    identifiable: bool
+
+    @property
+    def key(self) -> tuple[str, str | None]:
+        """Effect and axis."""
+        return self.candidate.effect, self.candidate.axis
+
+
+@dataclass(frozen=True)
+class Screened:
+    """All families judged on one stage.
+
+    Attributes:
+        judged: best first.
+        threshold: held-out gain that healthy draws reach with the stated probability.
+        null: the largest gain of every draw, shape (draws,).
+    """
+
+    judged: tuple[Judged, ...]
+    threshold: float
+    null: Floats
+
+    @property
+    def named(self) -> tuple[Judged, ...]:
+        """The ones above the threshold."""
+        return tuple(j for j in self.judged if j.G > self.threshold)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a search decides.
+
+    Attributes:
+        draws: healthy draws for the threshold.
+        alpha: probability that a healthy machine exceeds it.
+        most: most effects that are named.
+        leave_out: effects that are not considered.
+        seed: of the draws.
+    """
+
+    draws: int = 200
+    alpha: float = 0.02
+    most: int = 3
+    leave_out: frozenset[str] = frozenset()
+    seed: int = 0
+
+
+def screen(
+    context: Context,
+    ledger: Ledger,
+    settings: Settings,
+    taken: Sequence[tuple[str, str | None]] = (),
+    tell: Callable[[float], None] | None = None,
+) -> Screened:
+    """Judge every family of the catalogue on a ledger.
+
+    Args:
+        context: what candidates are made from.
+        ledger: of the base with what was admitted already, drawn efforts included.
+        settings: see :class:`Settings`.
+        taken: effects already admitted; they are not judged again.
+        tell: called with the share done.
+    """
+    scan = _scanner(context, ledger)
+    judged, tops = [], []
+    count = 26 * max(len(context.machine.axes), 1)
+    for number, family in enumerate(families(context, scan, leave_out=settings.leave_out)):
+        if (family[0].effect, family[0].axis) in taken:
+            continue
+        found, top = _judge(family, ledger)
+        judged.append(found)
+        tops.append(top)
+        if tell is not None:
+            tell(min(number / count, 1.0))
+    null = np.max(np.array(tops), axis=0) if tops else np.zeros(0)
+    judged.sort(key=lambda j: -j.G)
+    return Screened(tuple(judged), _quantile(null, settings.alpha), null)
+
+
+def _quantile(null: Floats, alpha: float) -> float:
+    """Return the upper quantile of a sample of maxima by a Gumbel law fitted to its moments."""
+    if len(null) < 8:
+        return 20.0
+    beta = float(np.std(null)) * np.sqrt(6.0) / np.pi
+    fitted = float(np.mean(null)) - 0.5772 * beta - beta * np.log(-np.log(1.0 - alpha))
+    return max(fitted, 8.0)
+
+
+def _judge(family: Family, ledger: Ledger) -> tuple[Judged, Floats]:
+    """Return the best of a family and, per draw, the largest gain in it."""
+    best: Judged | None = None
+    top = np.full(ledger.right.shape[2] - 1, -np.inf)
+    for part in _batches(family):
+        w = worth(ledger, sums(ledger, _stacked(ledger.stage, part)))
+        G = w.G - np.array([c.price for c in part])[:, None]
+        positive = np.array([c.positive for c in part])
+        G = np.where(positive[:, None] & (w.sign < 0), -1e3, G)
+        seen = w.share > LEAST_SHARE
+        G = np.where(seen[:, None], G, -1e3)
+        if G.shape[1] > 1:
+            top = np.maximum(top, G[:, 1:].max(axis=0))
+        k = int(np.argmax(G[:, 0]))
+        if best is None or G[k, 0] > best.G:
+            best = _row(part[k], w, k, float(G[k, 0]), bool(seen[k]))
+    assert best is not None
+    return best, top
+
+
+def _row(candidate: Candidate, w: Worth, k: int, G: float, seen: bool) -> Judged:
+    return Judged(
+        candidate, G, float(w.gain[k]), w.theta[k], w.deviation[k], float(w.share[k]),
+        w.by_fold[:, k], seen,
+    )  # fmt: skip
+
+
+def _batches(family: Family) -> Iterator[Family]:
+    """Yield parts of a family whose candidates have the same joints and number of columns."""
+    part: list[Candidate] = []
+    for candidate in family:
+        if part and (len(part) >= BATCH or _form(candidate) != _form(part[0])):
+            yield part
+            part = []
+        part.append(candidate)
+    if part:
+        yield part
+
+
+def _form(candidate: Candidate) -> tuple[tuple[int, int], ...]:
+    return tuple((joint, x.shape[1]) for joint, x in candidate.columns[0])
+
+
+def _stacked(stage: Stage, family: Family) -> list[Floats | None]:
+    parts = [stage.project(c.columns) for c in family]
+    out: list[Floats | None] = []
+    for piece in range(len(stage.pieces)):
+        values = [p[piece] for p in parts]
+        present = [x for x in values if x is not None]
+        out.append(np.stack(present, axis=1) if present else None)
+    return out
+
+
+def _scanner(context: Context, ledger: Ledger):  # type: ignore[no-untyped-def]
+    """Return the function that scans pitches of a sinusoid on one joint."""
+    stage = ledger.stage
+    plain = replace_draws(ledger)
+
+    def scan(joint: int, pitches: Sequence[float]) -> Floats:
+        gain = []
+        for first in range(0, len(pitches), 100):
+            part = pitches[first : first + 100]
+            columns = [_many_waves(s.motion.q[:, joint], part) for s in context.scenes]
+            batch: list[Floats | None] = []
+            for piece in stage.pieces:
+                if piece.channel.joint != joint:
+                    batch.append(None)
+                    continue
+                rows = stage.whitened(piece, columns[piece.channel.log])
+                batch.append(rows.reshape(len(rows), len(part), 2))
+            gain.append(worth(plain, sums(plain, batch)).gain)
+        return np.concatenate(gain)
+
+    return scan
+
+
+def _many_waves(q: Floats, pitches: Sequence[float]) -> Floats:
+    return np.concatenate([waves(q, p) for p in pitches], axis=1)
+
+
+def replace_draws(ledger: Ledger) -> Ledger:
+    """Return the ledger with the measured effort alone."""
+    return replace(
+        ledger, right=ledger.right[:, :, :1], Y=tuple(y[:, :1] for y in ledger.Y),
+        groups=tuple(replace(g, Sy=g.Sy[:, :1]) for g in ledger.groups),
+    )  # fmt: skip
+
+
+def admit(stage: Stage, judged: Sequence[Judged]) -> Stage:
+    """Return the stage with the columns of candidates added to its base."""
+    p = stage.base.count
+    pieces = list(stage.pieces)
+    for item in judged:
+        width = len(item.theta)
+        values = stage.project(item.candidate.columns)
+        for n, x in enumerate(values):
+            if x is not None:
+                pieces[n] = _wider(pieces[n], x, np.arange(p, p + width))
+        p += width
+    mean = np.concatenate([stage.base.mean, np.zeros(p - stage.base.count)])
+    precision = np.zeros((p, p))
+    precision[: stage.base.count, : stage.base.count] = stage.base.precision
+    base = replace(stage.base, mean=mean, precision=precision)
+    return replace(stage, base=base, pieces=tuple(pieces))
+
+
+def _wider(piece: Piece, x: Floats, index: Floats) -> Piece:
+    return replace(
+        piece,
+        B=np.concatenate([piece.B, x], axis=1),
+        columns=np.concatenate([piece.columns, index.astype(int)]),
+    )
+
+
+def ledger_with_draws(stage: Stage, theta: Floats, settings: Settings, step: int) -> Ledger:
+    """Return a ledger that also holds healthy draws made from the stage's own residual."""
+    plain = build_ledger(stage, theta)
+    rng = np.random.default_rng([settings.seed, step])
+    return build_ledger(stage, theta, draws(stage, plain, settings.draws, rng))

@@ -1,0 +1,46 @@
+"""Mass matrix and bias effort of one sample, callable from compiled loops."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pinotwin.arrays import Floats, Ints
+
+
+@njit(cache=True, fastmath={"contract"})
+def replay(
+    revolute: Ints, ops: Ints, sign: Floats, q: Floats, v: Floats, t: Floats
+) -> None:
+    """Work off a :class:`pinotwin.dynamics.tape.Tape` at one sample.
+
+    Args:
+        revolute: joints that turn.
+        ops: operations, shape (k, 3).
+        sign: their signs, shape (k,).
+        q: positions, shape (nv,).
+        v: velocities, shape (nv,).
+        t: values; its start holds the constants, shape (m + k,).
+    """
+    nv = len(q)
+    for r in range(len(revolute)):
+        i = revolute[r]
+        t[i] = np.cos(q[i])
+        t[nv + i] = np.sin(q[i])
+    for i in range(nv):
+        t[2 * nv + i] = q[i]
+        t[3 * nv + i] = v[i]
+    at = len(t) - len(ops)
+    for k in range(len(ops)):
+        t[at + k] = t[ops[k, 0]] * t[ops[k, 1]] * sign[k] + t[ops[k, 2]]
+
+
+@njit(cache=True)
+def gather(mass: Ints, bias: Ints, t: Floats, M: Floats, h: Floats) -> None:
+    """Fill M (nv, nv) and h (nv,) from the values of a tape; entries without a place stay."""
+    for r in range(len(mass)):
+        value = t[mass[r, 2]]
+        M[mass[r, 0], mass[r, 1]] = value
+        M[mass[r, 1], mass[r, 0]] = value
+    for r in range(len(bias)):
+        h[bias[r, 0]] = t[bias[r, 1]]

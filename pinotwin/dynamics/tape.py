@@ -1,0 +1,205 @@
+"""Mass matrix and bias effort of one machine as a straight line of multiply-adds.
+
+    M(q) a + h(q, v) = tau
+
+Composite rigid bodies and recursive Newton-Euler (Featherstone 2008, 10.1007/978-1-4899-7560-7) are
+run once with symbols in place of numbers. What is zero or constant for this machine folds away,
+common terms are shared, and what remains is a list of
+
+    t[k] = t[a] t[b] s[k] + t[c]
+
+which :func:`pinotwin.dynamics.stepping.replay` works off, for any machine by the same compiled loop.
+Of the inertial parameters only a minimal set is needed: ``beta`` on the independent columns and zero
+elsewhere has the same efforts as the whole ``pi`` (see :mod:`pinotwin.dynamics.base`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.dynamics.parameters import parameter_count
+from pinotwin.dynamics.symbols import Expression, Trace
+from pinotwin.dynamics.tree import Tree, tree
+from pinotwin.errors import MachineError
+
+_TINY = 1e-15
+
+
+@dataclass(frozen=True)
+class Tape:
+    """The straight line; see the module. ``t`` starts with cos q, sin q, q, v of every joint.
+
+    Attributes:
+        start: first values of t: room for the inputs, then the constants, shape (m,).
+        ops: a, b, c of every operation, shape (k, 3).
+        sign: s of every operation, shape (k,).
+        revolute: joints whose cosine and sine are needed, shape (r,).
+        mass: row, column (row <= column) and place in t of the entries of M that are not zero,
+            shape (., 3).
+        bias: joint and place in t of the entries of h that are not zero, shape (., 2).
+    """
+
+    start: Floats
+    ops: Ints
+    sign: Floats
+    revolute: Ints
+    mass: Ints
+    bias: Ints
+
+    @property
+    def size(self) -> int:
+        """Length of t."""
+        return len(self.start) + len(self.ops)
+
+
+def record(model: pin.Model, pi: Floats) -> Tape:
+    """Return the tape of a machine with the inertial parameters ``pi``, shape (p,).
+
+    Raises:
+        MachineError: a joint that neither turns about nor slides along one axis.
+    """
+    geometry = tree(model)
+    if geometry is None:
+        raise MachineError(
+            f"machine {model.name!r}: has a joint that is neither revolute nor prismatic; only those "
+            "can be simulated"
+        )
+    if np.shape(pi) != (parameter_count(model),):
+        raise MachineError(f"machine {model.name!r}: pi has shape {np.shape(pi)}")
+    nv = model.nv
+    trace = Trace(4 * nv)
+    bodies = _Bodies(geometry, np.asarray(pi, dtype=float), trace)
+    mass = bodies.mass_matrix()
+    bias = bodies.bias()
+    outputs = [*mass.values(), *bias.values()]
+    start, ops, sign, places = trace.compile(outputs)
+    entries = [(i, j, p) for (i, j), p in zip(mass, places[: len(mass)], strict=True)]
+    efforts = list(zip(bias, places[len(mass) :], strict=True))
+    return Tape(
+        start, ops, sign, np.flatnonzero(geometry.revolute).astype(np.intp),
+        np.array(entries, dtype=np.intp).reshape(-1, 3),
+        np.array(efforts, dtype=np.intp).reshape(-1, 2),
+    )  # fmt: skip
+
+
+class _Bodies:
+    """The tree with symbols for the joints' positions and velocities."""
+
+    def __init__(self, geometry: Tree, pi: Floats, trace: Trace) -> None:
+        nv = len(geometry.parent)
+        self.parent = [int(k) - 1 for k in geometry.parent]
+        self.revolute = geometry.revolute > 0.5
+        self.axis = [_clean(x) for x in geometry.axis]
+        self.armature = pi[10 * nv :]
+        self.gravity = _clean(geometry.gravity)
+        self.v = [trace.input(3 * nv + i) for i in range(nv)]
+        self.R, self.p, self.body = [], [], []
+        for i in range(nv):
+            c, s, q = (trace.input(k * nv + i) for k in range(3))
+            parts = [_clean(x[i]) for x in (geometry.still, geometry.cosine, geometry.sine)]
+            self.R.append((parts[0] + c * parts[1] + s * parts[2]).reshape(3, 3))
+            self.p.append(_clean(geometry.origin[i]) + q * _clean(geometry.slide[i]))
+            self.body.append(_inertia(pi[10 * i : 10 * i + 10]))
+
+    def mass_matrix(self) -> dict[tuple[int, int], Expression]:
+        """Return the entries (i <= j) of M that are not zero."""
+        total = [list(body) for body in self.body]
+        out: dict[tuple[int, int], Expression] = {}
+        for i in reversed(range(len(self.parent))):
+            m, h, inertia = total[i]
+            self._column(i, m, h, inertia, out)
+            if self.parent[i] >= 0:
+                for k, x in enumerate(_moved(m, h, inertia, self.R[i], self.p[i])):
+                    total[self.parent[i]][k] = total[self.parent[i]][k] + x
+        return {key: out[key] for key in sorted(out) if not _is_zero(out[key])}
+
+    def _column(self, i, m, h, inertia, out):  # type: ignore[no-untyped-def]
+        """Fill column i of M: the force that a unit acceleration of joint i needs, carried down."""
+        axis = self.axis[i]
+        if self.revolute[i]:
+            f, n = _cross(axis, h), inertia @ axis
+        else:
+            f, n = m * axis, _cross(h, axis)
+        own = self.axis[i] @ (n if self.revolute[i] else f)
+        out[i, i] = own + float(self.armature[i])
+        j = i
+        while self.parent[j] >= 0:
+            f, n = self.R[j] @ f, self.R[j] @ n
+            n = n + _cross(self.p[j], f)
+            j = self.parent[j]
+            out[j, i] = self.axis[j] @ (n if self.revolute[j] else f)
+
+    def bias(self) -> dict[int, Expression]:
+        """Return the entries of h that are not zero."""
+        forces = self._forces()
+        out: dict[int, Expression] = {}
+        for i in reversed(range(len(self.parent))):
+            f, n = forces[i]
+            out[i] = self.axis[i] @ (n if self.revolute[i] else f)
+            k = self.parent[i]
+            if k >= 0:
+                f, n = self.R[i] @ f, self.R[i] @ n
+                forces[k] = (forces[k][0] + f, forces[k][1] + n + _cross(self.p[i], f))
+        return {i: out[i] for i in sorted(out) if not _is_zero(out[i])}
+
+    def _forces(self):  # type: ignore[no-untyped-def]
+        """Return force and moment on every body at zero joint acceleration, in its own axes."""
+        zero = np.zeros(3, dtype=object)
+        motion = {-1: (zero, zero, -self.gravity)}
+        forces = []
+        for i, k in enumerate(self.parent):
+            w, dw, a = motion[k]
+            a = a + _cross(dw, self.p[i]) + _cross(w, _cross(w, self.p[i]))
+            w, dw, a = (self.R[i].T @ x for x in (w, dw, a))
+            rate = self.axis[i] * self.v[i]
+            if self.revolute[i]:
+                dw = dw + _cross(w, rate)
+                w = w + rate
+            else:
+                a = a + 2.0 * _cross(w, rate)
+            motion[i] = (w, dw, a)
+            m, h, inertia = self.body[i]
+            f = m * a + _cross(dw, h) + _cross(w, _cross(w, h))
+            forces.append((f, inertia @ dw + _cross(w, inertia @ w) + _cross(h, a)))
+        return forces
+
+
+def _inertia(body: Floats):  # type: ignore[no-untyped-def]
+    """Return mass, first moment and tensor about the joint's origin."""
+    xx, xy, yy, xz, yz, zz = (float(x) for x in body[4:])
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=object)
+    return float(body[0]), body[1:4].astype(object), tensor
+
+
+def _moved(m, h, inertia, R, p):  # type: ignore[no-untyped-def]
+    """Return mass, first moment and tensor of a body about the origin, in the axes, of its parent."""
+    turned = R @ h
+    cross = np.outer(p, turned)
+    grown = R @ inertia @ R.T + _spread(m * np.outer(p, p)) + _spread(cross + cross.T)
+    return m, turned + m * p, grown
+
+
+def _spread(x):  # type: ignore[no-untyped-def]
+    """Return trace(x) 1 - x."""
+    return np.eye(3).astype(object) * (x[0, 0] + x[1, 1] + x[2, 2]) - x
+
+
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
+        dtype=object,
+    )
+
+
+def _clean(x: Floats):  # type: ignore[no-untyped-def]
+    """Return Python floats, with rounding errors of an exact 0 or 1 removed, so that they fold."""
+    whole = np.round(x)
+    return np.where(np.abs(x - whole) < _TINY, whole, x).astype(float).astype(object)
+
+
+def _is_zero(x: Expression) -> bool:
+    return isinstance(x, float | int) and x == 0.0

@@ -1,0 +1,109 @@
+"""The parts of machine.yaml beside the axes: sensors, loops, columns, transmission, data."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats
+from pinotwin.columns import AXIS_SIGNALS, LOAD_SIGNALS, Column, parse_columns
+from pinotwin.errors import MachineError, nearest
+from pinotwin.machine.machine import Axis, DataSettings, Imu, LoopShape
+from pinotwin.machine.urdf_check import read_tree
+from pinotwin.machine.yaml_file import check_keys, mapping, number, truth, whole
+
+
+def imus(spec: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
+    """Return the inertial sensors, each on a link of the URDF."""
+    links = [str(link.get("name")) for link in read_tree(urdf).findall("link")]
+    out = {}
+    for name, settings in mapping(spec.get("imus"), "imus.").items():
+        settings = mapping(settings, f"imus.{name}.")
+        check_keys(settings, ("link",), f"imus.{name}.")
+        link = str(settings.get("link", ""))
+        if link not in links:
+            raise MachineError(f"imus.{name}.link: no link {link!r}; {nearest(link, links)}")
+        out[str(name)] = Imu(str(name), link)
+    return out
+
+
+def loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape]:
+    """Return the order of the closed loop of the axes that state one."""
+    out = {}
+    for name, settings in mapping(spec.get("loop"), "loop.").items():
+        check_keys({name: None}, axes, "loop.")
+        settings = mapping(settings, f"loop.{name}.")
+        check_keys(settings, ("real_poles", "pole_pairs"), f"loop.{name}.")
+        counts = {k: whole(v, f"loop.{name}.{k}", 0, 20) for k, v in settings.items()}
+        shape = LoopShape(**counts)
+        if shape.real_poles + shape.pole_pairs < 1:
+            raise MachineError(f"loop.{name}: needs at least one pole")
+        out[str(name)] = shape
+    return out
+
+
+def columns(spec: Mapping[str, Any], names: tuple[str, ...], model: pin.Model) -> dict[str, Column]:
+    """Return the columns; a channel must belong to an axis, a passive joint or a link."""
+    columns = parse_columns(mapping(spec.get("columns"), "columns."), "columns")
+    frames = [frame.name for frame in model.frames]
+    for channel in columns:
+        owner, _, signal = channel.rpartition(".")
+        if owner and signal in AXIS_SIGNALS and owner not in names:
+            raise MachineError(f"columns.{channel}: no axis {owner!r}; {nearest(owner, names)}")
+        if owner and signal in LOAD_SIGNALS and owner not in frames:
+            raise MachineError(f"columns.{channel}: no link {owner!r}; {nearest(owner, frames)}")
+    return columns
+
+
+def transmission(spec: Mapping[str, Any], axes: Mapping[str, Axis], nv: int) -> Floats | None:
+    """Return the matrix from joint to motor positions, shape (nv, nv), or None for identity."""
+    rows = mapping(spec.get("transmission"), "transmission.")
+    if not rows:
+        return None
+    matrix = np.eye(nv)
+    for motor, row in rows.items():
+        check_keys({motor: None}, tuple(axes), "transmission.")
+        row = mapping(row, f"transmission.{motor}.")
+        check_keys(row, tuple(axes), f"transmission.{motor}.")
+        matrix[axes[motor].index] = 0.0
+        for joint, ratio in row.items():
+            matrix[axes[motor].index, axes[joint].index] = number(
+                ratio, f"transmission.{motor}.{joint}"
+            )
+    if abs(np.linalg.det(matrix)) < 1e-12:
+        raise MachineError("transmission: the matrix is singular; every joint needs a motor")
+    return matrix
+
+
+def data_settings(spec: Mapping[str, Any]) -> DataSettings:
+    """Return how logs of this machine are prepared."""
+    given = mapping(spec.get("data"), "data.")
+    known = tuple(f.name for f in dataclasses.fields(DataSettings))
+    check_keys(given, known, "data.")
+    settings = DataSettings()
+    for key, value in given.items():
+        if value is not None:
+            settings = replace(settings, **{key: _data_value(key, value)})
+    return settings
+
+
+def _data_value(key: str, value: Any) -> Any:
+    where = f"data.{key}"
+    if key == "filter_effort":
+        return truth(value, where)
+    if key == "drop":
+        ends = value if isinstance(value, list) else [value, value]
+        if len(ends) != 2:
+            raise MachineError(
+                f"{where}: expected samples at the start and the end, found {value!r}"
+            )
+        return tuple(whole(x, where, 0) for x in ends)
+    if key == "cutoff":
+        return number(value, where, positive=True)
+    return whole(value, where, 1, 10 if key == "order" else None)
