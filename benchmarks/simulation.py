@@ -1,10 +1,10 @@
-"""Speed of the virtual laser driller beside a ``pin.aba`` loop and MuJoCo's ``mj_step``, in one run.
+"""Speed of the virtual laser driller beside a ``pin.aba`` loop and a ``mj_step`` loop, in one run.
 
     python -m benchmarks.simulation [seconds]
 
-All three simulate the same five axes at 4 kHz under the same controllers (numba). The virtual machine
-also has friction that sticks, ripple, sensors, the bends of X and Y, and four substeps a period; the
-other two take one step a period with viscous friction only, so the comparison flatters them.
+All three simulate the same five axes at 4 kHz under the same controllers (numba). The virtual
+machine also has friction that sticks, ripple, sensors, the bends of X and Y, and four substeps a
+period; the other two take one step a period with viscous friction only, which flatters them.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ def mujoco_loop(machine: VirtualMachine, trajectory: Trajectory, n: int) -> floa
     """Return the wall time of ``n`` periods with ``mj_step`` [s]."""
     text = (FOLDER / "laser_driller.urdf").read_text()
     text = re.sub(r"<(visual|collision)\b.*?</\1>", "", text, flags=re.DOTALL)
-    text = re.sub(r"(<robot [^>]*>)", r'\1<mujoco><compiler fusestatic="true"/></mujoco>', text, 1)
+    options = '<mujoco><compiler fusestatic="true"/></mujoco>'
+    text = re.sub(r"(<robot [^>]*>)", r"\1" + options, text, count=1)
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.timestep = PERIOD
     model.dof_frictionloss[:] = 0.0
@@ -108,10 +109,8 @@ def main(seconds: float) -> None:
     }
     print(f"laser driller, 5 axes (7 joints), {seconds:g} s at 4 kHz")
     for name, wall in rows.items():
-        periods = seconds / PERIOD / wall
-        print(
-            f"{name:30s} {wall:7.3f} s  {periods:10.0f} periods/s  {seconds / wall:6.1f} x real time"
-        )
+        rates = f"{seconds / PERIOD / wall:10.0f} periods/s  {seconds / wall:6.1f} x real time"
+        print(f"{name:30s} {wall:7.3f} s  {rates}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""``check``: what is wrong with a machine or a log, and what the log can identify, before any fit."""
+"""``check``: what is wrong with a machine or a log, and what a log can identify, before any fit."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.channels import finite
 from pinotwin.columns import bind
 from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
@@ -85,9 +86,7 @@ def check(machine: Machine, log: Log | None = None) -> Check:
     findings = machine_findings(machine)
     if log is None:
         return Check(machine, tuple(findings))
-    bound = bind(log, machine.columns)
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    quality = inspect(bound, rotary, _limits(machine))
+    quality = inspect_log(machine, log)
     findings += quality.findings
     excited, determined = None, {}
     if quality.ok:
@@ -104,6 +103,12 @@ def check(machine: Machine, log: Log | None = None) -> Check:
     return Check(machine, tuple(findings), quality, excited, determined)
 
 
+def inspect_log(machine: Machine, log: Log) -> Quality:
+    """Return what a log of a machine is worth, before anything is fitted."""
+    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
+    return inspect(finite(bind(log, machine.columns)), rotary, _limits(machine))
+
+
 def _limits(machine: Machine) -> dict[str, Limits]:
     model = machine.model
     out = {}
@@ -112,7 +117,7 @@ def _limits(machine: Machine) -> dict[str, Limits]:
         low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
         speed = float(model.upperVelocityLimit[i])
         effort = axis.effort_limit
-        # A transmission scales and mixes what is logged: limits of joints do not fit motor channels.
+        # A transmission scales and mixes what is logged: a joint's limits do not fit its motor.
         plain = machine.transmission is None
         out[name] = Limits(
             position=(low, high) if plain and high - low < 1e8 else None,
@@ -174,7 +179,7 @@ def _second_reader(urdf: Path) -> list[Finding]:
 
 
 def _excitation(machine: Machine, log: Log) -> Excitation:
-    """Return what the usable rows of a log tell of the base parameters, joints weighed by effort."""
+    """Return what a log's usable rows tell of the base parameters, joints weighed by effort."""
     motion = prepare(machine, log)
     w = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)
     rows = []

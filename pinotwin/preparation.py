@@ -2,7 +2,8 @@
 
 Positions are low-passed without phase shift and differentiated by central differences; commands,
 efforts and external loads go through the same filter, so that no channel leads another. Nothing is
-repaired: a hole or a jump of the clock splits the log into stretches, and a NaN does too.
+repaired: a hole or a jump of the clock splits the log into stretches, and a NaN does too. An axis
+that only trembles with the noise of its encoder is taken as standing still.
 """
 
 from __future__ import annotations
@@ -12,17 +13,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.channels import (
+    SHORTEST,
+    efforts,
+    external,
+    has_commands,
+    joint_positions,
+    stretches,
+    usable,
+)
 from pinotwin.columns import bind
-from pinotwin.dynamics.frames import external_effort
-from pinotwin.errors import DataError, LogError, nearest
+from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.signals import differentiate, edge_samples, low_pass, segments, suggest_cutoff
+from pinotwin.quality.axes import inspect_axes
+from pinotwin.signals import differentiate, edge_samples, low_pass, suggest_cutoff
 
-_WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
-SHORTEST = 20  # samples: a stretch must be longer than the filter's own memory to be of use
+_DECIMATOR = 25  # samples that the filter of `decimate_zero_phase` needs
+_SAME_RATE = 0.01  # logs whose rates differ by less are the same clock, measured twice
 
 
 def prepare(
@@ -37,7 +47,7 @@ def prepare(
     Args:
         machine: whose log it is.
         log: servo log(s), raw or in the names of the contract.
-        cutoff: corner of the low-pass [Hz], 0 for none; from machine.yaml, else from the spectra of the log.
+        cutoff: corner of the low-pass [Hz], 0 for none; from machine.yaml, else from the spectra.
         decimate: fit one row in so many; from machine.yaml, else four rows a period of the corner.
 
     Raises:
@@ -45,58 +55,61 @@ def prepare(
         DataError: too little of the log can be used.
     """
     logs = [log] if isinstance(log, Log) else list(log)
-    bound = [bind(item, machine.columns) for item in logs]
+    if not logs:
+        raise DataError(f"{machine.name}: no log given; give at least one")
+    bound = [usable(machine, bind(item, machine.columns)) for item in logs]
     corner = cutoff if cutoff is not None else machine.data.cutoff
     if corner is None:
         corner = min(_corner(machine, item) for item in bound)
     parts = [_prepare_one(machine, item, corner, decimate) for item in bound]
-    steps = {round(p.step, 9) for p in parts}
-    if len(steps) > 1:
-        raise LogError(
-            f"logs of one call are sampled differently ({', '.join(f'{1 / s:g} Hz' for s in steps)}); "
-            "resample them first"
-        )
+    steps = [part.step for part in parts]
+    if max(steps) > (1.0 + _SAME_RATE) * min(steps):
+        each = ", ".join(f"{part.source} at {1.0 / part.step:.4g} Hz" for part in parts)
+        raise LogError(f"logs are sampled differently ({each}); resample them with pt.resample")
     return Motion.join(parts) if len(parts) > 1 else parts[0]
 
 
 def _corner(machine: Machine, log: Log) -> float:
     t = log.t
-    pieces = _stretches(machine, log)
-    longest = max(pieces, key=lambda s: s.stop - s.start)
+    longest = max(stretches(machine, log), key=lambda s: s.stop - s.start)
     step = _step(t, [longest])
-    names = [name for name in machine.axes if f"{name}.q" in log]
-    q = np.stack([log[f"{name}.q"][longest] for name in names], axis=1)
+    q = np.stack([log[f"{name}.q"][longest] for name in machine.axes], axis=1)
     return suggest_cutoff(q, 1.0 / step)
 
 
-def _step(t: Floats, stretches: Sequence[slice]) -> float:
+def _step(t: Floats, parts: Sequence[slice]) -> float:
     """Return the mean sampling interval [s]: rounded stamps spoil the median, not the mean."""
-    duration = sum(float(t[s.stop - 1] - t[s.start]) for s in stretches)
-    return duration / sum(s.stop - s.start - 1 for s in stretches)
+    duration = sum(float(t[s.stop - 1] - t[s.start]) for s in parts)
+    return duration / sum(s.stop - s.start - 1 for s in parts)
 
 
 def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None) -> Motion:
-    stretches = _stretches(machine, log)
-    step = _step(log.t, stretches)
-    rate, settings = 1.0 / step, machine.data
+    settings = machine.data
+    parts = stretches(machine, log, max(SHORTEST, 3 * settings.order + 1))
+    step = _step(log.t, parts)
+    rate = 1.0 / step
     corner = cutoff if 0.0 < cutoff < 0.45 * rate else np.inf
-    smoother = Smoother(step, corner, settings.order, tuple(stretches))
-    q, v, a = smoother.derivatives(_joint_positions(machine, log, "q"))
+    smoother = Smoother(step, corner, settings.order, tuple(parts))
+    q, v, a = smoother.derivatives(joint_positions(machine, log, "q"))
+    moves = _moves(machine, log, parts)
+    q[:, ~moves], v[:, ~moves], a[:, ~moves] = q[_rows_of(parts)][:, ~moves].mean(axis=0), 0.0, 0.0
     v, a = _measured_derivatives(machine, log, v, a, smoother)
-    u, external = _efforts(machine, log), _external(machine, log)
+    u, load = efforts(machine, log), external(machine, log)
     if settings.filter_effort:
         u = np.where(np.isfinite(u), smoother.smooth(np.nan_to_num(u)), np.nan)
-        external = None if external is None else smoother.smooth(external)
+        load = None if load is None else smoother.smooth(load)
     qr = vr = ar = None
-    if _has_commands(machine, log):
-        qr, vr, ar = smoother.derivatives(_joint_positions(machine, log, "qr"))
+    if has_commands(machine, log):
+        qr, vr, ar = smoother.derivatives(joint_positions(machine, log, "qr"))
+    thin = _decimation(decimate or settings.decimate, corner, rate)
+    edge = edge_samples(corner, rate, settings.order)
+    head, tail = settings.drop if settings.drop is not None else (edge, edge)
     return Motion(
         names=machine.names, rotary=machine.rotary, t=log.t, q=q, v=v, a=a, u=u,
-        qr=qr, vr=vr, ar=ar, external=external,
-        segments=_trimmed(stretches, settings.drop, edge_samples(corner, rate, settings.order), log),
-        step=step, use=_fast_enough(machine, v),
-        decimation=_decimation(decimate or settings.decimate, corner, rate),
-        cutoff=corner, source=log.source,
+        qr=qr, vr=vr, ar=ar, external=load,
+        segments=_trimmed(parts, head, tail, SHORTEST if thin == 1 else _DECIMATOR, log.source),
+        step=step, use=_fast_enough(machine, v) & moves,
+        decimation=thin, cutoff=corner, source=log.source,
     )  # fmt: skip
 
 
@@ -125,15 +138,14 @@ class Smoother:
 
 
 def _trimmed(
-    stretches: Sequence[slice], drop: tuple[int, int] | None, edge: int, log: Log
+    parts: Sequence[slice], head: int, tail: int, shortest: int, source: str
 ) -> tuple[slice, ...]:
     """Return the stretches without the samples that the filter's start-up touches."""
-    head, tail = drop if drop is not None else (edge, edge)
-    out = [slice(s.start + head, s.stop - tail) for s in stretches]
-    out = [s for s in out if s.stop - s.start >= SHORTEST]
+    out = [slice(s.start + head, s.stop - tail) for s in parts]
+    out = [s for s in out if s.stop - s.start >= shortest]
     if not out:
         raise DataError(
-            f"{log.source}: nothing left after cutting {head} + {tail} samples at the ends of each "
+            f"{source}: nothing left after cutting {head} + {tail} samples at the ends of each "
             "stretch; record longer, or raise `data.cutoff`"
         )
     return tuple(out)
@@ -145,94 +157,6 @@ def _decimation(given: int | None, cutoff: float, rate: float) -> int:
     if not np.isfinite(cutoff):
         return 1
     return max(1, int(rate / (5.0 * cutoff)))
-
-
-def _stretches(machine: Machine, log: Log) -> list[slice]:
-    """Return the stretches of regular sampling in which every needed channel is a number."""
-    for name in machine.axes:
-        if f"{name}.q" not in log:
-            raise LogError(
-                f"{log.source}: no channel {name}.q (position of axis {name}); name its column under "
-                f"`columns` in machine.yaml, or drop the axis; {nearest(f'{name}.q', log.channels)}"
-            )
-    if "t" not in log:
-        raise LogError(
-            f"{log.source}: no time channel t; name its column under `columns` in machine.yaml, or "
-            "give `t: {rate: ...}`"
-        )
-    good = np.isfinite(log.t)
-    for name in machine.axes:
-        for kind in ("q", "u", "qr"):
-            channel = f"{name}.{kind}"
-            if channel in log:
-                good &= np.isfinite(log[channel])
-    out = [s for s in segments(log.t, valid=good) if s.stop - s.start >= SHORTEST]
-    if not out:
-        raise DataError(
-            f"{log.source}: no stretch of {SHORTEST} regular samples without NaN; see `pinotwin check`"
-        )
-    return out
-
-
-def _joint_positions(machine: Machine, log: Log, kind: str) -> Floats:
-    """Return positions in joint coordinates: ``q = N^-1 q_motor + zero``."""
-    x = np.zeros((len(log), machine.nv))
-    for name, axis in machine.axes.items():
-        x[:, axis.index] = np.nan_to_num(log[f"{name}.{kind}"])
-    if machine.transmission is not None:
-        x = np.linalg.solve(machine.transmission, x.T).T
-    for axis in machine.axes.values():
-        x[:, axis.index] += axis.zero
-    if kind == "q":
-        for name, part in machine.passive.items():
-            if f"{name}.q" in log:
-                x[:, part.index] = np.nan_to_num(log[f"{name}.q"])
-    return x
-
-
-def _has_commands(machine: Machine, log: Log) -> bool:
-    present = [f"{name}.qr" in log for name in machine.axes]
-    if any(present) and not all(present):
-        missing = [n for n, there in zip(machine.axes, present, strict=True) if not there]
-        raise LogError(
-            f"{log.source}: command missing for axis {', '.join(missing)} (channel "
-            f"{missing[0]}.qr) while other axes have theirs; give all of them or none"
-        )
-    return all(present)
-
-
-def _efforts(machine: Machine, log: Log) -> Floats:
-    """Return joint efforts ``tau = N^T tau_motor``; NaN without a channel, 0 for a passive joint."""
-    u = np.full((len(log), machine.nv), np.nan)
-    for name, axis in machine.axes.items():
-        if f"{name}.u" in log:
-            u[:, axis.index] = log[f"{name}.u"]
-    if machine.transmission is not None:
-        u = u @ machine.transmission
-    for name, part in machine.passive.items():
-        if f"{name}.q" in log or f"{name}.a" in log:
-            u[:, part.index] = 0.0
-    return u
-
-
-def _external(machine: Machine, log: Log) -> Floats | None:
-    """Return the joint effort of the logged external loads, or None where there is none."""
-    total = None
-    frames = {frame.name for frame in machine.model.frames}
-    for link in sorted({c.rsplit(".", 1)[0] for c in log.channels if c.rsplit(".", 1)[-1] in _WRENCH}):
-        if link not in frames:
-            raise LogError(
-                f"{log.source}: external load on {link!r}, which is no link of {machine.name}; "
-                f"{nearest(link, frames)}"
-            )
-        wrench = np.zeros((len(log), 6))
-        for k, part in enumerate(_WRENCH):
-            if f"{link}.{part}" in log:
-                wrench[:, k] = np.nan_to_num(log[f"{link}.{part}"])
-        q = _joint_positions(machine, log, "q")
-        effort = external_effort(machine.model, link, q, wrench)
-        total = effort if total is None else total + effort
-    return total
 
 
 def _measured_derivatives(
@@ -253,8 +177,8 @@ def _fast_enough(machine: Machine, v: Floats) -> Mask:
     """Return the rows above each axis' speed threshold (thesis Section 3.3).
 
     Below it dry friction is not a function of the velocity (presliding). Where the YAML gives no
-    ``min_speed``, rows slower than 1 % of the axis' own top speed are left out; for a motor geared to
-    two joints, also the rows in which that motor stands.
+    ``min_speed``, rows slower than 1 % of the axis' own top speed are left out; for a motor geared
+    to two joints, also the rows in which that motor stands.
     """
     use = np.ones(v.shape, dtype=bool)
     for axis in machine.axes.values():
@@ -268,6 +192,20 @@ def _fast_enough(machine: Machine, v: Floats) -> Mask:
                 use[:, axis.index] &= both
                 use[:, other] &= both
     return use
+
+
+def _rows_of(parts: Sequence[slice]) -> Ints:
+    return np.concatenate([np.arange(s.start, s.stop) for s in parts])
+
+
+def _moves(machine: Machine, log: Log, parts: Sequence[slice]) -> Mask:
+    """Return which joints move at all, shape (nv,): an encoder's noise at rest is no motion."""
+    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
+    table, _ = inspect_axes(log.rows(_rows_of(parts)), rotary, None)
+    out = np.ones(machine.nv, dtype=bool)
+    for name, axis in machine.axes.items():
+        out[axis.index] = name in table and table[name].moves
+    return out
 
 
 def _moving(v: Floats, limit: float | None) -> Mask:

@@ -58,9 +58,10 @@ def test_a_move_arrives_at_rest_and_keeps_its_limits(d, v, a, j, stretch, sign):
     q, dq, ddq = profile.at(t)
     before = profile.at(np.array([end - 1e-9 * end]))
     assert before[0][0] == pytest.approx(0.2 + sign * d, abs=1e-6 * max(d, 1e-3))
-    assert np.abs(dq).max() <= v / stretch * (1 + 1e-9)
-    assert np.abs(ddq).max() <= a / stretch**2 * (1 + 1e-9)
-    assert np.abs(profile.j).max() <= j / stretch**3 * (1 + 1e-9)
+    # Times are absolute: rounding of a start time over a short ramp shows as a relative 1e-8.
+    assert np.abs(dq).max() <= v / stretch * (1 + 1e-6)
+    assert np.abs(ddq).max() <= a / stretch**2 * (1 + 1e-6)
+    assert np.abs(profile.j).max() <= j / stretch**3 * (1 + 1e-6)
     assert np.all(np.diff(sign * q) >= -1e-12)
 
 

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from pinotwin.cli.inputs import add_preparation, read_logs, settings
 from pinotwin.cli.output import add_common, check_folder, say, whole_folder, write_json
 from pinotwin.cli.progress import progress
 
+if TYPE_CHECKING:
+    from pinotwin.log import Log
+    from pinotwin.machine import Machine
+    from pinotwin.twin import Twin
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="servo log(s); a.csv+b.csv joins columns")
+    parser.add_argument(
+        "logs", nargs="+", metavar="LOG", help="servo log(s); a.csv+b.csv joins columns"
+    )
     parser.add_argument("--validate", action="append", default=[], metavar="LOG",
                         help="log to judge on, not used to fit")  # fmt: skip
     parser.add_argument("--no-loop", action="store_true", help="identify the open loop only")
@@ -52,13 +61,23 @@ def run(args: argparse.Namespace) -> int:
             (folder / "report.html").write_text(page, encoding="utf-8")
     if args.json:
         write_json(args.json, document(twin))
-    for line in summary(twin):
+    for line in [*summary(twin), *_doubts(machine, logs)]:
         say(line)
     say(f"twin and report written to {args.out}")
     return 0
 
 
-def summary(twin) -> list[str]:  # type: ignore[no-untyped-def]
+def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
+    """Yield what makes the logs themselves doubtful (units, clock, saturation), see `check`."""
+    from pinotwin.checking import inspect_log
+
+    for log in logs:
+        for finding in inspect_log(machine, log).findings:
+            if finding.severity == "warning":
+                yield f"note: {log.source}: {finding.channel}: {finding.message}"
+
+
+def summary(twin: Twin) -> list[str]:
     """Return the few lines that a user wants to see first."""
     quality = twin.quality
     lines = [f"{twin.machine.name}: {len(twin.theta)} linear and "
@@ -66,9 +85,7 @@ def summary(twin) -> list[str]:  # type: ignore[no-untyped-def]
     lines.append(f"{'axis':<8}{'fit':>9}{'held out':>10}{'of std':>9}")
     for name, row in quality["axes"].items():
         held = row.get("validation", row["held_out"])
-        lines.append(
-            f"{name:<8}{row['fit']:>8.2%}{held['nrmse']:>10.2%}{held['nrmse_std']:>9.2%}"
-        )
+        lines.append(f"{name:<8}{row['fit']:>8.2%}{held['nrmse']:>10.2%}{held['nrmse_std']:>9.2%}")
     lines.append(f"all{quality['relative_error']:>13.2%}   (error norm / effort norm)")
     for warning in quality["warnings"]:
         lines.append(f"note: {warning}")

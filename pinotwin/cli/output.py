@@ -51,7 +51,7 @@ def write_json(path: str | Path, value: Any) -> None:
 def write_text(target: Path, text: str) -> None:
     """Write a text file so that a crash leaves either the old one or the new one."""
     check_file(target)
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=_hidden(target))
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             stream.write(text)
@@ -85,6 +85,8 @@ def check_folder(path: str | Path) -> None:
         InputError: with what to do.
     """
     target = Path(path)
+    if not str(path).strip():
+        raise InputError("--out: no name given; give a folder")
     if target.exists() and not target.is_dir():
         raise InputError(f"{target}: is a file; give a folder for --out")
     _check_parent(target)
@@ -93,8 +95,16 @@ def check_folder(path: str | Path) -> None:
 def _check_parent(target: Path) -> None:
     if not target.parent.is_dir():
         raise InputError(f"{target}: folder {target.parent} does not exist; make it first")
-    if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise InputError(f"{target}: folder {target.parent} cannot be written to; check its access")
+    try:  # whether one may write somewhere is best found out by writing
+        tempfile.TemporaryFile(dir=target.parent).close()
+    except OSError as error:
+        raise InputError(
+            f"{target}: folder {target.parent} cannot be written to: {error.strerror}; choose another"
+        ) from None
+
+
+def _hidden(target: Path) -> str:
+    return f".{target.name[:40]}."
 
 
 @contextmanager
@@ -105,7 +115,7 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
     """
     target = Path(path)
     check_folder(target)
-    work = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
+    work = Path(tempfile.mkdtemp(dir=target.parent, prefix=_hidden(target)))
     try:
         yield work
         target.mkdir(exist_ok=True)

@@ -7,7 +7,7 @@ that was searched (a Stribeck speed, a ripple's pitch) stays free to first order
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,14 +21,13 @@ from pinotwin.effects import (
     PositionTable,
     RigidBody,
     Stribeck,
-    Viscous,
 )
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin.twin import Twin, effect_slices
 
 DRY = (Coulomb, CoulombAsymmetric, Stribeck)
-SCATTERED = ("coulomb", "viscous", "coulomb_asymmetric", "viscous_asymmetric")
+SCATTERED = ("coulomb", "viscous", "coulomb_asymmetric", "viscous_asymmetric", "presliding")
 
 
 @dataclass(frozen=True)
@@ -117,51 +116,37 @@ def _slope(
     return out
 
 
-def structure_base(machine: Machine, rows: Rows) -> Base:
-    """Return the base of a machine whose model is refitted on the log itself."""
-    effects, theta = _shaped_effects(machine, rows)
-    slices = effect_slices(effects)
+def plain_base(rows: Rows, effects: Sequence[Effect]) -> Base:
+    """Return the base of some effects at the shapes they have, with no belief beside."""
+    machine = rows.machine
     distance = np.array([usual_distance(r) for r in machine.rotary])
+    p = effect_slices(effects)[-1].stop
+    precision = np.diag(_weak(effects, rows, p))
+    return Base(tuple(effects), distance, np.zeros(p), precision)
+
+
+def with_slopes(base: Base, theta: Floats) -> Base:
+    """Return the base with a first-order column for every searched shape that has an effect."""
+    slices = effect_slices(base.effects)
     slopes = []
-    for i, effect in enumerate(effects):
+    for i, effect in enumerate(base.effects):
         for k in range(len(effect.shapes())):
+            if effect.shapes()[k].name == "x_s":
+                continue  # rows in motion hardly show it
             if np.linalg.norm(theta[slices[i]]) > 0.0:
                 slopes.append((i, k, theta[slices[i]]))
-    p = slices[-1].stop + len(slopes)
-    return Base(
-        effects, distance, np.zeros(p), np.diag(_weak(effects, rows, p)), tuple(slopes), False
+    p = base.count + len(slopes)
+    precision = np.zeros((p, p))
+    precision[: base.count, : base.count] = base.precision
+    return replace(
+        base, slopes=tuple(slopes), mean=np.zeros(p), precision=precision
     )
 
 
-def _shaped_effects(machine: Machine, rows: Rows) -> tuple[tuple[Effect, ...], Floats]:
-    """Return the machine's effects laid over these logs, searched shapes at their best values."""
+def laid(machine: Machine, rows: Rows) -> tuple[Effect, ...]:
+    """Return the machine's effects laid over the travel of all logs."""
     joined = Motion.join(rows.motions)
-    fitted = tuple(effect.fitted_to(joined) for effect in machine.effects)
-    if not any(effect.shapes() for effect in fitted):
-        return fitted, np.zeros(effect_slices(fitted)[-1].stop)
-    from dataclasses import replace
-
-    from pinotwin.identification.plant import fit_plant
-
-    held = [m for m, v in zip(rows.motions, rows.validation, strict=True) if not v]
-    motion = Motion.join(held or list(rows.motions))
-    motion = replace(motion, decimation=rows.thinner.factor)
-    plant = fit_plant(machine, motion, consistent_inertia=False)
-    shaped = tuple(effect.fitted_to(joined) for effect in plant.effects)
-    full = tuple(
-        old if isinstance(old, PositionTable) else new
-        for old, new in zip(fitted, shaped, strict=True)
-    )
-    theta = np.zeros(effect_slices(full)[-1].stop)
-    found = dict(zip(_keys(plant.effects), effect_slices(plant.effects), strict=True))
-    for key, effect, where in zip(_keys(full), full, effect_slices(full), strict=True):
-        if not isinstance(effect, PositionTable):
-            theta[where] = plant.theta[found[key]]
-    return full, theta
-
-
-def _keys(effects: Sequence[Effect]) -> list[tuple[int, str]]:
-    return [(k, effect.name) for k, effect in enumerate(effects)]
+    return tuple(effect.fitted_to(joined) for effect in machine.effects)
 
 
 def _weak(effects: Sequence[Effect], rows: Rows, p: int) -> Floats:
@@ -210,10 +195,11 @@ def lists(effects: Sequence[Effect], name: str, axis: str) -> bool:
 
 __all__ = [
     "Base",
-    "Viscous",
     "change_base",
     "effect_columns",
     "is_scattered",
     "lists",
-    "structure_base",
+    "laid",
+    "plain_base",
+    "with_slopes",
 ]

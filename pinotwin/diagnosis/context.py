@@ -12,7 +12,7 @@ from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.bristle import bristles
 from pinotwin.diagnosis.rows import Rows
 from pinotwin.diagnosis.stage import Blocks
-from pinotwin.effects import RigidBody
+from pinotwin.effects import Presliding, RigidBody
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin.twin import effect_slices
@@ -57,7 +57,13 @@ class Context:
 
     def has(self, effect: str, axis: str) -> bool:
         """Whether the base lists an effect on an axis."""
-        return any(e.name == effect and e.axis == axis for e in self.base.effects)
+        own = [e for e in self.base.effects if e.axis == axis]
+        if any(e.name == effect for e in own):
+            return True
+        elastic = [e for e in own if isinstance(e, Presliding)]
+        if effect == "coulomb":
+            return bool(elastic) or any(e.name == "coulomb_asymmetric" for e in own)
+        return effect == "stribeck" and any(e.stribeck for e in elastic)
 
     def travel(self, joint: int) -> tuple[float, float]:
         """Return the lowest and highest position of a joint over all logs."""

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.base import Base, change_base, is_scattered, structure_base
+from pinotwin.diagnosis.base import Base, change_base, is_scattered, laid
 from pinotwin.diagnosis.context import Context, make_context
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.noise import Noise, estimate, white_noise
 from pinotwin.diagnosis.rows import Rows, take_rows
+from pinotwin.diagnosis.shapes import shaped_base
 from pinotwin.diagnosis.stage import Stage, build_stage
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -47,7 +48,10 @@ def ready(
     machine = machine.with_rigid_joints()
     rows = take_rows(machine, logs, validation)
     tick("rows")
-    base = change_base(subject, rows) if isinstance(subject, Twin) else structure_base(machine, rows)
+    if isinstance(subject, Twin):
+        base = change_base(subject, rows)
+    else:
+        base = shaped_base(rows, laid(machine, rows), white_noise(rows))
     tick("base")
     theta, residuals = _first(rows, base, white_noise(rows))
     noise = estimate(rows, residuals, _friction(rows, base), rich=_rich(rows, residuals))

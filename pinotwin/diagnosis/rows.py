@@ -19,6 +19,7 @@ from pinotwin.motion import Motion
 from pinotwin.preparation import prepare
 
 ROW_RATE = 125.0  # [Hz] rows per second that are looked at
+SLOWEST = 0.01  # share of an axis' top speed below which its rows are left out
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def take_rows(
     """
     every = [*logs, *validation]
     cutoff = machine.data.cutoff or 1e9
-    motions = [prepare(machine, log, cutoff=cutoff, decimate=1) for log in every]
+    motions = [sharp(prepare(machine, log, cutoff=cutoff, decimate=1)) for log in every]
     factor = max(1, round(1.0 / (motions[0].step * rate)))
     thinner = Thinner(factor)
     channels = []
@@ -133,9 +134,31 @@ def take_rows(
     return Rows(machine, tuple(motions), thinner, tuple(channels), _commands(motions), flags)
 
 
+def sharp(motion: Motion) -> Motion:
+    """Return the motion with derivatives of sixth order.
+
+    Central differences lose 12 % of the acceleration at a tenth of the sampling rate, which a search for
+    elastic drives takes for one.
+    """
+    q, step = motion.q, motion.step
+    v, a = motion.v.copy(), motion.a.copy()
+    first = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / (60.0 * step)
+    second = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / (180.0 * step**2)
+    for part in motion.segments:
+        if part.stop - part.start < 8:
+            continue
+        inner = slice(part.start + 3, part.stop - 3)
+        n = inner.stop - inner.start
+        v[inner] = sum(c * q[part.start + k : part.start + k + n] for k, c in enumerate(first))
+        a[inner] = sum(c * q[part.start + k : part.start + k + n] for k, c in enumerate(second))
+    vr, ar = motion.vr, motion.ar
+    return replace(motion, v=v, a=a, vr=vr, ar=ar)
+
+
 def _channel(motion: Motion, thinner: Thinner, log: int, joint: int) -> Channel | None:
     u = motion.u[:, joint]
-    good = motion.use[:, joint] & np.isfinite(u)
+    v = np.abs(motion.v[:, joint])
+    good = (v >= SLOWEST * v.max(initial=0.0)) & np.isfinite(u)
     half = len(thinner.weights) // 2
     kernel = np.ones(2 * half + 1)
     centres, runs, count = [], [], 0

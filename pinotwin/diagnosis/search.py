@@ -15,8 +15,10 @@ from pinotwin.diagnosis.ledger import Ledger, Worth, build_ledger, sums, worth
 from pinotwin.diagnosis.null import draws
 from pinotwin.diagnosis.stage import Piece, Stage
 
-LEAST_SHARE = 1e-4  # of a candidate's columns that the base must leave open
+LEAST_SHARE = 2e-4  # of a candidate's columns that the base must leave open
+LEAST_SHARE_OF_POSITION = 0.01  # the same where a table interpolates between its knots
 BATCH = 64
+POSITION = ("ripple", "ripple_modulated", "position_table")
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ def _judge(family: Family, ledger: Ledger) -> tuple[Judged, Floats]:
         G = w.G - np.array([c.price for c in part])[:, None]
         positive = np.array([c.positive for c in part])
         G = np.where(positive[:, None] & (w.sign < 0), -1e3, G)
-        seen = w.share > LEAST_SHARE
+        seen = w.share > (LEAST_SHARE_OF_POSITION if family[0].effect in POSITION else LEAST_SHARE)
         G = np.where(seen[:, None], G, -1e3)
         if G.shape[1] > 1:
             top = np.maximum(top, G[:, 1:].max(axis=0))
@@ -243,8 +245,20 @@ def _wider(piece: Piece, x: Floats, index: Floats) -> Piece:
     )
 
 
-def ledger_with_draws(stage: Stage, theta: Floats, settings: Settings, step: int) -> Ledger:
-    """Return a ledger that also holds healthy draws made from the stage's own residual."""
-    plain = build_ledger(stage, theta)
+def ledger_with_draws(
+    stage: Stage, theta: Floats, settings: Settings, step: int, best: Sequence[Judged] = ()
+) -> Ledger:
+    """Return a ledger that also holds healthy draws.
+
+    Args:
+        stage: whitened rows.
+        theta: sets the size of the run-to-run scatter.
+        settings: number and seed of the draws.
+        step: which step of the search it is.
+        best: what is about to be admitted: the draws are made from the residual that it leaves, for
+            under the hypothesis that it is right, that is what a healthy machine shows.
+    """
+    under = admit(stage, best)
+    plain = build_ledger(under, theta)
     rng = np.random.default_rng([settings.seed, step])
-    return build_ledger(stage, theta, draws(stage, plain, settings.draws, rng))
+    return build_ledger(stage, theta, draws(under, plain, settings.draws, rng))

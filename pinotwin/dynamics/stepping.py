@@ -9,9 +9,7 @@ from pinotwin.arrays import Floats, Ints
 
 
 @njit(cache=True, fastmath={"contract"})
-def replay(
-    revolute: Ints, ops: Ints, sign: Floats, q: Floats, v: Floats, t: Floats
-) -> None:
+def replay(revolute: Ints, ops: Ints, sign: Floats, q: Floats, v: Floats, t: Floats) -> None:
     """Work off a :class:`pinotwin.dynamics.tape.Tape` at one sample.
 
     Args:

@@ -58,9 +58,7 @@ class Trace:
             self.nodes.append(node)
         return self._known[node]
 
-    def compile(
-        self, outputs: Sequence[Expression]
-    ) -> tuple[Floats, Ints, Floats, list[int]]:
+    def compile(self, outputs: Sequence[Expression]) -> tuple[Floats, Ints, Floats, list[int]]:
         """Return start values, operations (a, b, c), signs, and the place of every output."""
         ends = [self._signed(x) for x in outputs]
         uses = self._uses(ends)

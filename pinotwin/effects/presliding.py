@@ -27,11 +27,13 @@ from pinotwin.motion import AxisMotion
 
 # Medians of six equal parts of the gamma(2) distribution, whose slip elements add up to 1 - exp(-x).
 YIELDS = gammaincinv(2.0, (np.arange(6) + 0.5) / 6.0)
+PAST = 20.0
+"""Samples before a stretch in which the axis is taken to have moved as at its start."""
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def _slip(q: Floats, yields: Floats, out: Floats) -> None:
-    bend = np.zeros(len(yields))
+def _slip(q: Floats, yields: Floats, past: float, out: Floats) -> None:
+    bend = np.clip(past / yields, -1.0, 1.0)
     for k in range(len(q)):
         step = q[k] - q[k - 1] if k > 0 else 0.0
         total = 0.0
@@ -44,12 +46,13 @@ def _slip(q: Floats, yields: Floats, out: Floats) -> None:
 def bristle(motion: AxisMotion, x_s: float) -> Floats:
     """Return the common bend z of the elements, from -1 to 1, shape (n,).
 
-    Each stretch starts unbent: friction at standstill depends on a past that the log does not hold,
-    until the first motion of a few ``x_s``.
+    A stretch that starts in motion starts bent by the last few samples of it; one that starts at rest
+    starts unbent, for friction at standstill depends on a past that the log does not hold.
     """
     z = np.zeros_like(motion.q)
     for s in motion.segments:
-        _slip(np.ascontiguousarray(motion.q[s]), x_s * YIELDS, z[s])
+        past = PAST * motion.step * float(motion.v[s.start])
+        _slip(np.ascontiguousarray(motion.q[s]), x_s * YIELDS, past, z[s])
     return z
 
 

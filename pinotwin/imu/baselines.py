@@ -18,8 +18,8 @@ from pinotwin.imu.orientation import Method, orientation
 from pinotwin.imu.reconstruct import Deflection, high_passed, joint_frame, naive, reconstruct
 from pinotwin.imu.runs import ImuRun, ServoRun
 
-# The source's scheme, "only when the magnitude is about 9.8": a machine's table is never far from it,
-# so the gate is narrow, and the bias was taken at rest.
+# The source's scheme, "only when the magnitude is about 9.8": a machine's table is never far from
+# it, so the gate is narrow, and the bias was taken at rest.
 _ON_A_TABLE = EkfSettings(gyro_noise=3e-4, accel_noise=0.3, gate=0.05, hold=0.1, bias=3e-4)
 
 

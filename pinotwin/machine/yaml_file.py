@@ -189,7 +189,7 @@ def settings_of(cls: type[Effect]) -> dict[str, str]:
     }
 
 
-_SIGNED = ("eps", "start", "stop")  # settings that are positions; all others are sizes
+_SIGNED = ("eps", "start", "stop", "width")  # may be zero or less; all others are sizes
 
 
 def _setting(value: Any, kind: Any, where: str) -> Any:

@@ -7,15 +7,14 @@ stands still while the effort is saturated in the same direction, and never leav
 
 from __future__ import annotations
 
-from numba import njit
-
 from pinotwin.virtual import columns as c
+from pinotwin.virtual.jit import kernel
 
 INTEGRAL, RATE, PREVIOUS = range(3)
 N_STATE = 3
 
 
-@njit(cache=True)
+@kernel
 def control_step(P, i, s, command, q, period):  # type: ignore[no-untyped-def]
     """Return the effort command of one axis and advance its controller.
 

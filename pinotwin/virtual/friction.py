@@ -14,16 +14,16 @@ Level: ``g = C (1 + (static - 1) exp(-(v/vs)^2))`` with C by direction, load and
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from pinotwin.virtual import columns as c
+from pinotwin.virtual.jit import kernel
 
 # Slip levels and stiffnesses of the four elements, as shares of the whole.
 _LEVELS = (0.4, 0.3, 0.2, 0.1)
 _STIFF = (0.1, 0.2, 0.3, 0.4)
 
 
-@njit(cache=True)
+@kernel
 def friction_level(P, i, q, v, load, noise):  # type: ignore[no-untyped-def]
     """Return the level g [N or N·m] at which the bristles of an axis slip."""
     level = P[i, c.LEVEL_P] if v >= 0.0 else P[i, c.LEVEL_N]
@@ -38,7 +38,7 @@ def friction_level(P, i, q, v, load, noise):  # type: ignore[no-untyped-def]
     return level
 
 
-@njit(cache=True)
+@kernel
 def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
     """Advance the bristles ``z`` by one step and return their mean force over it.
 
@@ -67,7 +67,7 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
     return 0.5 * (old + new) + s1 * (new - old) / (s0 * dt)
 
 
-@njit(cache=True)
+@kernel
 def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-def]  # noqa: PLR0913 (a struct of these costs more than the law)
     """Return the whole friction effort of an axis and advance its bristles.
 

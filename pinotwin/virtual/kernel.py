@@ -9,11 +9,11 @@ each update by drift-kick-drift (Strang 1968, doi:10.1137/0705041).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import control_step
 from pinotwin.virtual.friction import friction_force
+from pinotwin.virtual.jit import kernel
 from pinotwin.virtual.mass import invert, mass_matrix
 from pinotwin.virtual.rigid import (
     apply_load,
@@ -25,7 +25,7 @@ from pinotwin.virtual.rigid import (
 )
 
 
-@njit(cache=True)
+@kernel
 def read_encoder(P, i, motor, load, noise):  # type: ignore[no-untyped-def]
     """Return what the encoder of an axis says."""
     q = load if P[i, c.LOAD_ENCODER] > 0.5 else motor
@@ -36,7 +36,7 @@ def read_encoder(P, i, motor, load, noise):  # type: ignore[no-untyped-def]
     return step * np.floor(reading / step + 0.5) if step > 0.0 else reading
 
 
-@njit(cache=True)
+@kernel
 def position_effort(r, table, grid, i, q, v, time):  # type: ignore[no-untyped-def]
     """Return ripple plus table of one axis [N or N·m]."""
     effort = 0.0
@@ -61,7 +61,7 @@ def position_effort(r, table, grid, i, q, v, time):  # type: ignore[no-untyped-d
     return effort
 
 
-@njit(cache=True)
+@kernel
 def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-untyped-def]
     """Fill ``room.inverse`` and ``room.bias`` at the midpoint of the coming update.
 
@@ -86,7 +86,7 @@ def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-unty
     if len(drive.body) > 0:
         place_in_world(tree, room.pose)
         for m in range(len(drive.body)):
-            apply_load(room.pose, drive.body[m], drive.point[m], drive.load[k, m])
+            apply_load(room.pose, drive.body[m], drive.point, drive.load, (k, m))
     joint_efforts(tree, room.pose, bias)
     mass_matrix(tree, room.pose, M)
     if axes.coupled == 0:
@@ -100,7 +100,7 @@ def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-unty
         bias[j] += position_effort(ripple, table, grid, i, qh[j], rate, time + half)
 
 
-@njit(cache=True)
+@kernel
 def transmit(P, i, twist, rate):  # type: ignore[no-untyped-def]
     """Return the effort that a flexible transmission passes on.
 
@@ -120,7 +120,7 @@ def transmit(P, i, twist, rate):  # type: ignore[no-untyped-def]
     return push if push * depth > 0.0 else 0.0  # faces in contact push, they do not pull
 
 
-@njit(cache=True)
+@kernel
 def spring_efforts(axes, s, tau, dt):  # type: ignore[no-untyped-def]
     """Add the springs, dampers and bristles of the passive joints to the joint efforts."""
     S, sprung, zs = axes.springs, axes.sprung, s.zs
@@ -135,7 +135,7 @@ def spring_efforts(axes, s, tau, dt):  # type: ignore[no-untyped-def]
             tau[j] -= S[m, c.SLIP_STIFFNESS] * zs[m]
 
 
-@njit(cache=True)
+@kernel
 def plant_steps(axes, room, s, target, extra, dt, substeps):  # type: ignore[no-untyped-def]
     """Advance the plant by some substeps towards the commanded efforts ``target``, shape (na,)."""
     P, joint = axes.P, axes.joint
@@ -175,7 +175,7 @@ def plant_steps(axes, room, s, target, extra, dt, substeps):  # type: ignore[no-
             qm[i], vm[i] = q[joint[i]], v[joint[i]]
 
 
-@njit(cache=True)
+@kernel
 def control_all(axes, drive, s, record, k, target, period):  # type: ignore[no-untyped-def]
     """Read the encoders, run the controllers and write down a row; fills the effort commands."""
     P, joint, tick, q, qm = axes.P, axes.joint, s.tick[0], s.q, s.qm
@@ -191,14 +191,16 @@ def control_all(axes, drive, s, record, k, target, period):  # type: ignore[no-u
         queue[i, tick % c.MAX_DELAY] = u
         target[i] = queue[i, (tick - int(P[i, c.DELAY])) % c.MAX_DELAY]
     if write:
-        record.effort[row, :] = s.u
-        record.friction[row, :] = s.f
-        record.q[row, :] = q
-        record.v[row, :] = s.v
-        record.a[row, :] = s.a
+        for i in range(len(joint)):
+            record.effort[row, i] = s.u[i]
+            record.friction[row, i] = s.f[i]
+        for j in range(len(q)):
+            record.q[row, j] = q[j]
+            record.v[row, j] = s.v[j]
+            record.a[row, j] = s.a[j]
 
 
-@njit(cache=True)
+@kernel
 def run(tree, axes, drive, state, room, record, timing):  # type: ignore[no-untyped-def]
     """Run the machine through all control periods of ``drive``.
 
@@ -214,7 +216,7 @@ def run(tree, axes, drive, state, room, record, timing):  # type: ignore[no-unty
     period, updates, substeps = timing
     na, P = len(axes.joint), axes.P
     h = period / updates
-    extra, target = np.zeros((2, na)), np.zeros(na)
+    extra, target = room.extra, room.target
     for k in range(len(drive.qr)):
         time = state.tick[0] * period
         control_all(axes, drive, state, record, k, target, period)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from pinotwin.arrays import Floats
+from pinotwin.virtual.jit import kernel
 from pinotwin.virtual.rigid import (
     Tree,
     body_forces,
@@ -16,7 +16,7 @@ from pinotwin.virtual.rigid import (
 )
 
 
-@njit(cache=True)
+@kernel
 def _composite(tree, pose):  # type: ignore[no-untyped-def]
     """Fill the composite inertia of everything that each joint carries."""
     E, r, cm, ch, cI = pose.E, pose.r, pose.cm, pose.ch, pose.cI
@@ -64,7 +64,7 @@ def _composite(tree, pose):  # type: ignore[no-untyped-def]
         cI[j, 2, 1] -= yz
 
 
-@njit(cache=True)
+@kernel
 def mass_matrix(tree, pose, M):  # type: ignore[no-untyped-def]
     """Fill the joint-space mass matrix with armature, shape (nv, nv); needs :func:`place`."""
     _composite(tree, pose)
@@ -106,7 +106,7 @@ def mass_matrix(tree, pose, M):  # type: ignore[no-untyped-def]
             M[j, i] = M[i, j]
 
 
-@njit(cache=True)
+@kernel
 def _cholesky(M, L):  # type: ignore[no-untyped-def]
     """Fill the lower triangle of ``L`` with the Cholesky factor of ``M``."""
     for i in range(len(M)):
@@ -117,7 +117,7 @@ def _cholesky(M, L):  # type: ignore[no-untyped-def]
             L[i, j] = np.sqrt(x) if i == j else x / L[j, j]
 
 
-@njit(cache=True)
+@kernel
 def invert(M, W, inverse):  # type: ignore[no-untyped-def]
     """Fill ``inverse`` with M^-1 by Cholesky (``W`` is room), all of shape (nv, nv)."""
     nv = len(M)

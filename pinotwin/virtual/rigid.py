@@ -13,9 +13,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.virtual.jit import kernel
 
 
 class Tree(NamedTuple):
@@ -85,7 +85,7 @@ def empty_pose(nv: int) -> Pose:
     return Pose(z(m), z(v), z(m), z(v), z(v), z(v), z(v), z(v), z(v), z(nv), z(v), z(m))
 
 
-@njit(cache=True)
+@kernel
 def place(tree, q, pose):  # type: ignore[no-untyped-def]
     """Fill ``pose.E`` and ``pose.r`` for the positions ``q``, shape (nv,)."""
     P, E, r, axis, offset, rotary = (
@@ -112,7 +112,7 @@ def place(tree, q, pose):  # type: ignore[no-untyped-def]
                 r[i, k] = offset[i, k] + (p0 * x + p1 * y + p2 * z) * q[i]
 
 
-@njit(cache=True)
+@kernel
 def place_in_world(tree, pose):  # type: ignore[no-untyped-def]
     """Fill ``pose.R`` and ``pose.p`` from ``pose.E`` and ``pose.r``."""
     E, r, R, p, parent = pose.E, pose.r, pose.R, pose.p, tree.parent
@@ -130,7 +130,7 @@ def place_in_world(tree, pose):  # type: ignore[no-untyped-def]
                 R[i, k, m] = R0 * E[i, 0, m] + R1 * E[i, 1, m] + R2 * E[i, 2, m]
 
 
-@njit(cache=True)
+@kernel
 def move(tree, v, acc, pose):  # type: ignore[no-untyped-def]
     """Fill velocities and accelerations of the bodies; gravity enters as -g at the base."""
     E, r, w, dw, a = pose.E, pose.r, pose.w, pose.dw, pose.a
@@ -166,7 +166,7 @@ def move(tree, v, acc, pose):  # type: ignore[no-untyped-def]
             a[i, 2] += 2.0 * tz * v[i] + sz * acc[i]
 
 
-@njit(cache=True)
+@kernel
 def body_forces(tree, pose):  # type: ignore[no-untyped-def]
     """Fill ``pose.f`` and ``pose.n`` with what the motion of each body asks for."""
     w, dw, a, f, n = pose.w, pose.dw, pose.a, pose.f, pose.n
@@ -190,27 +190,36 @@ def body_forces(tree, pose):  # type: ignore[no-untyped-def]
         n[i, 2] += wx * ly - wy * lx + hx * ay - hy * ax
 
 
-@njit(cache=True)
-def apply_load(pose, body, point, load):  # type: ignore[no-untyped-def]
+@kernel
+def apply_load(pose, body, point, load, at):  # type: ignore[no-untyped-def]
     """Subtract an external load from one body; needs ``pose.R``.
 
     Args:
         pose: the evaluation.
         body: index of the body.
-        point: where the load acts, body axes [m], shape (3,).
-        load: force and moment in world axes [N, N·m], shape (6,).
+        point: where the loads act, body axes [m], shape (nl, 3).
+        load: forces and moments in world axes [N, N·m], shape (n, nl, 6).
+        at: row and number of the load.
     """
-    R, f, n = pose.R[body], np.empty(3), np.empty(3)
-    for k in range(3):
-        f[k] = R[0, k] * load[0] + R[1, k] * load[1] + R[2, k] * load[2]
-        n[k] = R[0, k] * load[3] + R[1, k] * load[4] + R[2, k] * load[5]
-        pose.f[body, k] -= f[k]
-    pose.n[body, 0] -= n[0] + point[1] * f[2] - point[2] * f[1]
-    pose.n[body, 1] -= n[1] + point[2] * f[0] - point[0] * f[2]
-    pose.n[body, 2] -= n[2] + point[0] * f[1] - point[1] * f[0]
+    k, m = at
+    R, f, n = pose.R, pose.f, pose.n
+    fx, fy, fz, nx, ny, nz = (
+        load[k, m, 0], load[k, m, 1], load[k, m, 2], load[k, m, 3], load[k, m, 4], load[k, m, 5],
+    )  # fmt: skip
+    b0 = R[body, 0, 0] * fx + R[body, 1, 0] * fy + R[body, 2, 0] * fz
+    b1 = R[body, 0, 1] * fx + R[body, 1, 1] * fy + R[body, 2, 1] * fz
+    b2 = R[body, 0, 2] * fx + R[body, 1, 2] * fy + R[body, 2, 2] * fz
+    for i in range(3):
+        n[body, i] -= R[body, 0, i] * nx + R[body, 1, i] * ny + R[body, 2, i] * nz
+    f[body, 0] -= b0
+    f[body, 1] -= b1
+    f[body, 2] -= b2
+    n[body, 0] -= point[m, 1] * b2 - point[m, 2] * b1
+    n[body, 1] -= point[m, 2] * b0 - point[m, 0] * b2
+    n[body, 2] -= point[m, 0] * b1 - point[m, 1] * b0
 
 
-@njit(cache=True)
+@kernel
 def joint_efforts(tree, pose, tau):  # type: ignore[no-untyped-def]
     """Fold the body forces towards the ground; fills ``tau``, shape (nv,), armature left out."""
     E, r, f, n = pose.E, pose.r, pose.f, pose.n

@@ -91,7 +91,7 @@ class State(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Scratch arrays of :func:`run`."""
+    """Scratch arrays of :func:`~pinotwin.virtual.kernel.run`."""
 
     pose: Pose
     M: Floats
@@ -102,6 +102,8 @@ class Room(NamedTuple):
     qh: Floats
     vh: Floats
     still: Floats
+    extra: Floats
+    target: Floats
 
 
 class Record(NamedTuple):

@@ -1,0 +1,7 @@
+"""Simulation of an identified machine: the command in, position, tracking error and effort out."""
+
+from __future__ import annotations
+
+from pinotwin.simulation.run import Response, respond, simulate
+
+__all__ = ["Response", "respond", "simulate"]

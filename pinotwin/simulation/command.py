@@ -1,0 +1,176 @@
+"""The command of a log, checked, in joint coordinates, on an even clock; and the way back.
+
+Only ``t``, ``<axis>.qr`` and external loads ``<link>.fx`` ... are looked at: a simulation must not know
+what was measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.columns import LOAD_SIGNALS, bind
+from pinotwin.dynamics.frames import external_effort
+from pinotwin.errors import DataError, LogError, nearest
+from pinotwin.log import Log
+from pinotwin.loop import command_rates
+from pinotwin.machine import Machine
+from pinotwin.signals import segments
+
+FEWEST = 8
+"""Rows below which there is nothing to simulate."""
+_SHOWN = 5
+_BLOCK = 50000
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a log asks of a machine; n rows on an even clock.
+
+    Attributes:
+        t: time stamps of the log [s], shape (m,).
+        clock: the even clock, shape (n,); the log's own rows where that is even already.
+        step: its interval [s].
+        qr: joint command [m or rad], shape (n, nv); zero for passive joints.
+        vr: its velocity, by cubic spline, shape (n, nv).
+        external: joint effort of external loads [N or N·m], shape (n, nv), or (1, nv) zeros.
+        even: whether the log's own clock is the even one.
+        source: where the log came from.
+        notes: what was done to it.
+    """
+
+    t: Floats
+    clock: Floats
+    step: float
+    qr: Floats
+    vr: Floats
+    external: Floats
+    even: bool
+    source: str
+    notes: tuple[str, ...]
+
+    def at_stamps(self, x: Floats) -> Floats:
+        """Return a result of shape (n, k) at the time stamps of the log, shape (m, k)."""
+        return x if self.even else np.asarray(CubicSpline(self.clock, x)(self.t), dtype=float)
+
+
+def request(machine: Machine, log: Log) -> Request:
+    """Return the command of a log.
+
+    Raises:
+        LogError: a command is missing, has NaN, or the time does not advance.
+    """
+    log = bind(log, machine.columns)
+    _require(machine, log)
+    t = np.asarray(log.t, dtype=float)
+    even, clock, notes = _clock(log)
+    q = _joint_commands(machine, log)
+    if not even:
+        q = np.asarray(CubicSpline(t, q)(clock), dtype=float)
+    step = float(clock[-1] - clock[0]) / (len(clock) - 1)
+    vr = np.stack([command_rates(x, step)[0] for x in q.T], axis=1)
+    external = _external(machine, log, t, clock, q)
+    return Request(t, clock, step, q, vr, external, even, log.source, notes)
+
+
+def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tuple[Floats, ...]:
+    """Return joint position, error and effort as the log counts them: zero shifts, transmission."""
+    zero = np.zeros(machine.nv)
+    for axis in machine.axes.values():
+        zero[axis.index] = axis.zero
+    q = q - zero
+    if machine.transmission is None:
+        return q, e, u
+    N = machine.transmission
+    return q @ N.T, e @ N.T, np.linalg.solve(N.T, u.T).T
+
+
+def _require(machine: Machine, log: Log) -> None:
+    """Refuse a log without time or commands, or with holes in them."""
+    if "t" not in log:
+        raise LogError(f"{log.source}: no time channel t; name its column in machine.yaml")
+    names = [f"{name}.qr" for name in machine.axes]
+    for name in names:
+        if name not in log:
+            raise LogError(
+                f"{log.source}: no channel {name}; a simulation needs the command of every axis; name "
+                f"its column under `columns` in machine.yaml; {nearest(name, log.channels)}"
+            )
+    if len(log) < FEWEST:
+        raise DataError(f"{log.source}: {len(log)} rows, at least {FEWEST} are needed to simulate")
+    for name in ("t", *names):
+        bad = np.flatnonzero(~np.isfinite(log[name]))
+        if len(bad):
+            rows = ", ".join(str(k + 1) for k in bad[:_SHOWN])
+            more = f" and {len(bad) - _SHOWN} more" if len(bad) > _SHOWN else ""
+            raise LogError(
+                f"{log.source}: channel {name} is not a number in row {rows}{more}; a command must have "
+                "no holes: cut the log there"
+            )
+    late = np.flatnonzero(np.diff(log.t) < 0.0)
+    if len(late):
+        raise LogError(f"{log.source}: time runs backward at row {late[0] + 2}; sort the log by t")
+
+
+def _clock(log: Log) -> tuple[bool, Floats, tuple[str, ...]]:
+    """Return whether the log is evenly sampled, an even clock, and notes."""
+    t = log.t
+    if len(segments(t)) == 1:
+        return True, np.linspace(t[0], t[-1], len(t)), ()
+    gaps = np.diff(t)
+    if np.any(gaps == 0.0):
+        row = int(np.flatnonzero(gaps == 0.0)[0]) + 2
+        raise LogError(f"{log.source}: time stands still at row {row}; give every row its own time")
+    step = float(np.median(gaps))
+    count = round((t[-1] - t[0]) / step) + 1
+    note = (
+        f"time stamps are uneven (longest interval {gaps.max():.4g} s, usual {step:.4g} s): the command "
+        "was interpolated by a cubic spline onto an even clock"
+    )
+    return False, np.linspace(t[0], t[-1], count), (note,)
+
+
+def _joint_commands(machine: Machine, log: Log) -> Floats:
+    """Return commands in joint coordinates, ``q = N^-1 q_motor + zero``, shape (n, nv)."""
+    q = np.zeros((len(log), machine.nv))
+    for name, axis in machine.axes.items():
+        q[:, axis.index] = log[f"{name}.qr"]
+    if machine.transmission is not None:
+        q = np.linalg.solve(machine.transmission, q.T).T
+    for axis in machine.axes.values():
+        q[:, axis.index] += axis.zero
+    return q
+
+
+def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats) -> Floats:
+    """Return J(q)^T f of the logged loads, at the commanded posture.
+
+    The tracking error turns J by micrometres over the arm of the load: not worth a loop.
+    """
+    links = sorted({c.rsplit(".", 1)[0] for c in log.channels if _is_load(c)})
+    frames = {frame.name for frame in machine.model.frames}
+    total = np.zeros((len(q) if links else 1, machine.nv))
+    for link in links:
+        if link not in frames:
+            raise LogError(
+                f"{log.source}: external load on {link!r}, which is no link of {machine.name}; "
+                f"{nearest(link, frames)}"
+            )
+        wrench = np.zeros((len(q), 6))
+        for k, part in enumerate(LOAD_SIGNALS):
+            if f"{link}.{part}" in log:
+                values = np.nan_to_num(log[f"{link}.{part}"])
+                wrench[:, k] = np.interp(clock, t, values)
+        acts: Mask = np.any(wrench != 0.0, axis=1)
+        for start in range(0, len(q), _BLOCK):
+            rows = start + np.flatnonzero(acts[start : start + _BLOCK])
+            if len(rows):
+                total[rows] += external_effort(machine.model, link, q[rows], wrench[rows])
+    return total
+
+
+def _is_load(channel: str) -> bool:
+    return channel.rsplit(".", 1)[-1] in LOAD_SIGNALS

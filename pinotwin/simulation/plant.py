@@ -1,0 +1,116 @@
+"""The nonlinear side of a simulated machine: rigid body on a tape, effects in tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.dynamics.parameters import parameter_count
+from pinotwin.dynamics.tape import Tape, record
+from pinotwin.effects import Effect, RigidBody
+from pinotwin.simulation import kernel
+from pinotwin.simulation.tables import Tables, tabulate
+
+if TYPE_CHECKING:
+    from pinotwin.twin import Twin
+
+INTERNAL = 2.5e-4
+"""Longest internal step unless told otherwise [s]."""
+SHORTEST = 1e-5
+"""Shortest internal step that the stiffness of friction may ask for [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """What the generalised disturbance is made of.
+
+    Attributes:
+        tape: rigid body.
+        tables: effects that are functions of position or of speed and direction.
+        other: effects that are not, with their coefficients.
+        diagonal: M_D, C and K, shape (3, nv).
+        limit: largest tracking error that is still believed, shape (nv,).
+    """
+
+    tape: Tape
+    tables: Tables
+    other: tuple[tuple[Effect, Floats], ...]
+    diagonal: Floats
+    limit: Floats
+
+    def substeps(self, sampling: float, step: float | None) -> int:
+        """Return the internal steps a sample; dry friction must not turn within one step.
+
+        The scheme is stable while (slope of friction over speed) h / M < 1 and, for presliding,
+        h sqrt(stiffness / M) is well below 2.
+        """
+        longest = min(INTERNAL if step is None else step, sampling)
+        tables, M = self.tables, np.maximum(self.diagonal[0], 1e-12)
+        for k, j in enumerate(tables.directions):
+            slope = max(float(np.abs(tables.dry[k]).max()) / tables.width[k], 1e-12)
+            longest = min(longest, max(0.3 * M[j] / slope, SHORTEST))
+        for k, j in enumerate(tables.slips):
+            slope = max(float(np.abs(tables.slip[k]).max() * np.mean(tables.give[k])), 1e-12)
+            longest = min(longest, max(0.3 * np.sqrt(M[j] / slope), SHORTEST))
+        return int(np.ceil(sampling / longest - 1e-9))
+
+    def arrays(self) -> tuple[kernel.Parts, kernel.Lookup]:
+        """Return what the kernel takes."""
+        tape = self.tape
+        parts = kernel.Parts(
+            tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, self._coupled(),
+            *(np.ascontiguousarray(x) for x in self.diagonal),
+        )  # fmt: skip
+        return parts, kernel.Lookup(*self.tables.arrays())
+
+    def state(self, blocks: int) -> kernel.State:
+        """Return a machine at rest at zero, with room for ``blocks`` blocks."""
+        nv, tables = self.diagonal.shape[1], self.tables
+        t = np.zeros(self.tape.size)
+        t[: len(self.tape.start)] = self.tape.start
+        joints = [np.zeros(nv) for _ in range(6)]
+        return kernel.State(
+            np.zeros((blocks, 2)), *joints, np.zeros((3, nv)), np.zeros(len(tables.directions)),
+            np.zeros(len(tables.directions)), np.zeros(tables.give.shape),
+            np.zeros(len(tables.slips)), t, np.zeros((nv, nv)), np.zeros(nv), np.zeros(nv),
+            np.zeros((nv, nv + 1)),
+        )  # fmt: skip
+
+    def _coupled(self) -> Ints:
+        """Return the joints whose row of M(q) - M_D can differ from zero."""
+        joints: set[int] = set()
+        constant = len(self.tape.start)
+        for i, j, place in self.tape.mass.tolist():
+            same = i == j and place < constant
+            if not same or abs(self.tape.start[place] / self.diagonal[0, i] - 1.0) > 1e-12:
+                joints |= {i, j}
+        return np.array(sorted(joints), dtype=np.intp)
+
+
+def plant_of(twin: Twin, qr: Floats, vr: Floats) -> Plant:
+    """Return the plant of a twin for the travel and speeds of a command, shape (n, nv)."""
+    machine = twin.machine
+    pairs = [(e, twin.theta[s]) for e, s in zip(twin.effects, twin.slices, strict=True)]
+    low, high = qr.min(axis=0), qr.max(axis=0)
+    some = np.where(machine.rotary, 0.2, 0.02)
+    margin = 0.25 * (high - low) + some
+    speed = 2.0 * np.abs(vr).max(axis=0) + some
+    tables = tabulate(machine, pairs, np.stack([low - margin, high + margin]), speed)
+    other = tuple(pairs[k] for k in tables.other)
+    diagonal = np.stack([np.asarray(twin.diagonal[k], dtype=float) for k in _TERMS])
+    return Plant(_tape(twin, pairs), tables, other, diagonal, margin)
+
+
+_TERMS = ("inertia", "viscous", "stiffness")
+
+
+def _tape(twin: Twin, pairs: list[tuple[Effect, Floats]]) -> Tape:
+    """Return the tape for the base parameters that were found; see :mod:`pinotwin.dynamics.tape`."""
+    pi = np.zeros(parameter_count(twin.machine.model))
+    for effect, theta in pairs:
+        if isinstance(effect, RigidBody):
+            pi[effect.base.independent] = theta
+    return record(twin.machine.model, pi)

@@ -1,0 +1,220 @@
+"""``simulate``: what the machine will do for a command, from a cold start, nothing measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.effects import Effect
+from pinotwin.errors import DataError, InputError, TwinError, nearest
+from pinotwin.log import Log
+from pinotwin.loop import Controller, LoopModel, couple
+from pinotwin.motion import Motion
+from pinotwin.simulation import kernel
+from pinotwin.simulation.blocks import lay_blocks
+from pinotwin.simulation.command import Request, motor_coordinates, request
+from pinotwin.simulation.plant import Plant, plant_of
+
+if TYPE_CHECKING:
+    from pinotwin.twin import Twin
+
+PASSES = 12
+_SAME = 1e-6  # change of the effort between passes, as a share of the largest
+
+Loops = Literal["black", "grey"] | Mapping[str, Controller]
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What the machine does; arrays of shape (n, nv) in joint coordinates, SI.
+
+    Attributes:
+        request: what was asked.
+        names: joint name of every column.
+        q: position.
+        v: velocity.
+        a: acceleration.
+        e: tracking error, command minus position.
+        u: motor effort.
+        d: generalised disturbance.
+        loops: the closed loops that were used.
+        substeps: internal steps a sample.
+        notes: what deserves attention.
+    """
+
+    request: Request
+    names: tuple[str, ...]
+    q: Floats
+    v: Floats
+    a: Floats
+    e: Floats
+    u: Floats
+    d: Floats
+    loops: Mapping[str, LoopModel]
+    substeps: int
+    notes: tuple[str, ...]
+
+
+def simulate(
+    twin: Twin, log: Log, *, step: float | None = None, controller: Loops = "black"
+) -> Log:
+    """Return position, tracking error and effort that the machine will show for a command.
+
+    Args:
+        twin: the machine, with its loops.
+        log: ``t``, ``<axis>.qr`` and, if any, external loads ``<link>.fx`` ...; nothing else of it is
+            used.
+        step: longest internal step [s]; the log's own sampling is kept for the result.
+        controller: ``"black"``: the identified transfer functions; ``"grey"``: the identified
+            controllers around the rigid plant; or controllers by axis, in place of identified ones.
+
+    Returns:
+        Channels ``t``, ``<axis>.q .e .u`` and ``<passive>.q .v``; SI, as the log counts them.
+
+    Raises:
+        LogError: a command is missing or has holes.
+        TwinError: the twin has no closed loop.
+        DataError: the simulated machine leaves its command.
+    """
+    found = respond(twin, log, step=step, controller=controller, full=bool(twin.machine.passive))
+    asked, machine = found.request, twin.machine
+    q, e, u = motor_coordinates(machine, *(asked.at_stamps(x) for x in (found.q, found.e, found.u)))
+    channels = {"t": asked.t}
+    for name, axis in machine.axes.items():
+        for kind, x in (("q", q), ("e", e), ("u", u)):
+            channels[f"{name}.{kind}"] = x[:, axis.index]
+    for name, part in machine.passive.items():
+        channels[f"{name}.q"] = q[:, part.index]
+        channels[f"{name}.v"] = asked.at_stamps(found.v)[:, part.index]
+    return Log(channels, source=f"simulation of {asked.source}", notes=found.notes)
+
+
+def respond(
+    twin: Twin, log: Log, *, step: float | None = None, controller: Loops = "black",
+    full: bool = True,
+) -> Response:  # fmt: skip
+    """Return the whole response in joint coordinates; see :func:`simulate`.
+
+    Args:
+        twin: the machine, with its loops.
+        log: the command.
+        step: longest internal step [s].
+        controller: see :func:`simulate`.
+        full: also keep v, a and d (else they have no rows).
+    """
+    if step is not None and not step > 0.0:
+        raise InputError(f"step: {step} s must be positive")
+    if not twin.diagonal:
+        raise TwinError(f"{twin.machine.name}: the twin holds no diagonal; identify it again")
+    asked = request(twin.machine, log)
+    loops, notes = chosen_loops(twin, controller)
+    plant = plant_of(twin, asked.qr, asked.vr)
+    substeps = plant.substeps(asked.step, step)
+    extra = np.zeros((1, twin.machine.nv))
+    for k in range(PASSES):
+        out = _run(twin, asked, plant, loops, substeps, extra, full or bool(plant.other))
+        if not plant.other:
+            break
+        motion = as_motion(twin, asked, out)
+        update = _other_effort(plant.other, motion)
+        change = np.abs(update - extra).max() / max(np.abs(update).max(), 1e-300)
+        extra = update
+        if change <= _SAME:
+            break
+        if k == PASSES - 1:
+            notes = (*notes, f"effects without a table still change by {change:.1g} of their size")
+    notes = (*asked.notes, *_rates(loops, asked.step), *notes)
+    return replace(
+        out, notes=notes
+    ) if full else replace(out, notes=notes, v=out.v[:0], a=out.a[:0], d=out.d[:0])  # fmt: skip
+
+
+def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], tuple[str, ...]]:
+    """Return the loops to simulate with, and notes about axes without one."""
+    axes = twin.machine.axes
+    if controller == "black":
+        loops = dict(twin.loops)
+    else:
+        given = twin.controllers if controller == "grey" else controller
+        if isinstance(given, str):
+            raise InputError(f"controller: {given!r}; {nearest(given, ('black', 'grey'))}")
+        for name in given:
+            if name not in axes:
+                raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
+        M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
+        loops = {
+            name: couple(law, float(M[axes[name].index]), float(C[axes[name].index]), axis=name)
+            for name, law in {**twin.controllers, **given}.items()
+        }
+    if not loops:
+        raise TwinError(
+            f"{twin.machine.name}: the twin has no closed loop; identify it from a log that holds the "
+            "command <axis>.qr of the axes that move"
+        )
+    ideal = [name for name in axes if name not in loops]
+    if not ideal:
+        return loops, ()
+    return loops, (f"no closed loop of {', '.join(ideal)}: follows its command exactly",)
+
+
+def as_motion(twin: Twin, asked: Request, found: Response) -> Motion:
+    """Return a response as a motion, so that effects can be evaluated on it."""
+    n = len(found.q)
+    external = asked.external
+    return Motion(
+        names=twin.machine.names, rotary=twin.machine.rotary, t=asked.clock, q=found.q, v=found.v,
+        a=found.a, u=found.u, segments=(slice(0, n),), step=asked.step,
+        use=np.ones(found.q.shape, dtype=bool), qr=asked.qr, vr=asked.vr,
+        external=external if len(external) == n else None, source=asked.source,
+    )  # fmt: skip
+
+
+def _other_effort(other: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
+    """Return the effort of the effects that have no table, shape (n, nv)."""
+    total = np.zeros(motion.q.shape)
+    for effect, theta in other:
+        total += effect.columns(motion).effort(theta, total.shape[1])
+    return total
+
+
+def _rates(loops: Mapping[str, LoopModel], step: float) -> tuple[str, ...]:
+    """Return a note where the log is sampled otherwise than the loops were identified."""
+    steps = {round(loop.step, 9) for loop in loops.values()}
+    if all(abs(step / s - 1.0) < 0.01 for s in steps):
+        return ()
+    found = ", ".join(f"{1.0 / s:g} Hz" for s in sorted(steps))
+    return (
+        f"log at {1.0 / step:.6g} Hz, loops identified at {found}: the command was interpolated "
+        "between the samples of the log",
+    )
+
+
+def _run(  # noqa: PLR0913
+    twin: Twin, asked: Request, plant: Plant, loops: Mapping[str, LoopModel], substeps: int,
+    extra: Floats, full: bool,
+) -> Response:  # fmt: skip
+    blocks = lay_blocks(twin.machine, loops, twin.diagonal, asked.step / substeps)
+    n, nv = asked.qr.shape
+    load = np.ascontiguousarray(asked.external - extra)
+    command = kernel.Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
+    rows = n if full else 0
+    out = kernel.Record(
+        *(np.zeros((n, nv)) for _ in range(3)), *(np.zeros((rows, nv)) for _ in range(3))
+    )
+    state = plant.state(len(blocks.A))
+    arrays = plant.arrays()
+    kernel.settle(*arrays, blocks, command, state)
+    row, joint = kernel.run(*arrays, blocks, command, state, out)
+    if row >= 0:
+        raise DataError(
+            f"{twin.machine.name}: the simulation leaves its command at t = {asked.clock[row]:.4g} s on "
+            f"axis {twin.machine.names[joint]}: tracking error beyond {plant.limit[joint]:.3g}; the twin's "
+            "loop and plant do not fit together, identify it again, or give a shorter step"
+        )
+    return Response(
+        asked, twin.machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ()
+    )

@@ -1,0 +1,241 @@
+"""Effects as tables that a compiled loop can look up, made by evaluating the effects themselves.
+
+A simulation needs the effort of one sample at a time; an effect gives columns for a whole motion.
+What an effect says of itself (``Effect.depends``) tells how to tabulate it:
+
+    position       tau = f(q):            one dense table over the travel, linear in between
+    velocity       tau = f(v):            a table over |v| for each sign of v
+    direction      tau = d+ g+(|v|) + d- g-(|v|),   d the direction with memory
+    displacement   tau = z g(|v|),        z the mean of the slip elements
+
+The knots over |v| lie at v_max (k / n)², so that a Stribeck speed of 0.1 % of v_max is still well
+resolved. What fits none of these forms is returned as ``other``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.effects import Effect, RigidBody
+from pinotwin.effects.direction import default_width
+from pinotwin.effects.presliding import YIELDS
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+
+SPEEDS = 1024
+"""Intervals of a table over speed."""
+_FINE = 2e-5
+"""A position table is refined until its midpoints are off by less than this share of its range."""
+_MOST = 1 << 18
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Efforts of all axes as tables; see the module.
+
+    Attributes:
+        position: all position tables, one after the other.
+        place: first entry and number of entries of each joint's table, shape (nv, 2).
+        grid: first position and inverse spacing, shape (nv, 2).
+        velocity: over |v| for v >= 0 and v < 0, shape (nv, 2, SPEEDS + 1).
+        speed: largest speed of the tables, shape (nv,).
+        directions: joint of each dry-friction element, shape (k,).
+        width: its width [m/s or rad/s], shape (k,).
+        dry: g+ and g- of each, shape (k, 2, SPEEDS + 1).
+        slips: joint of each presliding element, shape (m,).
+        give: inverse yield displacements of its six elements, shape (m, 6).
+        slip: g of each, shape (m, SPEEDS + 1).
+        other: indices of the effects that fit no table.
+    """
+
+    position: Floats
+    place: Ints
+    grid: Floats
+    velocity: Floats
+    speed: Floats
+    directions: Ints
+    width: Floats
+    dry: Floats
+    slips: Ints
+    give: Floats
+    slip: Floats
+    other: tuple[int, ...]
+
+    def arrays(self) -> tuple[Floats | Ints, ...]:
+        """Return the arrays in the order in which the kernel takes them."""
+        return (
+            self.position, self.place, self.grid, self.velocity, self.speed, self.directions,
+            self.width, self.dry, self.slips, self.give, self.slip,
+        )  # fmt: skip
+
+
+def tabulate(
+    machine: Machine, effects: Sequence[tuple[Effect, Floats]], travel: Floats, speed: Floats
+) -> Tables:
+    """Return the tables of all effects but the rigid body.
+
+    Viscous and spring effects are left out: they belong to the linear part (C and K).
+
+    Args:
+        machine: whose effects they are.
+        effects: each with its coefficients.
+        travel: range of positions to cover, shape (2, nv).
+        speed: largest speed to cover, shape (nv,).
+    """
+    nv = machine.nv
+    v = [s * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for s in speed]
+    forms: dict[str, list[tuple[Effect, Floats]]] = {}
+    other: list[int] = []
+    for k, (effect, theta) in enumerate(effects):
+        if isinstance(effect, RigidBody) or effect.causes[0] in ("viscous", "stiffness"):
+            continue
+        if effect.depends == "other":
+            other.append(k)
+        forms.setdefault(effect.depends, []).append((effect, theta))
+    tables, grid = [], np.zeros((nv, 2))
+    for i in range(nv):
+        own = _of(machine, forms.get("position", ()), i)
+        efforts = [partial(_effort, machine, e, theta, i) for e, theta in own]
+        values, (start, spacing) = _dense(efforts, [e for e, _ in own], travel[:, i])
+        tables.append(values)
+        grid[i] = start, 1.0 / spacing
+    counts = np.array([len(t) for t in tables], dtype=np.intp)
+    velocity = np.zeros((nv, 2, SPEEDS + 1))
+    for i in range(nv):
+        for effect, theta in _of(machine, forms.get("velocity", ()), i):
+            effort = partial(_effort, machine, effect, theta, i)
+            velocity[i] += effort(v=v[i]), effort(v=-v[i])
+    dry = _merge(machine, forms.get("direction", ()), _width, lambda f, i: _both_ways(f, v[i]))
+    slip = _merge(machine, forms.get("displacement", ()), _bend, lambda f, i: _sliding(f, v[i]))
+    return Tables(
+        position=np.concatenate(tables),
+        place=np.stack([np.cumsum(counts) - counts, counts], axis=1),
+        grid=grid,
+        velocity=velocity,
+        speed=np.asarray(speed, dtype=float),
+        directions=np.array([i for i, _ in dry], dtype=np.intp),
+        width=np.array([x for _, x in dry], dtype=float),
+        dry=np.array(list(dry.values())).reshape(-1, 2, SPEEDS + 1),
+        slips=np.array([i for i, _ in slip], dtype=np.intp),
+        give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
+        slip=np.array(list(slip.values())).reshape(-1, SPEEDS + 1),
+        other=tuple(other),
+    )
+
+
+_Effort = Callable[..., Floats]
+
+
+def _of(
+    machine: Machine, effects: Sequence[tuple[Effect, Floats]], i: int
+) -> list[tuple[Effect, Floats]]:
+    """Return the effects of one joint."""
+    return [x for x in effects if x[0].axis is not None and machine.names.index(x[0].axis) == i]
+
+
+def _effort(  # noqa: PLR0913
+    machine: Machine, effect: Effect, theta: Floats, i: int, *,
+    q: Floats | None = None, v: Floats | None = None, a: Floats | None = None,
+) -> Floats:  # fmt: skip
+    """Return the effort of an effect on joint i for made-up samples, shape (n,)."""
+    n = max(len(x) for x in (q, v, a) if x is not None)
+    out = np.empty(n)
+    for start in range(0, n, 20000):  # the columns of a table are wide
+        rows = slice(start, start + 20000)
+        given = [None if x is None else x[rows] for x in (q, v, a)]
+        out[rows] = effect.columns(_motion(machine, i, given)).effort(theta, machine.nv)[:, i]
+    return out
+
+
+def _motion(machine: Machine, i: int, given: Sequence[Floats | None]) -> Motion:
+    n = max(len(x) for x in given if x is not None)
+    parts = []
+    for x in given:
+        values = np.zeros((n, machine.nv))
+        if x is not None:
+            values[:, i] = x
+        parts.append(values)
+    q, v, a = parts
+    return Motion(
+        names=machine.names, rotary=machine.rotary, t=np.arange(n, dtype=float), q=q, v=v, a=a,
+        u=np.zeros_like(q), segments=(slice(0, n),), step=1.0,
+        use=np.ones(q.shape, dtype=bool), source="table",
+    )  # fmt: skip
+
+
+def _dense(
+    efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats
+) -> tuple[Floats, Floats]:
+    """Return the sum of position efforts on an even grid, and the grid's start and spacing.
+
+    The grid is refined until linear interpolation will do. Knots of a table lie on the grid, so that
+    its corners cost nothing.
+    """
+    if not efforts:
+        return np.zeros(1), np.array([travel[0], 1.0])
+    start, spacing = _first_grid(effects, travel)
+    while True:
+        count = int(np.ceil((travel[1] - start) / spacing))
+        q = start + 0.5 * spacing * np.arange(2 * count + 1)
+        values: Floats = np.sum([f(q=q) for f in efforts], axis=0)
+        error = np.abs(values[1::2] - 0.5 * (values[:-1:2] + values[2::2])).max()
+        if error <= _FINE * np.ptp(values):
+            return values[::2], np.array([start, spacing])
+        spacing *= 0.5
+        if 2 * count >= _MOST:
+            return values, np.array([start, spacing])
+
+
+def _first_grid(effects: Sequence[Effect], travel: Floats) -> tuple[float, float]:
+    """Return start and spacing of the first grid to try: on the knots of the finest table, if any."""
+    tables = [np.asarray(e.knots) for e in effects if hasattr(e, "knots")]
+    if not tables:
+        return float(travel[0]), float(travel[1] - travel[0]) / 256.0
+    knots = min(tables, key=lambda k: float(k[1] - k[0]))
+    spacing = float(knots[1] - knots[0])
+    return float(knots[0] - np.ceil((knots[0] - travel[0]) / spacing) * spacing), spacing
+
+
+def _both_ways(effort: _Effort, v: Floats) -> Floats:
+    """Return g+ and g-: an axis that slows down keeps its direction, whatever the width."""
+    slow = v[::-1]
+    plus = effort(v=slow, a=np.where(slow > 0.0, -1.0, 0.0))[::-1]
+    minus = effort(v=-slow, a=np.where(slow > 0.0, 1.0, 0.0))[::-1]
+    return np.stack([plus, minus])
+
+
+def _sliding(effort: _Effort, v: Floats) -> Floats:
+    """Return g(|v|): every slip element bent to its end."""
+    q = 1e6 * np.arange(1, len(v) + 1)
+    return effort(q=np.concatenate([[0.0], q]), v=np.concatenate([[0.0], v]))[1:]
+
+
+def _merge(
+    machine: Machine, effects: Sequence[tuple[Effect, Floats]],
+    shape: Callable[[Effect, bool], float], table: Callable[[_Effort, int], Floats],
+) -> dict[tuple[int, float], Floats]:  # fmt: skip
+    """Return tables by (joint, shape): elements of the same shape move together."""
+    found: dict[tuple[int, float], Floats] = {}
+    for effect, theta in effects:
+        assert effect.axis is not None
+        i = machine.names.index(effect.axis)
+        key = (i, shape(effect, machine.rotary[i]))
+        values = table(partial(_effort, machine, effect, theta, i), i)
+        found[key] = found[key] + values if key in found else values
+    return found
+
+
+def _width(effect: Effect, rotary: bool) -> float:
+    """Return the width of an element; a plain sign would chatter, so it turns over the usual one."""
+    width = getattr(effect, "width", None)
+    return float(width) if width else default_width(rotary)
+
+
+def _bend(effect: Effect, rotary: bool) -> float:
+    del rotary
+    return float(effect.x_s)  # type: ignore[attr-defined]
