@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.catalogue import families
+from pinotwin.diagnosis.catalogue import families, searched_families
 from pinotwin.diagnosis.catalogue.position import waves
 from pinotwin.diagnosis.context import Candidate, Context, Family
 from pinotwin.diagnosis.ledger import Ledger, Worth, build_ledger, sums, worth
@@ -90,12 +90,16 @@ class Settings:
     seed: int = 0
 
 
+Cache = dict[tuple[str, str | None], list[tuple[Family, list[Floats | None]]]]
+"""Whitened columns of families whose candidates do not depend on what was admitted."""
+
+
 def screen(
     context: Context,
     ledger: Ledger,
     settings: Settings,
     taken: Sequence[tuple[str, str | None]] = (),
-    tell: Callable[[float], None] | None = None,
+    cache: Cache | None = None,
 ) -> Screened:
     """Judge every family of the catalogue on a ledger.
 
@@ -104,19 +108,15 @@ def screen(
         ledger: of the base with what was admitted already, drawn efforts included.
         settings: see :class:`Settings`.
         taken: effects already admitted; they are not judged again.
-        tell: called with the share done.
+        cache: columns of an earlier screen of the same rows; filled and used.
     """
-    scan = _scanner(context, ledger)
     judged, tops = [], []
-    count = 26 * max(len(context.machine.axes), 1)
-    for number, family in enumerate(families(context, scan, leave_out=settings.leave_out)):
-        if (family[0].effect, family[0].axis) in taken:
+    for key, parts in _parts(context, ledger, settings, {} if cache is None else cache):
+        if key in taken:
             continue
-        found, top = _judge(family, ledger)
+        found, top = _judge(parts, ledger)
         judged.append(found)
         tops.append(top)
-        if tell is not None:
-            tell(min(number / count, 1.0))
     null = np.max(np.array(tops), axis=0) if tops else np.zeros(0)
     judged.sort(key=lambda j: -j.G)
     return Screened(tuple(judged), _quantile(null, settings.alpha), null)
@@ -131,22 +131,36 @@ def _quantile(null: Floats, alpha: float) -> float:
     return max(fitted, 8.0)
 
 
-def _judge(family: Family, ledger: Ledger) -> tuple[Judged, Floats]:
+def _parts(context: Context, ledger: Ledger, settings: Settings, cache: Cache):  # type: ignore[no-untyped-def]
+    """Yield (key, batches of candidates with their whitened columns) of every family."""
+    if not cache:
+        for family in families(context, leave_out=settings.leave_out):
+            key = (family[0].effect, family[0].axis)
+            cache[key] = [(p, _stacked(ledger.stage, p)) for p in _batches(family)]
+    yield from cache.items()
+    scan = _scanner(context, ledger)
+    for family in searched_families(context, scan, leave_out=settings.leave_out):
+        key = (family[0].effect, family[0].axis)
+        yield key, [(p, _stacked(ledger.stage, p)) for p in _batches(family)]
+
+
+def _judge(
+    parts: Sequence[tuple[Family, list[Floats | None]]], ledger: Ledger
+) -> tuple[Judged, Floats]:
     """Return the best of a family and, per draw, the largest gain in it."""
     best: Judged | None = None
     top = np.full(ledger.right.shape[2] - 1, -np.inf)
-    for part in _batches(family):
-        w = worth(ledger, sums(ledger, _stacked(ledger.stage, part)))
+    for part, stacked in parts:
+        w = worth(ledger, sums(ledger, stacked))
+        least = LEAST_SHARE_OF_POSITION if part[0].effect in POSITION else LEAST_SHARE
+        positive = np.array([c.positive for c in part])[:, None]
         G = w.G - np.array([c.price for c in part])[:, None]
-        positive = np.array([c.positive for c in part])
-        G = np.where(positive[:, None] & (w.sign < 0), -1e3, G)
-        seen = w.share > (LEAST_SHARE_OF_POSITION if family[0].effect in POSITION else LEAST_SHARE)
-        G = np.where(seen[:, None], G, -1e3)
+        G = np.where((positive & (w.sign < 0)) | (w.share <= least)[:, None], -1e3, G)
         if G.shape[1] > 1:
             top = np.maximum(top, G[:, 1:].max(axis=0))
         k = int(np.argmax(G[:, 0]))
         if best is None or G[k, 0] > best.G:
-            best = _row(part[k], w, k, float(G[k, 0]), bool(seen[k]))
+            best = _row(part[k], w, k, float(G[k, 0]), bool(w.share.max() > least))
     assert best is not None
     return best, top
 

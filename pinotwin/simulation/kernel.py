@@ -78,10 +78,11 @@ class Lookup(NamedTuple):
     position: Floats
     place: Ints
     grid: Floats
+    slowness: Floats
+    speeds: Ints
     velocity: Floats
-    speed: Floats
     directions: Ints
-    width: Floats
+    slope: Floats
     dry: Floats
     slips: Ints
     give: Floats
@@ -121,6 +122,8 @@ class State(NamedTuple):
         e: tracking error.
         u: effort.
         c: command now and its two derivatives, shape (3, nv).
+        p: its coefficients in the present interval, shape (4, nv).
+        pace: place of each joint's speed in the tables over speed, shape (nv,).
         turn: direction of each dry-friction element, shape (k,).
         before: velocity of each element's joint at the last step, shape (k,).
         bend: bend of the slip elements, shape (m, 6).
@@ -140,6 +143,8 @@ class State(NamedTuple):
     e: Floats
     u: Floats
     c: Floats
+    p: Floats
+    pace: Floats
     turn: Floats
     before: Floats
     bend: Floats
@@ -177,24 +182,23 @@ def _flush(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _command(command, row, share, c):  # type: ignore[no-untyped-def]
-    """Fill c with the command between two rows: cubic through positions and velocities."""
+def _cubic(command, row, p):  # type: ignore[no-untyped-def]
+    """Fill p with the coefficients of the command from a row to the next, in shares of the interval."""
     h = command.step
-    s, s2, s3 = share, share * share, share * share * share
+    for j in range(p.shape[1]):
+        q0, v0 = command.qr[row, j], h * command.vr[row, j]
+        dq, v1 = command.qr[row + 1, j] - q0, h * command.vr[row + 1, j]
+        p[0, j], p[1, j] = q0, v0
+        p[2, j], p[3, j] = 3.0 * dq - 2.0 * v0 - v1, v0 + v1 - 2.0 * dq
+
+
+@njit(cache=True)
+def _command(p, rate, s, c):  # type: ignore[no-untyped-def]
+    """Fill c with the command and its two derivatives at the share s of an interval."""
     for j in range(c.shape[1]):
-        q0, v0 = command.qr[row, j], command.vr[row, j]
-        if s == 0.0:
-            q1, v1 = command.qr[row, j], command.vr[row, j]
-            if row + 1 < len(command.qr):
-                q1, v1 = command.qr[row + 1, j], command.vr[row + 1, j]
-        else:
-            q1, v1 = command.qr[row + 1, j], command.vr[row + 1, j]
-        dq = q1 - q0
-        c[0, j] = q0 + dq * (3.0 * s2 - 2.0 * s3) + h * (v0 * (s - 2.0 * s2 + s3) + v1 * (s3 - s2))
-        c[1, j] = (
-            dq / h * 6.0 * (s - s2) + v0 * (1.0 - 4.0 * s + 3.0 * s2) + v1 * (3.0 * s2 - 2.0 * s)
-        )
-        c[2, j] = (dq / h * (6.0 - 12.0 * s) + v0 * (6.0 * s - 4.0) + v1 * (6.0 * s - 2.0)) / h
+        c[0, j] = p[0, j] + s * (p[1, j] + s * (p[2, j] + s * p[3, j]))
+        c[1, j] = rate * (p[1, j] + s * (2.0 * p[2, j] + s * 3.0 * p[3, j]))
+        c[2, j] = rate * rate * (2.0 * p[2, j] + 6.0 * s * p[3, j])
 
 
 @njit(cache=True)
@@ -232,14 +236,12 @@ def _outputs(blocks, j, c, s, e, e1, e2, u):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _at(table, speed, v):  # type: ignore[no-untyped-def]
-    """Return a table over speed at |v|; its last value beyond the end."""
-    n = len(table) - 1
-    place = np.sqrt(min(v / speed, 1.0)) * n
-    k = min(int(place), n - 1)
-    low, high = float(k) * k, (k + 1.0) * (k + 1.0)
-    share = (min(v / speed, 1.0) * n * n - low) / (high - low)
-    return table[k] + share * (table[k + 1] - table[k])
+def _at(table, place):  # type: ignore[no-untyped-def]
+    """Return a table at a place between 0 and its last index."""
+    k = int(place)
+    if k > len(table) - 2:
+        k = len(table) - 2
+    return table[k] + (place - k) * (table[k + 1] - table[k])
 
 
 @njit(cache=True)
@@ -248,39 +250,57 @@ def _along(tables, j, q):  # type: ignore[no-untyped-def]
     start, n = tables.place[j, 0], tables.place[j, 1]
     if n < 2:
         return 0.0
-    place = min(max((q - tables.grid[j, 0]) * tables.grid[j, 1], 0.0), n - 1.0)
-    k = min(int(place), n - 2)
-    low = tables.position[start + k]
-    return low + (place - k) * (tables.position[start + k + 1] - low)
+    place = (q - tables.grid[j, 0]) * tables.grid[j, 1]
+    if place < 0.0:
+        place = 0.0
+    if place > n - 1.0:
+        place = n - 1.0
+    return _at(tables.position[start : start + n], place)
+
+
+@njit(cache=True)
+def _clip(x):  # type: ignore[no-untyped-def]
+    """Return x within [-1, 1]."""
+    if x > 1.0:
+        return 1.0
+    return -1.0 if x < -1.0 else x
+
+
+@njit(cache=True)
+def _pace(tables, s):  # type: ignore[no-untyped-def]
+    """Fill the place of every joint's speed in the tables over speed."""
+    n = float(tables.velocity.shape[2] - 1)
+    for j in range(len(s.v)):
+        share = abs(s.v[j]) * tables.slowness[j]
+        s.pace[j] = n * np.sqrt(share) if share < 1.0 else n
 
 
 @njit(cache=True)
 def _friction(tables, s):  # type: ignore[no-untyped-def]
     """Add the efforts of velocity, direction and displacement to r; move their memory."""
-    for j in range(len(s.r)):
-        v = s.v[j]
-        side = 0 if v >= 0.0 else 1
-        if tables.speed[j] > 0.0:
-            s.r[j] += _at(tables.velocity[j, side], tables.speed[j], abs(v))
+    _pace(tables, s)
+    for k in range(len(tables.speeds)):
+        j = tables.speeds[k]
+        s.r[j] += _at(tables.velocity[k, 0 if s.v[j] >= 0.0 else 1], s.pace[j])
     for k in range(len(tables.directions)):
         j = tables.directions[k]
         v = s.v[j]
         dv = v - s.before[k]
         if v * dv > 0.0:
-            s.turn[k] = min(1.0, max(-1.0, s.turn[k] + dv / tables.width[k]))
+            s.turn[k] = _clip(s.turn[k] + dv * tables.slope[k])
         s.before[k] = v
         turn = s.turn[k]
-        side = 0 if turn >= 0.0 else 1
-        s.r[j] += abs(turn) * _at(tables.dry[k, side], tables.speed[j], abs(v))
+        s.r[j] += abs(turn) * _at(tables.dry[k, 0 if turn >= 0.0 else 1], s.pace[j])
     for k in range(len(tables.slips)):
         j = tables.slips[k]
         dq = s.q[j] - s.where[k]
         s.where[k] = s.q[j]
         total, m = 0.0, tables.give.shape[1]
         for i in range(m):
-            s.bend[k, i] = min(1.0, max(-1.0, s.bend[k, i] + dq * tables.give[k, i]))
-            total += s.bend[k, i]
-        s.r[j] += total / m * _at(tables.slip[k], tables.speed[j], abs(s.v[j]))
+            bend = _clip(s.bend[k, i] + dq * tables.give[k, i])
+            s.bend[k, i] = bend
+            total += bend
+        s.r[j] += total / m * _at(tables.slip[k], s.pace[j])
 
 
 @njit(cache=True)
@@ -370,7 +390,8 @@ def _write(record, row, s):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
     """Put the loops in equilibrium under the first command: cold start, friction not yet loaded."""
-    _command(command, 0, 0.0, s.c)
+    _cubic(command, 0, s.p)
+    _command(s.p, 1.0 / command.step, 0.0, s.c)
     nv = len(s.d)
     for _ in range(SETTLE):
         for j in range(nv):
@@ -385,7 +406,7 @@ def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
         for k in range(len(tables.directions)):
             j = tables.directions[k]
             s.before[k] = s.v[j]
-            s.turn[k] = min(1.0, max(-1.0, s.v[j] / tables.width[k]))
+            s.turn[k] = _clip(s.v[j] * tables.slope[k])
         for k in range(len(tables.slips)):
             s.where[k] = s.q[tables.slips[k]]
         _disturb(plant, tables, blocks, command, 0, 0.0, s)
@@ -401,13 +422,15 @@ def run(plant, tables, blocks, command, s, record):  # type: ignore[no-untyped-d
     """
     n, nv = command.qr.shape
     old, vr0 = np.zeros(nv), np.zeros(nv)
+    rate = 1.0 / command.step
     _write(record, 0, s)
     for row in range(n - 1):
+        _cubic(command, row, s.p)
         for k in range(command.substeps):
             share = (k + 1.0) / command.substeps
             for j in range(nv):
                 old[j], vr0[j] = s.d[j], s.c[1, j]
-            _command(command, row, share, s.c)
+            _command(s.p, rate, share, s.c)
             _predict(blocks, s.c, vr0, s)
             _disturb(plant, tables, blocks, command, row, share, s)
             _finish(plant, blocks, old, s)

@@ -50,7 +50,7 @@ class Plant:
         longest = min(INTERNAL if step is None else step, sampling)
         tables, M = self.tables, np.maximum(self.diagonal[0], 1e-12)
         for k, j in enumerate(tables.directions):
-            slope = max(float(np.abs(tables.dry[k]).max()) / tables.width[k], 1e-12)
+            slope = max(float(np.abs(tables.dry[k]).max()) * tables.slope[k], 1e-12)
             longest = min(longest, max(0.3 * M[j] / slope, SHORTEST))
         for k, j in enumerate(tables.slips):
             slope = max(float(np.abs(tables.slip[k]).max() * np.mean(tables.give[k])), 1e-12)
@@ -73,7 +73,7 @@ class Plant:
         t[: len(self.tape.start)] = self.tape.start
         joints = [np.zeros(nv) for _ in range(6)]
         return kernel.State(
-            np.zeros((blocks, 2)), *joints, np.zeros((3, nv)), np.zeros(len(tables.directions)),
+            np.zeros((blocks, 2)), *joints, np.zeros((3, nv)), np.zeros((4, nv)), np.zeros(nv), np.zeros(len(tables.directions)),
             np.zeros(len(tables.directions)), np.zeros(tables.give.shape),
             np.zeros(len(tables.slips)), t, np.zeros((nv, nv)), np.zeros(nv), np.zeros(nv),
             np.zeros((nv, nv + 1)),

@@ -42,10 +42,11 @@ class Tables:
         position: all position tables, one after the other.
         place: first entry and number of entries of each joint's table, shape (nv, 2).
         grid: first position and inverse spacing, shape (nv, 2).
-        velocity: over |v| for v >= 0 and v < 0, shape (nv, 2, SPEEDS + 1).
-        speed: largest speed of the tables, shape (nv,).
+        slowness: inverse of the largest speed of the tables, shape (nv,).
+        speeds: joints with an effort of velocity, shape (h,).
+        velocity: it over |v| for v >= 0 and v < 0, shape (h, 2, SPEEDS + 1).
         directions: joint of each dry-friction element, shape (k,).
-        width: its width [m/s or rad/s], shape (k,).
+        slope: inverse of its width [s/m or s/rad], shape (k,).
         dry: g+ and g- of each, shape (k, 2, SPEEDS + 1).
         slips: joint of each presliding element, shape (m,).
         give: inverse yield displacements of its six elements, shape (m, 6).
@@ -56,10 +57,11 @@ class Tables:
     position: Floats
     place: Ints
     grid: Floats
+    slowness: Floats
+    speeds: Ints
     velocity: Floats
-    speed: Floats
     directions: Ints
-    width: Floats
+    slope: Floats
     dry: Floats
     slips: Ints
     give: Floats
@@ -69,8 +71,8 @@ class Tables:
     def arrays(self) -> tuple[Floats | Ints, ...]:
         """Return the arrays in the order in which the kernel takes them."""
         return (
-            self.position, self.place, self.grid, self.velocity, self.speed, self.directions,
-            self.width, self.dry, self.slips, self.give, self.slip,
+            self.position, self.place, self.grid, self.slowness, self.speeds, self.velocity,
+            self.directions, self.slope, self.dry, self.slips, self.give, self.slip,
         )  # fmt: skip
 
 
@@ -87,8 +89,7 @@ def tabulate(
         travel: range of positions to cover, shape (2, nv).
         speed: largest speed to cover, shape (nv,).
     """
-    nv = machine.nv
-    v = [s * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for s in speed]
+    v = [x * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for x in speed]
     forms: dict[str, list[tuple[Effect, Floats]]] = {}
     other: list[int] = []
     for k, (effect, theta) in enumerate(effects):
@@ -97,35 +98,45 @@ def tabulate(
         if effect.depends == "other":
             other.append(k)
         forms.setdefault(effect.depends, []).append((effect, theta))
-    tables, grid = [], np.zeros((nv, 2))
-    for i in range(nv):
-        own = _of(machine, forms.get("position", ()), i)
+    position, place, grid = _positions(machine, forms.get("position", ()), travel)
+    plain = _merge(machine, forms.get("velocity", ()), _shapeless, lambda f, i: _signs(f, v[i]))
+    dry = _merge(machine, forms.get("direction", ()), _width, lambda f, i: _both_ways(f, v[i]))
+    slip = _merge(machine, forms.get("displacement", ()), _bend, lambda f, i: _sliding(f, v[i]))
+    return Tables(
+        position=position,
+        place=place,
+        grid=grid,
+        slowness=1.0 / np.asarray(speed, dtype=float),
+        speeds=_joints(plain),
+        velocity=np.array(list(plain.values())).reshape(-1, 2, SPEEDS + 1),
+        directions=_joints(dry),
+        slope=np.array([1.0 / x for _, x in dry], dtype=float),
+        dry=np.array(list(dry.values())).reshape(-1, 2, SPEEDS + 1),
+        slips=_joints(slip),
+        give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
+        slip=np.array(list(slip.values())).reshape(-1, SPEEDS + 1),
+        other=tuple(other),
+    )
+
+
+def _joints(tables: dict[tuple[int, float], Floats]) -> Ints:
+    return np.array([i for i, _ in tables], dtype=np.intp)
+
+
+def _positions(
+    machine: Machine, effects: Sequence[tuple[Effect, Floats]], travel: Floats
+) -> tuple[Floats, Ints, Floats]:
+    """Return the position tables of all joints, where each is, and its grid."""
+    tables, grid = [], np.zeros((machine.nv, 2))
+    for i in range(machine.nv):
+        own = _of(machine, effects, i)
         efforts = [partial(_effort, machine, e, theta, i) for e, theta in own]
         values, (start, spacing) = _dense(efforts, [e for e, _ in own], travel[:, i])
         tables.append(values)
         grid[i] = start, 1.0 / spacing
     counts = np.array([len(t) for t in tables], dtype=np.intp)
-    velocity = np.zeros((nv, 2, SPEEDS + 1))
-    for i in range(nv):
-        for effect, theta in _of(machine, forms.get("velocity", ()), i):
-            effort = partial(_effort, machine, effect, theta, i)
-            velocity[i] += effort(v=v[i]), effort(v=-v[i])
-    dry = _merge(machine, forms.get("direction", ()), _width, lambda f, i: _both_ways(f, v[i]))
-    slip = _merge(machine, forms.get("displacement", ()), _bend, lambda f, i: _sliding(f, v[i]))
-    return Tables(
-        position=np.concatenate(tables),
-        place=np.stack([np.cumsum(counts) - counts, counts], axis=1),
-        grid=grid,
-        velocity=velocity,
-        speed=np.asarray(speed, dtype=float),
-        directions=np.array([i for i, _ in dry], dtype=np.intp),
-        width=np.array([x for _, x in dry], dtype=float),
-        dry=np.array(list(dry.values())).reshape(-1, 2, SPEEDS + 1),
-        slips=np.array([i for i, _ in slip], dtype=np.intp),
-        give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
-        slip=np.array(list(slip.values())).reshape(-1, SPEEDS + 1),
-        other=tuple(other),
-    )
+    place = np.stack([np.cumsum(counts) - counts, counts], axis=1)
+    return np.concatenate(tables), place, grid
 
 
 _Effort = Callable[..., Floats]
@@ -228,6 +239,16 @@ def _merge(
         values = table(partial(_effort, machine, effect, theta, i), i)
         found[key] = found[key] + values if key in found else values
     return found
+
+
+def _signs(effort: _Effort, v: Floats) -> Floats:
+    """Return f(|v|) and f(-|v|)."""
+    return np.stack([effort(v=v), effort(v=-v)])
+
+
+def _shapeless(effect: Effect, rotary: bool) -> float:
+    del effect, rotary
+    return 0.0
 
 
 def _width(effect: Effect, rotary: bool) -> float:

@@ -11,18 +11,15 @@ from pinotwin.diagnosis.catalogue.sensing import sensing
 from pinotwin.diagnosis.context import Context, Family
 
 
-def families(context: Context, scan: Scan, *, leave_out: frozenset[str] = frozenset()) -> Iterator[Family]:
-    """Yield every family of candidates of a machine; each is one effect on one axis.
+def families(context: Context, *, leave_out: frozenset[str] = frozenset()) -> Iterator[Family]:
+    """Yield every family of a machine whose candidates do not depend on what was admitted already.
 
     Args:
         context: what candidates are made from.
-        scan: see :data:`pinotwin.diagnosis.catalogue.position.Scan`.
         leave_out: effects that are not to be considered (the bench takes some away).
     """
-    for axis in context.machine.axes.values():
-        if not any(c.joint == axis.index for c in context.rows.channels):
-            continue
-        for family in _of_axis(context, axis.name, axis.index, scan):
+    for axis, joint in _axes(context):
+        for family in _of_axis(context, axis, joint):
             if family and family[0].effect not in leave_out:
                 yield family
     for family in machine_dynamics(context):
@@ -30,8 +27,22 @@ def families(context: Context, scan: Scan, *, leave_out: frozenset[str] = frozen
             yield family
 
 
-def _of_axis(context: Context, axis: str, joint: int, scan: Scan) -> Iterator[Family]:
+def searched_families(
+    context: Context, scan: Scan, *, leave_out: frozenset[str] = frozenset()
+) -> Iterator[Family]:
+    """Yield the families whose shapes are found by a scan of what is left to explain."""
+    for axis, joint in _axes(context):
+        for family in position(context, axis, joint, scan):
+            if family and family[0].effect not in leave_out:
+                yield family
+
+
+def _axes(context: Context) -> list[tuple[str, int]]:
+    rows = {c.joint for c in context.rows.channels}
+    return [(a.name, a.index) for a in context.machine.axes.values() if a.index in rows]
+
+
+def _of_axis(context: Context, axis: str, joint: int) -> Iterator[Family]:
     yield from friction(context, axis, joint)
-    yield from position(context, axis, joint, scan)
     yield from sensing(context, axis, joint)
     yield from axis_dynamics(context, axis, joint)

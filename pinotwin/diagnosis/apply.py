@@ -1,0 +1,59 @@
+"""Write the machine with the effects that were found added to it."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from pinotwin.diagnosis.result import Diagnosis, Found
+from pinotwin.effects import EFFECTS, Effect
+from pinotwin.errors import DataError
+from pinotwin.machine import Machine
+from pinotwin.twin import Twin
+
+
+def apply(diagnosis: Diagnosis, folder: Path) -> Path:
+    """See :meth:`Diagnosis.apply`."""
+    machine = extended(diagnosis)
+    return machine.save(folder)
+
+
+def extended(diagnosis: Diagnosis) -> Machine:
+    """Return the machine with the named effects, as far as machine.yaml knows them.
+
+    Raises:
+        DataError: the diagnosis does not know its machine.
+    """
+    subject = diagnosis.subject
+    machine = subject.machine if isinstance(subject, Twin) else subject
+    if not isinstance(machine, Machine):
+        raise DataError("this diagnosis does not hold its machine; diagnose again")
+    for found in diagnosis.effects:
+        if found.axis is None or found.axis not in machine.axes:
+            continue
+        old = machine.axis(found.axis).effects
+        effect = _effect(found, machine)
+        if effect is not None and not any(e.name == effect.name for e in old):
+            machine = machine.with_effects(found.axis, (*old, effect))
+        elif effect is not None and effect.name == "ripple":
+            machine = machine.with_effects(found.axis, (*old, effect))
+    return machine
+
+
+def unknown_to_yaml(diagnosis: Diagnosis) -> list[str]:
+    """Return the named effects that machine.yaml has no word for."""
+    return sorted({e.effect for e in diagnosis.effects if e.effect not in EFFECTS})
+
+
+def _effect(found: Found, machine: Machine) -> Effect | None:
+    if found.effect not in EFFECTS or found.axis is None:
+        return None
+    kind = EFFECTS[found.effect]
+    known = {f.name for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    shape = {k: v for k, v in found.shape.items() if k in known}
+    settings = {"axis": found.axis, "rotary": machine.axis(found.axis).rotary, **shape}
+    if found.effect == "wrist_coupling":
+        settings["partner"] = machine.names[int(found.shape["with"])]
+    if found.effect == "presliding":
+        settings["x_s"] = found.shape["distance"]
+    return kind(**settings)

@@ -1,0 +1,178 @@
+"""What a diagnosis found, and its public form (``diagnosis.json`` of the contract)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from pinotwin.arrays import Floats
+
+Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap of one signal of one axis.
+
+    Attributes:
+        rms: RMS of log minus model, on data not used to fit [N or N·m].
+        nrmse: the same over the RMS of the signal.
+        noise: RMS of the noise.
+        after: RMS once the named effects are modelled.
+    """
+
+    rms: float
+    nrmse: float
+    noise: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where a gap lies: a range that holds more of its power than of the time.
+
+    Attributes:
+        axis: axis.
+        signal: ``u`` or ``e``.
+        kind: time, position, velocity, acceleration, frequency, load or other_axis.
+        range: lowest and highest value [unit].
+        unit: SI unit.
+        share: of the squared gap.
+        time_share: of the time.
+        p_value: chance to see such a concentration anywhere in a gap without structure.
+        other: the other axis, for ``other_axis``.
+    """
+
+    axis: str
+    signal: str
+    kind: str
+    range: tuple[float, float]
+    unit: str
+    share: float
+    time_share: float
+    p_value: float
+    other: str | None = None
+
+
+@dataclass(frozen=True)
+class Shrink:
+    """How far the gap of a signal shrinks.
+
+    Attributes:
+        before: RMS without the effect [unit of the signal].
+        after: RMS with it.
+        share: of the squared gap above the noise that goes.
+        interval: 90 % interval of that share.
+        promised: the share that the fit itself promised.
+        on: ``validation`` or ``held-out blocks``.
+    """
+
+    before: float
+    after: float
+    share: float
+    interval: tuple[float, float]
+    promised: float
+    on: str
+
+
+@dataclass(frozen=True)
+class Found:
+    """One named effect.
+
+    Attributes:
+        effect: name in the catalogue.
+        axis: axis, or None for the machine.
+        confidence: probability that this is the effect.
+        shape: shape values, SI.
+        theta: coefficients, SI.
+        shrink: per signal, the effect alone.
+        alternatives: other effects with probability and reason.
+        moves: base parameters that move when it is admitted: name -> (before, after, in sigmas).
+        gain: held-out gain in whitened deviance.
+    """
+
+    effect: str
+    axis: str | None
+    confidence: float
+    shape: Mapping[str, float]
+    theta: Mapping[str, float]
+    shrink: Mapping[str, Shrink]
+    alternatives: Sequence[Mapping[str, Any]]
+    moves: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    gain: float = 0.0
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Plain arrays for plots, of one axis in one log.
+
+    Attributes:
+        axis: axis.
+        log: index of the log.
+        t: time [s], shape (m,).
+        before: log minus model [N or N·m].
+        after: with the named effects.
+    """
+
+    axis: str
+    log: int
+    t: Floats
+    before: Floats
+    after: Floats
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Where the gap lies, which effects cause it, and how far it shrinks.
+
+    Attributes:
+        verdict: none, explained, partly_explained or unexplained.
+        sentence: the verdict in words.
+        gap: axis -> signal -> gap.
+        where: regions, the most telling first.
+        effects: named effects, by how much each shrinks the gap.
+        confusable: groups that this log cannot tell apart.
+        unexplained: axis -> signal -> share of the squared gap above the noise that stays.
+        remains: axis -> what the remainder looks like.
+        noise: ``repeats`` or ``assumed``.
+        advice: what to do next.
+        situation: ``structure`` (a machine) or ``change`` (a twin).
+        shrink: axis -> signal -> shrink of all named effects together.
+        quick: whether only the screen was run.
+        traces: arrays for plots.
+        machine: name of the machine.
+        subject: what was diagnosed, for :meth:`apply`.
+        commands: advised command files: name -> channel -> values.
+    """
+
+    verdict: Verdict
+    sentence: str
+    gap: Mapping[str, Mapping[str, Gap]]
+    where: Sequence[Region]
+    effects: Sequence[Found]
+    confusable: Sequence[Sequence[str]]
+    unexplained: Mapping[str, Mapping[str, float]]
+    remains: Mapping[str, str]
+    noise: str
+    advice: Sequence[str]
+    situation: str
+    shrink: Mapping[str, Mapping[str, Shrink]]
+    quick: bool = False
+    traces: Sequence[Traces] = field(default=(), repr=False)
+    machine: str = ""
+    subject: Any = field(default=None, repr=False)
+    commands: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict, repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of diagnosis.json."""
+        from pinotwin.diagnosis.document import document
+
+        return document(self)
+
+    def apply(self, folder: str | Path) -> Path:
+        """Write the machine with the named effects added, and return the path of its YAML."""
+        from pinotwin.diagnosis.apply import apply
+
+        return apply(self, Path(folder))

@@ -1,0 +1,128 @@
+"""Where the gap lies: share of the squared gap against share of time, in every regime of the motion.
+
+A concentration counts only if it beats what circular shifts of the same gap against the same motion
+reach anywhere (maximum over all regions, so that looking everywhere is paid for).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.diagnosis.result import Region
+from pinotwin.diagnosis.rows import Channel, Rows
+
+SHIFTS = 99
+REVERSAL = 0.05  # share of the top speed that counts as reversal
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A candidate region: which rows belong to it."""
+
+    kind: str
+    range: tuple[float, float]
+    unit: str
+    mask: Mask
+    other: str | None = None
+
+
+def localise(
+    rows: Rows, residuals: list[Floats], joint: int, rng: np.random.Generator, *, most: int = 5
+) -> list[Region]:
+    """Return the regions of one axis in which its gap concentrates.
+
+    Args:
+        rows: rows of the diagnosis.
+        residuals: log minus model per channel.
+        joint: joint of the axis.
+        rng: of the shifts.
+        most: most regions to return.
+    """
+    at = [k for k, c in enumerate(rows.channels) if c.joint == joint]
+    if not at:
+        return []
+    power = np.concatenate([residuals[k] ** 2 for k in at])
+    cells = _cells(rows, [rows.channels[k] for k in at], joint)
+    if not cells or power.sum() <= 0.0:
+        return []
+    inside = np.stack([c.mask for c in cells]).astype(float)
+    share_of_time = inside.mean(axis=1)
+    spread = np.sqrt(share_of_time * (1.0 - share_of_time))
+    score = (inside @ power / power.sum() - share_of_time) / spread
+    top = np.empty(SHIFTS)
+    for k in range(SHIFTS):
+        moved = np.roll(power, int(rng.integers(len(power) // 20, len(power))))
+        top[k] = ((inside @ moved / power.sum() - share_of_time) / spread).max()
+    axis = rows.motions[0].names[joint]
+    found = []
+    for cell, s, when in zip(cells, score, share_of_time, strict=True):
+        p = (1.0 + float((top >= s).sum())) / (SHIFTS + 1.0)
+        share = float(power[cell.mask].sum() / power.sum())
+        if p <= 0.05 and share > 1.3 * when:
+            found.append(
+                Region(axis, "u", cell.kind, cell.range, cell.unit, share, float(when), p, cell.other)
+            )
+    found.extend(_bands(rows, residuals, at, axis))
+    found.sort(key=lambda r: -(r.share - r.time_share))
+    return found[:most]
+
+
+def _cells(rows: Rows, channels: list[Channel], joint: int) -> list[Cell]:
+    rotary = rows.machine.rotary[joint]
+    x = "rad" if rotary else "m"
+
+    def pick(name: str, k: int = joint) -> Floats:
+        parts = [getattr(rows.motions[c.log], name)[c.centres, k] for c in channels]
+        return np.concatenate(parts)
+
+    q, v, a = pick("q"), pick("v"), pick("a")
+    t = np.concatenate([rows.motions[c.log].t[c.centres] for c in channels])
+    out = _bins("time", t, "s", 8) + _bins("position", q, x, 8) + _bins("acceleration", a, f"{x}/s²", 6)
+    top = float(np.abs(v).max())
+    slow = REVERSAL * top
+    out += [Cell("velocity", (-slow, slow), f"{x}/s", np.abs(v) <= slow)]
+    out += _bins("velocity", v, f"{x}/s", 6)
+    u = np.abs(np.concatenate([c.y for c in channels]))
+    out += _bins("load", u, "N·m" if rotary else "N", 5)
+    for other, name in enumerate(rows.motions[0].names):
+        if other != joint:
+            w = np.abs(pick("v", other))
+            unit = ("rad" if rows.machine.rotary[other] else "m") + "/s"
+            fast = max(float(w.max()), 1e-12)
+            out.append(Cell("other_axis", (0.05 * fast, fast), unit, w > 0.05 * fast, name))
+    return [c for c in out if 0.01 < c.mask.mean() < 0.95]
+
+
+def _bins(kind: str, x: Floats, unit: str, count: int) -> list[Cell]:
+    edges = np.linspace(float(x.min()), float(x.max()) + 1e-12, count + 1)
+    return [
+        Cell(kind, (float(a), float(b)), unit, (x >= a) & (x < b))
+        for a, b in zip(edges[:-1], edges[1:], strict=True)
+    ]
+
+
+def _bands(rows: Rows, residuals: list[Floats], at: list[int], axis: str) -> list[Region]:
+    """Return the frequency band that holds most for its width; p is not tested here."""
+    rate = 1.0 / rows.row_step
+    edges = np.array([0.0, 1.0, 3.0, 8.0, 16.0, 30.0, 0.5 * rate])
+    edges = edges[edges <= 0.5 * rate]
+    power = np.zeros(len(edges) - 1)
+    for k in at:
+        for run in rows.channels[k].runs:
+            r = residuals[k][run]
+            if len(r) >= 32:
+                spectrum = np.abs(np.fft.rfft((r - r.mean()) * np.hanning(len(r)))) ** 2
+                f = np.fft.rfftfreq(len(r), 1.0 / rate)
+                power += np.histogram(f, edges, weights=spectrum)[0]
+    if power.sum() <= 0.0:
+        return []
+    share = power / power.sum()
+    width = np.diff(edges) / edges[-1]
+    k = int(np.argmax(share - width))
+    if share[k] < 1.5 * width[k]:
+        return []
+    where = (float(edges[k]), float(edges[k + 1]))
+    return [Region(axis, "u", "frequency", where, "Hz", float(share[k]), float(width[k]), 0.05)]
