@@ -17,7 +17,7 @@ The rigid body's effort is told apart by evaluating it with parts of the motion 
     gravity               g(q),      coriolis_centrifugal  c(q, v)
     inertial_coupling     M(q) a - M_D a: the other axes' accelerations, and M_ii(q) - M_D_ii
     flexibility           what the motion of passive joints adds to all three
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 

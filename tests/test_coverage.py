@@ -21,7 +21,13 @@ from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.recording import inverse_dynamics
 
 DRAWS = 40
-FRICTION = {"X": (60.0, 26.0), "Y": (38.0, 15.0), "Z": (420.0, 75.0), "B": (0.9, 2.4), "C": (0.16, 0.8)}
+FRICTION = {
+    "X": (60.0, 26.0),
+    "Y": (38.0, 15.0),
+    "Z": (420.0, 75.0),
+    "B": (0.9, 2.4),
+    "C": (0.16, 0.8),
+}
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +39,8 @@ def run():
     machine = pt.Machine.load("laser_driller")
     for name in machine.axes:
         machine = machine.with_effects(
-            name, (Viscous(name, machine.axis(name).rotary), Coulomb(name, machine.axis(name).rotary))
+            name,
+            (Viscous(name, machine.axis(name).rotary), Coulomb(name, machine.axis(name).rotary)),
         )
     columns = [truth.joints.index(name) for name in machine.names]
     rotor = np.array([virtual.truth.axes[name].drive.rotor or 0.0 for name in machine.names])

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 import yaml
-from tests.motions import multisine
 
 from pinotwin.effects import EFFECTS
 from pinotwin.machine.yaml_file import effect_spec, make_effects, settings_of
 from pinotwin.motion import Motion
+from tests.motions import multisine
 
 NEEDS = {"wrist_coupling": {"with": "A"}}
 AXES = [("Y", False), ("A", True)]

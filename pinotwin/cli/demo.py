@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
+from typing import Any
 
 from pinotwin.cli.output import add_common, say, write_json
 
@@ -12,7 +13,15 @@ CHAIN = (
     ("record", "trunnion", "--seconds", "12", "--seed", "1", "--out", "{out}/log.csv"),
     ("record", "trunnion", "--seconds", "12", "--seed", "2", "--out", "{out}/unseen.csv"),
     ("check", "trunnion", "{out}/log.csv"),
-    ("identify", "trunnion", "{out}/log.csv", "--validate", "{out}/unseen.csv", "--out", "{out}/twin"),
+    (
+        "identify",
+        "trunnion",
+        "{out}/log.csv",
+        "--validate",
+        "{out}/unseen.csv",
+        "--out",
+        "{out}/twin",
+    ),
     ("simulate", "{out}/twin", "{out}/unseen.csv", "--out", "{out}/predicted.csv"),
     ("view", "{out}/twin", "{out}/log.csv", "--html", "{out}/machine.html"),
 )
@@ -30,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
 
     out = Path(args.out or "out/demo")
     out.mkdir(parents=True, exist_ok=True)
-    done = []
+    done: list[dict[str, Any]] = []
     for words in _commands(out):
         say(f"\n$ pinotwin {' '.join(words)}")
         code = main(words)
@@ -50,7 +59,9 @@ def _commands(out: Path) -> list[list[str]]:
     if emps.is_file():
         chain.append([word.format(out=out, emps=emps) for word in REAL])
     else:
-        say("the real EMPS log is not at hand; set PINOTWIN_DATA to its folder to see it identified")
+        say(
+            "the real EMPS log is not at hand; set PINOTWIN_DATA to its folder to see it identified"
+        )
     return chain
 
 

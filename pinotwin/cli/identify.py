@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -82,11 +83,16 @@ def summary(twin: Twin) -> list[str]:
     quality = twin.quality
     lines = [f"{twin.machine.name}: {len(twin.theta)} linear and "
              f"{sum(p.kind == 'shape' for p in twin.parameters)} searched parameters"]  # fmt: skip
-    lines.append(f"{'axis':<8}{'fit':>9}{'held out':>10}{'of std':>9}")
+    lines.append(f"{'axis':<8}{'fit':>10}{'held out':>10}{'of std':>10}")
     for name, row in quality["axes"].items():
         held = row.get("validation", row["held_out"])
-        lines.append(f"{name:<8}{row['fit']:>8.2%}{held['nrmse']:>10.2%}{held['nrmse_std']:>9.2%}")
+        errors = (row["fit"], held["nrmse"], held["nrmse_std"])
+        lines.append(f"{name:<8}" + "".join(f"{_percent(x):>10}" for x in errors))
     lines.append(f"all{quality['relative_error']:>13.2%}   (error norm / effort norm)")
     for warning in quality["warnings"]:
         lines.append(f"note: {warning}")
     return lines
+
+
+def _percent(x: float) -> str:
+    return f"{x:.2%}" if math.isfinite(x) else "-"

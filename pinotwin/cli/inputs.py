@@ -20,7 +20,7 @@ def settings(args: argparse.Namespace) -> dict[str, Any]:
     """Return the preparation options that were given."""
     from pinotwin.errors import InputError
 
-    if args.cutoff is not None and args.cutoff < 0:
+    if args.cutoff is not None and not args.cutoff >= 0:
         raise InputError(f"--cutoff: {args.cutoff:g} Hz must not be negative (0: no low-pass)")
     if args.decimate is not None and args.decimate < 1:
         raise InputError(f"--decimate: {args.decimate} must be at least 1")

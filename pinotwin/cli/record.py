@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.output import add_common, check_file, say, write_json
+
+LONGEST = 3600.0
+"""Longest recording [s]: an hour at 4 kHz already takes gigabytes."""
 
 TRAJECTORIES = ("random", "multisine", "slow_reversals", "constant_speeds")
 
@@ -36,12 +39,14 @@ def run(args: argparse.Namespace) -> int:
     from pinotwin.virtual.recording import write_log
 
     out = Path(args.out)
-    if args.seconds <= 0.0:
-        raise InputError(f"--seconds: {args.seconds:g} must be positive")
+    if not 0.1 <= args.seconds <= LONGEST:
+        raise InputError(f"--seconds: {args.seconds:g}: expected 0.1 to {LONGEST:g}")
+    for name in ("seed", "trajectory_seed"):
+        if (getattr(args, name) or 0) < 0:
+            raise InputError(f"--{name.replace('_', '-')}: must not be negative")
     if out.suffix not in (".csv", ".parquet"):
         raise InputError(f"--out: {out.name}: a log ends in .csv or .parquet")
-    if not out.parent.is_dir():
-        raise InputError(f"--out: folder {out.parent} does not exist; make it first")
+    check_file(out)
     folder = Path(args.machine)
     if not folder.exists() and args.machine in machines():
         folder = bundled_path(args.machine)
@@ -56,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _trajectory(args, machine):  # type: ignore[no-untyped-def]
-    from pinotwin.errors import InputError
+    from pinotwin.errors import InputError, nearest
     from pinotwin.virtual import trajectories
 
     if args.command:
@@ -71,6 +76,8 @@ def _trajectory(args, machine):  # type: ignore[no-untyped-def]
         return trajectories.multisine(machine, args.seconds, seed)
     if args.axis is None:
         raise InputError(f"--trajectory {args.trajectory}: say which axis, e.g. --axis {machine.axes[0]}")
+    if args.axis not in machine.axes:
+        raise InputError(f"--axis: no axis {args.axis!r}; {nearest(args.axis, machine.axes)}")
     return getattr(trajectories, args.trajectory)(machine, args.axis)
 
 

@@ -52,7 +52,7 @@ def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extr
     from pinotwin.viewer import draw, parse_posture, play, visual_model
 
     rotary = dict(zip(machine.names, machine.rotary, strict=True))
-    joints = {part.name: part.joint for part in (*machine.axes.values(), *machine.passive.values())}
+    joints = {part.name: part.joint for part in machine.joints}
     values = parse_posture(posture, rotary) if posture else {}
     folders = package_dirs(machine.urdf)
     scene = draw(

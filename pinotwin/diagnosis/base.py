@@ -198,8 +198,8 @@ __all__ = [
     "change_base",
     "effect_columns",
     "is_scattered",
-    "lists",
     "laid",
+    "lists",
     "plain_base",
     "with_slopes",
 ]

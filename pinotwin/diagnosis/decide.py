@@ -92,7 +92,7 @@ def decide(
         ledger = ledger_with_draws(here, theta, settings, step, [best])
         threshold = max(screen(context, ledger, settings, taken, cache).threshold, LOWEST)
         steps.append((threshold, best.G))
-        if best.G < threshold:
+        if threshold > best.G:
             break
         (quiet if _trivial(best, here) else found).append(best)
     assert first is not None
@@ -107,7 +107,7 @@ def _trivial(judged: Judged, stage: Stage) -> bool:
     """Whether an effect is real but too small to matter."""
     if judged.candidate.effect == "delay" and abs(float(judged.theta[0])) < LATENCY:
         return True
-    return judged.G < MATTERS * rows_of(judged, stage)
+    return MATTERS * rows_of(judged, stage) > judged.G
 
 
 def rows_of(judged: Judged, stage: Stage) -> int:
@@ -134,11 +134,11 @@ def _rechecked(  # noqa: PLR0913
             seen = screen(context, build_ledger(here, theta), settings, taken, cache)
             best = seen.judged[0]
             own = next((j for j in seen.judged if j.key == member.key), member)
-            if best.G < threshold:
+            if threshold > best.G:
                 found = others
                 changed = True
                 break
-            if best.key != member.key and best.G > own.G + max(6.0, 0.02 * own.G):
+            if best.key != member.key and own.G + max(6.0, 0.02 * own.G) < best.G:
                 found[k], own, changed = best, best, True
             rivals = tuple(j for j in seen.judged if j.key != own.key and j.identifiable)
             named.append(Named(own, rivals[:12], threshold))

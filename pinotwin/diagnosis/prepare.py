@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,15 @@ class Ready:
     stage: Stage
     theta: Floats
     residuals: tuple[Floats, ...]
+
+    @property
+    def search_stage(self) -> Stage:
+        """The stage without validation logs: what effects may be fitted to."""
+        flags = self.stage.rows.validation
+        if not any(flags):
+            return self.stage
+        kept = tuple(p for p in self.stage.pieces if not flags[p.channel.log])
+        return replace(self.stage, pieces=kept)
 
 
 def ready(

@@ -68,7 +68,7 @@ class Screened:
     @property
     def named(self) -> tuple[Judged, ...]:
         """The ones above the threshold."""
-        return tuple(j for j in self.judged if j.G > self.threshold)
+        return tuple(j for j in self.judged if self.threshold < j.G)
 
 
 @dataclass(frozen=True)

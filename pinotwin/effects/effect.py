@@ -23,7 +23,6 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.motion import AxisMotion, Motion
 
-
 Cause = Literal[
     "stiffness", "viscous", "friction", "position", "inertial_coupling", "rigid_body", "other"
 ]

@@ -1,7 +1,7 @@
 """Efforts that depend on position alone: ripple of direct drives, cables, guideways (thesis Eq. 3.10, 3.11).
 
 A sinusoid of unknown phase is written ``a cos + b sin``, so that only its pitch needs a search.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 
@@ -235,7 +235,7 @@ class PositionTable(AxisEffect):
         assert self.spacing is not None
         if self.start is None or self.stop is None:
             return np.zeros(0)
-        return self.start + self.spacing * np.arange(
+        return self.start + float(self.spacing) * np.arange(
             round((self.stop - self.start) / self.spacing) + 1
         )
 

@@ -24,14 +24,13 @@ from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Sha
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion
 
-
 # Medians of six equal parts of the gamma(2) distribution, whose slip elements add up to 1 - exp(-x).
 YIELDS = gammaincinv(2.0, (np.arange(6) + 0.5) / 6.0)
 PAST = 20.0
 """Samples before a stretch in which the axis is taken to have moved as at its start."""
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _slip(q: Floats, yields: Floats, past: float, out: Floats) -> None:
     bend = np.clip(past / yields, -1.0, 1.0)
     for k in range(len(q)):

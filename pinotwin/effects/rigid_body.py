@@ -33,10 +33,7 @@ class RigidBody(Effect):
     model: pin.Model
     base: BaseParameters
 
-    @property
-    def axis(self) -> str | None:
-        """None: it belongs to the whole machine."""
-        return None
+    axis: str | None = None  # it belongs to the whole machine
 
     def coefficients(self) -> tuple[Coefficient, ...]:
         """See :meth:`Effect.coefficients`."""

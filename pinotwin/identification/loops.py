@@ -16,7 +16,14 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.disturbance import generalised_disturbance
 from pinotwin.errors import DataError
-from pinotwin.loop import Controller, LoopData, LoopModel, Structure, identify_controller, identify_loop
+from pinotwin.loop import (
+    Controller,
+    LoopData,
+    LoopModel,
+    Structure,
+    identify_controller,
+    identify_loop,
+)
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
@@ -119,7 +126,9 @@ def _choose(machine: Machine, data: LoopData, name: str) -> tuple[LoopModel, dic
 
 def _first(data: LoopData) -> LoopData:
     """Return the part of the data on which orders are compared."""
-    return data.within([s for s in (_clip(s, 0, _cut(data)) for s in data.segments) if s is not None])
+    return data.within(
+        [s for s in (_clip(s, 0, _cut(data)) for s in data.segments) if s is not None]
+    )
 
 
 def _cut(data: LoopData) -> int:

@@ -29,7 +29,7 @@ FOLDS = 5
 
 
 @one_blas_thread
-def identify(
+def identify(  # noqa: PLR0913, the public call: every option is a keyword
     machine: Machine,
     log: Log | Sequence[Log],
     *,

@@ -12,7 +12,6 @@ from pinotwin.dynamics.parameters import body_count, parameters
 from pinotwin.effects import Effect, PositionTable, RigidBody
 from pinotwin.fit.consistency import Bodies, ConsistentFit, Evidence, consistent
 from pinotwin.fit.linear import Options, Prior, linear
-from pinotwin.fit.problem import Problem
 from pinotwin.fit.result import LinearFit
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.machine import Machine
@@ -69,7 +68,9 @@ def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = Tr
     return Plant(effects, rows, fit, theta, pi, errors, bounds, found)
 
 
-def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | None = None) -> Options:
+def fit_options(
+    machine: Machine, effects: Sequence[Effect], motion: Motion | None = None
+) -> Options:
     """Return bounds from the effects, and the CAD values as prior for what the data leave open.
 
     With a motion, table knots are weakly held within the size of their axis' effort, so that a knot
@@ -92,7 +93,9 @@ def _ridge(effects: Sequence[Effect], motion: Motion) -> Floats | None:
     for effect, where in zip(effects, slices, strict=True):
         if isinstance(effect, PositionTable):
             u = motion.u[:, motion.index(effect.axis)]
-            out[where] = max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
+            out[where] = (
+                max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
+            )
     return out if np.isfinite(out).any() else None
 
 

@@ -43,28 +43,26 @@ def search_shapes(
     """
     slices = effect_slices(effects)
     fixed = [i for i in range(len(effects)) if i not in searched]
-    order = np.concatenate([np.arange(slices[i].start, slices[i].stop) for i in [*fixed, *searched]])
+    order = np.concatenate(
+        [np.arange(slices[i].start, slices[i].stop) for i in [*fixed, *searched]]
+    )
     problem = assemble(motion, [effects[i] for i in fixed], rows)
     keys, names = effect_keys(effects), coefficient_names(effects)
     problem = problem.with_columns(problem.W, [names[k] for k in order[: problem.parameters]])
-    blocks = [
-        _moving(motion, effects[i], keys[i], tuple(names[slices[i]]), rows) for i in searched
-    ]
+    blocks = [_moving(motion, effects[i], keys[i], tuple(names[slices[i]]), rows) for i in searched]
     found = separable(problem, blocks, _permuted(options, order))
     shaped, errors, bounds = _with_shapes(effects, searched, found.shapes)
     return _restored(found.fit, np.argsort(order)), shaped, errors, bounds
 
 
-def _moving(
-    motion: Motion, effect: Effect, key: str, names: tuple[str, ...], rows: Rows
-) -> Moving:
+def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], rows: Rows) -> Moving:
     assert effect.axis is not None
     joint = motion.index(effect.axis)
     kept = rows.kept[rows.joints.index(joint)]
     shapes = effect.shapes()
 
     def columns(values: Floats) -> Floats:
-        own = effect.shaped(values).columns(motion)
+        own = effect.shaped(values.tolist()).columns(motion)
         return thin(motion, own.values[:, own.joints.index(joint), :])[kept]
 
     return Moving(
@@ -88,7 +86,11 @@ def _permuted(options: Options, order: Ints) -> Options:
     if prior is not None:
         prior = Prior(prior.mean[order], pick(prior.std), prior.soft)
     return replace(
-        options, prior=prior, ridge=pick(options.ridge), lower=pick(options.lower), upper=pick(options.upper)
+        options,
+        prior=prior,
+        ridge=pick(options.ridge),
+        lower=pick(options.lower),
+        upper=pick(options.upper),
     )
 
 

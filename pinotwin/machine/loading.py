@@ -32,6 +32,8 @@ AXIS_KEYS = ("joint", "effects", "rotor_inertia", "effort_limit", "zero", "min_s
 def load_machine(path: str | Path) -> Machine:
     """See :meth:`Machine.load`."""
     given = Path(path)
+    if not str(path).strip():
+        raise MachineError(f"no machine named; give a folder, a .urdf, or one of {_bundled()}")
     if given.suffix == ".urdf":
         root = read_tree(given)
         followers = mimics(root)  # they have no motor of their own
@@ -49,9 +51,13 @@ def load_machine(path: str | Path) -> Machine:
     if not file.exists() and len(given.parts) == 1:
         raise MachineError(
             f"{path}: no such machine; give a folder, a machine.yaml, a .urdf, or a bundled one "
-            f"({', '.join(machines())})"
+            f"({_bundled()})"
         )
     return _build(read_yaml(file), file)
+
+
+def _bundled() -> str:
+    return ", ".join(machines())
 
 
 def _build(spec: dict[str, Any], file: Path) -> Machine:

@@ -119,7 +119,7 @@ class Machine:
         columns: how this controller names and scales its channels.
         transmission: motor position = transmission @ joint position, in the model's order; None for identity.
         data: how logs are prepared.
-    """  # noqa: E501
+    """
 
     name: str
     path: Path
@@ -154,11 +154,16 @@ class Machine:
         """Number of joints of the model."""
         return int(self.model.nv)
 
+    @property
+    def joints(self) -> list[Axis | Passive]:
+        """Axes and passive joints."""
+        return [*self.axes.values(), *self.passive.values()]
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Axis or passive name of every column of the machine's arrays."""
         out = [""] * self.nv
-        for part in (*self.axes.values(), *self.passive.values()):
+        for part in self.joints:
             out[part.index] = part.name
         return tuple(out)
 
@@ -166,7 +171,7 @@ class Machine:
     def rotary(self) -> tuple[bool, ...]:
         """Whether each column is a rotation."""
         out = [False] * self.nv
-        for part in (*self.axes.values(), *self.passive.values()):
+        for part in self.joints:
             out[part.index] = part.rotary
         return tuple(out)
 

@@ -15,7 +15,7 @@ step, at the predicted state, the scheme is of second order.
 
 Dry friction keeps its direction in memory, as identified (:mod:`pinotwin.effects.direction`): it turns
 with slope 1/width while the axis speeds up and holds while it slows down or stands.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 

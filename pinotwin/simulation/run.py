@@ -193,7 +193,7 @@ def _rates(loops: Mapping[str, LoopModel], step: float) -> tuple[str, ...]:
     )
 
 
-def _run(  # noqa: PLR0913
+def _run(
     twin: Twin, asked: Request, plant: Plant, loops: Mapping[str, LoopModel], substeps: int,
     extra: Floats, full: bool,
 ) -> Response:  # fmt: skip

@@ -149,7 +149,7 @@ def _of(
     return [x for x in effects if x[0].axis is not None and machine.names.index(x[0].axis) == i]
 
 
-def _effort(  # noqa: PLR0913
+def _effort(
     machine: Machine, effect: Effect, theta: Floats, i: int, *,
     q: Floats | None = None, v: Floats | None = None, a: Floats | None = None,
 ) -> Floats:  # fmt: skip

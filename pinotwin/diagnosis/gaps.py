@@ -1,0 +1,79 @@
+"""The gap of every axis on data that were not fitted, before and after, with arrays for plots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.diagnosis.decide import Decision
+from pinotwin.diagnosis.prepare import Ready
+from pinotwin.diagnosis.result import Gap, Shrink, Traces
+from pinotwin.diagnosis.search import Judged
+from pinotwin.diagnosis.shrinking import HeldOut, held_out, plain_stage, shrink
+from pinotwin.diagnosis.stage import Stage
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Gap and shrink of every axis.
+
+    Attributes:
+        table: axis -> signal -> gap.
+        together: axis -> signal -> shrink of all named effects.
+        plain: the stage without whitening.
+        before: errors of the base (with what was admitted quietly).
+        after: errors with all named effects.
+        traces: arrays for plots.
+    """
+
+    table: dict[str, dict[str, Gap]]
+    together: dict[str, dict[str, Shrink]]
+    plain: Stage
+    before: HeldOut
+    after: HeldOut
+    traces: tuple[Traces, ...]
+
+
+def gaps(start: Ready, decision: Decision, rng: np.random.Generator) -> Gaps:
+    """Return the gaps before and after the named effects."""
+    stage = plain_stage(start.stage.rows, start.stage.base, start.stage.noise)
+    quiet: Sequence[Judged] = decision.quiet
+    named = [n.judged for n in decision.named]
+    before = held_out(stage, quiet, start.theta)
+    after = held_out(stage, [*quiet, *named], start.theta) if named else before
+    table: dict[str, dict[str, Gap]] = {}
+    together: dict[str, dict[str, Shrink]] = {}
+    for joint in stage.rows.joints:
+        axis = stage.rows.motions[0].names[joint]
+        size = _size(before, joint)
+        rms = _rms(before, joint)
+        noise = stage.noise.rms[joint]
+        table[axis] = {"u": Gap(rms, rms / size if size else 0.0, noise, _rms(after, joint))}
+        if named:
+            found = shrink(before, after, joint, noise, rng)
+            together[axis] = {} if found is None else {"u": found}
+    return Gaps(table, together, stage, before, after, tuple(_traces(before, after)))
+
+
+def _rms(errors: HeldOut, joint: int) -> float:
+    parts = [
+        e for p, e in zip(errors.stage.pieces, errors.error, strict=True) if p.channel.joint == joint
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0
+
+
+def _size(errors: HeldOut, joint: int) -> float:
+    parts = [p.channel.y for p in errors.stage.pieces if p.channel.joint == joint]
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0
+
+
+def _traces(before: HeldOut, after: HeldOut) -> list[Traces]:
+    out = []
+    motions = before.stage.rows.motions
+    for piece, e, f in zip(before.stage.pieces, before.error, after.error, strict=True):
+        motion = motions[piece.channel.log]
+        t = motion.t[piece.channel.centres[piece.kept]]
+        out.append(Traces(motion.names[piece.channel.joint], piece.channel.log, t, e, f))
+    return out

@@ -1,0 +1,115 @@
+"""``diagnose``: where a log and its model differ, which effect is missing, how far the gap shrinks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from pinotwin.diagnosis.advice import advise, command
+from pinotwin.diagnosis.decide import Decision, decide
+from pinotwin.diagnosis.findings import findings
+from pinotwin.diagnosis.gaps import Gaps, gaps
+from pinotwin.diagnosis.prepare import Ready, ready
+from pinotwin.diagnosis.result import Diagnosis, Region
+from pinotwin.diagnosis.search import Settings
+from pinotwin.diagnosis.verdict import judge
+from pinotwin.diagnosis.where import localise
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.threads import one_blas_thread
+from pinotwin.twin import Twin
+
+Tell = Callable[[str, float], None]
+
+
+@one_blas_thread
+def diagnose(
+    subject: Machine | Twin,
+    log: Log | Sequence[Log],
+    *,
+    validate: Log | Sequence[Log] | None = None,
+    quick: bool = False,
+    report: Tell | None = None,
+    seed: int = 0,
+    leave_out: Sequence[str] = (),
+) -> Diagnosis:
+    """Say where logs and their model differ, which effects cause it, and how far the gap shrinks.
+
+    Args:
+        subject: a machine (its model is fitted to these logs and something is missing) or a twin
+            (identified earlier, and these logs no longer agree).
+        log: servo log(s); those with the same command are repeats and give the noise floor.
+        validate: log(s) that nothing is fitted to; the shrink is then stated on them.
+        quick: screen only, fewer healthy draws.
+        report: called with the stage and the share done.
+        seed: of everything random.
+        leave_out: effects of the catalogue that are not to be considered.
+
+    Raises:
+        LogError: a channel is missing or unusable.
+        DataError: the logs hold too little.
+    """
+    tell = report or _silent
+    tell("preparing the logs", 0.02)
+    start = ready(subject, _list(log), _list(validate), lambda stage: tell(stage, 0.1))
+    settings = Settings(
+        draws=60 if quick else 200, most=1 if quick else 3, leave_out=frozenset(leave_out), seed=seed
+    )
+    decision = decide(start.context, start.search_stage, start.theta, settings, tell)
+    tell("measuring the gap", 0.85)
+    rng = np.random.default_rng([seed, 99])
+    gap = gaps(start, decision, rng)
+    return _diagnosis(subject, start, decision, gap, quick, rng)
+
+
+def _diagnosis(
+    subject: Machine | Twin, start: Ready, decision: Decision, gap: Gaps, quick: bool,
+    rng: np.random.Generator,
+) -> Diagnosis:  # fmt: skip
+    rows, noise = start.stage.rows, start.stage.noise
+    effects, confusable, pairs = findings(start, decision, gap, rng)
+    verdict = judge(start, decision, gap, effects)
+    has_command = rows.motions[0].qr is not None
+    advice, motions = advise(noise.kind, pairs, has_command=has_command)
+    files = {
+        f"advice_{kind}_{axis or 'all'}.csv": command(rows.machine, rows.motions[0], kind, axis)
+        for kind, axis in motions[:2]
+    }
+    return Diagnosis(
+        verdict=verdict.verdict,
+        sentence=verdict.sentence,
+        gap=gap.table,
+        where=_where(start, verdict.joints, rng),
+        effects=effects,
+        confusable=confusable,
+        unexplained=verdict.unexplained,
+        remains=verdict.remains,
+        noise=noise.kind,
+        advice=[*advice, *verdict.advice],
+        situation="change" if start.stage.base.change else "structure",
+        shrink=gap.together,
+        quick=quick,
+        traces=gap.traces,
+        machine=rows.machine.name,
+        subject=subject,
+        commands=files,
+    )
+
+
+def _where(start: Ready, joints: Sequence[int], rng: np.random.Generator) -> list[Region]:
+    """Return the regions of the axes whose gap is more than noise."""
+    out: list[Region] = []
+    for joint in joints:
+        out += localise(start.stage.rows, list(start.residuals), joint, rng)
+    return sorted(out, key=lambda r: -(r.share - r.time_share))
+
+
+def _list(logs: Log | Sequence[Log] | None) -> list[Log]:
+    if logs is None:
+        return []
+    return [logs] if isinstance(logs, Log) else list(logs)
+
+
+def _silent(stage: str, done: float) -> None:
+    del stage, done
