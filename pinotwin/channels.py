@@ -116,11 +116,11 @@ def joint_positions(machine: Machine, log: Log, kind: str) -> Floats:
 
     Missing values are zero: they lie outside the stretches. Shape (n, nv).
     """
-    x = np.zeros((len(log), machine.nv))
+    x: Floats = np.zeros((len(log), machine.nv))
     for name, axis in machine.axes.items():
         x[:, axis.index] = np.nan_to_num(log[f"{name}.{kind}"])
     if machine.transmission is not None:
-        x = np.linalg.solve(machine.transmission, x.T).T
+        x = np.linalg.solve(machine.transmission, x.T).T.astype(float)
     for axis in machine.axes.values():
         x[:, axis.index] += axis.zero
     if kind == "q":

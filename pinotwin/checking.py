@@ -17,7 +17,8 @@ from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import InputError, MachineError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.machine.urdf_check import read_tree
+from pinotwin.machine.urdf import impossible_bodies
+from pinotwin.machine.urdf_check import mimics, read_tree
 from pinotwin.preparation import prepare
 from pinotwin.quality import Finding, Limits, Quality, inspect
 
@@ -130,7 +131,14 @@ def _limits(machine: Machine) -> dict[str, Limits]:
 def machine_findings(machine: Machine) -> list[Finding]:
     """Return what a second reader of URDFs (yourdfpy) and the tree itself say."""
     out = [*_second_reader(machine.urdf)]
+    for joint, problem in impossible_bodies(machine.model).items():
+        text = f"what it moves cannot exist: {problem}; correct the <inertial> of its links"
+        out.append(Finding("error", joint, text))
     root = read_tree(machine.urdf)
+    for joint, leader in mimics(root).items():
+        if joint not in machine.model.names:
+            text = f"follows {leader!r} in the URDF (mimic); held at zero here"
+            out.append(Finding("warning", joint, text))
     for link in root.findall("link"):
         if link.find("inertial") is None and _is_child_of_moving(root, str(link.get("name"))):
             out.append(

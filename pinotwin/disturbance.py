@@ -140,7 +140,8 @@ def split(twin: Twin, motion: Motion) -> Split:
                     effect, own, motion, nv
                 )
     linear = _linear(motion, twin.diagonal)
-    parts.update(_rigid_parts(twin, motion, linear["inertia"]))
+    for cause, effort in _rigid_parts(twin, motion, linear["inertia"]).items():
+        parts[cause] = parts[cause] + effort if cause in parts else effort
     if motion.external is not None:
         parts["external"] = -motion.external
     return Split(motion.names, linear, {c: parts[c] for c in CAUSES if c in parts})

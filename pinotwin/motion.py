@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -115,7 +115,7 @@ class Motion:
             for s in self.segments
             if s.start < stop and s.stop > start
         ]
-        arrays = {
+        arrays: dict[str, Any] = {
             name: None if (x := getattr(self, name)) is None else x[rows]
             for name in ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external")
         }
@@ -130,9 +130,9 @@ class Motion:
         for part in parts:
             segments += [slice(s.start + offset, s.stop + offset) for s in part.segments]
             offset += len(part)
-        arrays: dict[str, Floats | None] = {}
+        arrays: dict[str, Any] = {}
         for name in ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external"):
             values = [getattr(part, name) for part in parts]
             missing = any(x is None for x in values)
             arrays[name] = None if missing else np.concatenate(values)
-        return replace(first, segments=tuple(segments), **arrays)  # type: ignore[arg-type]
+        return replace(first, segments=tuple(segments), **arrays)

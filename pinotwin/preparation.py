@@ -144,9 +144,11 @@ def _trimmed(
     out = [slice(s.start + head, s.stop - tail) for s in parts]
     out = [s for s in out if s.stop - s.start >= shortest]
     if not out:
+        longest = max(s.stop - s.start for s in parts)
         raise DataError(
-            f"{source}: nothing left after cutting {head} + {tail} samples at the ends of each "
-            "stretch; record longer, or raise `data.cutoff`"
+            f"{source}: the longest of {len(parts)} unbroken stretches has {longest} samples, of "
+            f"which the filter's start-up spoils {head} + {tail}; record longer or without breaks "
+            "of the clock, or raise the cutoff"
         )
     return tuple(out)
 
@@ -201,7 +203,9 @@ def _rows_of(parts: Sequence[slice]) -> Ints:
 def _moves(machine: Machine, log: Log, parts: Sequence[slice]) -> Mask:
     """Return which joints move at all, shape (nv,): an encoder's noise at rest is no motion."""
     rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    table, _ = inspect_axes(log.rows(_rows_of(parts)), rotary, None)
+    rows = _rows_of(parts)
+    inside = log.with_channels({name: x[rows] for name, x in log.channels.items()})
+    table, _ = inspect_axes(inside, rotary, None)
     out = np.ones(machine.nv, dtype=bool)
     for name, axis in machine.axes.items():
         out[axis.index] = name in table and table[name].moves

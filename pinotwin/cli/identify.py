@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
 
     check_folder(args.out)
     options = settings(args)
-    machine = Machine.load(args.machine)
+    machine = Machine.load(args.machine).require_physical()
     logs = read_logs(args.logs)
     validate = read_logs(args.validate)
     with progress() as report:

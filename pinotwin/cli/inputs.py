@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 def add_preparation(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a log is prepared."""
-    parser.add_argument("--cutoff", type=float, metavar="HZ", help="corner of the zero-phase low-pass")
+    parser.add_argument(
+        "--cutoff", type=float, metavar="HZ", help="corner of the zero-phase low-pass"
+    )
     parser.add_argument("--decimate", type=int, metavar="N", help="fit one row in N")
 
 

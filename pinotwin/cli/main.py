@@ -68,7 +68,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = _parser(named).parse_args(words)
         _check_files(args)
         module = importlib.import_module(f"pinotwin.cli.{args.verb}")
-        return int(module.run(args))
+        code = int(module.run(args))
+        sys.stdout.flush()  # a reader that has gone is noticed here, not at exit
+        return code
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 0

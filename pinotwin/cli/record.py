@@ -28,6 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="effects to add to the truth")  # fmt: skip
     parser.add_argument("--axis", help="axis that slow_reversals and constant_speeds move")
     parser.add_argument("--command", metavar="LOG", help="run the command of this log again")
+    parser.add_argument("--imu", action="append", default=[], metavar="FILE",
+                        help="also write the log of a virtual IMU; may be given several times")  # fmt: skip
+    parser.add_argument("--imu-link", action="append", default=[], metavar="LINK",
+                        help="link that carries it, in the order of --imu (from machine.yaml)")  # fmt: skip
     add_common(parser, out="log to write (.csv or .parquet)", required=True)
 
 
@@ -47,17 +51,45 @@ def run(args: argparse.Namespace) -> int:
     if out.suffix not in (".csv", ".parquet"):
         raise InputError(f"--out: {out.name}: a log ends in .csv or .parquet")
     check_file(out)
+    for path in args.imu:
+        if Path(path).suffix not in (".csv", ".parquet"):
+            raise InputError(f"--imu: {path}: a log ends in .csv or .parquet")
+        check_file(path)
     folder = Path(args.machine)
     if not folder.exists() and args.machine in machines():
         folder = bundled_path(args.machine)
     machine = VirtualMachine.load(folder, withhold=args.withhold, inject=args.inject)
-    recording = machine.record(_trajectory(args, machine), seed=args.seed)
+    links = _imu_links(args, folder)
+    fine = machine.truth.control_rate if links else None  # an IMU filters what it samples
+    recording = machine.record(_trajectory(args, machine), seed=args.seed, truth_rate=fine)
     write_log(out, recording.log)
+    for number, (path, link) in enumerate(zip(args.imu, links, strict=True), 1):
+        from pinotwin.reconstruction.virtual_imu import record_imu
+
+        imu = record_imu(recording.truth, link, machine.truth.seed, args.seed, number)
+        write_log(path, imu.channels)
+        say(f"{machine.name}: {len(imu)} rows of imu{number} on {link}, its own clock: {path}")
     if args.json:
         write_json(args.json, _facts(args, recording))
     rows = len(recording.log["t"])
     say(f"{machine.name}: {rows} rows, {recording.log['t'][-1]:.4g} s, seed {args.seed}: {out}")
     return 0
+
+
+def _imu_links(args, folder):  # type: ignore[no-untyped-def]
+    """Return the link of every virtual IMU that was asked for."""
+    from pinotwin.errors import InputError
+    from pinotwin.machine import Machine
+
+    if not args.imu:
+        return []
+    stated = [imu.link for imu in Machine.load(folder).imus.values()]
+    if not stated and len(args.imu_link) < len(args.imu):
+        raise InputError(
+            "--imu: machine.yaml has no `imus`; say which link carries the sensor with --imu-link"
+        )
+    given = args.imu_link[: len(args.imu)]
+    return given + [stated[min(k, len(stated) - 1)] for k in range(len(given), len(args.imu))]
 
 
 def _trajectory(args, machine):  # type: ignore[no-untyped-def]
@@ -75,7 +107,9 @@ def _trajectory(args, machine):  # type: ignore[no-untyped-def]
     if args.trajectory == "multisine":
         return trajectories.multisine(machine, args.seconds, seed)
     if args.axis is None:
-        raise InputError(f"--trajectory {args.trajectory}: say which axis, e.g. --axis {machine.axes[0]}")
+        raise InputError(
+            f"--trajectory {args.trajectory}: say which axis, e.g. --axis {machine.axes[0]}"
+        )
     if args.axis not in machine.axes:
         raise InputError(f"--axis: no axis {args.axis!r}; {nearest(args.axis, machine.axes)}")
     return getattr(trajectories, args.trajectory)(machine, args.axis)

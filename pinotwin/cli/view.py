@@ -18,18 +18,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("machine", help="machine, twin folder, .urdf, or a bundled name")
     parser.add_argument("log", nargs="?", help="servo log to play back")
-    parser.add_argument("--posture", metavar="Y=0.1,A=30deg", help="posture; SI unless a unit is given")
+    parser.add_argument(
+        "--posture", metavar="Y=0.1,A=30deg", help="posture; SI unless a unit is given"
+    )
+    parser.add_argument("--mode", type=int, metavar="N", help="show mode N, 1 the slowest, enlarged")
+    parser.add_argument(
+        "--free", nargs="*", metavar="AXIS", help="axes that are free, for --mode; all without names"
+    )
     parser.add_argument("--html", metavar="FILE", help="write one page that opens without network")
-    parser.add_argument("--no-frames", action="store_true", help="leave out joint frames and masses")
+    parser.add_argument(
+        "--no-frames", action="store_true", help="leave out joint frames and masses"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Draw, and write a page or open the browser."""
+    from pinotwin.errors import InputError
     from pinotwin.machine import Machine
     from pinotwin.viewer import save_html, show
 
+    if args.free is not None and args.mode is None:
+        raise InputError("--free belongs to --mode N; give both")
+    if args.mode is not None and args.log:
+        raise InputError("--mode shows a vibration, a log its own motion; give one of them")
     machine = Machine.load(args.machine)
     drawn = draw_machine(machine, args.posture, args.log, extras=not args.no_frames)
+    if args.mode is not None:
+        drawn = show_mode(machine, drawn, args.posture, args.mode, args.free)
     if args.html:
         save_html(Path(args.html), drawn)
         say(f"{machine.name} written to {args.html}")
@@ -67,3 +82,29 @@ def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extr
         return scene
     motion = prepare(machine, read_argument(log))
     return play(scene, motion.t, motion.q)
+
+
+def show_mode(
+    machine: Machine, drawn: Scene, posture: str | None, number: int, free: list[str] | None
+) -> Scene:
+    """Return the scene vibrating in one of its modes, enlarged so that it can be seen."""
+    from pinotwin.modal import animate, modes
+    from pinotwin.viewer import parse_posture, play
+
+    rotary = dict(zip(machine.names, machine.rotary, strict=True))
+    values = parse_posture(posture, rotary) if posture else {}
+    released = [] if free is None else (free or list(machine.axes))
+    for name in released:
+        machine.axis(name)
+    locked = [name for name in machine.axes if name not in released]
+    found = modes(machine, values, locked=locked)
+    for k, mode in enumerate(found.modes, 1):
+        shares = ", ".join(
+            f"{name} {share:.0%}"
+            for name, share in zip(found.names, mode.energy, strict=True)
+            if abs(share) >= 0.005
+        )
+        mark = " <" if k == number else ""
+        say(f"mode {k}: {mode.frequency:.2f} Hz, damping {mode.damping:.3f} ({shares}){mark}")
+    t, q = animate(found, number, 0.1)
+    return play(drawn, t, q)

@@ -19,7 +19,6 @@ from pinotwin.effects import (
     CoulombAsymmetric,
     Effect,
     PositionTable,
-    RigidBody,
     Stribeck,
 )
 from pinotwin.machine import Machine
@@ -160,27 +159,78 @@ def _weak(effects: Sequence[Effect], rows: Rows, p: int) -> Floats:
     return out
 
 
+TABLE_DOUBT = 0.2  # of a table's RMS: what its knots may be off by, interpolation included
+SLOW_DOUBT = 0.4  # of dry friction that its Stribeck part may be off by: identified at standstill, asked for in motion
+SHAPE_DOUBT = 0.25  # relative change of a shape that is not worth a name
+PITCH_DOUBT = 1e-3  # the same for a pitch
+
+
 def change_base(twin: Twin, rows: Rows, *, scatter: float = 0.015) -> Base:
     """Return the base of a twin: its coefficients with their covariance, and ordinary scatter."""
-    machine = twin.machine
-    distance = np.array([usual_distance(r) for r in machine.rotary])
-    effects = twin.effects
-    covariance = np.array(twin.covariance)
-    spread = np.zeros(len(twin.theta))
-    for effect, where in zip(effects, effect_slices(effects), strict=True):
-        share = scatter if effect.name in SCATTERED else 0.003
-        spread[where] = share * np.abs(twin.theta[where])
-        if isinstance(effect, RigidBody):
-            spread[where] += 0.002 * np.abs(twin.theta[where]).max() * 0.0
-    covariance = 2.25 * covariance + np.diag(spread**2)
-    open_ = np.diag(twin.covariance) <= 0.0
+    distance = np.array([usual_distance(r) for r in twin.machine.rotary])
+    effects, place = _relaid(twin, rows)
+    count = effect_slices(effects)[-1].stop
+    theta, doubt = np.zeros(count), np.zeros(count)
+    covariance = np.zeros((count, count))
+    theta[place], doubt[place] = twin.theta, _doubt(twin, scatter)
+    covariance[np.ix_(place, place)] = 2.25 * np.array(twin.covariance)
+    open_ = np.diag(covariance) <= 0.0
+    covariance += np.diag(doubt**2)
     precision = np.zeros_like(covariance)
     known = np.flatnonzero(~open_)
     scale = np.sqrt(np.diag(covariance)[known])
     normal = covariance[np.ix_(known, known)] / np.outer(scale, scale)
     normal += 1e-9 * np.eye(len(known))
     precision[np.ix_(known, known)] = np.linalg.inv(normal) / np.outer(scale, scale)
-    return Base(effects, distance, np.array(twin.theta), precision, (), True)
+    weak = _weak(effects, rows, count)
+    precision[open_, open_] = weak[open_]
+    plain = Base(effects, distance, theta, precision, (), True)
+    sloped = with_slopes(plain, theta)
+    for k, (i, shape, _) in enumerate(sloped.slopes):
+        name = effects[i].shapes()[shape].name
+        doubt = PITCH_DOUBT if name == "period" else SHAPE_DOUBT
+        at = plain.count + k
+        sloped.precision[at, at] = 1.0 / doubt**2
+    mean = np.concatenate([theta, np.zeros(len(sloped.slopes))])
+    return replace(sloped, mean=mean)
+
+
+def _relaid(twin: Twin, rows: Rows) -> tuple[tuple[Effect, ...], Floats]:
+    """Return the twin's effects with tables over the new travel too, and where its theta goes."""
+    effects: list[Effect] = []
+    place: list[int] = []
+    for effect in twin.effects:
+        start, first = sum(len(e.coefficients()) for e in effects), 0
+        if isinstance(effect, PositionTable) and effect.start is not None:
+            assert effect.spacing is not None
+            assert effect.stop is not None
+            q = np.concatenate([m.q[:, m.index(effect.axis)] for m in rows.motions])
+            first = max(int(np.ceil((effect.start - q.min()) / effect.spacing)), 0)
+            last = max(int(np.ceil((q.max() - effect.stop) / effect.spacing)), 0)
+            wider = replace(
+                effect, start=effect.start - first * effect.spacing,
+                stop=effect.stop + last * effect.spacing,
+            )  # fmt: skip
+            effects.append(wider)
+        else:
+            effects.append(effect)
+        place += range(start + first, start + first + len(effect.coefficients()))
+    return tuple(effects), np.array(place)
+
+
+def _doubt(twin: Twin, scatter: float) -> Floats:
+    """Return what a twin's coefficients may be off by beyond their covariance, shape (p,)."""
+    out = np.zeros(len(twin.theta))
+    for effect, where in zip(twin.effects, effect_slices(twin.effects), strict=True):
+        theta = np.abs(twin.theta[where])
+        share = scatter if effect.name in SCATTERED else 0.003
+        out[where] = share * theta
+        if isinstance(effect, PositionTable) and len(theta):
+            out[where] = TABLE_DOUBT * float(np.sqrt(np.mean(theta**2)))
+        for k, c in enumerate(effect.coefficients()):
+            if c.name == "s":
+                out[where.start + k] = SLOW_DOUBT * theta.max()
+    return out
 
 
 def is_scattered(effect: Effect) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinotwin.diagnosis.context import Context
-from pinotwin.diagnosis.ledger import build_ledger
+from pinotwin.diagnosis.ledger import build_ledger, residual_of
 from pinotwin.diagnosis.search import (
     Cache,
     Judged,
@@ -23,10 +23,12 @@ from pinotwin.diagnosis.search import (
     ledger_with_draws,
     screen,
 )
+from pinotwin.diagnosis.shrinking import plain_stage
 from pinotwin.diagnosis.stage import Stage
 
 LATENCY = 3e-4  # [s] a delay below this is every machine's own and gets no name
-MATTERS = 0.01  # whitened deviance per row below which an effect is too small to matter
+MATTERS = 0.01  # gap power over noise power below which an effect is too small to matter
+LEFT_OVER = 0.03  # of an effect's gain: what its linearised column may leave for others on its axis
 LOWEST = 10.0  # no threshold is lower
 
 
@@ -75,12 +77,14 @@ def decide(
 ) -> Decision:
     """Name the effects that the base model misses."""
     cache: Cache = {}
+    rough = plain_stage(stage)
     found: list[Judged] = []
     quiet: list[Judged] = []
     first: Screened | None = None
     threshold, steps = 20.0, []
     for step in range(settings.most + 3):
         here = admit(stage, [*quiet, *found])
+        plain = admit(rough, [*quiet, *found])
         taken = [j.key for j in (*quiet, *found)]
         tell(f"screening, step {step + 1}", 0.15 + 0.12 * step)
         seen = screen(context, build_ledger(here, theta), settings, taken, cache)
@@ -94,7 +98,7 @@ def decide(
         steps.append((threshold, best.G))
         if threshold > best.G:
             break
-        (quiet if _trivial(best, here) else found).append(best)
+        (quiet if _trivial(best, here, found, plain) else found).append(best)
     assert first is not None
     tell("checking the found effects against each other", 0.8)
     named = _rechecked(context, stage, theta, settings, cache, found, quiet, threshold)
@@ -103,8 +107,11 @@ def decide(
     return Decision(named, tuple(quiet), final, first, unseen, tuple(steps))
 
 
-def _trivial(judged: Judged, stage: Stage) -> bool:
-    """Whether an effect is real but too small to matter."""
+def _trivial(judged: Judged, stage: Stage, found: Sequence[Judged], plain: Stage) -> bool:
+    """Whether an effect is real but too small to matter, or what a first-order column leaves over."""
+    axis = judged.candidate.axis
+    if any(j.candidate.axis == axis and judged.G < LEFT_OVER * j.G for j in found):
+        return True
     if judged.candidate.effect == "delay" and abs(float(judged.theta[0])) < LATENCY:
         return True
     return MATTERS * rows_of(judged, stage) > judged.G

@@ -38,7 +38,7 @@ class Gaps:
 
 def gaps(start: Ready, decision: Decision, rng: np.random.Generator) -> Gaps:
     """Return the gaps before and after the named effects."""
-    stage = plain_stage(start.stage.rows, start.stage.base, start.stage.noise)
+    stage = plain_stage(start.stage)
     quiet: Sequence[Judged] = decision.quiet
     named = [n.judged for n in decision.named]
     before = held_out(stage, quiet, start.theta)

@@ -237,9 +237,34 @@ def worth(ledger: Ledger, s: Sums) -> Worth:
             share = np.einsum("ikk->i", S) / np.maximum(raw.sum(axis=1), 1e-300)
     gain, logdet = np.array(gains), np.array(logdets)[:, :, None]
     by_fold = (gain[0] - gain[1:]) - (logdet[0] - logdet[1:])
+    G = by_fold.sum(axis=0)
+    if ledger.stage.base.change:
+        G = G + relief(ledger, s)
     return Worth(
-        by_fold.sum(axis=0), gain[0][:, 0], theta, share, deviation, by_fold[:, :, 0], sign
+        G, gain[0][:, 0], theta, share, deviation, by_fold[:, :, 0], sign
     )
+
+
+def relief(ledger: Ledger, s: Sums) -> Floats:
+    """Return how much less a twin's belief is strained with each candidate, shape (I, d).
+
+    A base parameter that left its prior costs (x - x0)' L0 (x - x0). Data that were fitted hide it from
+    the held-out score, since they moved the parameter; a candidate that takes the change upon itself
+    gives the cost back.
+    """
+    g, S, raw = schur(ledger, s, 0)
+    size = np.sqrt(np.maximum(raw, 1e-300))
+    normal = S / (size[:, :, None] * size[:, None, :]) + 1e-7 * np.eye(S.shape[1])
+    c = np.linalg.solve(normal, g / size[:, :, None]) / size[:, :, None]
+    CB = s.CB[0]
+    count, width, p = CB.shape
+    X = ledger.solve(0, CB.reshape(-1, p).T)
+    prior = ledger.stage.base.precision
+    theta = ledger.solve(0, ledger.right[0])
+    pull = (X.T @ (prior @ theta)).reshape(count, width, -1)
+    X3 = X.T.reshape(count, width, p)
+    Q = np.einsum("ikp,ilp->ikl", X3, (X3.reshape(-1, p) @ prior).reshape(count, width, p))
+    return np.asarray(2.0 * np.einsum("ikd,ikd->id", pull, c) - np.einsum("ikd,ikl,ild->id", c, Q, c))
 
 
 def schur(ledger: Ledger, s: Sums, k: int) -> tuple[Floats, Floats, Floats]:

@@ -81,9 +81,9 @@ def estimate(
     for joint in rows.joints:
         at = [k for k, c in enumerate(rows.channels) if c.joint == joint]
         stretches = _differences(rows, at, residuals, friction) if rows.repeated else []
-        if sum(map(len, stretches)) < 20 * ORDER:
+        if sum(map(len, stretches)) < 50:
             stretches = [rich[k][run] for k in at for run in rows.channels[k].runs]
-        a = burg(stretches, ORDER)
+        a = burg(stretches, ORDER if sum(map(len, stretches)) > 40 * ORDER else 2)
         models[joint] = a
         white = np.concatenate([_filtered(x, a) for x in stretches if len(x) > len(a)])
         size = np.concatenate(stretches)
@@ -124,11 +124,11 @@ def _pair(
     one: Channel, two: Channel, r1: Floats, r2: Floats, f1: Floats, f2: Floats
 ) -> list[Floats]:
     common, i, j = np.intersect1d(one.centres, two.centres, return_indices=True)
-    if len(common) < 40:
+    if len(common) < 60:
         return []
     d = (r1[i] - r2[j]) / np.sqrt(2.0)
     S = np.column_stack([f1[i], f2[j], np.ones(len(i))])
-    d = d - S @ np.linalg.lstsq(S, d, rcond=1e-9)[0]
+    d = (d - S @ np.linalg.lstsq(S, d, rcond=1e-9)[0]) * np.sqrt(len(d) / (len(d) - S.shape[1]))
     step = np.median(np.diff(common))
     cuts = np.flatnonzero(np.diff(common) > 1.5 * step) + 1
     return [x for x in np.split(d, cuts) if len(x) > ORDER]

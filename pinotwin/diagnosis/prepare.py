@@ -114,14 +114,18 @@ def _rich(rows: Rows, residuals: Sequence[Floats]) -> list[Floats]:
     for c, r in zip(rows.channels, residuals, strict=True):
         m = rows.motions[c.log]
         features = [np.ones(len(r))]
+        room = len(r) / 1200.0  # a rich model, but one row in ten a column at most
         for x, knots in ((m.q, 40), (m.v, 30), (m.a, 12)):
-            features += list(_hats(x[c.centres, c.joint], knots).T)
+            count = int(knots * min(room, 1.0))
+            if count >= 4:
+                features += list(_hats(x[c.centres, c.joint], count).T)
         direction = np.sign(m.v[c.centres, c.joint])
         features.append(direction)
         W = np.stack(features, axis=1)
         W /= np.linalg.norm(W, axis=0) + 1e-12
         solved = np.linalg.solve(W.T @ W + 1e-6 * np.eye(W.shape[1]), W.T @ r)
-        out.append(r - W @ solved)
+        left = max(len(r) - W.shape[1], len(r) // 2)
+        out.append((r - W @ solved) * np.sqrt(len(r) / left))
     return out
 
 

@@ -90,6 +90,10 @@ class Settings:
     seed: int = 0
 
 
+RARE = {"geometric_error": 4.0, "position_table": 4.0, "encoder_error": 2.0, "backlash": 2.0,
+        "wrist_coupling": 2.0, "viscous_asymmetric": 2.0, "ripple_modulated": 2.0}  # fmt: skip
+"""Deviance that an uncommon effect must bring beyond a common one that does the same."""
+
 Cache = dict[tuple[str, str | None], list[tuple[Family, list[Floats | None]]]]
 """Whitened columns of families whose candidates do not depend on what was admitted."""
 
@@ -154,7 +158,8 @@ def _judge(
         w = worth(ledger, sums(ledger, stacked))
         least = LEAST_SHARE_OF_POSITION if part[0].effect in POSITION else LEAST_SHARE
         positive = np.array([c.positive for c in part])[:, None]
-        G = w.G - np.array([c.price for c in part])[:, None]
+        rare = RARE.get(part[0].effect, 0.0)
+        G = w.G - np.array([c.price + rare for c in part])[:, None]
         G = np.where((positive & (w.sign < 0)) | (w.share <= least)[:, None], -1e3, G)
         if G.shape[1] > 1:
             top = np.maximum(top, G[:, 1:].max(axis=0))

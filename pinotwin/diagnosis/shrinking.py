@@ -8,11 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
-from pinotwin.diagnosis.noise import Noise
 from pinotwin.diagnosis.result import Shrink
-from pinotwin.diagnosis.rows import Rows
 from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.stage import Stage, build_stage
 
@@ -37,10 +34,13 @@ class HeldOut:
     on: str
 
 
-def plain_stage(rows: Rows, base: Base, noise: Noise) -> Stage:
-    """Return the stage without whitening: rows in units of the noise."""
-    empty = {j: np.zeros(0) for j in noise.models}
-    return build_stage(rows, base, replace(noise, models=empty, level=noise.rms))
+def plain_stage(stage: Stage) -> Stage:
+    """Return the same stage without whitening: rows in units of the noise."""
+    noise, rows = stage.noise, stage.rows
+    plain = replace(noise, models={j: np.zeros(0) for j in noise.models}, level=noise.rms)
+    logs = {p.channel.log for p in stage.pieces}
+    whole = build_stage(rows, stage.base, plain)
+    return replace(whole, pieces=tuple(p for p in whole.pieces if p.channel.log in logs))
 
 
 def held_out(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:
@@ -56,13 +56,32 @@ def held_out(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:
         scaled = tuple(_si(stage, p, e) for p, e in pieces)
         return HeldOut(seen, scaled, scaled, "validation")
     ledger = build_ledger(under, theta)
-    thetas = [ledger.theta, *(_fold_theta(ledger, f) for f in range(under.blocks))]
-    error, own = [], []
-    for p in under.pieces:
-        left = np.array([p.y - p.B @ x[p.columns] for x in thetas])
-        error.append(_si(stage, p, left[1 + p.block, np.arange(len(p.y))]))
-        own.append(_si(stage, p, left[0]))
-    return HeldOut(stage, tuple(error), tuple(own), "held-out blocks")
+    count = stage.base.count
+    thetas = np.array([ledger.theta, *(_fold_theta(ledger, f) for f in range(under.blocks))])
+    error = _rebased(stage, under, thetas[:, count:], theta)
+    own = tuple(_si(stage, p, p.y - p.B @ ledger.theta[p.columns]) for p in under.pieces)
+    return HeldOut(stage, error, own, "held-out blocks")
+
+
+def _rebased(
+    stage: Stage, under: Stage, effects: Floats, theta: Floats
+) -> tuple[Floats, ...]:
+    """Return the errors with the effects' coefficients of the other folds, the base fitted anew.
+
+    The base is not on trial: it may use all rows, or a table would be judged at knots that the other
+    folds never visited.
+    """
+    if not effects.shape[1]:
+        plain = build_ledger(stage, theta)
+        return tuple(_si(stage, p, p.y - p.B @ plain.theta[p.columns]) for p in stage.pieces)
+    count, pieces = stage.base.count, []
+    for p, wide in zip(stage.pieces, under.pieces, strict=True):
+        extra = wide.columns >= count
+        values = effects[1 + p.block][:, wide.columns[extra] - count]
+        pieces.append(replace(p, y=p.y - np.einsum("nk,nk->n", wide.B[:, extra], values)))
+    moved = replace(stage, pieces=tuple(pieces))
+    plain = build_ledger(moved, theta)
+    return tuple(_si(stage, p, p.y - p.B @ plain.theta[p.columns]) for p in pieces)
 
 
 def _fold_theta(ledger: Ledger, fold: int) -> Floats:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.dynamics.leaf import leaf
 
 
-@njit(cache=True, fastmath={"contract"})
+@leaf
 def replay(revolute: Ints, ops: Ints, sign: Floats, q: Floats, v: Floats, t: Floats) -> None:
     """Work off a :class:`pinotwin.dynamics.tape.Tape` at one sample.
 
@@ -33,7 +33,7 @@ def replay(revolute: Ints, ops: Ints, sign: Floats, q: Floats, v: Floats, t: Flo
         t[at + k] = t[ops[k, 0]] * t[ops[k, 1]] * sign[k] + t[ops[k, 2]]
 
 
-@njit(cache=True)
+@leaf
 def gather(mass: Ints, bias: Ints, t: Floats, M: Floats, h: Floats) -> None:
     """Fill M (nv, nv) and h (nv,) from the values of a tape; entries without a place stay."""
     for r in range(len(mass)):

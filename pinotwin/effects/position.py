@@ -235,9 +235,8 @@ class PositionTable(AxisEffect):
         assert self.spacing is not None
         if self.start is None or self.stop is None:
             return np.zeros(0)
-        return self.start + float(self.spacing) * np.arange(
-            round((self.stop - self.start) / self.spacing) + 1
-        )
+        count = round((self.stop - self.start) / self.spacing) + 1
+        return np.linspace(self.start, self.stop, count)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
         """See :meth:`Effect.coefficients`."""

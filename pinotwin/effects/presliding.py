@@ -63,6 +63,7 @@ class Presliding(AxisEffect):
         x_s: displacement over which friction turns round [m or rad]; searched.
         v_s: speed at which the Stribeck part has fallen to 1/e [m/s or rad/s]; searched.
         stribeck: number of Stribeck terms, 1 or 0.
+        exponent: of the Stribeck term, as in :class:`Stribeck`.
     """
 
     name: ClassVar[str] = "presliding"
@@ -74,6 +75,7 @@ class Presliding(AxisEffect):
     x_s: float | None = None
     v_s: float = 0.01
     stribeck: int = 1
+    exponent: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stribeck", int(self.stribeck))
@@ -99,4 +101,5 @@ class Presliding(AxisEffect):
         z = bristle(motion, self.x_s)
         if not self.stribeck:
             return z[:, None]
-        return np.stack([z, z * np.exp(-np.abs(motion.v / self.v_s))], axis=-1)
+        fade = np.exp(-(np.abs(motion.v / self.v_s) ** self.exponent))
+        return np.stack([z, z * fade], axis=-1)

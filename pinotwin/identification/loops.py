@@ -8,14 +8,16 @@ two can be compared and a gain can be changed afterwards.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.disturbance import generalised_disturbance
+from pinotwin.effects import Effect
 from pinotwin.errors import DataError
+from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.loop import (
     Controller,
     LoopData,
@@ -33,21 +35,29 @@ TRAINED = 2.0 / 3.0
 PAYS = 0.95
 """A larger order is taken if it brings the held-out error below this share of the smaller one's."""
 MOST_PAIRS = 3
+NO_WORSE = 1.01
+"""Refined effects have as many numbers as before: they are kept unless held-out data speak against."""
 
 
 @dataclass
 class Loops:
-    """Closed loops as found.
+    """Closed loops as found, and what they say of the plant.
 
     Attributes:
+        effects: the twin's effects, with shapes refined where that paid.
+        theta: the twin's coefficients, likewise.
         models: black box of each axis.
         controllers: grey box of each axis.
+        refined: axes whose effects were refined, with the standard errors found.
         quality: per axis the errors of both, in the fit and held out, and what was chosen.
         notes: axes that were left out, and why.
     """
 
+    effects: tuple[Effect, ...]
+    theta: Floats
     models: dict[str, LoopModel] = field(default_factory=dict)
     controllers: dict[str, Controller] = field(default_factory=dict)
+    refined: dict[str, AxisEffects] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -60,24 +70,60 @@ def fit_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) ->
         motion: prepared log(s) with commands.
         tell: called with the stage and the share of this step done.
     """
-    found = Loops()
+    found = Loops(twin.effects, twin.theta.copy())
     disturbance = generalised_disturbance(twin, motion, twin.diagonal)
     axes = list(twin.machine.axes)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))
         try:
             data = loop_data(motion, disturbance, name)
-            model, row = _choose(twin.machine, data, name)
+            trial = _choose(twin.machine, data, name)
+            data, trial = _refined(twin, motion, found, data, trial)
+            model = _refit(data, trial)
         except DataError as error:
             found.notes.append(f"no closed loop of {name}: {error}")
             continue
         found.models[name] = model
-        found.quality[name] = row
+        found.quality[name] = _judged(data, model, trial)
+        found.quality[name]["refined"] = name in found.refined
         try:
             found.controllers[name] = identify_controller(data)
         except DataError as error:
             found.notes.append(f"no controller of {name}: {error}")
     return found
+
+
+def _refined(
+    twin: Twin, motion: Motion, found: Loops, data: LoopData, trial: LoopModel
+) -> tuple[LoopData, LoopModel]:
+    """Refine an axis' friction and position effects through its loop, unless held-out data object.
+
+    The first part of the log refines, the rest judges.
+
+    Returns:
+        Data with the disturbance of the effects that were kept, and the loop of its first part.
+    """
+    deviations = np.sqrt(np.maximum(np.diag(twin.covariance), 0.0))
+    mine = axis_effects(twin.effects, twin.slices, found.theta, deviations, data.axis)
+    if mine is None:
+        return data, trial
+    better = refine(_first(data), trial, motion, mine)
+    change = better.columns(motion) @ better.theta - mine.columns(motion) @ mine.theta
+    renewed = replace(data, d=data.d + change[:, None])
+    retried = _refit(_first(renewed), trial)
+    if _score(renewed, retried) > NO_WORSE * _score(data, trial):
+        return data, trial
+    found.theta[list(better.where)] = better.theta
+    swap = {id(a): b for a, b in zip(mine.effects, better.effects, strict=True)}
+    found.effects = tuple(swap.get(id(effect), effect) for effect in found.effects)
+    found.refined[data.axis] = better
+    return renewed, retried
+
+
+def _refit(data: LoopData, near: LoopModel) -> LoopModel:
+    """Return a loop of the same structure fitted to other data, its search started from ``near``."""
+    start = [np.log(value) for part in near.sections if part.free for value in part.values]
+    return identify_loop(data, near.structure, starts=np.array([start]))
 
 
 def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
@@ -103,25 +149,21 @@ def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
     return data
 
 
-def _choose(machine: Machine, data: LoopData, name: str) -> tuple[LoopModel, dict[str, Any]]:
-    """Return the loop of the stated order, or of the order that pays on held-out data."""
+def _choose(machine: Machine, data: LoopData, name: str) -> LoopModel:
+    """Return the loop, of the stated order or of the order that pays, fitted to the first part."""
     given = machine.loop.get(name)
     if given is not None:
         structure = Structure(real_poles=given.real_poles, pole_pairs=given.pole_pairs)
-        model = identify_loop(data, structure)
-        return model, _judged(data, model, identify_loop(_first(data), structure))
-    best = Structure()
-    trial = identify_loop(_first(data), best)
+        return identify_loop(_first(data), structure)
+    trial = identify_loop(_first(data), Structure())
     error = _score(data, trial)
     for pairs in range(2, MOST_PAIRS + 1):
-        structure = Structure(pole_pairs=pairs)
-        other = identify_loop(_first(data), structure)
+        other = identify_loop(_first(data), Structure(pole_pairs=pairs))
         score = _score(data, other)
         if score > PAYS * error:
             break
-        best, trial, error = structure, other, score
-    model = identify_loop(data, best)
-    return model, _judged(data, model, trial)
+        trial, error = other, score
+    return trial
 
 
 def _first(data: LoopData) -> LoopData:

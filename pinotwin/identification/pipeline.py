@@ -16,7 +16,7 @@ from pinotwin.fit.linear import Options
 from pinotwin.identification.assemble import assemble
 from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
 from pinotwin.identification.plant import Plant, fit_options, fit_plant
-from pinotwin.identification.table import at_bounds, parameter_table
+from pinotwin.identification.table import at_bounds, parameter_table, refined_table
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -97,7 +97,15 @@ def _with_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) 
     found = fit_loops(twin, motion, lambda stage, done: tell(stage, 0.45 + 0.4 * done))
     quality = {**twin.quality, "loops": found.quality}
     quality["warnings"] = [*twin.quality["warnings"], *found.notes]
-    return replace(twin, loops=found.models, controllers=found.controllers, quality=quality)
+    return replace(
+        twin,
+        effects=found.effects,
+        theta=found.theta,
+        parameters=refined_table(twin, found),
+        loops=found.models,
+        controllers=found.controllers,
+        quality=quality,
+    )
 
 
 def _sees_passive(machine: Machine, log: Log) -> bool:

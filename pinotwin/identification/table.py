@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +13,11 @@ from pinotwin.effects import Effect, RigidBody
 from pinotwin.identification.plant import Plant
 from pinotwin.machine import Machine
 from pinotwin.twin.parameters import Parameter, verdict
-from pinotwin.twin.twin import effect_keys, effect_slices
+from pinotwin.twin.twin import Twin, effect_keys, effect_slices
+
+if TYPE_CHECKING:
+    from pinotwin.identification.loops import Loops
+    from pinotwin.identification.refine import AxisEffects
 
 
 def parameter_table(machine: Machine, plant: Plant) -> tuple[Parameter, ...]:
@@ -102,6 +108,46 @@ def _shape_rows(
             )
         )
     return rows
+
+
+def refined_table(twin: Twin, found: Loops) -> tuple[Parameter, ...]:
+    """Return the table of a twin with the rows that its closed loops refined."""
+    rows = {row.name: row for row in twin.parameters}
+    for axis in found.refined.values():
+        keys = dict(zip(map(id, found.effects), twin.keys, strict=True))
+        linear, shape = list(zip(axis.theta, axis.error, strict=True)), _shape_numbers(axis)
+        for effect in axis.effects:
+            key = keys[id(effect)]
+            names = [c.name for c in effect.coefficients()]
+            for name in names:
+                value, error = linear.pop(0)
+                rows[f"{key}.{name}"] = _renewed(rows[f"{key}.{name}"], float(value), float(error))
+            for item in effect.shapes():
+                value, error = shape.pop(0)
+                rows[f"{key}.{item.name}"] = _renewed(rows[f"{key}.{item.name}"], value, error)
+    return tuple(rows.values())
+
+
+def _shape_numbers(axis: AxisEffects) -> list[tuple[float, float]]:
+    """Return value and standard error of every shape, in plain units."""
+    out = []
+    errors = list(axis.shape_error) if axis.shape_error is not None else []
+    for effect in axis.effects:
+        for item, value in zip(effect.shapes(), effect.shape_values(), strict=True):
+            error = errors.pop(0) if errors else np.nan
+            out.append((value, float(value * error if item.log else error)))
+    return out
+
+
+def _renewed(row: Parameter, value: float, error: float) -> Parameter:
+    known = row.determined and np.isfinite(error) and error > 0.0
+    return replace(
+        row,
+        value=value,
+        error=error if known else np.nan,
+        determined=known,
+        verdict=verdict(value, error, at_bound=value == 0.0) if known else row.verdict,
+    )
 
 
 def at_bounds(rows: Sequence[Parameter]) -> list[str]:

@@ -38,6 +38,8 @@ def load_machine(path: str | Path) -> Machine:
         root = read_tree(given)
         followers = mimics(root)  # they have no motor of their own
         axes = {name: {"joint": name} for name in moving_joints(root) if name not in followers}
+        if not axes:
+            raise MachineError(f"{given}: no joint of it can be an axis ({', '.join(MOVING)})")
         spec: dict[str, Any] = {"name": given.stem, "urdf": given.name, "axes": axes}
         return _build(spec, given)
     if not given.exists() and str(path) in machines():
@@ -46,7 +48,7 @@ def load_machine(path: str | Path) -> Machine:
     if given.is_dir() and not file.is_file():
         found = ", ".join(sorted(f.name for f in given.glob("*.urdf"))) or "no .urdf either"
         raise MachineError(
-            f"{given}: no machine.yaml in this folder (found: {found}); write one, or give the .urdf"
+            f"{given}: no machine.yaml in this folder (found: {found}); write one, or give a .urdf"
         )
     if not file.exists() and len(given.parts) == 1:
         raise MachineError(
@@ -143,7 +145,7 @@ def _check_joints(urdf: Path, joints: Mapping[str, str], axes: tuple[str, ...]) 
             raise MachineError(f"{where}: no moving joint {joint!r} in {urdf.name}; {hint}")
         if types[joint] not in MOVING:
             raise MachineError(
-                f"{where}: {joint!r} is a {types[joint]} joint; an axis is one of {', '.join(MOVING)}"
+                f"{where}: {joint!r} is {types[joint]}; an axis is one of {', '.join(MOVING)}"
             )
 
 
@@ -229,8 +231,15 @@ def machine_spec(machine: Machine) -> dict[str, Any]:
         entry = dict(mapping(old.get(name), "axes."))
         entry["joint"] = axis.joint
         entry["effects"] = [effect_spec(effect) for effect in axis.effects]
-        if axis.rotor_inertia or "rotor_inertia" in entry:
-            entry["rotor_inertia"] = float(axis.rotor_inertia)
+        for key, value, default in (
+            ("rotor_inertia", axis.rotor_inertia, 0.0),
+            ("effort_limit", axis.effort_limit, np.inf),
+            ("zero", axis.zero, 0.0),
+            ("min_speed", axis.min_speed, None),
+        ):
+            entry.pop(key, None)
+            if value is not None and value != default:
+                entry[key] = float(value)
         axes[name] = entry
     spec["axes"] = axes
     return spec

@@ -1,4 +1,4 @@
-"""What we believe about a machine: its tree from the URDF, and axes, effects and sensors from YAML."""
+"""What we believe about a machine: its tree from the URDF; axes, effects and sensors from YAML."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import yaml
+from lxml import etree
 
 from pinotwin.arrays import Floats
 from pinotwin.columns import Column
 from pinotwin.dynamics.base import BaseParameters, base_parameters
 from pinotwin.effects import Effect, RigidBody, Spring
 from pinotwin.errors import MachineError, nearest
+from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
+from pinotwin.machine.urdf_check import read_tree
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ class Machine:
 
     @classmethod
     def load(cls, path: str | Path) -> Machine:
-        """Read a machine from its folder, its machine.yaml, a bare URDF, or the name of a bundled one.
+        """Read a machine from its folder, its machine.yaml, a bare URDF, or a bundled one by name.
 
         Args:
             path: folder, ``machine.yaml``, ``*.urdf`` (every moving joint an axis with the default
@@ -158,6 +161,11 @@ class Machine:
     def joints(self) -> list[Axis | Passive]:
         """Axes and passive joints."""
         return [*self.axes.values(), *self.passive.values()]
+
+    @property
+    def parts(self) -> tuple[Axis | Passive, ...]:
+        """Axes and passive joints."""
+        return (*self.axes.values(), *self.passive.values())
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -205,6 +213,19 @@ class Machine:
                 f"{self.name}: no axis {name!r}; {nearest(name, self.axes)}"
             ) from None
 
+    def require_physical(self) -> Machine:
+        """Return the machine itself, if every body that moves could exist.
+
+        Raises:
+            MachineError: naming the body and what is wrong with its inertia.
+        """
+        for joint, problem in impossible_bodies(self.model).items():
+            raise MachineError(
+                f"{self.urdf}: what joint {joint!r} moves cannot exist: {problem}; correct the "
+                "<inertial> of its links"
+            )
+        return self
+
     def with_effects(self, axis: str, effects: tuple[Effect, ...]) -> Machine:
         """Return the machine with other effects on one axis."""
         axes = dict(self.axes)
@@ -212,7 +233,7 @@ class Machine:
         return replace(self, axes=axes)
 
     def with_rigid_joints(self) -> Machine:
-        """Return the machine with its passive joints locked at zero: as if they were infinitely stiff."""
+        """Return the machine with its passive joints locked at zero, as if infinitely stiff."""
         if not self.passive:
             return self
         model = self.model
@@ -245,7 +266,11 @@ class Machine:
         folder.mkdir(parents=True, exist_ok=True)
         target = folder / self.urdf.name
         if target.resolve() != self.urdf.resolve():
-            shutil.copyfile(self.urdf, target)
+            root = read_tree(self.urdf)
+            if resolve_meshes(root, self.urdf):
+                target.write_bytes(etree.tostring(root, xml_declaration=True, encoding="utf-8"))
+            else:
+                shutil.copyfile(self.urdf, target)
         path = folder / "machine.yaml"
         text = yaml.safe_dump(machine_spec(self), sort_keys=False, allow_unicode=True)
         path.write_text(text, encoding="utf-8")

@@ -98,8 +98,30 @@ def check_inertia(model: pin.Model, where: str) -> None:
         if diagonal[model.idx_vs[joint]] <= 1e-12:
             raise MachineError(
                 f"{where}: joint {model.names[joint]!r} moves no inertia (massless link); give its "
-                "link an <inertial> or the axis a rotor_inertia"
+                "link an <inertial> or the axis a rotor_inertia, or leave it out of the axes"
             )
+
+
+def impossible_bodies(model: pin.Model) -> dict[str, str]:
+    """Return the joints that move a body which cannot exist, and what is wrong with it.
+
+    A body is what moves as one: a link with all that is fixed to it. Its principal moments of
+    inertia about its centre of mass are positive and none exceeds the sum of the others (one
+    hundredth is left for rounded URDFs).
+    """
+    out = {}
+    for joint in range(1, model.njoints):
+        inertia = model.inertias[joint]
+        low, middle, high = np.linalg.eigvalsh(inertia.inertia)
+        slack = 0.01 * abs(high) + 1e-12
+        told = f"principal moments {low:.3g}, {middle:.3g}, {high:.3g} kg·m²"
+        if inertia.mass <= 0.0 < high - slack:
+            out[str(model.names[joint])] = f"{told} without mass"
+        elif low < -slack:
+            out[str(model.names[joint])] = f"{told}: one is negative"
+        elif low + middle < high - slack:
+            out[str(model.names[joint])] = f"{told} break the triangle inequality"
+    return out
 
 
 def package_dirs(path: Path) -> list[str]:
@@ -107,6 +129,31 @@ def package_dirs(path: Path) -> list[str]:
     extra = [p for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     parents = [str(p) for p in path.resolve().parents][:6]
     return _unique([*parents, *extra])
+
+
+def resolve_meshes(root: etree._Element, path: Path) -> bool:
+    """Replace mesh names that only mean something beside ``path`` by the files they mean.
+
+    So that a copy of the URDF elsewhere on this computer still finds them. Returns whether any was.
+    """
+    changed = False
+    for mesh in root.iter("mesh"):
+        file = _mesh_file(mesh.get("filename") or "", path)
+        if file is not None:
+            mesh.set("filename", str(file))
+            changed = True
+    return changed
+
+
+def _mesh_file(name: str, path: Path) -> Path | None:
+    scheme, separator, rest = name.partition("://")
+    if not separator:
+        places = [path.resolve().parent / name]
+    elif scheme == "package":
+        places = [Path(folder) / rest for folder in package_dirs(path)]
+    else:
+        return None
+    return next((place.resolve() for place in places if place.is_file()), None)
 
 
 def _unique(items: Iterable[str]) -> list[str]:
@@ -121,6 +168,7 @@ def with_inertias(path: Path, model: pin.Model) -> bytes:
     their own ``<inertial>``, so that the tree as a whole has the model's inertias.
     """
     root = read_tree(path)
+    resolve_meshes(root, path)
     owner = _owners(root, set(model.names))
     for link in root.findall("link"):
         joint = owner.get(str(link.get("name")))

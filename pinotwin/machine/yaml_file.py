@@ -144,7 +144,7 @@ def make_effects(specs: Any, axis: str, rotary: bool, where: str) -> tuple[Effec
 
 def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
     if isinstance(spec, str):
-        name, settings = spec, {}
+        name, settings = spec, dict[str, Any]()
     elif isinstance(spec, dict) and len(spec) == 1:
         name, settings = next(iter(spec.items()))
         settings = mapping(settings, f"{where}.{name}.")

@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from pinotwin.simulation.run import Response, respond, simulate
+from pinotwin.simulation.score import compare
 
-__all__ = ["Response", "respond", "simulate"]
+__all__ = ["Response", "compare", "respond", "simulate"]

@@ -6,13 +6,13 @@ what was measured.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.columns import LOAD_SIGNALS, bind
+from pinotwin.columns import LOAD_SIGNALS, Column, bind
 from pinotwin.dynamics.frames import external_effort
 from pinotwin.errors import DataError, LogError, nearest
 from pinotwin.log import Log
@@ -40,6 +40,7 @@ class Request:
         even: whether the log's own clock is the even one.
         source: where the log came from.
         notes: what was done to it.
+        every: rows of the even clock a row of the log.
     """
 
     t: Floats
@@ -51,10 +52,29 @@ class Request:
     even: bool
     source: str
     notes: tuple[str, ...]
+    every: int = 1
 
     def at_stamps(self, x: Floats) -> Floats:
-        """Return a result of shape (n, k) at the time stamps of the log, shape (m, k)."""
-        return x if self.even else np.asarray(CubicSpline(self.clock, x)(self.t), dtype=float)
+        """Return a result of shape (n, ...) at the time stamps of the log, shape (m, ...)."""
+        rows = x[:: self.every]
+        if self.even:
+            return rows
+        return np.asarray(CubicSpline(self.clock[:: self.every], rows)(self.t), dtype=float)
+
+    def refined(self, every: int) -> Request:
+        """Return the same command with ``every`` rows in place of one."""
+        if every == 1:
+            return self
+        n = len(self.clock)
+        fine = np.linspace(self.clock[0], self.clock[-1], (n - 1) * every + 1)
+        cubic = CubicHermiteSpline(self.clock, self.qr, self.vr)
+        external = self.external
+        if len(external) > 1:
+            external = np.stack([np.interp(fine, self.clock, x) for x in external.T], axis=1)
+        return replace(
+            self, clock=fine, step=self.step / every, qr=np.asarray(cubic(fine), dtype=float),
+            vr=np.asarray(cubic(fine, 1), dtype=float), external=external, every=self.every * every,
+        )  # fmt: skip
 
 
 def request(machine: Machine, log: Log) -> Request:
@@ -63,7 +83,7 @@ def request(machine: Machine, log: Log) -> Request:
     Raises:
         LogError: a command is missing, has NaN, or the time does not advance.
     """
-    log = bind(log, machine.columns)
+    log = bind(log, _asked(machine))
     _require(machine, log)
     t = np.asarray(log.t, dtype=float)
     even, clock, notes = _clock(log)
@@ -76,7 +96,9 @@ def request(machine: Machine, log: Log) -> Request:
     return Request(t, clock, step, q, vr, external, even, log.source, notes)
 
 
-def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tuple[Floats, ...]:
+def motor_coordinates(
+    machine: Machine, q: Floats, e: Floats, u: Floats
+) -> tuple[Floats, Floats, Floats]:
     """Return joint position, error and effort as the log counts them: zero shifts, transmission."""
     zero = np.zeros(machine.nv)
     for axis in machine.axes.values():
@@ -85,7 +107,15 @@ def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tupl
     if machine.transmission is None:
         return q, e, u
     N = machine.transmission
-    return q @ N.T, e @ N.T, np.linalg.solve(N.T, u.T).T
+    effort: Floats = np.linalg.solve(N.T, u.T).T.astype(float)
+    return q @ N.T, e @ N.T, effort
+
+
+def _asked(machine: Machine) -> dict[str, Column]:
+    """Return the columns of a command: those of what was measured need not be in the log."""
+    return {
+        k: x for k, x in machine.columns.items() if k == "t" or k.endswith(".qr") or _is_load(k)
+    }
 
 
 def _require(machine: Machine, log: Log) -> None:
@@ -139,7 +169,7 @@ def _joint_commands(machine: Machine, log: Log) -> Floats:
     for name, axis in machine.axes.items():
         q[:, axis.index] = log[f"{name}.qr"]
     if machine.transmission is not None:
-        q = np.linalg.solve(machine.transmission, q.T).T
+        q = np.linalg.solve(machine.transmission, q.T).T.astype(float)
     for axis in machine.axes.values():
         q[:, axis.index] += axis.zero
     return q

@@ -11,7 +11,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.tape import Tape, record
 from pinotwin.effects import Effect, RigidBody
-from pinotwin.simulation import kernel
+from pinotwin.simulation.state import Lookup, Parts, State
 from pinotwin.simulation.tables import Tables, tabulate
 
 if TYPE_CHECKING:
@@ -57,26 +57,24 @@ class Plant:
             longest = min(longest, max(0.3 * np.sqrt(M[j] / slope), SHORTEST))
         return int(np.ceil(sampling / longest - 1e-9))
 
-    def arrays(self) -> tuple[kernel.Parts, kernel.Lookup]:
+    def arrays(self) -> tuple[Parts, Lookup]:
         """Return what the kernel takes."""
-        tape = self.tape
-        parts = kernel.Parts(
-            tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, self._coupled(),
-            *(np.ascontiguousarray(x) for x in self.diagonal),
-        )  # fmt: skip
-        return parts, kernel.Lookup(*self.tables.arrays())
+        tape, (M, C, K) = self.tape, (np.ascontiguousarray(x) for x in self.diagonal)
+        coupled = self._coupled()
+        parts = Parts(tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, coupled, M, C, K)
+        return parts, self.tables.lookup()
 
-    def state(self, blocks: int) -> kernel.State:
+    def state(self, blocks: int) -> State:
         """Return a machine at rest at zero, with room for ``blocks`` blocks."""
-        nv, tables = self.diagonal.shape[1], self.tables
-        t = np.zeros(self.tape.size)
+        nv, dry = self.diagonal.shape[1], len(self.tables.directions)
+        z = np.zeros
+        t = z(self.tape.size)
         t[: len(self.tape.start)] = self.tape.start
-        joints = [np.zeros(nv) for _ in range(6)]
-        return kernel.State(
-            np.zeros((blocks, 2)), *joints, np.zeros((3, nv)), np.zeros((4, nv)), np.zeros(nv), np.zeros(len(tables.directions)),
-            np.zeros(len(tables.directions)), np.zeros(tables.give.shape),
-            np.zeros(len(tables.slips)), t, np.zeros((nv, nv)), np.zeros(nv), np.zeros(nv),
-            np.zeros((nv, nv + 1)),
+        return State(
+            x=z((blocks, 2)), d=z(nv), q=z(nv), v=z(nv), a=z(nv), e=z(nv), u=z(nv), c=z((3, nv)),
+            p=z((4, nv)), pace=z(nv), turn=z(dry), before=z(dry), bend=z(self.tables.give.shape),
+            where=z(len(self.tables.slips)), t=t, M=z((nv, nv)), h=z(nv), y=z(4), old=z(nv),
+            vr0=z(nv), r=z(nv), S=z((nv, nv + 1)),
         )  # fmt: skip
 
     def _coupled(self) -> Ints:

@@ -18,6 +18,7 @@ from pinotwin.simulation import kernel
 from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, motor_coordinates, request
 from pinotwin.simulation.plant import Plant, plant_of
+from pinotwin.simulation.state import Command, Record
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
@@ -95,9 +96,12 @@ def simulate(
 
 def respond(
     twin: Twin, log: Log, *, step: float | None = None, controller: Loops = "black",
-    full: bool = True,
+    full: bool = True, every_step: bool = False,
 ) -> Response:  # fmt: skip
     """Return the whole response in joint coordinates; see :func:`simulate`.
+
+    Effects that are no function of position, or of speed and direction, are evaluated on the response
+    of a first pass and given to the next as an external effort, until they no longer change.
 
     Args:
         twin: the machine, with its loops.
@@ -105,6 +109,7 @@ def respond(
         step: longest internal step [s].
         controller: see :func:`simulate`.
         full: also keep v, a and d (else they have no rows).
+        every_step: return one row an internal step instead of one a sample.
     """
     if step is not None and not step > 0.0:
         raise InputError(f"step: {step} s must be positive")
@@ -112,25 +117,41 @@ def respond(
         raise TwinError(f"{twin.machine.name}: the twin holds no diagonal; identify it again")
     asked = request(twin.machine, log)
     loops, notes = chosen_loops(twin, controller)
+    notes = (*asked.notes, *_rates(loops, asked.step), *notes)
     plant = plant_of(twin, asked.qr, asked.vr)
     substeps = plant.substeps(asked.step, step)
+    if every_step:
+        asked, substeps = asked.refined(substeps), 1
+    out = _run(
+        twin,
+        asked,
+        plant,
+        loops,
+        substeps,
+        np.zeros((1, twin.machine.nv)),
+        full or bool(plant.other),
+    )
+    if plant.other:
+        out, late = _repeat(twin, plant, out)
+        notes = (*notes, *late)
+    return replace(out, notes=notes)
+
+
+def _repeat(twin: Twin, plant: Plant, out: Response) -> tuple[Response, tuple[str, ...]]:
+    """Run again with the effects that have no table, until their effort stays the same."""
+    asked, change = out.request, np.inf
     extra = np.zeros((1, twin.machine.nv))
-    for k in range(PASSES):
-        out = _run(twin, asked, plant, loops, substeps, extra, full or bool(plant.other))
-        if not plant.other:
-            break
-        motion = as_motion(twin, asked, out)
-        update = _other_effort(plant.other, motion)
-        change = np.abs(update - extra).max() / max(np.abs(update).max(), 1e-300)
-        extra = update
+    for _ in range(PASSES):
+        update = _other_effort(plant.other, as_motion(twin, asked, out))
+        change = float(np.abs(update - extra).max()) / max(float(np.abs(update).max()), 1e-300)
         if change <= _SAME:
-            break
-        if k == PASSES - 1:
-            notes = (*notes, f"effects without a table still change by {change:.1g} of their size")
-    notes = (*asked.notes, *_rates(loops, asked.step), *notes)
-    return replace(
-        out, notes=notes
-    ) if full else replace(out, notes=notes, v=out.v[:0], a=out.a[:0], d=out.d[:0])  # fmt: skip
+            return out, ()
+        extra = update
+        out = _run(twin, asked, plant, out.loops, out.substeps, extra, True)
+    names = ", ".join(sorted({effect.name for effect, _ in plant.other}))
+    return out, (
+        f"{names}: effort still changes by {change:.1g} of its size after {PASSES} passes",
+    )
 
 
 def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], tuple[str, ...]]:
@@ -175,9 +196,10 @@ def as_motion(twin: Twin, asked: Request, found: Response) -> Motion:
 
 def _other_effort(other: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
     """Return the effort of the effects that have no table, shape (n, nv)."""
-    total = np.zeros(motion.q.shape)
+    nv = len(motion.names)
+    total = np.zeros((len(motion), nv))
     for effect, theta in other:
-        total += effect.columns(motion).effort(theta, total.shape[1])
+        total += effect.columns(motion).effort(theta, nv)
     return total
 
 
@@ -200,11 +222,11 @@ def _run(
     blocks = lay_blocks(twin.machine, loops, twin.diagonal, asked.step / substeps)
     n, nv = asked.qr.shape
     load = np.ascontiguousarray(asked.external - extra)
-    command = kernel.Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
+    command = Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
     rows = n if full else 0
-    out = kernel.Record(
-        *(np.zeros((n, nv)) for _ in range(3)), *(np.zeros((rows, nv)) for _ in range(3))
-    )
+    q, e, u = (np.zeros((n, nv)) for _ in range(3))
+    v, a, d = (np.zeros((rows, nv)) for _ in range(3))
+    out = Record(q, e, u, v, a, d)
     state = plant.state(len(blocks.A))
     arrays = plant.arrays()
     kernel.settle(*arrays, blocks, command, state)

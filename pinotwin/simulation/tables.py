@@ -26,6 +26,7 @@ from pinotwin.effects.direction import default_width
 from pinotwin.effects.presliding import YIELDS
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.simulation.state import Lookup
 
 SPEEDS = 1024
 """Intervals of a table over speed."""
@@ -50,7 +51,7 @@ class Tables:
         dry: g+ and g- of each, shape (k, 2, SPEEDS + 1).
         slips: joint of each presliding element, shape (m,).
         give: inverse yield displacements of its six elements, shape (m, 6).
-        slip: g of each, shape (m, SPEEDS + 1).
+        slip: g of each, shape (m, 1, SPEEDS + 1).
         other: indices of the effects that fit no table.
     """
 
@@ -68,9 +69,9 @@ class Tables:
     slip: Floats
     other: tuple[int, ...]
 
-    def arrays(self) -> tuple[Floats | Ints, ...]:
-        """Return the arrays in the order in which the kernel takes them."""
-        return (
+    def lookup(self) -> Lookup:
+        """Return the arrays for the kernel."""
+        return Lookup(
             self.position, self.place, self.grid, self.slowness, self.speeds, self.velocity,
             self.directions, self.slope, self.dry, self.slips, self.give, self.slip,
         )  # fmt: skip
@@ -114,7 +115,7 @@ def tabulate(
         dry=np.array(list(dry.values())).reshape(-1, 2, SPEEDS + 1),
         slips=_joints(slip),
         give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
-        slip=np.array(list(slip.values())).reshape(-1, SPEEDS + 1),
+        slip=np.array(list(slip.values())).reshape(-1, 1, SPEEDS + 1),
         other=tuple(other),
     )
 

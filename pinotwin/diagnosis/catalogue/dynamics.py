@@ -101,8 +101,9 @@ def _carried(q: Floats, extra: Floats, gap: float, w: float, zeta: float, step: 
     return out
 
 
-GAPS = (0.3, 1.0, 3.0, 10.0)
-STIFF = (60.0, 90.0)  # [Hz] drives behind a gap that are tried
+GAPS = (0.3, 0.6, 1.0, 2.0, 4.0, 10.0)
+STIFF = (45.0, 55.0, 90.0)  # [Hz] drives behind a gap that are tried
+LOAD = 0.65  # share of the inertia behind the gap that is assumed
 
 
 def _backlash(context: Context, axis: str, joint: int) -> Family:
@@ -117,11 +118,11 @@ def _backlash(context: Context, axis: str, joint: int) -> Family:
                 q = np.ascontiguousarray(s.motion.q[:, joint])
                 M = s.inertia[:, joint]
                 M = np.maximum(M, 1e-3 * np.abs(M).max() + 1e-12)
-                rest = s.rigid[:, joint] / M - s.motion.a[:, joint]
+                rest = (s.rigid[:, joint] / M - s.motion.a[:, joint]) / LOAD
                 out = np.zeros(len(q))
                 for part in s.motion.segments:
-                    out[part] = _carried(q[part], rest[part], gap, 2 * np.pi * f, 0.05, step)
-                return (M * out - s.rigid[:, joint])[:, None]
+                    out[part] = _carried(q[part], rest[part], gap, 2 * np.pi * f, 0.04, step)
+                return (LOAD * M * out - s.rigid[:, joint] + (1.0 - LOAD) * M * s.motion.a[:, joint])[:, None]
 
             shape = {"gap": float(gap), "frequency": frequency}
             columns = context.on_joint(joint, make)

@@ -18,8 +18,14 @@ def friction(context: Context, axis: str, joint: int) -> Iterator[Family]:
     """Yield the friction families of one axis."""
     positive = not context.base.change
     for name, make in _simple(joint).items():
+        if name == "offset" and context.has("offset", axis) and positive:
+            continue
+        label = name
+        if name == "offset" and context.has("coulomb", axis):
+            label = "coulomb_asymmetric"  # beside coulomb the same to the letter: METHODS A0.5
         if not (context.has(name, axis) and positive):
-            yield [_one(context, name, axis, joint, make, positive=positive and name != "offset")]
+            yield [_one(context, label, axis, joint, make, positive=positive and name != "offset")]
+    yield _load(context, axis, joint)
     yield _viscous_asymmetric(context, axis, joint)
     if not context.has("coulomb_asymmetric", axis):
         yield _coulomb_asymmetric(context, axis, joint)
@@ -33,14 +39,27 @@ def _simple(joint: int):  # type: ignore[no-untyped-def]
         "viscous": lambda s: s.motion.v[:, [joint]],
         "coulomb": lambda s: s.direction[:, [joint]],
         "quadratic_drag": lambda s: (s.motion.v * np.abs(s.motion.v))[:, [joint]],
-        "load_friction": lambda s: (np.abs(s.rigid) * s.direction)[:, [joint]],
         "offset": lambda s: np.ones((len(s.motion), 1)),
     }
 
 
+def _load(context: Context, axis: str, joint: int) -> Family:
+    """Friction that rises with the load: on the bodies' side of the drive, or with friction in it."""
+    loads = {
+        0.0: lambda s: (np.abs(s.rigid) * s.direction)[:, [joint]],
+        1.0: lambda s: (np.abs(s.effort) * s.direction)[:, [joint]],
+    }
+    positive = not context.base.change
+    return [
+        Candidate("load_friction", axis, {"total": total}, context.on_joint(joint, make), ("mu",),
+                  positive=positive)
+        for total, make in loads.items()
+    ]  # fmt: skip
+
+
 def _one(context, name, axis, joint, make, *, positive):  # type: ignore[no-untyped-def]
     names = {"viscous": "b", "coulomb": "c", "quadratic_drag": "b2", "load_friction": "mu",
-             "offset": "f0"}  # fmt: skip
+             "offset": "f0", "coulomb_asymmetric": "f0"}  # fmt: skip
     return Candidate(
         name, axis, {}, context.on_joint(joint, make), (names[name],), positive=positive
     )

@@ -1,0 +1,1 @@
+"""The blind bench: effects withheld from the model, produced by virtual machines, scored."""

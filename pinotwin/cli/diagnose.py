@@ -1,0 +1,112 @@
+"""``pinotwin diagnose TWIN|MACHINE LOG [LOG...] [--validate LOG...] --out DIR``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pinotwin.cli.inputs import read_logs
+from pinotwin.cli.output import add_common, say, whole_folder, write_json
+from pinotwin.cli.progress import progress
+
+if TYPE_CHECKING:
+    from pinotwin.diagnosis import Diagnosis
+    from pinotwin.machine import Machine
+    from pinotwin.twin import Twin
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("subject", metavar="TWIN|MACHINE",
+                        help="folder of a twin, or a machine folder, machine.yaml, .urdf, bundled name")  # fmt: skip
+    parser.add_argument("logs", nargs="+", metavar="LOG",
+                        help="servo log(s); those with the same command are repeats: the noise floor")  # fmt: skip
+    parser.add_argument("--validate", action="append", default=[], metavar="LOG",
+                        help="log that nothing is fitted to; the shrink is stated on it")  # fmt: skip
+    parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
+    parser.add_argument(
+        "--fail-on-gap", action="store_true", help="exit 1 unless the verdict is none"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the healthy draws (0)")
+    add_common(parser, out="folder for diagnosis.json and what goes with it", required=True)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose, save, and say what was found, the verdict first."""
+    from pinotwin.diagnosis import diagnose
+
+    subject = load_subject(args.subject)
+    logs = read_logs(args.logs)
+    validate = read_logs(args.validate)
+    with progress() as report:
+        found = diagnose(
+            subject,
+            logs,
+            validate=validate or None,
+            quick=args.quick,
+            report=report,
+            seed=args.seed,
+        )
+        with whole_folder(args.out) as folder:
+            write(found, folder)
+    if args.json:
+        write_json(args.json, found.to_dict())
+    for line in summary(found):
+        say(line)
+    say(f"diagnosis written to {args.out}")
+    return 1 if args.fail_on_gap and found.verdict != "none" else 0
+
+
+def load_subject(path: str) -> Machine | Twin:
+    """Return the twin in a folder that holds one, else the machine."""
+    from pinotwin.machine import Machine
+    from pinotwin.twin import Twin
+
+    given = Path(path)
+    if (given / "twin.json").is_file() or given.name == "twin.json":
+        return Twin.load(given)
+    return Machine.load(path)
+
+
+def write(found: Diagnosis, folder: Path) -> None:
+    """Write diagnosis.json, the extended machine, and the advised commands."""
+    import numpy as np
+
+    write_json(folder / "diagnosis.json", found.to_dict())
+    if found.effects:
+        found.apply(folder / "machine")
+    for name, channels in found.commands.items():
+        table = np.column_stack(list(channels.values()))
+        np.savetxt(
+            folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments=""
+        )
+
+
+def summary(found: Diagnosis) -> list[str]:
+    """Return the few lines that a user wants to see, the verdict first."""
+    lines = [found.sentence]
+    if found.quick:
+        lines.append("quick: screened only, not re-checked")
+    lines.append(f"{'axis':<8}{'gap':>11}{'after':>11}{'noise':>11}{'of effort':>11}")
+    for axis, row in found.gap.items():
+        for g in row.values():
+            lines.append(f"{axis:<8}{g.rms:>11.4g}{g.after:>11.4g}{g.noise:>11.4g}{g.nrmse:>11.2%}")
+    for region in found.where[:3]:
+        low, high = region.range
+        lines.append(
+            f"where: {region.share:.0%} of the squared gap of {region.axis} lies in {region.time_share:.0%}"
+            f" of the time: {region.kind} {low:.3g} to {high:.3g} {region.unit}"
+        )
+    for e in found.effects:
+        shrink = e.shrink.get("u")
+        share = "" if shrink is None else f", gap {shrink.before:.3g} -> {shrink.after:.3g}"
+        others = ", ".join(
+            f"{a['axis']}.{a['effect']}" for a in e.alternatives if a["probability"] > 0.0
+        )
+        rest = f"; also possible: {others}" if others else ""
+        lines.append(f"effect: {e.axis}.{e.effect}, confidence {e.confidence:.0%}{share}{rest}")
+    if found.noise == "assumed":
+        lines.append("noise: assumed (no repeats of a command among the logs)")
+    lines += [f"next: {text}" for text in found.advice]
+    return lines

@@ -1,0 +1,74 @@
+"""``pinotwin simulate TWIN LOG --out PRED.csv``."""
+
+from __future__ import annotations
+
+import argparse
+import io
+from pathlib import Path
+
+from pinotwin.cli.output import add_common, say, write_json, write_text
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("twin", help="folder that `pinotwin identify` wrote")
+    parser.add_argument("log", metavar="LOG", help="log; only t, *.qr and external loads are used")
+    parser.add_argument("--controller", choices=("black", "grey"), default="black",
+                        help="identified transfer functions, or identified controllers (black)")  # fmt: skip
+    parser.add_argument("--step", type=float, metavar="S", help="longest internal step")
+    add_common(parser, out="prediction to write (.csv)", required=True)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate, write, and compare with the log where it was measured."""
+    from pinotwin.cli.inputs import read_logs
+    from pinotwin.errors import InputError
+    from pinotwin.simulation import compare, simulate
+    from pinotwin.twin import Twin
+
+    out = Path(args.out)
+    if out.suffix != ".csv":
+        raise InputError(f"--out: {out.name}: a prediction is written as .csv")
+    twin = Twin.load(args.twin)
+    (log,) = read_logs([args.log])
+    predicted = simulate(twin, log, step=args.step, controller=args.controller)
+    rows = compare(twin.machine, log, predicted)
+    write_text(out, _csv(predicted))
+    if args.json:
+        write_json(args.json, {
+            "machine": twin.machine.name,
+            "log": log.source,
+            "controller": args.controller,
+            "rows": len(predicted),
+            "seconds": float(predicted.t[-1] - predicted.t[0]),
+            "axes": rows,
+            "notes": list(predicted.notes),
+        })  # fmt: skip
+    for line in summary(rows):
+        say(line)
+    for note in predicted.notes:
+        say(f"note: {note}")
+    say(f"{len(predicted)} rows written to {out}")
+    return 0
+
+
+def summary(rows) -> list[str]:  # type: ignore[no-untyped-def]
+    """Return the table of errors, none where nothing was measured."""
+    if not rows:
+        return []
+    lines = [f"{'axis':<8}{'e':>9}{'u':>9}{'u of std':>10}   (RMS error / RMS measured)"]
+    for name, row in rows.items():
+        cells = [row.get("e", {}).get("nrmse"), row.get("u", {}).get("nrmse"),
+                 row.get("u", {}).get("nrmse_std")]  # fmt: skip
+        texts = ["-" if x is None else f"{x:.2%}" for x in cells]
+        lines.append(f"{name:<8}{texts[0]:>9}{texts[1]:>9}{texts[2]:>10}")
+    return lines
+
+
+def _csv(log) -> str:  # type: ignore[no-untyped-def]
+    import numpy as np
+
+    text = io.StringIO()
+    table = np.column_stack([log[name] for name in log.channels])
+    np.savetxt(text, table, fmt="%.12g", delimiter=",", header=",".join(log.channels), comments="")
+    return text.getvalue()

@@ -1,0 +1,219 @@
+r"""Modes of a machine at a posture: small free vibrations about it, motors locked, free or closed.
+
+    M(q) x'' + C x' + K x = 0,     x = phi exp(s t),  s = wn (-zeta ± i sqrt(1 - zeta²))
+
+M is Pinocchio's joint-space inertia. K and C hold the springs and dampers of the passive joints, the
+slope of gravity dg/dq, and what a servo loop puts on its axis: to first order a stiffness and a
+damping per axis. A locked axis is taken out, a free one has neither. The pairs (s, phi) are the
+eigenvalues and vectors of the first-order form, so damping need not be proportional
+(Tisseur & Meerbergen 2001, doi:10.1137/S0036144500381988).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.dynamics import mass_matrix
+from pinotwin.errors import MachineError, nearest
+from pinotwin.machine import Machine
+
+if TYPE_CHECKING:
+    from pinotwin.twin import Twin
+
+_STILL = 2e-3
+"""Modes below this frequency [Hz] are rigid-body motion."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One vibration.
+
+    Attributes:
+        frequency: undamped natural frequency [Hz].
+        damping: damping ratio.
+        shape: complex amplitude of every joint [m or rad], scaled to unit kinetic energy at 1 rad/s
+            (phi^H M phi = 1), the largest part real and positive; zero for locked joints, (nv,).
+        energy: share of the kinetic energy by joint, (nv,).
+    """
+
+    frequency: float
+    damping: float
+    shape: np.ndarray
+    energy: Floats
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The vibrations at a posture, slowest first.
+
+    Attributes:
+        names: joint of every entry of a shape.
+        q: the posture, (nv,).
+        locked: axes that are locked.
+        modes: the vibrations.
+    """
+
+    names: tuple[str, ...]
+    q: Floats
+    locked: tuple[str, ...]
+    modes: tuple[Mode, ...]
+
+    def __len__(self) -> int:
+        return len(self.modes)
+
+    def __getitem__(self, k: int) -> Mode:
+        return self.modes[k]
+
+    @property
+    def frequencies(self) -> Floats:
+        """Natural frequencies [Hz]."""
+        return np.array([m.frequency for m in self.modes])
+
+
+def modes(
+    machine: Machine | Twin,
+    posture: Mapping[str, float] | None = None,
+    *,
+    locked: str | Collection[str] = "all",
+    stiffness: Mapping[str, float] | None = None,
+    damping: Mapping[str, float] | None = None,
+    gravity: bool = True,
+) -> Modes:
+    """Return natural frequencies, damping and shapes of a machine at a posture.
+
+    Args:
+        machine: a machine with the nominal springs of its machine.yaml, or a twin with those found.
+        posture: axis -> position [m or rad]; others at zero.
+        locked: axes whose motor holds still: "all", "none", or their names. An axis with a
+            stiffness is not locked.
+        stiffness: what the closed servo puts on an axis [N/m or N·m/rad]; also replaces that of a
+            passive joint.
+        damping: likewise [N·s/m or N·m·s/rad].
+        gravity: whether gravity acts (it makes a pendulum of a free tilting axis).
+
+    Raises:
+        MachineError: an unknown axis, or a passive joint of unknown stiffness.
+    """
+    believed, model, springs = _believed(machine)
+    q = believed.posture(posture)
+    k, c = _springs(believed, springs, stiffness or {}, damping or {})
+    held = _locked(believed, locked, stiffness or {})
+    free = np.array([j for j, name in enumerate(believed.names) if name not in held], dtype=np.intp)
+    M = mass_matrix(model, q[None])[0]
+    K = np.diag(k) + (_gravity_slope(model, q) if gravity else 0.0)
+    if not len(free):
+        return Modes(believed.names, q, held, ())
+    cut = np.ix_(free, free)
+    return Modes(believed.names, q, held, _solve(M, K[cut], np.diag(c)[cut], free))
+
+
+def _believed(machine: Machine | Twin) -> tuple[Machine, pin.Model, dict[str, tuple[float, float]]]:
+    """Return the machine, its model, and the stiffness and damping that a twin found."""
+    if isinstance(machine, Machine):
+        return machine, machine.model, {}
+    found = {}
+    for name in machine.machine.passive:
+        if f"{name}.spring" in machine.keys:
+            k, c = machine.coefficients(f"{name}.spring")
+            found[name] = (float(k), float(c))
+    return machine.machine, machine.model, found
+
+
+def _springs(
+    machine: Machine,
+    found: Mapping[str, tuple[float, float]],
+    stiffness: Mapping[str, float],
+    damping: Mapping[str, float],
+) -> tuple[Floats, Floats]:
+    """Return stiffness and damping of every joint, (nv,) each."""
+    for name in (*stiffness, *damping):
+        if name not in machine.names:
+            raise MachineError(f"{machine.name}: no axis {name!r}; {nearest(name, machine.names)}")
+    k, c = np.zeros(machine.nv), np.zeros(machine.nv)
+    for j, name in enumerate(machine.names):
+        part = machine.passive.get(name)
+        own = found.get(name) or (None, None) if part is None else found.get(
+            name, (part.stiffness, part.damping)
+        )
+        given = stiffness.get(name, own[0])
+        if part is not None and given is None:
+            raise MachineError(
+                f"{machine.name}: passive joint {name!r} has no stiffness; give "
+                f"`passive: {{{name}: {{stiffness: ...}}}}` in machine.yaml, or identify it"
+            )
+        k[j], c[j] = given or 0.0, damping.get(name, own[1]) or 0.0
+    return k, c
+
+
+def _locked(
+    machine: Machine, locked: str | Collection[str], stiffness: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Return the axes that are locked, in order."""
+    if isinstance(locked, str):
+        locked = {"all": tuple(machine.axes), "none": ()}.get(locked, (locked,))
+    for name in locked:
+        if name not in machine.axes:
+            raise MachineError(f"{machine.name}: no axis {name!r}; {nearest(name, machine.axes)}")
+    return tuple(name for name in machine.axes if name in locked and name not in stiffness)
+
+
+def _gravity_slope(model: pin.Model, q: Floats) -> Floats:
+    """Return dg/dq, symmetric, (nv, nv)."""
+    slope = pin.computeGeneralizedGravityDerivatives(model, model.createData(), q)
+    slope = np.reshape(slope, (model.nv, model.nv))
+    return 0.5 * (slope + slope.T)
+
+
+def _solve(M: Floats, K: Floats, C: Floats, free: Ints) -> tuple[Mode, ...]:
+    """Return the vibrations of the free joints; M of all joints."""
+    n = len(free)
+    inverse = np.linalg.inv(M[np.ix_(free, free)])
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, -inverse @ C]])
+    values, vectors = np.linalg.eig(A)
+    out = []
+    for s, column in zip(values, vectors.T, strict=True):
+        wn = abs(s)
+        if s.imag <= 0.0 or wn < 2.0 * np.pi * _STILL:
+            continue
+        shape = np.zeros(len(M), dtype=complex)
+        shape[free] = column[:n]
+        out.append(_mode(M, shape, float(wn) / (2.0 * np.pi), float(-s.real / wn)))
+    return tuple(sorted(out, key=lambda mode: mode.frequency))
+
+
+def _mode(M: Floats, shape: np.ndarray, frequency: float, damping: float) -> Mode:
+    inertia = np.conj(shape) * (M @ shape)
+    size = float(np.sqrt(inertia.real.sum()))
+    energy = np.real(inertia) / size**2
+    largest = shape[int(np.argmax(np.abs(shape) * np.sqrt(np.diag(M))))]
+    return Mode(frequency, damping, shape * (abs(largest) / largest) / size, energy)
+
+
+def animate(found: Modes, number: int, reach: float, seconds: float = 2.0) -> tuple[Floats, Floats]:
+    """Return times (n,) and configurations (n, nv) that show one mode, slowed down, over one period.
+
+    Args:
+        found: the modes.
+        number: which one, 1 for the slowest.
+        reach: largest amplitude of a joint, in units of its shape scaled to a largest entry of 1.
+        seconds: duration of a period on the screen.
+
+    Raises:
+        MachineError: there are fewer modes.
+    """
+    if not 1 <= number <= len(found):
+        known = ", ".join(f"{m.frequency:.3g} Hz" for m in found.modes) or "none"
+        raise MachineError(
+            f"no mode {number}: {len(found)} vibration(s) at this posture ({known}); free an axis "
+            "that is locked, or give passive joints"
+        )
+    shape = found[number - 1].shape
+    t = np.linspace(0.0, seconds, 61)
+    turning = np.exp(2j * np.pi * t / seconds)[:, None] * shape / np.max(np.abs(shape))
+    return t, found.q + reach * np.real(turning)

@@ -1,0 +1,165 @@
+"""From servo and IMU logs to the motion of the passive joint: the steps in their order.
+
+Clocks are matched per run, one batch estimate per IMU finds what its runs share and what they do
+not (:mod:`pinotwin.imu.batch`), then IMUs and repeats are combined by information.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.errors import DataError
+from pinotwin.imu import batch
+from pinotwin.imu.clock import ClockFit, SyncSettings, sync
+from pinotwin.imu.runs import ImuRun, Priors
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.reconstruction.combine import combined, of_run
+from pinotwin.reconstruction.repeats import delay
+from pinotwin.reconstruction.result import Sensor, SensorRun, Vibration
+from pinotwin.reconstruction.sensor_log import imu_run
+from pinotwin.reconstruction.servo import Piece, bound, pieces
+from pinotwin.reconstruction.settings import Settings, imu_link, passive_joint, priors
+from pinotwin.threads import one_blas_thread
+
+Report = Callable[[str, float], None]
+Logs = Log | Sequence[Log]
+
+
+@one_blas_thread
+def reconstruct_vibration(
+    machine: Machine,
+    servo_logs: Logs,
+    imu_logs: Logs,
+    imu2_logs: Logs | None = None,
+    *,
+    settings: Settings | None = None,
+    report: Report | None = None,
+) -> Vibration:
+    """Return the deflection of the machine's passive joint, its velocity and its acceleration.
+
+    Args:
+        machine: with one passive joint and an IMU on a link beyond it.
+        servo_logs: servo log(s); several are repeats of one command.
+        imu_logs: log of the IMU for each of them, in the same order, on the IMU's own clock.
+        imu2_logs: the same of a second IMU.
+        settings: joint, links and low-passes.
+        report: called with the stage and the share done.
+
+    Raises:
+        MachineError: no passive joint, or no link for the IMU.
+        LogError: a channel is missing.
+        DataError: the logs do not come in pairs, nothing rotates, or they are not repeats.
+    """
+    s = settings or Settings()
+    tell = report or _silent
+    joint = passive_joint(machine, s.joint)
+    servo = [bound(machine, log) for log in _several(servo_logs)]
+    groups = [_several(logs) for logs in (imu_logs, imu2_logs) if logs is not None]
+    for group in groups:
+        if len(group) != len(servo):
+            raise DataError(f"{len(servo)} servo and {len(group)} IMU logs; give them in pairs")
+    delays = [0.0] + [delay(machine, servo[0], other) for other in servo[1:]]
+    prior = priors(machine, joint, s)
+    sensors = []
+    for k, group in enumerate(groups):
+        tell(f"estimating from IMU {k + 1}", 0.05 + 0.75 * k / len(groups))
+        link = imu_link(machine, joint, k, s.links[k])
+        job = _Job(machine, joint, link, s, prior)
+        sensors.append(job.sensor(f"imu{k + 1}", servo, group))
+    runs = [of_run(r, log.t, sensors) for r, log in enumerate(servo)]
+    motion, spread = combined(runs, delays)
+    tell("comparing methods", 0.85)
+    return Vibration(
+        machine.name, joint, motion, tuple(runs), tuple(log.source for log in servo),
+        tuple(delays), spread, tuple(sensors), *_compared(sensors, prior, s), _notes(sensors, runs),
+    )  # fmt: skip
+
+
+def _compared(sensors: Sequence[Sensor], prior: Priors, s: Settings):  # type: ignore[no-untyped-def]
+    from pinotwin.reconstruction.methods import methods
+    from pinotwin.reconstruction.unused import unused
+
+    return unused(sensors, prior), methods(sensors, prior) if s.methods else ()
+
+
+def _silent(stage: str, done: float) -> None:
+    del stage, done
+
+
+def _several(logs: Logs) -> list[Log]:
+    out = [logs] if isinstance(logs, Log) else list(logs)
+    if not out:
+        raise DataError("no log given; give at least one servo and one IMU log")
+    return out
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One IMU's estimate: what stays the same over its runs."""
+
+    machine: Machine
+    joint: str
+    link: str
+    settings: Settings
+    prior: Priors
+
+    def sensor(self, name: str, servo: Sequence[Log], logs: Sequence[Log]) -> Sensor:
+        """Return the estimate over all runs of one IMU."""
+        found: list[tuple[int, Piece, ImuRun, ClockFit]] = []
+        for r, (log, imu_log) in enumerate(zip(servo, logs, strict=True)):
+            found += [(r, *x) for x in self._matched(log, imu_log)]
+        result = batch.estimate(
+            [piece.run for _, piece, _, _ in found],
+            [imu for _, _, imu, _ in found],
+            self.prior,
+            [clock for *_, clock in found],
+        )
+        runs = tuple(
+            SensorRun(r, piece, imu, one)
+            for (r, piece, imu, _), one in zip(found, result.runs, strict=True)
+        )
+        return Sensor(name, self.link, result, runs, tuple(log.source for log in logs))
+
+    def _matched(self, log: Log, imu_log: Log) -> list[tuple[Piece, ImuRun, ClockFit]]:
+        """Return the stretches of a run whose clock could be matched with the IMU's."""
+        imu = imu_run(imu_log)
+        out, first = [], None
+        delay = np.sqrt(2.0) / (2.0 * np.pi * self.prior.gyro_cutoff)
+        settings = SyncSettings(delay=float(delay), skew=self.prior.skew)
+        for piece in pieces(self.machine, log, self.joint, self.link, self.settings.servo_cutoff):
+            try:
+                clock = sync(piece.run.t, piece.run.w, imu.t, imu.gyr, settings)
+            except DataError as error:
+                first = first or error
+                continue
+            out.append((piece, imu, clock))
+        if not out:
+            raise DataError(f"{log.source} with {imu_log.source}: {first}") from None
+        return out
+
+
+def _notes(sensors: Sequence[Sensor], runs) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
+    out = []
+    for sensor in sensors:
+        if any(r.found.quasi_static_sd > 0.5 * r.found.quasi_static for r in sensor.runs):
+            out.append(
+                f"{sensor.name}: the slow part of the angle (below 0.5 Hz) is not observable; the "
+                "angle is to be trusted above 0.5 Hz only"
+            )
+        gain = max(r.found.remainder for r in sensor.runs)
+        size = max(float(np.std(r.found.dynamic)) for r in sensor.runs)
+        if gain > 0.1 * size:
+            out.append(
+                f"{sensor.name}: a linear mode leaves {gain / size:.0%} of the deflection "
+                "unexplained (hysteresis, hardening or another mode); frequency and damping are "
+                "biased by it, velocity and angle are not"
+            )
+    for k, run in enumerate(runs):
+        missing = 1.0 - float(np.mean(run.known))
+        if missing > 0.0:
+            out.append(f"run {k + 1}: no deflection in {missing:.1%} of its rows (holes)")
+    return tuple(out)

@@ -1,0 +1,71 @@
+"""The servo log and the reconstructed vibration as one log, ready for ``identify``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+from pinotwin.log import Log
+from pinotwin.reconstruction.result import Vibration
+
+_LONGEST = 3.5  # steps between two known rows that the spline may bridge
+
+
+def with_vibration(
+    log: Log, vibration: Vibration | Log, joint: str | None = None, *, row: bool = False
+) -> Log:
+    """Return the servo log with the channel ``<joint>.v`` of the vibration.
+
+    The velocity is all that the motors' equations take (thesis Eq. 7.2).
+
+    Args:
+        log: servo log of the same run, on the same clock.
+        vibration: a reconstruction, or the log that ``pinotwin vibration`` wrote.
+        joint: the passive joint; from the vibration's channels when None.
+        row: also give ``<joint>.q`` and ``.a``, for the passive joint's own equation. It has no
+            measured effort: see :mod:`pinotwin.reconstruction.flexible`.
+
+    Raises:
+        DataError: the vibration has no such channel, or does not cover the log.
+    """
+    if isinstance(vibration, Vibration):
+        vibration = vibration.to_log()
+    names = [c.rpartition(".")[0] for c in vibration.channels if c.endswith(".v")]
+    name = joint if joint is not None else next(iter(names), "")
+    channels = dict(log.channels)
+    units = dict(log.units)
+    kinds = ("q", "v", "a") if row else ("v",)
+    for kind in kinds:
+        if f"{name}.{kind}" not in vibration:
+            raise DataError(
+                f"{vibration.source}: no channel {name or '<joint>'}.{kind}; give the file that "
+                "`pinotwin vibration` wrote"
+            )
+        channels[f"{name}.{kind}"] = _at(log.t, vibration.t, vibration[f"{name}.{kind}"])
+        units.pop(f"{name}.{kind}", None)
+    known = np.isfinite(channels[f"{name}.v"]).mean() if len(log) else 0.0
+    if known < 0.5:
+        raise DataError(
+            f"{vibration.source}: covers {known:.0%} of {log.source}; it must be of the same run, "
+            "on the same clock"
+        )
+    scale = {**log.scale, **{f"{name}.{k}": (1.0, 0.0) for k in kinds}} if log.scale else {}
+    return replace(log, channels=channels, units=units, scale=scale)
+
+
+def _at(t: Floats, source: Floats, x: Floats) -> Floats:
+    """Return x at other stamps; NaN outside and in holes."""
+    if len(t) == len(source) and np.array_equal(t, source):
+        return x
+    good = np.isfinite(x) & np.isfinite(source)
+    if good.sum() < 4:
+        return np.full(len(t), np.nan)
+    stamps = source[good]
+    after = np.clip(np.searchsorted(stamps, t), 1, len(stamps) - 1)
+    gap = stamps[after] - stamps[after - 1]
+    inside = (t >= stamps[0]) & (t <= stamps[-1]) & (gap <= _LONGEST * np.median(np.diff(stamps)))
+    return np.where(inside, CubicSpline(stamps, x[good])(t), np.nan)

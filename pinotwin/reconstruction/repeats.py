@@ -1,0 +1,67 @@
+"""Repeats of one command: how far one servo log lies behind another, and whether it is a repeat."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+from pinotwin.imu.correlate import best_lag
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+
+SAME = 0.02
+"""Two logs are repeats if their positions differ by less than this share of the motion."""
+
+
+def delay(machine: Machine, reference: Log, other: Log) -> float:
+    """Return the time that passes in ``other`` before it shows what ``reference`` shows [s].
+
+    Args:
+        machine: whose bound logs they are.
+        reference: the first log.
+        other: another one.
+
+    Raises:
+        DataError: they are not runs of one command.
+    """
+    (ta, a), (tb, b) = _positions(machine, reference), _positions(machine, other)
+    step = float(np.median(np.diff(ta)))
+    grids = [np.arange(t[0], t[-1], step) for t in (ta, tb)]
+    speed = [
+        np.linalg.norm(CubicSpline(t, x)(g, 1), axis=1)
+        for g, t, x in zip(grids, (ta, tb), (a, b), strict=True)
+    ]
+    lag, _ = best_lag(*speed)
+    shift = float(tb[0] - ta[0] - lag * step)
+    late, early = CubicSpline(tb, b), CubicSpline(ta, a)
+    for _ in range(6):
+        t = grids[0][(grids[0] + shift > tb[0]) & (grids[0] + shift < tb[-1])]
+        if len(t) < 0.5 * len(grids[0]):
+            break
+        e, slope = early(t) - late(t + shift), late(t + shift, 1)
+        shift += float(np.clip(np.sum(slope * e) / np.sum(slope**2), -0.01, 0.01))
+    t = grids[0][(grids[0] + shift > tb[0]) & (grids[0] + shift < tb[-1])]
+    gap = np.inf
+    if len(t) >= 0.5 * len(grids[0]):
+        gap = float(np.sqrt(np.mean((early(t) - late(t + shift)) ** 2)))
+    if gap > SAME:
+        raise DataError(
+            f"{other.source} is not a repeat of {reference.source} (their commands differ by "
+            f"{min(gap, 9.99):.0%} of the motion); reconstruct them one by one"
+        )
+    return shift
+
+
+def _positions(machine: Machine, log: Log) -> tuple[Floats, Floats]:
+    """Return stamps and the commands, else the positions, each over its RMS variation."""
+    kind = "qr" if all(f"{name}.qr" in log for name in machine.axes) else "q"
+    x = np.stack([log[f"{name}.{kind}"] for name in machine.axes], axis=1)
+    good = np.isfinite(x).all(axis=1) & np.isfinite(log.t)
+    t, x = log.t[good], x[good]
+    forward = np.concatenate([[True], np.diff(np.maximum.accumulate(t)) > 0])
+    t, x = t[forward], x[forward]
+    size = np.std(x, axis=0)
+    moves = size > 1e-9
+    return t, (x[:, moves] - x[:, moves].mean(axis=0)) / size[moves] / np.sqrt(max(moves.sum(), 1))

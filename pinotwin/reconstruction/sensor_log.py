@@ -1,0 +1,50 @@
+"""An IMU's log: ``t, gx, gy, gz`` [rad/s] and ``ax, ay, az`` [m/s²] on the sensor's own clock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinotwin.errors import LogError, nearest
+from pinotwin.imu.runs import ImuRun
+from pinotwin.log import Log
+from pinotwin.units import si_factor
+
+CHANNELS = ("gx", "gy", "gz", "ax", "ay", "az")
+_FASTEST = 70.0  # rad/s: no axis that carries an IMU turns faster than 4000 deg/s
+_GRAVITY = (5.0, 30.0)  # m/s²: median specific force that can be on this planet
+
+
+def imu_run(log: Log) -> ImuRun:
+    """Return the readings of an IMU's log in SI; rows that lack a number are left out.
+
+    Raises:
+        LogError: a channel is missing, or its unit cannot be the one expected.
+    """
+    for name in ("t", *CHANNELS):
+        if name not in log:
+            raise LogError(
+                f"{log.source}: no channel {name!r}; an IMU log has t, "
+                f"{', '.join(CHANNELS)} (rad/s and m/s²); {nearest(name, log.channels)}"
+            )
+    x = np.stack([log[n] * _factor(log, n) for n in ("t", *CHANNELS)], axis=1)
+    x = x[np.isfinite(x).all(axis=1)]
+    if len(x) < 50:
+        raise LogError(f"{log.source}: only {len(x)} rows hold numbers; record longer")
+    run = ImuRun(x[:, 0], x[:, 1:4], x[:, 4:])
+    if float(np.abs(run.gyr).max()) > _FASTEST:
+        raise LogError(
+            f"{log.source}: gx, gy, gz reach {np.abs(run.gyr).max():.3g}, too fast for rad/s; "
+            "convert them, or write the unit in the header, e.g. gx [deg/s]"
+        )
+    force = float(np.median(np.linalg.norm(run.acc, axis=1)))
+    if not _GRAVITY[0] < force < _GRAVITY[1]:
+        raise LogError(
+            f"{log.source}: ax, ay, az have a median size of {force:.3g}, not gravity in m/s²; "
+            "convert them, or write the unit in the header, e.g. ax [g] (gravity must not be "
+            "removed)"
+        )
+    return run
+
+
+def _factor(log: Log, name: str) -> float:
+    return si_factor(log.units[name]) if name in log.units else 1.0

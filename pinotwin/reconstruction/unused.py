@@ -1,0 +1,104 @@
+"""The honest test: an IMU that was not used must read what the deflection found by another implies.
+
+Two IMUs fitted to one encoder agree by construction. Its own clock, mounting and place are taken
+from its own estimate; scale, cross-axis terms and bias are fitted to its readings (12 numbers for
+thousands of samples); the deflection comes from the other IMU alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.imu.noise import rest
+from pinotwin.imu.result import predict_readings
+from pinotwin.imu.runs import Priors
+from pinotwin.reconstruction.result import Sensor, SensorRun
+
+
+@dataclass(frozen=True)
+class Unused:
+    """What is left of an IMU's raw signals; RMS per axis and run [rad/s] and [m/s²].
+
+    Attributes:
+        fitted: the IMU that found the deflection. predicted: the one that was not used.
+        gyro: left with that deflection. gyro_rigid: without any deflection.
+        gyro_noise: standard deviation at rest; NaN where the log has no rest.
+        accel: the same of the accelerometer. accel_rigid, accel_noise: likewise.
+    """
+
+    fitted: str
+    predicted: str
+    gyro: float
+    gyro_rigid: float
+    gyro_noise: float
+    accel: float
+    accel_rigid: float
+    accel_noise: float
+
+
+def unused(sensors: Sequence[Sensor], prior: Priors) -> tuple[Unused, ...]:
+    """Return the test for every ordered pair of IMUs on one link; none for a single IMU."""
+    return tuple(
+        _pair(a, b, prior) for a in sensors for b in sensors if a is not b and a.link == b.link
+    )
+
+
+def _pair(fitted: Sensor, other: Sensor, prior: Priors) -> Unused:
+    rows = []
+    for mine in fitted.runs:
+        for theirs in other.runs:
+            if theirs.run == mine.run and np.array_equal(theirs.piece.rows, mine.piece.rows):
+                rows.append(_one(mine, theirs, other, prior))
+    x = np.square(rows)
+    count = np.isfinite(x).sum(axis=0)  # the noise is unknown where no log has a rest
+    mean = np.where(count > 0, np.nansum(x, axis=0) / np.maximum(count, 1), np.nan)
+    return Unused(fitted.name, other.name, *np.sqrt(mean))
+
+
+def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> list[float]:
+    """Return gyro (left, rigid, noise) and accelerometer (left, rigid, noise)."""
+    shared = other.batch.shared
+    own = replace(prior, gravity=shared("gravity")[0])
+    still = replace(mine.found, **{k: 0.0 * mine.found.t for k in ("angle", "velocity", "acceleration")})
+    predicted = [
+        predict_readings(
+            mine.piece.run, theirs.imu, found, other.batch.R_ST, shared("position")[0],
+            theirs.found.clock, own,
+        )
+        for found in (mine.found, still)
+    ]  # fmt: skip
+    inside = _inside(theirs, mine)
+    rate = 1.0 / float(np.median(np.diff(theirs.imu.t)))
+    quiet = rest(theirs.imu.gyr, theirs.imu.acc, rate)
+    out = []
+    for k, y in enumerate((theirs.imu.gyr, theirs.imu.acc)):
+        out += [_left(y[inside], p[k]) for p in predicted]
+        out.append(_noise(y, quiet))
+    return out
+
+
+def _noise(y: Floats, quiet: Mask) -> float:
+    """Return the standard deviation per axis about the mean of each rest; NaN without a rest."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
+    rests = [y[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 40]
+    if not rests:
+        return float("nan")
+    left = np.concatenate([x - x.mean(axis=0) for x in rests])
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def _inside(theirs: SensorRun, mine: SensorRun) -> Mask:
+    """Return the stamps that a prediction is made for: those well inside the servo's stretch."""
+    at, t = theirs.found.clock.to_ref(theirs.imu.t), mine.piece.run.t
+    return np.isfinite(at) & (at > t[0] + 0.02) & (at < t[-1] - 0.02)
+
+
+def _left(y: Floats, predicted: Floats) -> float:
+    """Return the RMS per axis of readings less what is affine in the prediction."""
+    X = np.hstack([predicted, np.ones((len(predicted), 1))])
+    e = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    return float(np.sqrt(np.mean(e**2)))

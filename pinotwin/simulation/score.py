@@ -1,0 +1,56 @@
+"""A prediction beside what was measured."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.columns import bind
+from pinotwin.errors import LogError
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+
+
+def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, dict[str, float]]]:
+    """Return the errors of a prediction, axis -> ``e`` and ``u`` -> rms, nrmse, nrmse_std.
+
+    ``nrmse`` is over the RMS of what was measured, as in the thesis, ``nrmse_std`` over its standard
+    deviation. Signals that the log does not hold are left out, rows that are not numbers too.
+    """
+    log = _bound(machine, log)
+    out: dict[str, dict[str, dict[str, float]]] = {}
+    for name in machine.axes:
+        rows = {}
+        if f"{name}.q" in log:
+            measured = log[f"{name}.qr"] - log[f"{name}.q"]
+            rows["e"] = _row(measured, predicted[f"{name}.e"])
+        if f"{name}.u" in log:
+            rows["u"] = _row(log[f"{name}.u"], predicted[f"{name}.u"])
+        if rows:
+            out[name] = rows
+    return out
+
+
+def _bound(machine: Machine, log: Log) -> Log:
+    """Return the log with the contract's names for those of its columns that it holds."""
+    held = {}
+    for name, column in machine.columns.items():
+        with suppress(LogError):
+            bind(log, {name: column})
+            held[name] = column
+    return bind(log, held)
+
+
+def _row(measured: Floats, predicted: Floats) -> dict[str, float]:
+    good = np.isfinite(measured)
+    y = measured[good]
+    rms = float(np.sqrt(np.mean((predicted[good] - y) ** 2))) if len(y) else float("nan")
+    size = float(np.sqrt(np.mean(y**2))) if len(y) else float("nan")
+    spread = float(np.std(y)) if len(y) else float("nan")
+    return {
+        "rms": rms,
+        "nrmse": rms / size if size > 0.0 else float("nan"),
+        "nrmse_std": rms / spread if spread > 0.0 else float("nan"),
+    }

@@ -1,0 +1,143 @@
+"""What the stepping kernel works on: plain arrays in named tuples, which compiled code can take."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from pinotwin.arrays import Floats, Ints
+
+
+class Parts(NamedTuple):
+    """What the disturbance is made of.
+
+    Attributes:
+        revolute: of the tape, and so on, see :class:`pinotwin.dynamics.tape.Tape`.
+        ops: operations.
+        sign: signs.
+        mass: entries of M.
+        bias: entries of h.
+        coupled: joints whose row of M - M_D is not zero, shape (m,).
+        inertia: M_D, shape (nv,).
+        viscous: C, shape (nv,).
+        stiffness: K of the springs, shape (nv,).
+    """
+
+    revolute: Ints
+    ops: Ints
+    sign: Floats
+    mass: Ints
+    bias: Ints
+    coupled: Ints
+    inertia: Floats
+    viscous: Floats
+    stiffness: Floats
+
+
+class Lookup(NamedTuple):
+    """Tables of the effects; see :class:`pinotwin.simulation.tables.Tables`."""
+
+    position: Floats
+    place: Ints
+    grid: Floats
+    slowness: Floats
+    speeds: Ints
+    velocity: Floats
+    directions: Ints
+    slope: Floats
+    dry: Floats
+    slips: Ints
+    give: Floats
+    slip: Floats
+
+
+class Command(NamedTuple):
+    """What is asked of the machine, one row a sample.
+
+    Attributes:
+        qr: command, shape (n, nv).
+        vr: its velocity at the samples; between them the command is cubic, shape (n, nv).
+        load: effort that helps the motors (external loads less effects without a table), shape (n,
+            nv), or (1, nv) if constant.
+        step: sampling interval [s].
+        substeps: internal steps a sample.
+        limit: largest tracking error before the run is stopped, shape (nv,).
+    """
+
+    qr: Floats
+    vr: Floats
+    load: Floats
+    step: float
+    substeps: int
+    limit: Floats
+
+
+class State(NamedTuple):
+    """Where the machine is; changed by :func:`run`.
+
+    Attributes:
+        x: states of the blocks, shape (k, 2).
+        d: disturbance, shape (nv,).
+        q: position, shape (nv,); likewise ``v``, ``a``, ``e``, ``u``.
+        v: velocity.
+        a: acceleration.
+        e: tracking error.
+        u: effort.
+        c: command now and its two derivatives, shape (3, nv).
+        p: its coefficients in the present interval, shape (4, nv).
+        pace: place of each joint's speed in the tables over speed, shape (nv,).
+        turn: direction of each dry-friction element, shape (k,).
+        before: velocity of each element's joint at the last step, shape (k,).
+        bend: bend of the slip elements, shape (m, 6).
+        where: position of each slip element's joint at the last step, shape (m,).
+        t: values of the tape.
+        M: mass matrix, shape (nv, nv).
+        h: bias effort, shape (nv,).
+        y: e, e', e'', u of the blocks of one joint, shape (4,).
+        old: disturbance at the last step, shape (nv,).
+        vr0: velocity of the command at the last step, shape (nv,).
+        r: right side of step 5, shape (nv,).
+        S: its matrix, shape (nv, nv + 1).
+    """
+
+    x: Floats
+    d: Floats
+    q: Floats
+    v: Floats
+    a: Floats
+    e: Floats
+    u: Floats
+    c: Floats
+    p: Floats
+    pace: Floats
+    turn: Floats
+    before: Floats
+    bend: Floats
+    where: Floats
+    t: Floats
+    M: Floats
+    h: Floats
+    y: Floats
+    old: Floats
+    vr0: Floats
+    r: Floats
+    S: Floats
+
+
+class Record(NamedTuple):
+    """What is written down, one row a sample; arrays of no rows are not written.
+
+    Attributes:
+        q: shape (n, nv); likewise the others.
+        e: tracking error.
+        u: effort.
+        v: velocity.
+        a: acceleration.
+        d: generalised disturbance.
+    """
+
+    q: Floats
+    e: Floats
+    u: Floats
+    v: Floats
+    a: Floats
+    d: Floats

@@ -1,0 +1,54 @@
+"""The real closed loop of EMPS, simulated from its command alone, against the published figures.
+
+Published (EMPS_Description.pdf): position 0.013752 %, velocity 0.22911 %, acceleration 8.6036 %,
+force 5.848 % of the measured signal's norm; controller kp 160.18 1/s, kv 243.45 V/(m/s).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pinotwin as pt
+from pinotwin.columns import bind
+from pinotwin.signals import derivatives
+
+PUBLISHED = {"position": 0.013752, "velocity": 0.22911, "acceleration": 8.6036, "force": 5.848}
+GTAU = 35.15065  # N/V
+
+
+@pytest.fixture(scope="module")
+def log(data_dir):
+    return pt.read(data_dir / "emps" / "DATA_EMPS.mat")
+
+
+@pytest.fixture(scope="module")
+def twin(log):
+    return pt.identify(pt.Machine.load("emps"), log)
+
+
+def percent(predicted, measured) -> float:
+    inside = slice(49, -49)  # the start-up of the low-pass that differentiates the measured position
+    error = np.linalg.norm(predicted[inside] - measured[inside])
+    return 100.0 * float(error / np.linalg.norm(measured[inside]))
+
+
+@pytest.mark.parametrize("controller", ["black", "grey"])
+def test_simulated_from_the_command_it_beats_the_published_simulation(twin, log, controller):
+    measured = bind(log, twin.machine.columns)
+    command = measured.with_channels({"t": measured.t, "X.qr": measured["X.qr"]})
+    predicted = twin.simulate(command, controller=controller)
+    truth = derivatives(measured["X.q"][:, None], 1000.0, 100.0)
+    model = derivatives(predicted["X.q"][:, None], 1000.0, 100.0)
+    names = ("position", "velocity", "acceleration")
+    errors = {n: percent(m[:, 0], x[:, 0]) for n, m, x in zip(names, model, truth, strict=True)}
+    errors["force"] = percent(predicted["X.u"], measured["X.u"])
+    for name, limit in PUBLISHED.items():
+        assert errors[name] < limit, (name, errors)
+
+
+def test_the_controller_is_found_within_two_percent(twin):
+    law = twin.controllers["X"]
+    assert law.kind == "p_pi"
+    assert law.kv / GTAU == pytest.approx(243.45, rel=0.02)
+    assert law.kp * law.kv / GTAU == pytest.approx(160.18 * 243.45, rel=0.02)

@@ -1,0 +1,96 @@
+"""The house style, as far as a machine can hold it; the rest is in CONTRIBUTING and in review."""
+
+from __future__ import annotations
+
+import ast
+import statistics
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+
+FILES = sorted((ROOT / "pinotwin").rglob("*.py"))
+FILE_LINES, FUNCTION_LINES = 300, 60
+MEDIAN_FILE, MEDIAN_FUNCTION = 150, 15
+
+# File or function -> (lines, why it is not shorter). Empty is best; a number may only fall.
+LONG_FILES: dict[str, tuple[int, str]] = {}
+LONG_FUNCTIONS: dict[str, tuple[int, str]] = {}
+
+
+def short(path: Path) -> str:
+    return str(path.relative_to(ROOT / "pinotwin"))
+
+
+def trees() -> Iterator[tuple[Path, ast.Module]]:
+    for path in FILES:
+        yield path, ast.parse(path.read_text(encoding="utf-8"))
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+    for path, tree in trees():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                yield f"{short(path)}:{node.name}", node
+
+
+def length(node: ast.FunctionDef) -> int:
+    assert node.end_lineno is not None
+    return node.end_lineno - node.lineno + 1
+
+
+def test_files_hold_one_idea() -> None:
+    lines = {short(path): len(path.read_text(encoding="utf-8").splitlines()) for path in FILES}
+    assert {
+        name: n for name, n in lines.items() if n > LONG_FILES.get(name, (FILE_LINES, ""))[0]
+    } == {}
+    assert statistics.median(lines.values()) <= MEDIAN_FILE
+
+
+def test_functions_fit_on_a_screen() -> None:
+    lines = {name: length(node) for name, node in functions()}
+    assert {
+        name: n
+        for name, n in lines.items()
+        if n > LONG_FUNCTIONS.get(name, (FUNCTION_LINES, ""))[0]
+    } == {}
+    assert statistics.median(lines.values()) <= MEDIAN_FUNCTION
+
+
+def test_exceptions_to_the_rule_still_exist_and_say_why() -> None:
+    lines = {short(p): len(p.read_text(encoding="utf-8").splitlines()) for p in FILES}
+    lines |= {name: length(node) for name, node in functions()}
+    for name, (_, reason) in {**LONG_FILES, **LONG_FUNCTIONS}.items():
+        limit = FUNCTION_LINES if ":" in name else FILE_LINES
+        assert lines.get(name, 0) > limit, f"{name} needs no exception any more"
+        assert len(reason) > 20
+
+
+@pytest.mark.parametrize("path", FILES, ids=short)
+def test_habits(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    if tree.body:
+        assert ast.get_docstring(tree), "a module says first what it is about"
+    for node in ast.walk(tree):
+        where = f"{short(path)}:{getattr(node, 'lineno', 0)}"
+        if isinstance(node, ast.Call):
+            name = ast.unparse(node.func)
+            assert name not in ("print", "breakpoint", "eval", "exec"), f"{where}: {name}"
+            assert not name.endswith(("set_printoptions", "random.seed", "filterwarnings")), where
+            assert name not in ("np.random.rand", "np.random.randn", "np.random.normal"), where
+            assert not name.startswith(("pickle.load", "os.system")), where
+        if isinstance(node, ast.Global):
+            pytest.fail(f"{where}: global state")
+        if isinstance(node, ast.ExceptHandler):
+            kind = "everything" if node.type is None else ast.unparse(node.type)
+            assert kind not in ("everything", "Exception", "BaseException"), f"{where}: {kind}"
+
+
+def test_the_limits_bite() -> None:
+    # A test that can never fail tells nothing: the counting itself, on a known function.
+    tree = ast.parse("def f():\n" + "    x = 1\n" * 70)
+    (node,) = tree.body
+    assert isinstance(node, ast.FunctionDef)
+    assert length(node) == 71 > FUNCTION_LINES
