@@ -26,8 +26,8 @@ FLOORS = {
     "preparation": 6,
     "twin": 7,
     "disturbance": 8, "simulation": 8, "modal": 8, "checking": 8,
-    "decomposition": 9, "identification": 9, "reconstruction": 9,
-    "diagnosis": 10,
+    "decomposition": 9, "identification": 9,
+    "diagnosis": 10, "reconstruction": 10,
     "report": 11, "viewer": 11,
     "bench": 12,
     "cli": 13,
@@ -100,7 +100,7 @@ OWN = [one for one in IMPORTS if one.target.partition(".")[0] == "pinotwin"]
 
 def part(module: str) -> str:
     """Return the part of the package that a module is in; "" for the package itself."""
-    return (module.split(".") + [""])[1]
+    return [*module.split("."), ""][1]
 
 
 def test_every_part_has_a_floor() -> None:

@@ -198,7 +198,7 @@ def test_transmission_mixes_and_scales(tmp_path: Path) -> None:
     log = {"t": t} | {f"{n}.q": motors[:, i] for i, n in enumerate(names)}
     log |= {f"{n}.u": torque[:, i] for i, n in enumerate(names)}
     motion = prepare(machine, Log(log), cutoff=0.0)
-    np.testing.assert_allclose(motion.q, joint + [0.0, 0.4], atol=1e-12)
+    np.testing.assert_allclose(motion.q, joint + np.array([0.0, 0.4]), atol=1e-12)
     power = np.einsum("ni,ni->n", np.gradient(motors, axis=0), torque)
     np.testing.assert_allclose(
         np.einsum("ni,ni->n", np.gradient(motion.q, axis=0), motion.u), power, atol=1e-9

@@ -12,6 +12,7 @@ from tests.simulated import known_twin, plain_machine, smooth_command
 import pinotwin as pt
 from pinotwin.cli.main import main
 from pinotwin.disturbance import diagonal, generalised_disturbance
+from pinotwin.effects import Coulomb, PositionTable, Viscous
 from pinotwin.log import Log
 from pinotwin.loop import LoopData, Structure, identify_loop
 from pinotwin.simulation import compare, respond, simulate
@@ -26,9 +27,14 @@ def recorded(name: str, urdf_dir, seconds: float, seed: int) -> Log:  # type: ig
 
 @pytest.fixture(scope="module")
 def twin(urdf_dir):
-    """Plant by identify, loops of the default order by identify_loop: quicker than choosing the order."""
-    log = recorded("trunnion", urdf_dir, 12.0, 1)
-    twin = pt.identify(pt.Machine.load("trunnion"), log, loop=False)
+    """Only linear effects, and loops of the default order: quicker than searching and choosing."""
+    log = recorded("trunnion", urdf_dir, 20.0, 1)
+    machine = pt.Machine.load("trunnion")
+    for axis, part in machine.axes.items():
+        table = [PositionTable(axis=axis, rotary=part.rotary)] if axis != "C" else []
+        plain = (Viscous(axis=axis, rotary=part.rotary), Coulomb(axis=axis, rotary=part.rotary))
+        machine = machine.with_effects(axis, (*plain, *table))
+    twin = pt.identify(machine, log, loop=False)
     motion = twin.motion(log)
     twin = dataclasses.replace(twin, diagonal=diagonal(twin, motion))
     d = generalised_disturbance(twin, motion, twin.diagonal)
@@ -43,7 +49,7 @@ def twin(urdf_dir):
 
 @pytest.fixture(scope="module")
 def unseen(urdf_dir) -> Log:
-    return recorded("trunnion", urdf_dir, 8.0, 5)
+    return recorded("trunnion", urdf_dir, 8.0, 2)
 
 
 class TestUnseenTrajectory:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from pinotwin.cli.output import add_common, say, write_json
@@ -37,10 +38,11 @@ def run(args: argparse.Namespace) -> int:
 def _lines(result: Check) -> list[str]:
     machine = result.machine
     lines = [f"{machine.name}: {len(machine.axes)} axes, {len(machine.base)} base parameters"]
+    wide = _width(machine.axes, 8)
     for name, axis in machine.axes.items():
         kind = "rotary" if axis.rotary else "linear"
         effects = ", ".join(effect.name for effect in axis.effects)
-        lines.append(f"  {name:<8}{kind:<8}{effects}")
+        lines.append(f"  {name:<{wide}}{kind:<8}{effects}")
     lines += _log_lines(result)
     lines += _base_lines(result)
     lines += [f"{f.severity:<8}{f.channel + ': ' if f.channel else ''}{f.message}"
@@ -53,14 +55,14 @@ def _log_lines(result: Check) -> list[str]:
     quality = result.quality
     if quality is None:
         return []
+    wide = _width(quality.axes, 8)
     rate = f"{quality.clock.rate:.6g} Hz" if quality.clock is not None else "no clock"
     lines = [f"log {quality.source}: {quality.rows} rows, {quality.duration:.4g} s, {rate}"]
     for name, axis in quality.axes.items():
-        x, effort = ("rad", "N·m") if axis.rotary else ("m", "N")
-        del effort
+        x = "rad" if axis.rotary else "m"
         moves = "moves" if axis.moves else "stands still"
         lines.append(
-            f"  {name:<8}{moves:<14}{axis.low:.4g} to {axis.high:.4g} {x}, up to {axis.speed:.3g} "
+            f"  {name:<{wide}}{moves:<14}{axis.low:.4g} to {axis.high:.4g} {x}, up to {axis.speed:.3g} "
             f"{x}/s and {axis.acceleration:.3g} {x}/s²{_lead(axis.lead)}"
         )
     return lines
@@ -75,8 +77,14 @@ def _lead(lead: float | None) -> str:
 
 def _base_lines(result: Check) -> list[str]:
     base, known = result.machine.base, result.determined
+    wide = _width(base.labels, 12)
     lines = ["base parameters" + (" (x = this log does not excite it)" if known else "")]
     for label, name, unit in zip(base.labels, base.names, base.units, strict=True):
         mark = "x" if known.get(label) is False else " "
-        lines.append(f" {mark}{label:<12}{name} [{unit}]")
+        lines.append(f" {mark}{label:<{wide}}{name} [{unit}]")
     return lines
+
+
+def _width(words: Iterable[str], least: int) -> int:
+    """Return the width of a column that holds every word."""
+    return max([least, *(len(word) + 2 for word in words)])

@@ -10,7 +10,7 @@ from typing import Any
 from pinotwin.cli.output import add_common, say, write_json
 
 CHAIN = (
-    ("record", "trunnion", "--seconds", "12", "--seed", "1", "--out", "{out}/log.csv"),
+    ("record", "trunnion", "--seconds", "24", "--seed", "1", "--out", "{out}/log.csv"),
     ("record", "trunnion", "--seconds", "12", "--seed", "2", "--out", "{out}/unseen.csv"),
     ("check", "trunnion", "{out}/log.csv"),
     (

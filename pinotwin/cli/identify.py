@@ -83,11 +83,12 @@ def summary(twin: Twin) -> list[str]:
     quality = twin.quality
     lines = [f"{twin.machine.name}: {len(twin.theta)} linear and "
              f"{sum(p.kind == 'shape' for p in twin.parameters)} searched parameters"]  # fmt: skip
-    lines.append(f"{'axis':<8}{'fit':>10}{'held out':>10}{'of std':>10}")
+    wide = max([8, *(len(name) + 2 for name in quality["axes"])])
+    lines.append(f"{'axis':<{wide}}{'fit':>10}{'held out':>10}{'of std':>10}")
     for name, row in quality["axes"].items():
         held = row.get("validation", row["held_out"])
         errors = (row["fit"], held["nrmse"], held["nrmse_std"])
-        lines.append(f"{name:<8}" + "".join(f"{_percent(x):>10}" for x in errors))
+        lines.append(f"{name:<{wide}}" + "".join(f"{_percent(x):>10}" for x in errors))
     lines.append(f"all{quality['relative_error']:>13.2%}   (error norm / effort norm)")
     for warning in quality["warnings"]:
         lines.append(f"note: {warning}")

@@ -30,6 +30,7 @@ LATENCY = 3e-4  # [s] a delay below this is every machine's own and gets no name
 MATTERS = 0.01  # gap power over noise power below which an effect is too small to matter
 LEFT_OVER = 0.03  # of an effect's gain: what its linearised column may leave for others on its axis
 LOWEST = 10.0  # no threshold is lower
+LOWEST_CHANGE = 25.0  # the same against a twin, whose own small errors count as well
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ def decide(
     """Name the effects that the base model misses."""
     cache: Cache = {}
     rough = plain_stage(stage)
+    lowest = LOWEST_CHANGE if stage.base.change else LOWEST
     found: list[Judged] = []
     quiet: list[Judged] = []
     first: Screened | None = None
@@ -89,12 +91,12 @@ def decide(
         tell(f"screening, step {step + 1}", 0.15 + 0.12 * step)
         seen = screen(context, build_ledger(here, theta), settings, taken, cache)
         first = first or seen
-        if not seen.judged or seen.judged[0].G < LOWEST or len(found) >= settings.most:
+        if not seen.judged or seen.judged[0].G < lowest or len(found) >= settings.most:
             break
         best = seen.judged[0]
         tell(f"healthy draws, step {step + 1}", 0.2 + 0.12 * step)
         ledger = ledger_with_draws(here, theta, settings, step, [best])
-        threshold = max(screen(context, ledger, settings, taken, cache).threshold, LOWEST)
+        threshold = max(screen(context, ledger, settings, taken, cache).threshold, lowest)
         steps.append((threshold, best.G))
         if threshold > best.G:
             break

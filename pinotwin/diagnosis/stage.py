@@ -113,6 +113,7 @@ def _blocks(rows: Rows, blocks: int) -> tuple[list[Ints], int]:
 def scatter_precision(base: Base, noise: Noise, theta: Floats) -> Floats:
     """Return the precision of the run-to-run scatter per base column, inf where there is none."""
     out = np.full(base.count, np.inf)
+    theta = np.resize(theta, base.count)
     for effect, where in zip(base.effects, effect_slices(base.effects), strict=True):
         if is_scattered(effect):
             deviation = noise.scatter * np.maximum(np.abs(theta[where]), 1e-9)

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.gaps import Gaps
 from pinotwin.diagnosis.ledger import build_ledger, residual_of
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.remainder import describe
 from pinotwin.diagnosis.result import Found, Verdict
-from pinotwin.diagnosis.stage import Stage
+from pinotwin.diagnosis.stage import Piece, Stage, scatter_precision
 
 SIGNIFICANT = {"repeats": 0.10, "assumed": 0.35}
 """Whitened power above the noise that counts as a gap, by how the noise is known."""
@@ -76,15 +77,28 @@ def _after(start: Ready, gap: Gaps):  # type: ignore[no-untyped-def]
 
 
 def excess(stage: Stage, start: Ready) -> dict[int, float]:
-    """Return the whitened power above the noise per joint, corrected for what was fitted."""
+    """Return the whitened power above the noise per joint, run-to-run scatter of friction taken out."""
     ledger = build_ledger(stage, start.theta)
+    precision = scatter_precision(stage.base, stage.noise, np.resize(start.theta, stage.base.count))
     out = {}
     for joint in stage.rows.joints:
-        r = np.concatenate(
-            [residual_of(p, ledger.theta) for p in stage.pieces if p.channel.joint == joint]
-        )
-        out[joint] = float(np.mean(r**2)) - 1.0
+        parts = [
+            _steady(p, residual_of(p, ledger.theta), precision)
+            for p in stage.pieces
+            if p.channel.joint == joint
+        ]
+        out[joint] = float(np.mean(np.concatenate(parts) ** 2)) - 1.0
     return out
+
+
+def _steady(piece: Piece, r: Floats, precision: Floats) -> Floats:
+    """Return a residual without what this run's own friction explains."""
+    scattered = np.isfinite(precision[piece.columns])
+    if not scattered.any():
+        return r
+    S = piece.B[:, scattered]
+    M = S.T @ S + np.diag(precision[piece.columns[scattered]])
+    return np.asarray(r - S @ np.linalg.solve(M, S.T @ r))
 
 
 def sentence(verdict: Verdict, effects: Sequence[Found], remains: dict[str, str]) -> str:

@@ -57,6 +57,9 @@ def _sensor(sensor: Sensor) -> dict[str, Any]:
         "up_in_machine": sensor.batch.R_GM_up,
         "frequency": dict(zip(("value", "se"), sensor.batch.frequency, strict=True)),
         "damping_ratio": dict(zip(("value", "se"), sensor.batch.damping, strict=True)),
+        "nonlinear": None
+        if sensor.nonlinear is None
+        else dict(zip(("hardening", "hysteresis"), sensor.nonlinear, strict=True)),
         "runs": [_run(sensor, part) for part in sensor.runs],
     }
 

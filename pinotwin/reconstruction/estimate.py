@@ -18,6 +18,7 @@ from pinotwin.imu.runs import ImuRun, Priors
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction.combine import combined, of_run
+from pinotwin.reconstruction.nonlinear import needed, shares, with_columns
 from pinotwin.reconstruction.repeats import delay
 from pinotwin.reconstruction.result import Sensor, SensorRun, Vibration
 from pinotwin.reconstruction.sensor_log import imu_run
@@ -112,17 +113,17 @@ class _Job:
         found: list[tuple[int, Piece, ImuRun, ClockFit]] = []
         for r, (log, imu_log) in enumerate(zip(servo, logs, strict=True)):
             found += [(r, *x) for x in self._matched(log, imu_log)]
-        result = batch.estimate(
-            [piece.run for _, piece, _, _ in found],
-            [imu for _, _, imu, _ in found],
-            self.prior,
-            [clock for *_, clock in found],
-        )
+        servos = [piece.run for _, piece, _, _ in found]
+        given = [imu for _, _, imu, _ in found], self.prior, [clock for *_, clock in found]
+        result, share = batch.estimate(servos, *given), None
+        if needed(result.runs):
+            first, result = result, batch.estimate(with_columns(servos, result.runs), *given)
+            share = shares(result, servos, first.runs)
         runs = tuple(
             SensorRun(r, piece, imu, one)
             for (r, piece, imu, _), one in zip(found, result.runs, strict=True)
         )
-        return Sensor(name, self.link, result, runs, tuple(log.source for log in logs))
+        return Sensor(name, self.link, result, runs, tuple(log.source for log in logs), share)
 
     def _matched(self, log: Log, imu_log: Log) -> list[tuple[Piece, ImuRun, ClockFit]]:
         """Return the stretches of a run whose clock could be matched with the IMU's."""
@@ -150,13 +151,12 @@ def _notes(sensors: Sequence[Sensor], runs) -> tuple[str, ...]:  # type: ignore[
                 f"{sensor.name}: the slow part of the angle (below 0.5 Hz) is not observable; the "
                 "angle is to be trusted above 0.5 Hz only"
             )
-        gain = max(r.found.remainder for r in sensor.runs)
-        size = max(float(np.std(r.found.dynamic)) for r in sensor.runs)
-        if gain > 0.1 * size:
+        if sensor.nonlinear is not None:
+            hardening, hysteresis = sensor.nonlinear
             out.append(
-                f"{sensor.name}: a linear mode leaves {gain / size:.0%} of the deflection "
-                "unexplained (hysteresis, hardening or another mode); frequency and damping are "
-                "biased by it, velocity and angle are not"
+                f"{sensor.name}: the joint is no linear spring: at the largest deflection about "
+                f"{hardening:+.0%} hardening and {hysteresis:+.0%} hysteresis of the spring's "
+                "torque; both are in the estimate"
             )
     for k, run in enumerate(runs):
         missing = 1.0 - float(np.mean(run.known))

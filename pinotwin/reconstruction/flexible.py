@@ -102,7 +102,24 @@ def identify_flexible(
         loop=False, consistent=False, cutoff=cutoff, report=report,
     )  # fmt: skip
     full = [with_vibration(log, v, row=True) for log, v in pairs]
-    return _with_spring(twin, full, next(iter(machine.passive)))
+    found = _with_spring(twin, full, next(iter(machine.passive)))
+    return _with_mode_errors(found, [v for v in given if isinstance(v, Vibration)])
+
+
+def _with_mode_errors(found: Flexible, vibrations: Sequence[Vibration]) -> Flexible:
+    """Return the same with the reconstruction's own uncertainty of the mode: k ~ wn², c ~ zeta wn."""
+    if not vibrations:
+        return found
+    relative = []
+    for v in vibrations:
+        (f, f_se), (zeta, zeta_se) = v.frequency, v.damping
+        relative.append((2.0 * f_se / f, float(np.hypot(f_se / f, zeta_se / zeta))))
+    share = np.sqrt(np.mean(np.square(relative), axis=0) / len(relative))
+    k, c = (
+        replace(x, error=float(np.hypot(x.error, x.value * s)))
+        for x, s in zip((found.stiffness, found.damping), share, strict=True)
+    )
+    return replace(found, stiffness=k, damping=c)
 
 
 @dataclass(frozen=True)

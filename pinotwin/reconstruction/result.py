@@ -75,6 +75,8 @@ class Sensor:
         batch: the whole estimate.
         runs: its stretches.
         sources: its log of every run.
+        nonlinear: hardening and hysteresis as shares of the spring's torque at the largest
+            deflection, where the joint showed them.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Sensor:
     batch: BatchResult = field(repr=False)
     runs: tuple[SensorRun, ...]
     sources: tuple[str, ...]
+    nonlinear: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,9 @@ from pinotwin.simulation.state import Command, Record
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
 
-PASSES = 12
-_SAME = 1e-6  # change of the effort between passes, as a share of the largest
+PASSES = 30
+_RELAX = 0.5
+_SAME = 1e-3  # change of the effort between passes, RMS, as a share of its own
 
 Loops = Literal["black", "grey"] | Mapping[str, Controller]
 
@@ -143,10 +144,10 @@ def _repeat(twin: Twin, plant: Plant, out: Response) -> tuple[Response, tuple[st
     extra = np.zeros((1, twin.machine.nv))
     for _ in range(PASSES):
         update = _other_effort(plant.other, as_motion(twin, asked, out))
-        change = float(np.abs(update - extra).max()) / max(float(np.abs(update).max()), 1e-300)
+        change = float(np.linalg.norm(update - extra) / max(float(np.linalg.norm(update)), 1e-300))
         if change <= _SAME:
             return out, ()
-        extra = update
+        extra = extra + _RELAX * (update - extra)
         out = _run(twin, asked, plant, out.loops, out.substeps, extra, True)
     names = ", ".join(sorted({effect.name for effect, _ in plant.other}))
     return out, (

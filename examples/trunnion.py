@@ -1,0 +1,65 @@
+"""The trunnion of Section 4.3.2: plant, loops, prediction of an unseen log, and where the error comes from.
+
+Run: .venv/bin/python examples/trunnion.py. The log comes from the virtual trunnion, the figures in the last
+column from the real one in Wang (2023): other friction, other cables, other controller gains.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+import pinotwin as pt
+from pinotwin.decomposition import decompose
+from pinotwin.virtual import VirtualMachine, random_trajectory
+
+SOURCE = {"Y": {"e": 0.0712, "u": 0.0512}, "A": {"e": 0.0615, "u": 0.0263}}  # Table 4-5
+POLES = {"Y": {"p1": 62.96, "wn1": 10.86, "zeta1": 0.6739},
+         "A": {"p1": 52.15, "wn1": 7.61, "zeta1": 0.8471}}  # Table 4-4  # fmt: skip
+
+
+def record(seconds: float, seed: int) -> pt.Log:
+    """Return a log of the virtual trunnion: back-and-forth moves with little dwell."""
+    virtual = VirtualMachine.load(pt.machines()["trunnion"])
+    path = random_trajectory(virtual, seconds, seed, dwell=(0.0, 0.1), synchronised=0.3)
+    return virtual.record(path, seed=seed).to_log()
+
+
+def errors(log: pt.Log, predicted: pt.Log, axes: str) -> dict[str, dict[str, float]]:
+    """Return RMS error over RMS magnitude of e and u, per axis."""
+    out = {}
+    for axis in axes:
+        e, u = log[f"{axis}.qr"] - log[f"{axis}.q"], log[f"{axis}.u"]
+        out[axis] = {
+            "e": float(np.sqrt(np.mean((predicted[f"{axis}.e"] - e) ** 2) / np.mean(e**2))),
+            "u": float(np.sqrt(np.mean((predicted[f"{axis}.u"] - u) ** 2) / np.mean(u**2))),
+        }
+    return out
+
+
+def main(seconds: float = 25.0) -> dict[str, dict[str, float]]:
+    """Identify, predict an unseen trajectory from its command alone, print the tables."""
+    log, unseen = record(seconds, 1), record(12.0, 2)
+    twin = pt.identify(pt.Machine.load("trunnion"), log, validate=unseen)
+    print("dominant poles      ours               source (Table 4-4)")
+    for axis, source in POLES.items():
+        for row in twin.loops[axis].pole_table():
+            if row["name"] in source:
+                low, high = row["interval"]
+                print(
+                    f"{axis} {row['name']:<6}{row['value']:9.3g} [{low:.3g}, {high:.3g}]"
+                    f"{source[row['name']]:>12} {row['unit']}"
+                )
+    found = errors(unseen, twin.simulate(unseen), "YA")
+    print("\nunseen trajectory, from the command alone: normalised RMS error (Table 4-5)")
+    for axis, row in found.items():
+        for signal, value in row.items():
+            print(f"{axis}.{signal}  ours {value:7.2%}   source {SOURCE[axis][signal]:7.2%}")
+    window = (3.0, 5.3)
+    print("\nshares of the tracking error, 3 to 5.3 s (Fig. 4-16)")
+    for row in decompose(twin, unseen, window).table():
+        print(f"{row['axis']}  {row['cause']:<22}{row['share']:7.1%}")
+    return found
+
+
+if __name__ == "__main__":
+    main()
