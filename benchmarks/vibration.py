@@ -115,7 +115,9 @@ def main() -> None:
         for u in found.unused:
             print("   ", u)
         for m in found.methods:
-            print(f"    {m.method:<12} IMUs differ by", " ".join(f"{x * DEG:.4g}" for x in m.differ))
+            print(
+                f"    {m.method:<12} IMUs differ by", " ".join(f"{x * DEG:.4g}" for x in m.differ)
+            )
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from pinotwin.disturbance import CAUSES, split
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.simulation.run import Loops, as_motion, respond
+from pinotwin.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from pinotwin.loop import LoopModel
@@ -86,6 +87,7 @@ class Decomposition:
         return tuple(rows)
 
 
+@one_blas_thread
 def decompose(
     twin: Twin, log: Log, window: tuple[float, float] | None = None, *, controller: Loops = "black"
 ) -> Decomposition:

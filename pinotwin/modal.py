@@ -138,8 +138,10 @@ def _springs(
     k, c = np.zeros(machine.nv), np.zeros(machine.nv)
     for j, name in enumerate(machine.names):
         part = machine.passive.get(name)
-        own = found.get(name) or (None, None) if part is None else found.get(
-            name, (part.stiffness, part.damping)
+        own = (
+            found.get(name) or (None, None)
+            if part is None
+            else found.get(name, (part.stiffness, part.damping))
         )
         given = stiffness.get(name, own[0])
         if part is not None and given is None:

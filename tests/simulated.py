@@ -77,7 +77,7 @@ def known_twin(machine: Machine, *, bandwidth: float = 20.0, scale: float = 1.0)
             viscous[machine.axes[name].index],
             axis=name,
             hold=False,
-        )  # fmt: skip
+        )
         for name, law in laws.items()
     }
     diagonal = {"inertia": inertia, "viscous": viscous, "stiffness": stiffness}
@@ -131,7 +131,7 @@ class Integrator:
             )  # fmt: skip
         return tau
 
-    def motor(self, q: np.ndarray, v: np.ndarray, I: np.ndarray, r: np.ndarray) -> np.ndarray:  # noqa: E741
+    def motor(self, q: np.ndarray, v: np.ndarray, I: np.ndarray, r: np.ndarray) -> np.ndarray:
         u = np.zeros(self.nv)
         for j, law in self.laws.items():
             w = law.kp * (r[0, j] - q[j]) + law.ffv * r[1, j] - v[j]

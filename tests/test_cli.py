@@ -38,6 +38,14 @@ def test_help_of_every_command(words: list[str], capfd: pytest.CaptureFixture[st
     assert said.err == ""
 
 
+@pytest.mark.parametrize("command", THERE)
+def test_every_command_takes_json_and_out(command: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(command, "--help") == 0
+    said = capfd.readouterr().out
+    assert "--json FILE" in said
+    assert "--out PATH" in said
+
+
 @pytest.mark.parametrize("words", [[], ["no_such"], ["check"], ["identify", "trunnion"]])
 def test_wrong_words_are_one_line(words: list[str], capfd: pytest.CaptureFixture[str]) -> None:
     assert run(*words) == 2
@@ -104,6 +112,33 @@ def test_identify_writes_a_twin_that_loads(
     for name, value in TRUTH.items():
         assert twin.parameter(name).value == pytest.approx(value, rel=0.05, abs=0.005), name
     assert run("check", out) == 0  # a twin is a machine too
+
+
+def test_a_twin_is_not_written_over_its_machine(
+    rig: tuple[Path, Path], capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = (rig[0] / "machine.yaml").read_bytes()
+    assert run("identify", *rig, "--no-loop", "--out", rig[0]) == 2
+    assert "holds the machine itself; give another folder" in capfd.readouterr().err
+    assert (rig[0] / "machine.yaml").read_bytes() == before
+    assert {p.name for p in rig[0].iterdir()} == {"rig.urdf", "machine.yaml"}
+
+
+def test_check_writes_what_it_says(
+    rig: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run("check", *rig, "--out", out) == 0
+    assert (out / "check.txt").read_text() == capfd.readouterr().out
+    assert json.loads((out / "check.json").read_text())["ok"] is True
+
+
+def test_view_of_a_posture(rig: tuple[Path, Path], tmp_path: Path) -> None:
+    words = ("--posture", "X=100mm,B=30deg", "--json", tmp_path / "r.json")
+    assert run("view", *rig[:1], *words, "--out", tmp_path / "page") == 0
+    result = json.loads((tmp_path / "r.json").read_text())
+    assert result["posture"] == pytest.approx({"X": 0.1, "B": np.pi / 6})
+    assert Path(result["html"]).read_text().startswith("<!")
 
 
 def test_validation_is_told_apart_from_the_fit(

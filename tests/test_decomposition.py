@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy import integrate
-from tests.simulated import known_twin, plain_machine, smooth_command
 
 from pinotwin.decomposition import COMMAND, decompose
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.simulation import respond, simulate
+from tests.simulated import known_twin, plain_machine, smooth_command
 
 
 @pytest.fixture(scope="module")

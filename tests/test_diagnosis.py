@@ -70,7 +70,15 @@ def test_where_names_slow_motion_for_stribeck(stribeck):
 def test_the_json_is_the_contract(stribeck):
     content = json.loads(json.dumps(stribeck.to_dict(), allow_nan=False))
     assert content["verdict"] in ("none", "explained", "partly_explained", "unexplained")
-    assert set(content) >= {"gap", "where", "effects", "confusable", "unexplained", "noise", "advice"}
+    assert set(content) >= {
+        "gap",
+        "where",
+        "effects",
+        "confusable",
+        "unexplained",
+        "noise",
+        "advice",
+    }
     assert set(content["gap"]["X"]["u"]) >= {"rms", "nrmse", "noise"}
     row = content["effects"][0]
     assert set(row) >= {"effect", "axis", "confidence", "shape", "theta", "shrink", "alternatives"}
@@ -104,7 +112,9 @@ def test_one_log_without_repeats_says_that_its_noise_is_assumed(machine, urdf_di
 def test_the_command_line(urdf_dir, tmp_path, capsys):
     logs = record(urdf_dir, "stribeck:X=0.1", paths=(7,))
     machine = Machine.load("emps")
-    dataclasses.replace(machine, columns={}, spec={**machine.spec, "columns": {}}).save(tmp_path / "m")
+    dataclasses.replace(machine, columns={}, spec={**machine.spec, "columns": {}}).save(
+        tmp_path / "m"
+    )
     for k, log in enumerate(logs):
         write_log(tmp_path / f"{k}.csv", dict(log.channels))
     words = ["diagnose", str(tmp_path / "m"), str(tmp_path / "0.csv"), str(tmp_path / "1.csv"),

@@ -7,14 +7,14 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
-from tests.motions import multisine
-from tests.simulated import known_twin, plain_machine
 
 from pinotwin.disturbance import CAUSES, causes, diagonal, generalised_disturbance, halton, split
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import EFFECTS
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine, machines
+from tests.motions import multisine
+from tests.simulated import known_twin, plain_machine
 
 NAMES = ("laser_driller", "trunnion", "flexure_rig", "emps", "tx40")
 
@@ -72,13 +72,13 @@ def case():
 
 class TestAgainstPinocchio:
     def test_gravity(self, case):
-        twin, motion, parts, model = case
+        _, motion, parts, model = case
         data = model.createData()
         g = np.array([pin.computeGeneralizedGravity(model, data, q) for q in motion.q])
         assert np.allclose(parts.parts["gravity"], g, atol=1e-10 * np.abs(g).max())
 
     def test_coriolis_and_centrifugal(self, case):
-        twin, motion, parts, model = case
+        _, motion, parts, model = case
         data = model.createData()
         rows = zip(motion.q, motion.v, strict=True)
         c = np.array([

@@ -108,7 +108,9 @@ def test_animation_shows_one_period(rig: Machine) -> None:
     np.testing.assert_allclose(q[0], q[-1], atol=1e-12)
     assert np.ptp(q[:, 1]) == pytest.approx(0.2)
     assert t[0] == 0.0
-    with pytest.raises(MachineError, match=r"no mode 2: 1 vibration\(s\) at this posture \(21.1 Hz\)"):
+    with pytest.raises(
+        MachineError, match=r"no mode 2: 1 vibration\(s\) at this posture \(21.1 Hz\)"
+    ):
         animate(found, 2, 0.1)
 
 

@@ -7,11 +7,11 @@ import time
 
 import numpy as np
 import pytest
-from tests.simulated import Integrator, known_twin, plain_machine, smooth_command
 
 from pinotwin.errors import DataError, InputError, LogError, TwinError
 from pinotwin.log import Log
 from pinotwin.simulation import respond, simulate
+from tests.simulated import Integrator, known_twin, plain_machine, smooth_command
 
 LINK = {"trunnion": "C_link", "laser_driller": "C_link", "flexure_rig": "C_link"}
 

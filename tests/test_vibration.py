@@ -169,7 +169,9 @@ def test_runs_that_start_late_are_aligned_and_others_refused() -> None:
 def test_a_log_that_does_not_rotate_is_a_clear_failure() -> None:
     machine, _ = rig()
     log, imu, _, _ = recorded(1)
-    still = {n: np.full(len(log), x.mean()) for n, x in log.channels.items() if n[:2] in ("A.", "C.")}
+    still = {
+        n: np.full(len(log), x.mean()) for n, x in log.channels.items() if n[:2] in ("A.", "C.")
+    }
     with pytest.raises(DataError, match="nothing rotates"):
         reconstruct_vibration(machine, Log({**log.channels, **still}), imu, settings=QUICK)
     other_run = recorded(3, 4)[1]
@@ -239,7 +241,16 @@ def test_commands_record_and_vibration(tmp_path: Path, capsys: pytest.CaptureFix
     assert list(read(imu).channels) == ["t", "gx", "gy", "gz", "ax", "ay", "az"]
     assert not any("delta" in name for name in read(servo).channels)
     out, report, js = (tmp_path / n for n in ("vib.csv", "vib.html", "vib.json"))
-    words = ["vibration", "flexure_rig", "--servo", str(servo), "--imu", str(imu), "--out", str(out)]
+    words = [
+        "vibration",
+        "flexure_rig",
+        "--servo",
+        str(servo),
+        "--imu",
+        str(imu),
+        "--out",
+        str(out),
+    ]
     assert main([*words, "--report", str(report), "--json", str(js)]) == 0
     said = capsys.readouterr().out
     assert "quasi-static" in said

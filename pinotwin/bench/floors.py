@@ -48,6 +48,3 @@ def floors(
 def _bic(gain: float, total: float, rows: int, width: int) -> float:
     """Return the drop of the Bayesian information criterion."""
     return rows * float(np.log(total / max(total - gain, 1e-300))) - width * float(np.log(rows))
-
-
-

@@ -17,9 +17,13 @@ from pinotwin.machine import Machine
 def answer(case: Case, seconds: float = SECONDS, quick: bool = False) -> Answer:
     """Produce the logs of a case, diagnose them, and note what was said."""
     made = produce(case, seconds=seconds)
-    subject = healthy_twin(case.machine) if case.situation == "change" else Machine.load(case.machine)
+    subject = (
+        healthy_twin(case.machine) if case.situation == "change" else Machine.load(case.machine)
+    )
     start = time.perf_counter()
-    found = diagnose(subject, made.logs, validate=made.validation, quick=quick, seed=case.seed % 7919)
+    found = diagnose(
+        subject, made.logs, validate=made.validation, quick=quick, seed=case.seed % 7919
+    )
     spent = time.perf_counter() - start
     named = tuple((e.effect, e.axis, e.confidence) for e in found.effects)
     return Answer(

@@ -62,9 +62,9 @@ class Answer:
 
 def agree(said: tuple[str, str | None], true: tuple[str, str]) -> bool:
     """Whether an answer names the true effect, classes merged, on the true axis."""
-    if said[0] != true[0] and not same_class(said[0], true[0]):
-        if not any({said[0], true[0]} <= group for group in ABOUT_EQUAL):
-            return False
+    alike = any({said[0], true[0]} <= group for group in ABOUT_EQUAL)
+    if not alike and not same_class(said[0], true[0]):
+        return False
     return said[1] == true[1] or true[0] in ("payload", "inertial_coupling")
 
 
@@ -89,7 +89,7 @@ def score(answers: Sequence[Answer]) -> dict[str, Any]:
             "in_named": _share([any(a.right(k) for k in range(len(a.named))) for a in visible]),
             "truth_in_set": _share([any(agree(s, a.truth[0][:2]) for s in a.sets)
                                     for a in visible if a.named]),
-            "mean_set": float(np.mean([len(a.sets) for a in visible if a.named] or [np.nan])),
+            "mean_set": float(np.mean([float(len(a.sets)) for a in visible if a.named] or [np.nan])),
             "spurious_extra": _share([len(a.named) > 1 for a in right]),
             "called_unknown": _share([not a.named and a.verdict == "unexplained" for a in visible]),
             "called_none": _share([a.verdict == "none" for a in visible]),

@@ -14,7 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("--machines", nargs="+", default=["trunnion", "laser_driller", "emps"],
                         metavar="NAME", help="bundled machines, or folders with a virtual.yaml")  # fmt: skip
-    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="repetitions of every case (1)")
+    parser.add_argument(
+        "--seeds", type=int, default=1, metavar="N", help="repetitions of every case (1)"
+    )
     parser.add_argument("--situations", nargs="+", default=["structure", "change"],
                         choices=["structure", "change"], help="which of the two to run")  # fmt: skip
     parser.add_argument("--seconds", type=float, default=12.0, help="length of every log [s] (12)")

@@ -1,4 +1,4 @@
-"""``pinotwin check MACHINE [LOG]``."""
+"""``pinotwin check MACHINE [LOG] [--out DIR]``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.output import add_common, say, whole_folder, write_json, write_text
 
 if TYPE_CHECKING:
     from pinotwin.checking import Check
@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
     parser.add_argument("log", nargs="?", help="servo log; a.csv+b.csv joins columns")
-    add_common(parser, out=None)
+    add_common(parser, out="folder for check.json and check.txt, what is printed")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -28,9 +28,14 @@ def run(args: argparse.Namespace) -> int:
     machine = Machine.load(args.machine)
     log = None if args.log is None else read_argument(args.log)
     result = check(machine, log)
+    lines = _lines(result)
+    if args.out:
+        with whole_folder(args.out) as folder:
+            write_json(folder / "check.json", result.as_dict())
+            write_text(folder / "check.txt", "\n".join(lines) + "\n")
     if args.json:
         write_json(args.json, result.as_dict())
-    for line in _lines(result):
+    for line in lines:
         say(line)
     return 0 if result.ok else 1
 

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("subject", metavar="TWIN|MACHINE",
-                        help="folder of a twin, or a machine folder, machine.yaml, .urdf, bundled name")  # fmt: skip
-    parser.add_argument("logs", nargs="+", metavar="LOG",
-                        help="servo log(s); those with the same command are repeats: the noise floor")  # fmt: skip
+    subject = "folder of a twin, or a machine folder, machine.yaml, .urdf, bundled name"
+    logs = "servo log(s); those with the same command are repeats: they give the noise floor"
+    parser.add_argument("subject", metavar="TWIN|MACHINE", help=subject)
+    parser.add_argument("logs", nargs="+", metavar="LOG", help=logs)
     parser.add_argument("--validate", action="append", default=[], metavar="LOG",
                         help="log that nothing is fitted to; the shrink is stated on it")  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, save, and say what was found, the verdict first."""
     from pinotwin.diagnosis import diagnose
+    from pinotwin.report import diagnosis_report
 
     subject = load_subject(args.subject)
     logs = read_logs(args.logs)
@@ -50,6 +51,8 @@ def run(args: argparse.Namespace) -> int:
         )
         with whole_folder(args.out) as folder:
             write(found, folder)
+            page = diagnosis_report(found, logs, validate)
+            (folder / "report.html").write_text(page, encoding="utf-8")
     if args.json:
         write_json(args.json, found.to_dict())
     for line in summary(found):

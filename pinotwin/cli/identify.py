@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinotwin.cli.inputs import add_preparation, read_logs, settings
 from pinotwin.cli.output import add_common, check_folder, say, whole_folder, write_json
 from pinotwin.cli.progress import progress
+from pinotwin.errors import InputError
 
 if TYPE_CHECKING:
     from pinotwin.log import Log
@@ -42,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
     check_folder(args.out)
     options = settings(args)
     machine = Machine.load(args.machine).require_physical()
+    _spare_the_machine(machine, Path(args.out))
     logs = read_logs(args.logs)
     validate = read_logs(args.validate)
     with progress() as report:
@@ -66,6 +69,12 @@ def run(args: argparse.Namespace) -> int:
         say(line)
     say(f"twin and report written to {args.out}")
     return 0
+
+
+def _spare_the_machine(machine: Machine, out: Path) -> None:
+    """Refuse to write a twin over the machine that it is identified from."""
+    if out.resolve() == machine.path.resolve().parent and not (out / "twin.json").is_file():
+        raise InputError(f"--out: {out} holds the machine itself; give another folder for its twin")
 
 
 def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:

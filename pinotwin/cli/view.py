@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.output import say
+from pinotwin.cli.output import add_common, say, whole_folder, write_json
 
 if TYPE_CHECKING:
     from pinotwin.machine import Machine
@@ -21,14 +21,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--posture", metavar="Y=0.1,A=30deg", help="posture; SI unless a unit is given"
     )
-    parser.add_argument("--mode", type=int, metavar="N", help="show mode N, 1 the slowest, enlarged")
     parser.add_argument(
-        "--free", nargs="*", metavar="AXIS", help="axes that are free, for --mode; all without names"
+        "--mode", type=int, metavar="N", help="show mode N, 1 the slowest, enlarged"
+    )
+    parser.add_argument(
+        "--free",
+        nargs="*",
+        metavar="AXIS",
+        help="axes that are free, for --mode; all without names",
     )
     parser.add_argument("--html", metavar="FILE", help="write one page that opens without network")
     parser.add_argument(
         "--no-frames", action="store_true", help="leave out joint frames and masses"
     )
+    add_common(parser, out="folder for the page, as --html does with a file")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -45,9 +51,16 @@ def run(args: argparse.Namespace) -> int:
     drawn = draw_machine(machine, args.posture, args.log, extras=not args.no_frames)
     if args.mode is not None:
         drawn = show_mode(machine, drawn, args.posture, args.mode, args.free)
+    if args.json:
+        write_json(args.json, _facts(machine, args))
     if args.html:
         save_html(Path(args.html), drawn)
         say(f"{machine.name} written to {args.html}")
+    if args.out:
+        with whole_folder(args.out) as folder:
+            save_html(folder / f"{machine.name}.html", drawn)
+        say(f"{machine.name} written to {Path(args.out) / machine.name}.html")
+    if args.html or args.out:
         return 0
     live = show(drawn)
     say(f"{machine.name} at {live.url}; stop with Ctrl-C")
@@ -57,6 +70,21 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         live.close()
     return 0
+
+
+def _facts(machine: Machine, args: argparse.Namespace) -> dict[str, Any]:
+    """Return what is shown: posture in SI, and where the page went."""
+    from pinotwin.viewer import parse_posture
+
+    rotary = dict(zip(machine.names, machine.rotary, strict=True))
+    given = parse_posture(args.posture, rotary) if args.posture else {}
+    return {
+        "machine": machine.name,
+        "posture": {name: given.get(name, 0.0) for name in machine.names},
+        "log": args.log,
+        "mode": args.mode,
+        "html": args.html or (args.out and str(Path(args.out) / f"{machine.name}.html")),
+    }
 
 
 def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extras: bool) -> Scene:

@@ -50,7 +50,9 @@ def advise(
         words.append("record the same command twice: the difference of the runs is the noise floor, "
                      "which this diagnosis had to assume")  # fmt: skip
     if not has_command:
-        words.append("log the command (<axis>.qr) as well: without it only the open loop is diagnosed")
+        words.append(
+            "log the command (<axis>.qr) as well: without it only the open loop is diagnosed"
+        )
     for a, b, axis in pairs:
         for group, text, kind in PAIRS:
             if {a, b} <= group:

@@ -33,7 +33,9 @@ def extended(diagnosis: Diagnosis) -> Machine:
             continue
         old = machine.axis(found.axis).effects
         effect = _effect(found, machine)
-        if (effect is not None and not any(e.name == effect.name for e in old)) or (effect is not None and effect.name == "ripple"):
+        if (effect is not None and not any(e.name == effect.name for e in old)) or (
+            effect is not None and effect.name == "ripple"
+        ):
             machine = machine.with_effects(found.axis, (*old, effect))
     return machine
 

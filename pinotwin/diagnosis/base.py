@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.bristle import bristles, usual_distance
 from pinotwin.diagnosis.rows import Rows
 from pinotwin.effects import (
@@ -80,9 +80,7 @@ class Base:
         return out
 
 
-def effect_columns(
-    effect: Effect, motion: Motion, distance: Floats
-) -> list[tuple[int, Floats]]:
+def effect_columns(effect: Effect, motion: Motion, distance: Floats) -> list[tuple[int, Floats]]:
     """Return (joint, columns) of one effect, dry friction with the memory of its bristles."""
     if isinstance(effect, DRY):
         axis = motion.axis(str(effect.axis))
@@ -137,9 +135,7 @@ def with_slopes(base: Base, theta: Floats) -> Base:
     p = base.count + len(slopes)
     precision = np.zeros((p, p))
     precision[: base.count, : base.count] = base.precision
-    return replace(
-        base, slopes=tuple(slopes), mean=np.zeros(p), precision=precision
-    )
+    return replace(base, slopes=tuple(slopes), mean=np.zeros(p), precision=precision)
 
 
 def laid(machine: Machine, rows: Rows) -> tuple[Effect, ...]:
@@ -160,7 +156,7 @@ def _weak(effects: Sequence[Effect], rows: Rows, p: int) -> Floats:
 
 
 TABLE_DOUBT = 0.2  # of a table's RMS: what its knots may be off by, interpolation included
-SLOW_DOUBT = 1.0  # of dry friction that its Stribeck part may be off by: identified at standstill, asked for in motion
+SLOW_DOUBT = 1.0  # of dry friction that its Stribeck part, found at standstill, may be off by
 SHAPE_DOUBT = 0.25  # relative change of a shape that is not worth a name
 PITCH_DOUBT = 1e-3  # the same for a pitch
 
@@ -188,14 +184,13 @@ def change_base(twin: Twin, rows: Rows, *, scatter: float = 0.015) -> Base:
     sloped = with_slopes(plain, theta)
     for k, (i, shape, _) in enumerate(sloped.slopes):
         name = effects[i].shapes()[shape].name
-        doubt = PITCH_DOUBT if name == "period" else SHAPE_DOUBT
         at = plain.count + k
-        sloped.precision[at, at] = 1.0 / doubt**2
+        sloped.precision[at, at] = 1.0 / (PITCH_DOUBT if name == "period" else SHAPE_DOUBT) ** 2
     mean = np.concatenate([theta, np.zeros(len(sloped.slopes))])
     return replace(sloped, mean=mean)
 
 
-def _relaid(twin: Twin, rows: Rows) -> tuple[tuple[Effect, ...], Floats]:
+def _relaid(twin: Twin, rows: Rows) -> tuple[tuple[Effect, ...], Ints]:
     """Return the twin's effects with tables over the new travel too, and where its theta goes."""
     effects: list[Effect] = []
     place: list[int] = []

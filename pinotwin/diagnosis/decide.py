@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.context import Context
 from pinotwin.diagnosis.ledger import build_ledger, residual_of
 from pinotwin.diagnosis.search import (
@@ -28,7 +29,8 @@ from pinotwin.diagnosis.stage import Stage
 
 LATENCY = 3e-4  # [s] a delay below this is every machine's own and gets no name
 MATTERS = 0.01  # gap power over noise power below which an effect is too small to matter
-LEFT_OVER = 0.03  # of an effect's gain: what its linearised column may leave for others on its axis
+LEFT_OVER = 0.10  # of an effect's gain: what its linearised column may leave for others on its axis
+LEFT_OVER_ELSEWHERE = 0.03  # the same for other axes, which share the rigid body with it
 LOWEST = 10.0  # no threshold is lower
 LOWEST_CHANGE = 25.0  # the same against a twin, whose own small errors count as well
 
@@ -72,7 +74,7 @@ class Decision:
 def decide(
     context: Context,
     stage: Stage,
-    theta,  # type: ignore[no-untyped-def]
+    theta: Floats,
     settings: Settings,
     tell: Callable[[str, float], None],
 ) -> Decision:
@@ -91,7 +93,7 @@ def decide(
         tell(f"screening, step {step + 1}", 0.15 + 0.12 * step)
         seen = screen(context, build_ledger(here, theta), settings, taken, cache)
         first = first or seen
-        if not seen.judged or seen.judged[0].G < lowest or len(found) >= settings.most:
+        if not seen.judged or lowest > seen.judged[0].G or len(found) >= settings.most:
             break
         best = seen.judged[0]
         tell(f"healthy draws, step {step + 1}", 0.2 + 0.12 * step)
@@ -112,11 +114,20 @@ def decide(
 def _trivial(judged: Judged, stage: Stage, found: Sequence[Judged], plain: Stage) -> bool:
     """Whether an effect is real but too small to matter, or what a first-order column leaves over."""
     axis = judged.candidate.axis
-    if any(j.candidate.axis == axis and judged.G < LEFT_OVER * j.G for j in found):
-        return True
+    for other in found:
+        share = LEFT_OVER if other.candidate.axis == axis else LEFT_OVER_ELSEWHERE
+        if share * other.G > judged.G:
+            return True
     if judged.candidate.effect == "delay" and abs(float(judged.theta[0])) < LATENCY:
         return True
-    return MATTERS * rows_of(judged, stage) > judged.G
+    least = MATTERS * rows_of(judged, stage)
+    return least > judged.G or _power(plain) - _power(admit(plain, [judged])) < least
+
+
+def _power(stage: Stage) -> float:
+    """Return the squared residual of a plain stage in units of the noise."""
+    ledger = build_ledger(stage)
+    return float(sum(np.sum(residual_of(p, ledger.theta) ** 2) for p in stage.pieces))
 
 
 def rows_of(judged: Judged, stage: Stage) -> int:
@@ -129,7 +140,7 @@ def rows_of(judged: Judged, stage: Stage) -> int:
 
 
 def _rechecked(  # noqa: PLR0913
-    context: Context, stage: Stage, theta, settings: Settings, cache: Cache,  # type: ignore[no-untyped-def]
+    context: Context, stage: Stage, theta: Floats, settings: Settings, cache: Cache,
     found: list[Judged], quiet: Sequence[Judged], threshold: float,
 ) -> tuple[Named, ...]:  # fmt: skip
     """Judge each member given the others; drop or swap it; two rounds at most."""

@@ -60,9 +60,7 @@ def _same(a: Judged, b: Judged) -> bool:
     return a.candidate.axis == b.candidate.axis or a.candidate.effect == "payload"
 
 
-def _covering(
-    options: Sequence[tuple[Judged | None, float]], own: Judged
-) -> list[dict[str, Any]]:
+def _covering(options: Sequence[tuple[Judged | None, float]], own: Judged) -> list[dict[str, Any]]:
     """Return the alternatives that, with the named effect, reach the stated probability."""
     out: list[dict[str, Any]] = []
     total = 0.0
@@ -74,8 +72,12 @@ def _covering(
             continue
         effect = "none" if judged is None else judged.candidate.effect
         axis = None if judged is None else judged.candidate.axis
-        why = "the gap may be chance" if judged is None else (
-            f"explains {judged.G / max(own.G, 1e-9):.0%} as much of the gap on data not fitted"
+        why = (
+            "the gap may be chance"
+            if judged is None
+            else (
+                f"explains {judged.G / max(own.G, 1e-9):.0%} as much of the gap on data not fitted"
+            )
         )
         out.append({"effect": effect, "axis": axis, "probability": p, "why": why})
     kin = next((g for g in CLASSES if own.candidate.effect in g), frozenset())

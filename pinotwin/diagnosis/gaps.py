@@ -59,7 +59,9 @@ def gaps(start: Ready, decision: Decision, rng: np.random.Generator) -> Gaps:
 
 def _rms(errors: HeldOut, joint: int) -> float:
     parts = [
-        e for p, e in zip(errors.stage.pieces, errors.error, strict=True) if p.channel.joint == joint
+        e
+        for p, e in zip(errors.stage.pieces, errors.error, strict=True)
+        if p.channel.joint == joint
     ]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0
 

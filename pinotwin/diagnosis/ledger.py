@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.stage import Piece, Stage
 
 RIDGE = 1e-9
@@ -33,7 +33,7 @@ class Group:
 
     fold: int
     log: int
-    S: Floats  # indices of scattered base columns, shape (s,)
+    S: Ints  # indices of scattered base columns, shape (s,)
     M: Floats  # (S'S + Sigma^-1)^-1, shape (s, s)
     SB: Floats  # S'B, shape (s, p)
     Sy: Floats  # shape (s, d)
@@ -65,9 +65,7 @@ class Ledger:
         """Return L_k^-1 x, with k = 0 for all rows and f + 1 for all but fold f."""
         shape = x.shape
         flat = x.reshape(shape[0], -1) / self.scale[:, None]
-        return np.asarray(
-            (cho_solve(self.factors[k], flat) / self.scale[:, None]).reshape(shape)
-        )
+        return np.asarray((cho_solve(self.factors[k], flat) / self.scale[:, None]).reshape(shape))
 
 
 def build_ledger(
@@ -104,7 +102,7 @@ def build_ledger(
             By[piece.columns] += B.T @ y
         M = np.linalg.inv(BB[np.ix_(S, S)] + np.diag(precision[S])) if len(S) else np.zeros((0, 0))
         SB, Sy = BB[S], By[S]
-        groups.append(Group(fold, log, S, M, SB, Sy))
+        groups.append(Group(fold, log, S, np.asarray(M, dtype=float), SB, Sy))
         A[fold] += BB - SB.T @ M @ SB
         r[fold] += By - SB.T @ (M @ Sy)
     return _factored(stage, tuple(groups), A, r, Y)
@@ -240,9 +238,7 @@ def worth(ledger: Ledger, s: Sums) -> Worth:
     G = by_fold.sum(axis=0)
     if ledger.stage.base.change:
         G = G + relief(ledger, s)
-    return Worth(
-        G, gain[0][:, 0], theta, share, deviation, by_fold[:, :, 0], sign
-    )
+    return Worth(G, gain[0][:, 0], theta, share, deviation, by_fold[:, :, 0], sign)
 
 
 def relief(ledger: Ledger, s: Sums) -> Floats:
@@ -264,7 +260,9 @@ def relief(ledger: Ledger, s: Sums) -> Floats:
     pull = (X.T @ (prior @ theta)).reshape(count, width, -1)
     X3 = X.T.reshape(count, width, p)
     Q = np.einsum("ikp,ilp->ikl", X3, (X3.reshape(-1, p) @ prior).reshape(count, width, p))
-    return np.asarray(2.0 * np.einsum("ikd,ikd->id", pull, c) - np.einsum("ikd,ikl,ild->id", c, Q, c))
+    return np.asarray(
+        2.0 * np.einsum("ikd,ikd->id", pull, c) - np.einsum("ikd,ikl,ild->id", c, Q, c)
+    )
 
 
 def schur(ledger: Ledger, s: Sums, k: int) -> tuple[Floats, Floats, Floats]:

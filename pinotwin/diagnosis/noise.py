@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -114,7 +115,7 @@ def _differences(
     labels = [rows.commands[rows.channels[k].log] for k in at]
     for label in sorted(set(labels)):
         group = [k for k, other in zip(at, labels, strict=True) if other == label]
-        for a, b in zip(group, group[1:], strict=False):
+        for a, b in pairwise(group):
             out += _pair(rows.channels[a], rows.channels[b], residuals[a], residuals[b],
                          friction[a], friction[b])  # fmt: skip
     return out

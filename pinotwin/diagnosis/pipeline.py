@@ -54,7 +54,10 @@ def diagnose(
     tell("preparing the logs", 0.02)
     start = ready(subject, _list(log), _list(validate), lambda stage: tell(stage, 0.1))
     settings = Settings(
-        draws=60 if quick else 200, most=1 if quick else 3, leave_out=frozenset(leave_out), seed=seed
+        draws=60 if quick else 200,
+        most=1 if quick else 3,
+        leave_out=frozenset(leave_out),
+        seed=seed,
     )
     decision = decide(start.context, start.search_stage, start.theta, settings, tell)
     tell("measuring the gap", 0.85)

@@ -41,7 +41,7 @@ def _event(r: Floats) -> tuple[float, str]:
     power = np.sort(r**2)[::-1]
     few = max(len(power) // 50, 1)
     share = float(power[:few].sum() / power.sum())
-    return (share - 0.3, "event-like: a fiftieth of the time holds "f"{share:.0%} of it")
+    return (share - 0.3, f"event-like: a fiftieth of the time holds {share:.0%} of it")
 
 
 def _smooth(rows: Rows, residuals: list[Floats], at: list[int], joint: int) -> tuple[float, str]:
@@ -51,7 +51,10 @@ def _smooth(rows: Rows, residuals: list[Floats], at: list[int], joint: int) -> t
     for name, words in (("q", "a function of position"), ("v", "a function of velocity"),
                         ("a", "a function of acceleration")):  # fmt: skip
         x = np.concatenate(
-            [getattr(rows.motions[rows.channels[k].log], name)[rows.channels[k].centres, joint] for k in at]
+            [
+                getattr(rows.motions[rows.channels[k].log], name)[rows.channels[k].centres, joint]
+                for k in at
+            ]
         )
         edges = np.quantile(x, np.linspace(0, 1, 41))
         bins = np.clip(np.searchsorted(edges, x) - 1, 0, 39)

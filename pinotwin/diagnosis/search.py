@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.catalogue import families, searched_families
 from pinotwin.diagnosis.catalogue.position import waves
 from pinotwin.diagnosis.context import Candidate, Context, Family
@@ -256,7 +256,7 @@ def admit(stage: Stage, judged: Sequence[Judged]) -> Stage:
     return replace(stage, base=base, pieces=tuple(pieces))
 
 
-def _wider(piece: Piece, x: Floats, index: Floats) -> Piece:
+def _wider(piece: Piece, x: Floats, index: Ints) -> Piece:
     return replace(
         piece,
         B=np.concatenate([piece.B, x], axis=1),

@@ -108,9 +108,7 @@ def _refined(rows: Rows, effects: Sequence[Effect], noise: Noise) -> Base:
     return with_slopes(base, theta)
 
 
-def _moved(
-    effects: Sequence[Effect], base: Base, steps: Floats, motion: Motion
-) -> list[Effect]:
+def _moved(effects: Sequence[Effect], base: Base, steps: Floats, motion: Motion) -> list[Effect]:
     out = list(effects)
     for (i, k, _), step in zip(base.slopes, steps, strict=True):
         shape = out[i].shapes()[k]
@@ -119,7 +117,11 @@ def _moved(
             change = float(np.clip(step, -2e-3, 2e-3))
         else:
             change = float(np.clip(step, -0.3, 0.3))
-        x = values[k] * (1.0 + change) if shape.log else values[k] + change * max(abs(values[k]), 0.1)
+        x = (
+            values[k] * (1.0 + change)
+            if shape.log
+            else values[k] + change * max(abs(values[k]), 0.1)
+        )
         upper = shape.upper
         if shape.name == "v_s":
             top = float(np.abs(motion.axis(str(out[i].axis)).v).max(initial=0.0))

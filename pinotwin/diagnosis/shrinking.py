@@ -63,9 +63,7 @@ def held_out(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:
     return HeldOut(stage, error, own, "held-out blocks")
 
 
-def _rebased(
-    stage: Stage, under: Stage, effects: Floats, theta: Floats
-) -> tuple[Floats, ...]:
+def _rebased(stage: Stage, under: Stage, effects: Floats, theta: Floats) -> tuple[Floats, ...]:
     """Return the errors with the effects' coefficients of the other folds, the base fitted anew.
 
     The base is not on trial: it may use all rows, or a table would be judged at knots that the other
@@ -114,7 +112,7 @@ def shrink(
     )
 
 
-def _share(before: Floats, after: Floats, noise: Floats) -> Floats:
+def _share(before: Floats | float, after: Floats | float, noise: Floats | float) -> Floats:
     """Return the share of the squared gap above the noise that goes, at most 1."""
     excess = np.maximum(before - noise, 0.02 * before + 1e-300)
     return np.asarray(np.clip((before - after) / excess, -1.0, 1.0))
@@ -133,5 +131,5 @@ def _squares(before: HeldOut, after: HeldOut, joint: int):  # type: ignore[no-un
         parts[4].append((t / STRETCH).astype(int) + 4096.0 * piece.channel.log)
     joined = [np.concatenate(p) if p else np.zeros(0) for p in parts]
     if len(joined[4]):
-        joined[4] = np.unique(joined[4], return_inverse=True)[1]
+        joined[4] = np.unique(joined[4], return_inverse=True)[1].astype(float)
     return (*joined[:4], joined[4].astype(int))

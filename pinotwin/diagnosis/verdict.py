@@ -57,9 +57,11 @@ def judge(start: Ready, decision: Decision, gap: Gaps, effects: Sequence[Found])
     else:
         verdict = "unexplained" if open_ else "none"
     residuals = list(start.residuals)
-    remains = {names[j]: describe(start.stage.rows, residuals, j) for j in open_} if not effects else {
-        names[j]: describe(start.stage.rows, _after(start, gap), j) for j in open_
-    }
+    remains = (
+        {names[j]: describe(start.stage.rows, residuals, j) for j in open_}
+        if not effects
+        else {names[j]: describe(start.stage.rows, _after(start, gap), j) for j in open_}
+    )
     unexplained = {names[j]: {"u": float(max(stays[j], 0.0))} for j in joints}
     advice = [f"{axis}: what stays is {words}" for axis, words in remains.items()]
     return Judgement(

@@ -7,6 +7,7 @@ reach anywhere (maximum over all regions, so that looking everywhere is paid for
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -63,7 +64,9 @@ def localise(
         share = float(power[cell.mask].sum() / power.sum())
         if p <= 0.05 and share > 1.3 * when:
             found.append(
-                Region(axis, "u", cell.kind, cell.range, cell.unit, share, float(when), p, cell.other)
+                Region(
+                    axis, "u", cell.kind, cell.range, cell.unit, share, float(when), p, cell.other
+                )
             )
     found.extend(_bands(rows, residuals, at, axis))
     found.sort(key=lambda r: -(r.share - r.time_share))
@@ -80,7 +83,11 @@ def _cells(rows: Rows, channels: list[Channel], joint: int) -> list[Cell]:
 
     q, v, a = pick("q"), pick("v"), pick("a")
     t = np.concatenate([rows.motions[c.log].t[c.centres] for c in channels])
-    out = _bins("time", t, "s", 8) + _bins("position", q, x, 8) + _bins("acceleration", a, f"{x}/s²", 6)
+    out = (
+        _bins("time", t, "s", 8)
+        + _bins("position", q, x, 8)
+        + _bins("acceleration", a, f"{x}/s²", 6)
+    )
     top = float(np.abs(v).max())
     slow = REVERSAL * top
     out += [Cell("velocity", (-slow, slow), f"{x}/s", np.abs(v) <= slow)]
@@ -98,10 +105,7 @@ def _cells(rows: Rows, channels: list[Channel], joint: int) -> list[Cell]:
 
 def _bins(kind: str, x: Floats, unit: str, count: int) -> list[Cell]:
     edges = np.linspace(float(x.min()), float(x.max()) + 1e-12, count + 1)
-    return [
-        Cell(kind, (float(a), float(b)), unit, (x >= a) & (x < b))
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
-    ]
+    return [Cell(kind, (float(a), float(b)), unit, (x >= a) & (x < b)) for a, b in pairwise(edges)]
 
 
 def _bands(rows: Rows, residuals: list[Floats], at: list[int], axis: str) -> list[Region]:

@@ -15,6 +15,7 @@ elsewhere has the same efforts as the whole ``pi`` (see :mod:`pinotwin.dynamics.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,8 +57,16 @@ class Tape:
         return len(self.start) + len(self.ops)
 
 
-def record(model: pin.Model, pi: Floats) -> Tape:
+def record(
+    model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float, float]] = ()
+) -> Tape:
     """Return the tape of a machine with the inertial parameters ``pi``, shape (p,).
+
+    Args:
+        model: the machine.
+        pi: standard parameters.
+        coupled: two joints that a motor turns together, and what it adds off the diagonal: inertia
+            M_ij and viscous friction (h_i += b v_j, h_j += b v_i).
 
     Raises:
         MachineError: a joint that neither turns about nor slides along one axis.
@@ -75,6 +84,11 @@ def record(model: pin.Model, pi: Floats) -> Tape:
     bodies = _Bodies(geometry, np.asarray(pi, dtype=float), trace)
     mass = bodies.mass_matrix()
     bias = bodies.bias()
+    for i, j, inertia, viscous in coupled:
+        low, high = min(i, j), max(i, j)
+        mass[low, high] = mass.get((low, high), 0.0) + inertia
+        bias[i] = bias.get(i, 0.0) + viscous * bodies.v[j]
+        bias[j] = bias.get(j, 0.0) + viscous * bodies.v[i]
     outputs = [*mass.values(), *bias.values()]
     start, ops, sign, places = trace.compile(outputs)
     entries = [(i, j, p) for (i, j), p in zip(mass, places[: len(mass)], strict=True)]

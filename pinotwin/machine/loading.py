@@ -66,9 +66,9 @@ def _build(spec: dict[str, Any], file: Path) -> Machine:
     try:
         return _machine(spec, file)
     except InputError as error:
-        if str(file.parent) in str(error) or str(file) in str(error):
-            raise
-        raise type(error)(f"{file}: {error}") from None
+        said = " ".join(str(error).splitlines())  # a key may hold a line break
+        where = "" if str(file.parent) in said else f"{file}: "
+        raise type(error)(where + said) from None
 
 
 def _machine(spec: dict[str, Any], file: Path) -> Machine:

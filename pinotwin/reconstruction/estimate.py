@@ -14,11 +14,11 @@ import numpy as np
 from pinotwin.errors import DataError
 from pinotwin.imu import batch
 from pinotwin.imu.clock import ClockFit, SyncSettings, sync
-from pinotwin.imu.runs import ImuRun, Priors
+from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction.combine import combined, of_run
-from pinotwin.reconstruction.nonlinear import needed, shares, with_columns
+from pinotwin.reconstruction.nonlinear import needed, shares, with_columns, with_posture
 from pinotwin.reconstruction.repeats import delay
 from pinotwin.reconstruction.result import Sensor, SensorRun, Vibration
 from pinotwin.reconstruction.sensor_log import imu_run
@@ -113,12 +113,18 @@ class _Job:
         found: list[tuple[int, Piece, ImuRun, ClockFit]] = []
         for r, (log, imu_log) in enumerate(zip(servo, logs, strict=True)):
             found += [(r, *x) for x in self._matched(log, imu_log)]
-        servos = [piece.run for _, piece, _, _ in found]
-        given = [imu for _, _, imu, _ in found], self.prior, [clock for *_, clock in found]
-        result, share = batch.estimate(servos, *given), None
+        pieces = [piece for _, piece, _, _ in found]
+        imus, clocks = [imu for _, _, imu, _ in found], [clock for *_, clock in found]
+
+        def estimate(servo: Sequence[ServoRun]) -> batch.BatchResult:
+            return _estimate(servo, imus, self.prior, clocks)
+
+        first = estimate([piece.run for piece in pieces])
+        servo_runs = with_posture(self.machine, self.joint, pieces, first.runs)
+        result, share = estimate(servo_runs), None
         if needed(result.runs):
-            first, result = result, batch.estimate(with_columns(servos, result.runs), *given)
-            share = shares(result, servos, first.runs)
+            second, result = result, estimate(with_columns(servo_runs, result.runs))
+            share = shares(result, servo_runs, second.runs)
         runs = tuple(
             SensorRun(r, piece, imu, one)
             for (r, piece, imu, _), one in zip(found, result.runs, strict=True)
@@ -141,6 +147,29 @@ class _Job:
         if not out:
             raise DataError(f"{log.source} with {imu_log.source}: {first}") from None
         return out
+
+
+def _estimate(
+    servo: Sequence[ServoRun], imu: Sequence[ImuRun], prior: Priors, clocks: Sequence[ClockFit]
+) -> batch.BatchResult:
+    """Return the batch estimate.
+
+    Raises:
+        DataError: it does not converge.
+    """
+    message = (
+        "the estimate does not converge: the IMU shows no vibration like that of a spring near "
+        f"{prior.frequency:.3g} Hz; check the stiffness of the passive joint in machine.yaml, the "
+        "link of the IMU, and that the log shakes the joint"
+    )
+    try:
+        with np.errstate(invalid="raise", over="raise", divide="raise"):
+            result = batch.estimate(servo, imu, prior, clocks)
+    except (FloatingPointError, np.linalg.LinAlgError, ValueError):
+        raise DataError(message) from None
+    if not np.isfinite(result.theta).all():
+        raise DataError(message)
+    return result
 
 
 def _notes(sensors: Sequence[Sensor], runs) -> tuple[str, ...]:  # type: ignore[no-untyped-def]

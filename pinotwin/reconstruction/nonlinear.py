@@ -1,7 +1,8 @@
-r"""A joint that is not a linear spring: hardening and hysteresis as further columns of its load.
+r"""What the first pass leaves out of the load, as further columns of a second one.
 
-The first pass takes the joint as linear. Where its mode leaves too much unexplained, a second pass
-adds what the first one's angle q implies, each with a free gain:
+The first pass takes the joint as a mode of constant inertia. The second adds what its angle q
+implies, each with a free gain: the torque by which the inertia's dependence on the posture differs
+(:func:`pinotwin.reconstruction.servo.posture_column`), and where the mode still leaves too much
 
     -(q / p)³             hardening,     p the largest deflection
     -z_w(q) / p           hysteresis,    z_w the stop operator of width w = 0.1, 0.2, 0.4 p
@@ -21,18 +22,40 @@ from numba import njit
 from pinotwin.arrays import Floats
 from pinotwin.imu.result import BatchResult, RunResult
 from pinotwin.imu.runs import ServoRun
+from pinotwin.machine import Machine
+from pinotwin.reconstruction.servo import Piece, posture_column
 
 WIDTHS = (0.1, 0.2, 0.4)
 """Widths of the stop operators, as shares of the largest deflection."""
 
-UNEXPLAINED = 0.05
-"""Share of the dynamic angle that a linear mode may leave before the second pass is made."""
+UNEXPLAINED = 0.01
+"""Share of the dynamic angle that a linear mode may leave before the joint is taken as nonlinear."""
+
+_NEGLIGIBLE = 1e-3
 
 
 def needed(runs: Sequence[RunResult]) -> bool:
     """Return whether a linear mode leaves too much of the deflection."""
     left = np.sqrt(np.mean([r.remainder**2 for r in runs]))
     return bool(left > UNEXPLAINED * np.sqrt(np.mean([np.var(r.dynamic) for r in runs])))
+
+
+def with_posture(
+    machine: Machine, joint: str, pieces: Sequence[Piece], found: Sequence[RunResult]
+) -> list[ServoRun]:
+    """Return the runs with the posture's column beside their load; as they are if it is nothing."""
+    columns = []
+    for piece, result in zip(pieces, found, strict=True):
+        delta = np.stack([result.angle, result.velocity, result.acceleration], axis=1)
+        columns.append(posture_column(machine, piece.joints, joint, delta))
+    runs = [piece.run for piece in pieces]
+    size = float(np.sqrt(np.mean([np.var(c) for c in columns])))
+    if size < _NEGLIGIBLE * _load_size(runs):
+        return runs
+    return [
+        replace(run, load=np.column_stack([run.load, c]))
+        for run, c in zip(runs, columns, strict=True)
+    ]
 
 
 def with_columns(servo: Sequence[ServoRun], found: Sequence[RunResult]) -> list[ServoRun]:

@@ -19,7 +19,9 @@ from pinotwin.dynamics import (
     frame_acceleration,
     frame_rotation,
     frame_velocity,
+    inverse,
     jacobian,
+    mass_matrix,
     parameters,
 )
 from pinotwin.errors import DataError
@@ -38,21 +40,6 @@ _SMALL = 1e-3  # share of the whole load below which a column is left out
 
 
 @dataclass(frozen=True)
-class Piece:
-    """An unbroken stretch of a servo log.
-
-    Attributes:
-        rows: rows of the log in it, shape (k,).
-        t: their stamps [s], (k,).
-        run: the same stretch on a uniform clock, as the batch estimate takes it.
-    """
-
-    rows: Ints
-    t: Floats
-    run: ServoRun
-
-
-@dataclass(frozen=True)
 class Joints:
     """Motion of all joints on a uniform clock, the passive ones at zero; (n,) and (n, nv)."""
 
@@ -60,6 +47,23 @@ class Joints:
     q: Floats
     v: Floats
     a: Floats
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An unbroken stretch of a servo log.
+
+    Attributes:
+        rows: rows of the log in it, shape (k,).
+        t: their stamps [s], (k,).
+        joints: the same stretch on a uniform clock.
+        run: what the batch estimate takes of it.
+    """
+
+    rows: Ints
+    t: Floats
+    joints: Joints
+    run: ServoRun
 
 
 def bound(machine: Machine, log: Log) -> Log:
@@ -94,7 +98,8 @@ def pieces(machine: Machine, log: Log, joint: str, link: str, cutoff: float) -> 
     for some in np.split(rows, cuts):
         if log.t[some[-1]] - log.t[some[0]] >= SHORTEST:
             motion = _uniform(log.t[some], q[some], step, cutoff)
-            out.append(Piece(some, log.t[some], servo_run(machine, motion, joint, link)))
+            run = servo_run(machine, motion, joint, link)
+            out.append(Piece(some, log.t[some], motion, run))
     if not out:
         length = max(float(log.t[s[-1]] - log.t[s[0]]) for s in np.split(rows, cuts))
         raise DataError(
@@ -153,3 +158,23 @@ def load_columns(machine: Machine, motion: Joints, joint: str) -> Floats:
             "has no inertias); move an axis that shakes it"
         )
     return columns[:, size > _SMALL * total]
+
+
+def posture_column(machine: Machine, motion: Joints, joint: str, delta: Floats) -> Floats:
+    """Return what the load lacks because the joint moves, (n,): its inertia depends on the posture.
+
+    Minus the difference of the rigid-body torques with and without the deflection, less the mean
+    inertia times its acceleration, which the mode has already.
+
+    Args:
+        machine: with CAD inertias. motion: the axes.
+        joint: the passive joint.
+        delta: its angle, velocity and acceleration, (n, 3).
+    """
+    j = machine.passive[joint].index
+    moved = [x.copy() for x in (motion.q, motion.v, motion.a)]
+    for x, column in zip(moved, delta.T, strict=True):
+        x[:, j] += column
+    torque = inverse(machine.model, *moved) - inverse(machine.model, motion.q, motion.v, motion.a)
+    mean = float(np.mean(mass_matrix(machine.model, motion.q[::20])[:, j, j]))
+    return mean * delta[:, 2] - torque[:, j]

@@ -63,7 +63,9 @@ def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> li
     """Return gyro (left, rigid, noise) and accelerometer (left, rigid, noise)."""
     shared = other.batch.shared
     own = replace(prior, gravity=shared("gravity")[0])
-    still = replace(mine.found, **{k: 0.0 * mine.found.t for k in ("angle", "velocity", "acceleration")})
+    still = replace(
+        mine.found, **{k: 0.0 * mine.found.t for k in ("angle", "velocity", "acceleration")}
+    )
     predicted = [
         predict_readings(
             mine.piece.run, theirs.imu, found, other.batch.R_ST, shared("position")[0],

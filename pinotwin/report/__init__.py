@@ -1,7 +1,7 @@
 """Reports: self-contained HTML pages with interactive plots.
 
-``identification_report`` is the page of ``pinotwin identify``; ``Page`` with its blocks is what
-other reports are made of.
+``identification_report`` is the page of ``pinotwin identify``, ``diagnosis_report`` that of
+``pinotwin diagnose``; ``Page`` with its blocks is what other reports are made of.
 """
 
 from pinotwin.report.blocks import Block as Block
@@ -9,11 +9,12 @@ from pinotwin.report.blocks import Group as Group
 from pinotwin.report.blocks import Html as Html
 from pinotwin.report.blocks import Plot as Plot
 from pinotwin.report.blocks import Tabs as Tabs
+from pinotwin.report.diagnosis import diagnosis_report as diagnosis_report
 from pinotwin.report.identification import identification_page as identification_page
 from pinotwin.report.identification import identification_report as identification_report
 from pinotwin.report.page import Page as Page
 
 __all__ = [
-    "Block", "Group", "Html", "Page", "Plot", "Tabs", "identification_page",
-    "identification_report",
+    "Block", "Group", "Html", "Page", "Plot", "Tabs", "diagnosis_report",
+    "identification_page", "identification_report",
 ]  # fmt: skip

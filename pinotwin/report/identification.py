@@ -29,6 +29,7 @@ from pinotwin.report.blocks import (
     table,
     tiles,
 )
+from pinotwin.report.closed_loop import closed_loop_blocks
 from pinotwin.report.effort_plots import (
     breakdown_figure,
     can_correlate,
@@ -92,6 +93,7 @@ def identification_page(
         "Coupling is what the other axes' motion adds.",
     )  # fmt: skip
     page = page.section("Axis by axis", Tabs(axis_panels(twin, given, split)))
+    page = _with_loop(page, twin, logs, validate)
     page = page.section(
         "Parameters", parameter_table(twin.parameters, list(twin.machine.axes)),
         intro="Values in SI with 95 % intervals that allow for coloured residuals. Click a heading "
@@ -101,6 +103,20 @@ def identification_page(
     )  # fmt: skip
     page = page.section("Limits of these data", *_limits(twin))
     return page.section("Data", *_data(twin, given))
+
+
+def _with_loop(page: Page, twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log]) -> Page:
+    """Add the closed loop, judged on the first log that was not fitted, if the twin has one."""
+    given = [logs] if isinstance(logs, Log) else list(logs)
+    blocks = closed_loop_blocks(twin, next(iter([*validate, *given])))
+    if not blocks:
+        return page
+    seen = "a log that was not used to fit" if validate else "the log that was fitted"
+    return page.section(
+        "Closed loop", *blocks,
+        intro="Tracking error and effort that the twin foretells when it is given nothing but the "
+        f"command of {seen}.",
+    )  # fmt: skip
 
 
 def subtitle(given: Evidence) -> str:

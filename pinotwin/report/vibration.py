@@ -195,7 +195,9 @@ def _parasitic(found: Vibration) -> go.Figure:
     figure = go.Figure()
     rows = visible_rows(list(part.parasitic.T))
     colours = (MEASURED, RESIDUAL)
-    for x, name, colour in zip(part.parasitic.T, ("second axis", "third axis"), colours, strict=True):
+    for x, name, colour in zip(
+        part.parasitic.T, ("second axis", "third axis"), colours, strict=True
+    ):
         figure.add_trace(line(part.t[rows], np.degrees(x[rows]), name, colour, width=0.8))
     figure.add_trace(line(part.t[rows], np.degrees(part.velocity[rows]), found.joint, ACCENT))
     figure.update_xaxes(title_text="time [s]")

@@ -93,6 +93,7 @@ def request(machine: Machine, log: Log) -> Request:
     step = float(clock[-1] - clock[0]) / (len(clock) - 1)
     vr = np.stack([command_rates(x, step)[0] for x in q.T], axis=1)
     external = _external(machine, log, t, clock, q)
+    q, vr = np.ascontiguousarray(q), np.ascontiguousarray(vr)  # else the kernel is compiled again
     return Request(t, clock, step, q, vr, external, even, log.source, notes)
 
 

@@ -216,7 +216,8 @@ def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
             _outputs(blocks, j, s.c, s)
             s.v[j], s.a[j] = s.c[1, j], s.c[2, j]
         for k in range(len(tables.directions)):
-            s.before[k] = s.v[tables.directions[k]]
+            j, partner = tables.directions[k, 0], tables.directions[k, 1]
+            s.before[k] = s.v[j] + (s.v[partner] if partner >= 0 else 0.0)
             s.turn[k] = clip(s.before[k] * tables.slope[k])
         for k in range(len(tables.slips)):
             s.where[k] = s.q[tables.slips[k]]

@@ -68,14 +68,17 @@ def friction(tables, s):  # type: ignore[no-untyped-def]
         j = tables.speeds[k]
         s.r[j] += _at(tables.velocity, k, 0 if s.v[j] >= 0.0 else 1, s.pace[j])
     for k in range(len(tables.directions)):
-        j = tables.directions[k]
-        v = s.v[j]
+        j, partner = tables.directions[k, 0], tables.directions[k, 1]
+        v = s.v[j] + (s.v[partner] if partner >= 0 else 0.0)
         dv = v - s.before[k]
         if v * dv > 0.0:
             s.turn[k] = clip(s.turn[k] + dv * tables.slope[k])
         s.before[k] = v
         turn = s.turn[k]
-        s.r[j] += abs(turn) * _at(tables.dry, k, 0 if turn >= 0.0 else 1, s.pace[j])
+        effort = abs(turn) * _at(tables.dry, k, 0 if turn >= 0.0 else 1, s.pace[j])
+        s.r[j] += effort
+        if partner >= 0:
+            s.r[partner] += effort
     for k in range(len(tables.slips)):
         j = tables.slips[k]
         dq = s.q[j] - s.where[k]

@@ -49,7 +49,7 @@ class Plant:
         """
         longest = min(INTERNAL if step is None else step, sampling)
         tables, M = self.tables, np.maximum(self.diagonal[0], 1e-12)
-        for k, j in enumerate(tables.directions):
+        for k, j in enumerate(tables.directions[:, 0]):
             slope = max(float(np.abs(tables.dry[k]).max()) * tables.slope[k], 1e-12)
             longest = min(longest, max(0.3 * M[j] / slope, SHORTEST))
         for k, j in enumerate(tables.slips):
@@ -99,16 +99,16 @@ def plant_of(twin: Twin, qr: Floats, vr: Floats) -> Plant:
     tables = tabulate(machine, pairs, np.stack([low - margin, high + margin]), speed)
     other = tuple(pairs[k] for k in tables.other)
     diagonal = np.stack([np.asarray(twin.diagonal[k], dtype=float) for k in _TERMS])
-    return Plant(_tape(twin, pairs), tables, other, diagonal, margin)
+    return Plant(_tape(twin, pairs, tables), tables, other, diagonal, margin)
 
 
 _TERMS = ("inertia", "viscous", "stiffness")
 
 
-def _tape(twin: Twin, pairs: list[tuple[Effect, Floats]]) -> Tape:
+def _tape(twin: Twin, pairs: list[tuple[Effect, Floats]], tables: Tables) -> Tape:
     """Return the tape for the base parameters that were found; see :mod:`pinotwin.dynamics.tape`."""
     pi = np.zeros(parameter_count(twin.machine.model))
     for effect, theta in pairs:
         if isinstance(effect, RigidBody):
             pi[effect.base.independent] = theta
-    return record(twin.machine.model, pi)
+    return record(twin.machine.model, pi, tables.coupled)

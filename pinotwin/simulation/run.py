@@ -19,6 +19,7 @@ from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, motor_coordinates, request
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.state import Command, Record
+from pinotwin.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
@@ -95,6 +96,7 @@ def simulate(
     return Log(channels, source=f"simulation of {asked.source}", notes=found.notes)
 
 
+@one_blas_thread
 def respond(
     twin: Twin, log: Log, *, step: float | None = None, controller: Loops = "black",
     full: bool = True, every_step: bool = False,

@@ -9,7 +9,8 @@ What an effect says of itself (``Effect.depends``) tells how to tabulate it:
     displacement   tau = z g(|v|),        z the mean of the slip elements
 
 The knots over |v| lie at v_max (k / n)², so that a Stribeck speed of 0.1 % of v_max is still well
-resolved. What fits none of these forms is returned as ``other``.
+resolved. A motor that turns two joints (:class:`WristCoupling`) has friction in the sum of their
+speeds. What fits none of these forms is returned as ``other``.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from functools import partial
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.effects import Effect, RigidBody
+from pinotwin.effects import Effect, RigidBody, WristCoupling
 from pinotwin.effects.direction import default_width
 from pinotwin.effects.presliding import YIELDS
 from pinotwin.machine import Machine
@@ -46,12 +47,14 @@ class Tables:
         slowness: inverse of the largest speed of the tables, shape (nv,).
         speeds: joints with an effort of velocity, shape (h,).
         velocity: it over |v| for v >= 0 and v < 0, shape (h, 2, SPEEDS + 1).
-        directions: joint of each dry-friction element, shape (k,).
+        directions: joint of each dry-friction element, and the joint that slides with it or -1,
+            shape (k, 2).
         slope: inverse of its width [s/m or s/rad], shape (k,).
         dry: g+ and g- of each, shape (k, 2, SPEEDS + 1).
         slips: joint of each presliding element, shape (m,).
         give: inverse yield displacements of its six elements, shape (m, 6).
         slip: g of each, shape (m, 1, SPEEDS + 1).
+        coupled: see :func:`pinotwin.dynamics.tape.record`.
         other: indices of the effects that fit no table.
     """
 
@@ -67,6 +70,7 @@ class Tables:
     slips: Ints
     give: Floats
     slip: Floats
+    coupled: tuple[tuple[int, int, float, float], ...]
     other: tuple[int, ...]
 
     def lookup(self) -> Lookup:
@@ -92,11 +96,16 @@ def tabulate(
     """
     v = [x * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for x in speed]
     forms: dict[str, list[tuple[Effect, Floats]]] = {}
+    wrists: list[tuple[int, int, Floats]] = []
     other: list[int] = []
     for k, (effect, theta) in enumerate(effects):
         if isinstance(effect, RigidBody) or effect.causes[0] in ("viscous", "stiffness"):
             continue
-        if effect.depends == "other":
+        if isinstance(effect, WristCoupling):
+            wrists.append(
+                (machine.names.index(effect.axis), machine.names.index(effect.partner), theta)
+            )
+        elif effect.depends == "other":
             other.append(k)
         forms.setdefault(effect.depends, []).append((effect, theta))
     position, place, grid = _positions(machine, forms.get("position", ()), travel)
@@ -110,12 +119,17 @@ def tabulate(
         slowness=1.0 / np.asarray(speed, dtype=float),
         speeds=_joints(plain),
         velocity=np.array(list(plain.values())).reshape(-1, 2, SPEEDS + 1),
-        directions=_joints(dry),
-        slope=np.array([1.0 / x for _, x in dry], dtype=float),
-        dry=np.array(list(dry.values())).reshape(-1, 2, SPEEDS + 1),
+        directions=np.array(
+            [*((i, -1) for i, _ in dry), *((i, j) for i, j, _ in wrists)], dtype=np.intp
+        ).reshape(-1, 2),
+        slope=1.0 / np.array([*(x for _, x in dry), *(default_width(True) for _ in wrists)]),
+        dry=np.array([*dry.values(), *(_level(theta[2]) for *_, theta in wrists)]).reshape(
+            -1, 2, SPEEDS + 1
+        ),
         slips=_joints(slip),
         give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
         slip=np.array(list(slip.values())).reshape(-1, 1, SPEEDS + 1),
+        coupled=tuple((i, j, float(theta[0]), float(theta[1])) for i, j, theta in wrists),
         other=tuple(other),
     )
 
@@ -240,6 +254,11 @@ def _merge(
         values = table(partial(_effort, machine, effect, theta, i), i)
         found[key] = found[key] + values if key in found else values
     return found
+
+
+def _level(c: float) -> Floats:
+    """Return g+ and g- of plain dry friction."""
+    return np.stack([np.full(SPEEDS + 1, c), np.full(SPEEDS + 1, -c)])
 
 
 def _signs(effort: _Effort, v: Floats) -> Floats:

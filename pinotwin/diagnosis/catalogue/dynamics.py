@@ -19,7 +19,8 @@ from pinotwin.effects import RigidBody
 from pinotwin.motion import Motion
 from pinotwin.twin.twin import effect_slices
 
-DAMPING = (0.03, 0.15)
+DAMPING = (0.03, 0.08, 0.2)
+MODES = 15  # frequencies that are tried
 TILT = 0.01  # [rad]
 
 
@@ -42,9 +43,9 @@ def machine_dynamics(context: Context) -> Iterator[Family]:
 
 def _flexibility(context: Context, axis: str, joint: int) -> Family:
     step = context.scenes[0].motion.step
-    top = min(0.4 / context.rows.row_step, 120.0)
+    top = min(0.7 / context.rows.row_step, 120.0)
     out = []
-    for frequency in np.geomspace(8.0, max(top, 16.0), 9):
+    for frequency in np.geomspace(8.0, max(top, 16.0), MODES):
         for zeta in DAMPING:
 
             def make(s: Scene, f: float = frequency, z: float = zeta) -> Floats:
@@ -122,7 +123,9 @@ def _backlash(context: Context, axis: str, joint: int) -> Family:
                 out = np.zeros(len(q))
                 for part in s.motion.segments:
                     out[part] = _carried(q[part], rest[part], gap, 2 * np.pi * f, 0.04, step)
-                return (LOAD * M * out - s.rigid[:, joint] + (1.0 - LOAD) * M * s.motion.a[:, joint])[:, None]
+                return (
+                    LOAD * M * out - s.rigid[:, joint] + (1.0 - LOAD) * M * s.motion.a[:, joint]
+                )[:, None]
 
             shape = {"gap": float(gap), "frequency": frequency}
             columns = context.on_joint(joint, make)
@@ -144,7 +147,11 @@ def _coupling(context: Context, axis: str, joint: int) -> Family:
             theirs = np.stack([m.a[:, joint], m.v[:, joint], slide], axis=1)
             return [(joint, mine), (other, theirs)]
 
-        if machine.rotary[joint] and machine.rotary[other] and not context.has("wrist_coupling", name):
+        if (
+            machine.rotary[joint]
+            and machine.rotary[other]
+            and not context.has("wrist_coupling", name)
+        ):
             columns = [blocks(s) for s in context.scenes]
             label = ("Ia_m", "b_m", "c_m")
             out.append(Candidate("wrist_coupling", name, {"with": float(joint)}, columns, label))

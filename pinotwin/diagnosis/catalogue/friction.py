@@ -77,6 +77,7 @@ def _viscous_asymmetric(context: Context, axis: str, joint: int) -> Family:
 def _coulomb_asymmetric(context: Context, axis: str, joint: int) -> Family:
     if context.has("coulomb", axis):
         return []  # beside coulomb it is an offset, to the letter: METHODS A0.5
+
     def make(s: Scene) -> Floats:
         z = s.direction[:, joint]
         return np.stack([np.maximum(z, 0.0), np.minimum(z, 0.0)], axis=1)

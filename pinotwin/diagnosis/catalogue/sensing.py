@@ -14,7 +14,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.context import Candidate, Context, Family, Scene
 
 TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)  # errors per turn that are tried
-WAVES = (2, 3, 4, 6, 8, 10, 12, 16, 20, 28, 40)  # errors per travel that are tried
+WAVES = np.geomspace(2.0, 40.0, 31)  # errors per travel that are tried
 
 
 def sensing(context: Context, axis: str, joint: int) -> Iterator[Family]:
@@ -37,7 +37,7 @@ def _encoder(context: Context, axis: str, joint: int, step: float) -> Family:
     if context.machine.rotary[joint]:
         periods = [2.0 * np.pi / k for k in TURNS]
     else:
-        periods = [(high - low) / k for k in WAVES]
+        periods = [float((high - low) / k) for k in WAVES]
     out = []
     for period in periods:
 

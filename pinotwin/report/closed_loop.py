@@ -1,0 +1,279 @@
+"""The closed loop in a report: prediction from the command alone, poles, gains, causes of the error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pinotwin.columns import bind
+from pinotwin.decomposition import Decomposition, decompose
+from pinotwin.errors import PinotwinError
+from pinotwin.log import Log
+from pinotwin.report import display
+from pinotwin.report.blocks import (
+    Block,
+    Html,
+    Plot,
+    Tabs,
+    bullets,
+    chip,
+    heading,
+    paragraph,
+    table,
+)
+from pinotwin.report.closed_loop_plots import (
+    cause_shares_figure,
+    causes_figure,
+    measured_signals,
+    response_figure,
+    scale_of,
+)
+from pinotwin.simulation.score import compare
+from pinotwin.twin import Twin
+
+if TYPE_CHECKING:
+    from pinotwin.loop import Controller
+
+Scores = Mapping[str, Mapping[str, Mapping[str, float]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """What a twin foretells of a command, beside what was measured.
+
+    Attributes:
+        log: what was measured, in the names of the contract.
+        black: simulated with the identified transfer functions.
+        grey: simulated with the identified controllers; None where that is not possible.
+        parts: disturbances and tracking errors by cause.
+        notes: of the simulations.
+    """
+
+    log: Log
+    black: Log
+    grey: Log | None
+    parts: Decomposition
+    notes: tuple[str, ...]
+
+
+def predict(twin: Twin, log: Log) -> Predicted:
+    """Simulate a log's command, black box and grey box, and tell the causes of the error apart.
+
+    Raises:
+        PinotwinError: the command is missing, or the simulated machine leaves it.
+    """
+    black = twin.simulate(log)
+    notes = list(black.notes)
+    grey = None
+    if twin.controllers:
+        try:
+            grey = twin.simulate(log, controller="grey")
+        except PinotwinError as error:
+            notes.append(f"no prediction by the grey box: {error}")
+    parts = decompose(twin, log)
+    return Predicted(bind(log, twin.machine.columns), black, grey, parts, tuple(notes))
+
+
+def closed_loop_blocks(twin: Twin, log: Log) -> list[Block]:
+    """Return the blocks of the section on the closed loop; none when the twin has no loop.
+
+    Args:
+        twin: what was identified.
+        log: whose command is simulated and whose measurement is drawn beside.
+    """
+    if not twin.loops:
+        return []
+    try:
+        found = predict(twin, log)
+    except PinotwinError as error:
+        said: list[Block] = [paragraph(f"The command could not be simulated: {error}")]
+        return [*said, *structure_blocks(twin)]
+    return [*response_blocks(twin, found), *structure_blocks(twin), *cause_blocks(twin, found)]
+
+
+def response_blocks(twin: Twin, found: Predicted) -> list[Block]:
+    """Return the response beside the measurement, and its errors."""
+    rotary = _rotary(twin)
+    grey = "" if found.grey is None else (
+        " The grey box, hidden at first, has the identified controller around the rigid machine."
+    )  # fmt: skip
+    figure = response_figure(rotary, found.log, found.black, found.grey)
+    out: list[Block] = [
+        Plot(figure, f"Predicted from the command of {display.elided(found.log.source)}",
+             f"Nothing measured enters the prediction.{grey} Drag to zoom: all follow."),
+    ]  # fmt: skip
+    if any(measured_signals(found.log, axis) for axis in rotary):
+        out += [heading("Error of the prediction"), score_table(twin, found)]
+    if found.notes:
+        out.append(bullets(dict.fromkeys(found.notes)))
+    return out
+
+
+def score_table(twin: Twin, found: Predicted) -> Html:
+    """Return the normalised RMS errors of black and grey box, and their mean."""
+    black = compare(twin.machine, found.log, found.black)
+    grey = {} if found.grey is None else compare(twin.machine, found.log, found.grey)
+    rows: list[list[object]] = []
+    all_black, all_grey = [], []
+    for axis, turns in _rotary(twin).items():
+        measured = measured_signals(found.log, axis)
+        for signal, score in black.get(axis, {}).items():
+            scale = scale_of(signal, turns, measured[signal])
+            other = grey.get(axis, {}).get(signal, {})
+            all_black.append(score["nrmse"])
+            all_grey.append(other.get("nrmse", math.nan))
+            rows.append([
+                axis, "tracking error" if signal == "e" else "effort",
+                display.number(score["rms"] * scale.factor, scale.unit),
+                display.percent(score["nrmse"]), display.percent(score["nrmse_std"]),
+                _grey(other.get("nrmse", math.nan)),
+                _held_out(twin.quality, axis, signal),
+            ])  # fmt: skip
+    if len(rows) > 1:
+        mean = [math.fsum(x) / len(x) for x in (all_black, all_grey)]
+        rows.append(["mean", "", "", display.percent(mean[0]), "", _grey(mean[1]), ""])
+    header = ("axis", "signal", "RMS error", "black box, of RMS", "of standard deviation",
+              "grey box, of RMS", "loop alone, held out")  # fmt: skip
+    return table(header, rows, numeric=range(2, 7))
+
+
+def _grey(x: float) -> str:
+    return display.percent(x) if math.isfinite(x) else "–"
+
+
+def _held_out(quality: Mapping[str, Any], axis: str, signal: str) -> str:
+    """Return the loop's own held-out error, with the disturbance taken from the measured motion."""
+    loops = quality.get("loops") or {}
+    value = ((loops.get(axis) or {}).get("held_out") or {}).get(signal)
+    return "–" if value is None else display.percent(float(value))
+
+
+def structure_blocks(twin: Twin) -> list[Block]:
+    """Return poles and gains of every axis."""
+    out: list[Block] = [
+        heading("Poles"),
+        paragraph("Poles of the closed loop of each axis, with the bounds within which they were "
+                  "searched. ζ is the damping ratio.", "lead"),
+        pole_table(twin),
+    ]  # fmt: skip
+    if twin.controllers:
+        out += [
+            heading("Controller"),
+            paragraph("Gains as identified from error, velocity and effort; effort in N or N·m.",
+                      "lead"),
+            gain_table(twin),
+        ]  # fmt: skip
+    return out
+
+
+def pole_table(twin: Twin) -> Html:
+    """Return the poles of all axes (thesis Tables 4-4 and 7-3)."""
+    rows = []
+    for axis, loop in twin.loops.items():
+        loop_rows = loop.pole_table()
+        for row in loop_rows:
+            unit = "" if row["unit"] == "-" else row["unit"]
+            bounds = "" if "lower" not in row else f"{row['lower']:.3g} to {row['upper']:.3g}"
+            pair = row.get("interval")
+            interval = "" if pair is None else f"{pair[0]:.4g} to {pair[1]:.4g}"
+            first = row is loop_rows[0]
+            rows.append([axis if first else "", _pole_name(row["name"]), f"{row['value']:.4g}", unit, bounds,
+                         interval, _pole_chip(row)])  # fmt: skip
+    header = ("axis", "pole", "value", "unit", "searched", "95 % interval", "")
+    return table(header, rows, numeric=(2, 4, 5))
+
+
+def _pole_name(name: str) -> str:
+    for start, words in (
+        ("zeta", "damping ratio ζ"),
+        ("wn", "pole pair ω"),
+        ("pff", "feed-forward pole "),
+    ):
+        if name.startswith(start):
+            return f"{words}{name.removeprefix(start)}"
+    return f"real pole {name}"
+
+
+def _pole_chip(row: Mapping[str, Any]) -> Html:
+    if row["preassigned"]:
+        return chip("given", "", "fixed before the search")
+    if row.get("at_bound"):
+        return chip(f"at its {row['at_bound']} bound", "fair", "no interval can be given there")
+    return Html("")
+
+
+def gain_table(twin: Twin) -> Html:
+    """Return the identified gains of every axis' controller."""
+    rows: list[list[object]] = []
+    for axis, law in twin.controllers.items():
+        for name, value, unit in gains(law, twin.machine.axes[axis].rotary):
+            factor = 1e3 if unit == "ms" else 1.0
+            error = 1.96 * law.errors.get(name, 0.0)
+            shown, doubt = display.rounded(factor * value, factor * error)
+            first = not rows or rows[-1][1] == "explains"
+            rows.append(
+                [
+                    axis if first else "",
+                    _GAINS[name],
+                    f"{shown} ± {doubt}" if doubt else shown,
+                    unit,
+                ]
+            )
+        fit = "" if law.r2 is None else f"{display.percent(law.r2)} of the effort's variance"
+        rows.append(["", "explains", fit, ""])
+    kinds = ", ".join(f"{axis} {_KINDS[law.kind]}" for axis, law in twin.controllers.items())
+    text = table(("axis", "gain", "value, 95 %", "unit"), rows, numeric=(2,)).text
+    return Html(paragraph(f"Kind: {kinds}.").text + text)
+
+
+_KINDS = {"p_pi": "position P around velocity PI", "pid": "PID"}
+_GAINS = {
+    "kp": "position gain kp", "kv": "velocity gain kv", "integral": "integral action",
+    "kd": "derivative gain kd", "ffv": "velocity feed-forward", "ffa": "acceleration feed-forward",
+    "delay": "delay", "velocity_delay": "further delay of the velocity",
+    "filter_time": "low-pass of the velocity",
+}  # fmt: skip
+
+
+def gains(law: Controller, rotary: bool) -> list[tuple[str, float, str]]:
+    """Return name, value [SI] and the unit to show of the gains that a controller has."""
+    u, x = ("N·m", "rad") if rotary else ("N", "m")
+    cascade = law.kind == "p_pi"
+    units = {
+        "kp": "1/s" if cascade else f"{u}/{x}", "kv": f"{u}·s/{x}",
+        "integral": "1/s" if cascade else f"{u}/({x}·s)", "kd": f"{u}·s/{x}",
+        "ffv": "" if cascade else f"{u}·s/{x}", "ffa": f"{u}·s²/{x}",
+        "delay": "ms", "velocity_delay": "ms", "filter_time": "ms",
+    }  # fmt: skip
+    out = []
+    for name, unit in units.items():
+        value = float(getattr(law, name))
+        if value != 0.0 or name in law.errors:
+            out.append((name, value, unit))
+    return out
+
+
+def cause_blocks(twin: Twin, found: Predicted) -> list[Block]:
+    """Return which cause makes how much of the tracking error, and the disturbances over time."""
+    panels: dict[str, list[Block]] = {}
+    for axis in found.parts.axes:
+        turns = twin.machine.axes[axis].rotary
+        panels[axis] = [
+            Plot(causes_figure(found.parts, axis, turns, "disturbance"),
+                 f"{axis}: disturbance by cause",
+                 "What the motor must work against beside the axis' own mean inertia and damping."),
+            Plot(causes_figure(found.parts, axis, turns, "error"),
+                 f"{axis}: tracking error by cause",
+                 "Each part, sent through the identified loop on its own; the parts add up."),
+        ]  # fmt: skip
+    return [
+        heading("Causes of the tracking error"),
+        Plot(cause_shares_figure(found.parts)),
+        Tabs(panels),
+    ]
+
+
+def _rotary(twin: Twin) -> dict[str, bool]:
+    return {name: axis.rotary for name, axis in twin.machine.axes.items() if name in twin.loops}

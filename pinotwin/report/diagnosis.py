@@ -1,0 +1,367 @@
+"""The report of a diagnosis: is there a gap, where, why, how far it shrinks, what to do next.
+
+Written for the engineer at the machine: every technical word is explained where it first stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.diagnosis.result import Diagnosis, Found, Traces
+from pinotwin.errors import PinotwinError
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.preparation import prepare
+from pinotwin.report import display
+from pinotwin.report.blocks import (
+    Block,
+    Group,
+    Html,
+    Plot,
+    Tabs,
+    Tile,
+    bullets,
+    chip,
+    escape,
+    heading,
+    notes,
+    paragraph,
+    table,
+    tiles,
+)
+from pinotwin.report.diagnosis_plots import (
+    against_figure,
+    bars,
+    density,
+    gap_figure,
+    shrink_figure,
+    signal_scale,
+    where_figure,
+)
+from pinotwin.report.page import Page
+from pinotwin.report.plain_words import (
+    EFFECTS,
+    KINDS,
+    effect_words,
+    explanation,
+    joined,
+    label_words,
+    on_axis,
+    region_words,
+)
+from pinotwin.twin import Twin
+
+_SIGNALS = {"u": "motor effort", "e": "tracking error"}
+
+
+def diagnosis_report(
+    diagnosis: Diagnosis, logs: Log | Sequence[Log] = (), validate: Sequence[Log] = ()
+) -> str:
+    """Return a self-contained HTML page about the gap between log and model.
+
+    Args:
+        diagnosis: what was found.
+        logs: the log(s) that were diagnosed, in the same order; with them, and the machine in the
+            diagnosis, the gap is also drawn against speed and position.
+        validate: the log(s) that nothing was fitted to.
+    """
+    given = [logs] if isinstance(logs, Log) else list(logs)
+    return diagnosis_page(diagnosis, [*given, *validate]).html()
+
+
+def diagnosis_page(d: Diagnosis, logs: Sequence[Log]) -> Page:
+    """Return the same report as a :class:`Page`."""
+    page = Page(f"{d.machine or 'Machine'}: diagnosis", subtitle(d, logs))
+    page = page.section("Verdict", paragraph(headline(d), "verdict"), tiles(axis_tiles(d)),
+                        bullets(_ground(d)))  # fmt: skip
+    if d.where:
+        page = page.section("Where", *where_blocks(d), intro="Where the gap between log and model "
+                            "lies. If it lay evenly, a tenth of the time would hold a tenth of it; "
+                            "where much of it lies in little time, the cause is at work.")  # fmt: skip
+    if d.effects or d.confusable:
+        page = page.section("Which cause", *which_blocks(d))
+    page = page.section("How far the gap shrinks", *how_far_blocks(d), intro=_HOW_FAR)
+    panels = evidence_panels(d, logs)
+    if panels:
+        page = page.section("Evidence", Tabs(panels), intro="Measured effort minus the effort that "
+                            "the model asks for. What looks like a curve here is something "
+                            "that the model does not know; a shapeless band is noise.")  # fmt: skip
+    return page.section("What to do next", *next_blocks(d))
+
+
+_HOW_FAR = (
+    "RMS, the usual size, of log minus model. Promised: what the fit itself expects. Delivered: what "
+    "came of it on data that were not used to find the cause, with a 90 % interval. Noise floor: "
+    "what differs between two runs of the same motion; no model gets below it."
+)
+
+
+def subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
+    """Return the line below the title."""
+    compared = {"structure": "log against the machine's model, refitted to it",
+                "change": "log against a twin that was identified earlier"}  # fmt: skip
+    names = ", ".join(display.elided(log.source, 40) for log in logs[:4])
+    more = f" and {len(logs) - 4} more" if len(logs) > 4 else ""
+    words = [compared.get(d.situation, ""), names + more]
+    return " · ".join(w for w in words if w)
+
+
+def headline(d: Diagnosis) -> str:
+    """Return the verdict in plain words."""
+    if d.verdict == "none":
+        return "Log and model agree. What differs is noise, or too small to matter; no cause is missing."
+    if d.verdict == "unexplained":
+        where = joined([f"axis {a}" for a in d.remains or d.unexplained] or ["this machine"])
+        return f"Log and model differ on {where}, and none of the causes that pinotwin knows explains it."
+    named = joined([on_axis(e.effect, e.axis) for e in d.effects])
+    text = f"Log and model differ, and the cause is most likely {named}. {_gone(d)}".strip()
+    if d.verdict == "partly_explained":
+        left = joined([f"axis {a}" for a in d.remains] or ["some axis"])
+        text += f" Part of the gap on {left} stays without a cause."
+    return text
+
+
+def _gone(d: Diagnosis) -> str:
+    found = d.effects[0].shrink.get("u") if d.effects else None
+    if found is None:
+        return ""
+    share = display.percent(min(max(found.share, 0.0), 1.0))
+    where = "a log that it was not fitted to" if found.on == "validation" else "data kept back"
+    return (
+        f"Adding {effect_words(d.effects[0].effect)} to the model removes {share} of the squared gap "
+        f"above the noise, on {where}."
+    )
+
+
+def axis_tiles(d: Diagnosis) -> list[Tile]:
+    """Return one tile per axis: the gap as a share of the signal."""
+    out = []
+    rotary = rotary_axes(d)
+    for axis, row in d.gap.items():
+        for signal, gap in row.items():
+            scale = signal_scale(signal, rotary.get(axis, False), gap.rms)
+            note = (
+                f"{_SIGNALS.get(signal, signal)}: gap {gap.rms * scale.factor:.3g} {scale.unit} RMS, "
+                f"noise {gap.noise * scale.factor:.3g} {scale.unit}"
+            )
+            word, kind = _grade(d, axis)
+            out.append(Tile(f"Axis {axis}", display.percent(gap.nrmse), note, word, kind))
+    return out
+
+
+def _grade(d: Diagnosis, axis: str) -> tuple[str, str]:
+    if axis in d.remains:
+        named = any(e.axis == axis for e in d.effects)
+        return ("partly explained", "fair") if named else ("not explained", "bad")
+    return ("gap explained", "fair") if axis in d.unexplained else ("agrees", "good")
+
+
+def _ground(d: Diagnosis) -> list[str]:
+    """Return what the verdict rests on."""
+    noise = {"repeats": "The noise floor was measured: it is what differs between repeated runs.",
+             "assumed": "The noise floor had to be assumed, since no motion was recorded twice: small "
+                        "gaps may go unnoticed."}  # fmt: skip
+    out = ["Large print: usual size of log minus model over the usual size of the motor effort."]
+    if d.noise in noise:
+        out.append(noise[d.noise])
+    if d.quick:
+        out.append("A quick look only: the candidates were screened, not re-checked.")
+    return out
+
+
+def where_blocks(d: Diagnosis) -> list[Block]:
+    """Return the map of the regions and their table."""
+    axes = list(dict.fromkeys([*d.gap, *(r.axis for r in d.where)]))
+    rows = [
+        [r.axis, KINDS.get(r.kind, r.kind), region_words(r), f"{r.share:.0%}",
+         f"{r.time_share:.0%}" if r.time_share >= 0.01 else "< 1%", f"{density(r):.1f} ×",
+         "–" if r.kind == "frequency" else f"{100 * r.p_value:.2g} %"]
+        for r in d.where
+    ]  # fmt: skip
+    header = ("axis", "by", "where", "share of the gap", "of the time (band)", "denser than even",
+              "chance")  # fmt: skip
+    return [
+        Plot(where_figure(d.where, axes), "Share of the squared gap against share of time",
+             "Empty: the gap lies there no denser than elsewhere."),
+        table(header, rows, numeric=(3, 4, 5, 6)),
+        paragraph("Chance: how often pure noise would show such a concentration somewhere.",
+                  "lead"),
+    ]  # fmt: skip
+
+
+def which_blocks(d: Diagnosis) -> list[Block]:
+    """Return the named causes with confidence, what else it could be, and the look-alikes."""
+    out: list[Block] = []
+    if d.effects:
+        out.append(table(("cause", "what it is", "confidence", "could also be"),
+                         [_which(e) for e in d.effects]))  # fmt: skip
+        out.append(paragraph("Confidence: how probable this cause is among all that were tried, "
+                             "given these logs.", "lead"))  # fmt: skip
+    else:
+        out.append(paragraph("No cause is named."))
+    groups = [joined([label_words(x) for x in group]) for group in d.confusable]
+    if groups:
+        out.append(heading("Look-alikes"))
+        out.append(paragraph("These logs cannot tell the following apart, by any method:"))
+        out.append(bullets(groups))
+    out += [block for e in d.effects for block in _numbers(e)]
+    return out
+
+
+def _which(e: Found) -> list[object]:
+    kind = "good" if e.confidence >= 0.9 else "fair" if e.confidence >= 0.6 else "bad"
+    name = Html(f"<b>{escape(on_axis(e.effect, e.axis))}</b>")
+    others = []
+    for item in e.alternatives:
+        effect = str(item.get("effect", ""))
+        what = "chance: no cause" if effect == "none" else on_axis(effect, item.get("axis"))
+        p = item.get("probability", 0.0)
+        others.append(f"{what}{f' ({p:.0%})' if p > 0.0 else ''}: {item.get('why', '')}")
+    other = Html("".join(f'<div class="sub">{escape(x)}</div>' for x in others) or "nothing else")
+    return [name, explanation(e.effect), chip(f"{e.confidence:.0%}", kind), other]
+
+
+def _numbers(e: Found) -> list[Block]:
+    """Return the size of a cause and what it changes in the model."""
+    values = [f"{k} = {v:.4g}" for k, v in (*e.shape.items(), *e.theta.items())]
+    if len(values) > 12:
+        values = [*values[:12], "…"]
+    out: list[Block] = []
+    if values:
+        out.append(paragraph(f"{_capital(on_axis(e.effect, e.axis))}, in SI: {', '.join(values)}."))
+    if e.moves:
+        out.append(paragraph("With it, these numbers of the model change; the last column is the "
+                             "change over the uncertainty that the number had:"))  # fmt: skip
+        rows = [(k, f"{a:.4g}", f"{b:.4g}", f"{s:+.3g}") for k, (a, b, s) in e.moves.items()]
+        out.append(table(("number", "before", "with the cause", "change"), rows, numeric=(1, 2, 3)))
+    return out
+
+
+def how_far_blocks(d: Diagnosis) -> list[Block]:
+    """Return the bars of every axis, and each cause's own share."""
+    rotary = rotary_axes(d)
+    plots: list[Block] = []
+    for axis in sorted(d.gap, key=lambda a: a not in d.unexplained):
+        for signal, gap in d.gap[axis].items():
+            found = d.shrink.get(axis, {}).get(signal) if axis in d.unexplained else None
+            figure = shrink_figure(bars(gap, found), signal, rotary.get(axis, False))
+            plots.append(Plot(figure, f"Axis {axis}, {_SIGNALS.get(signal, signal)}",
+                              "" if found else "No gap beyond the noise that a cause could close."
+                              if axis not in d.unexplained else ""))  # fmt: skip
+    rows = []
+    for e in d.effects:
+        for signal, x in e.shrink.items():
+            scale = signal_scale(signal, rotary.get(e.axis or "", False), x.before)
+            rows.append([
+                on_axis(e.effect, e.axis), f"{x.before * scale.factor:.3g} {scale.unit}",
+                f"{x.after * scale.factor:.3g} {scale.unit}", display.percent(x.share),
+                f"{x.interval[0]:.0%} to {x.interval[1]:.0%}", display.percent(x.promised),
+                "validation log" if x.on == "validation" else "stretches kept back in turn",
+            ])  # fmt: skip
+    out: list[Block] = [Group(tuple(plots))] if plots else []
+    if rows:
+        out += [heading("Each cause on its own"),
+                table(("cause", "gap before", "gap after", "removed", "90 % interval", "promised",
+                       "judged on"), rows, numeric=(1, 2, 3, 4, 5)),
+                paragraph("Removed: share of the squared gap above the noise floor.", "lead")]  # fmt: skip
+    stays = [f"axis {a}: {w}" for a, w in d.remains.items()]
+    if stays:
+        out += [heading("What stays"), notes(stays)]
+    return out
+
+
+def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Block]]:
+    """Return plots of the gap for every axis with one; for all axes when there is none."""
+    rotary = rotary_axes(d)
+    known = list(dict.fromkeys(t.axis for t in d.traces))
+    axes = [a for a in known if a in d.unexplained or any(e.axis == a for e in d.effects)] or known
+    out: dict[str, Sequence[Block]] = {}
+    motions: dict[int, Motion | None] = {}
+    for axis in axes:
+        given = next(t for t in d.traces if t.axis == axis)
+        if len(given.t) < 2:
+            continue
+        if given.log not in motions:
+            motions[given.log] = _motion(d, logs, given.log)
+        turns = rotary.get(axis, False)
+        name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
+        plot = Plot(gap_figure(given, turns), f"Axis {axis}: log minus model",
+                    f"Over time, in {display.elided(name)}.")  # fmt: skip
+        out[axis] = [plot, *_against(given, motions[given.log], turns)]
+    return out
+
+
+def _against(given: Traces, motion: Motion | None, rotary: bool) -> list[Block]:
+    if motion is None or given.axis not in motion.names:
+        return []
+    j = motion.index(given.axis)
+    plots = []
+    for against, x, note in (
+        ("velocity", motion.v, "Line: median. A curve is friction that the model does not have."),
+        ("position", motion.q, "Line: median. A wave is ripple, cable or guideway."),
+    ):
+        at = np.interp(given.t, motion.t, x[:, j])
+        word = "speed" if against == "velocity" else against
+        plots.append(Plot(against_figure(given, at, rotary, against), f"Against {word}", note))
+    return [Group(tuple(plots))]
+
+
+def _motion(d: Diagnosis, logs: Sequence[Log], k: int) -> Motion | None:
+    """Return the motion of a log; None where log or machine are not at hand."""
+    machine = _machine(d)
+    if machine is None or k >= len(logs):
+        return None
+    try:
+        return prepare(machine, logs[k], decimate=1)
+    except PinotwinError:
+        return None  # the plots against speed and position are left out, the rest stands
+
+
+def next_blocks(d: Diagnosis) -> list[Block]:
+    """Return what to do next."""
+    lines = [_capital(_clean(text)) for text in d.advice]
+    if d.effects:
+        names = joined([on_axis(e.effect, e.axis) for e in d.effects])
+        lines.insert(0, f"Look at the machine for {names}; if it is real, add it to the model (the "
+                     "folder “machine” beside this page holds the extended machine) and identify "
+                     "again.")  # fmt: skip
+    if d.verdict == "none":
+        lines.insert(0, "Nothing needs mending. Keep this log: it is the reference for later ones.")
+    out: list[Block] = [bullets(lines or ["Record the motion again to confirm the finding."])]
+    if d.commands:
+        out.append(paragraph("Motions to record, as command files beside this page: "
+                             f"{', '.join(d.commands)}. They stay within the travel and the speed "
+                             "of the log; check them against the machine's limits first."))  # fmt: skip
+    return out
+
+
+def _clean(text: str) -> str:
+    """Return a sentence with the names of effects in plain words."""
+    for name in EFFECTS:
+        text = text.replace(name, effect_words(name))
+    return text
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _machine(d: Diagnosis) -> Machine | None:
+    subject = d.subject.machine if isinstance(d.subject, Twin) else d.subject
+    return subject if isinstance(subject, Machine) else None
+
+
+def rotary_axes(d: Diagnosis) -> dict[str, bool]:
+    """Return whether each axis turns; from the regions' units where the machine is not known."""
+    machine = _machine(d)
+    if machine is not None:
+        return dict(zip(machine.names, machine.rotary, strict=True))
+    turning = {"rad", "rad/s", "rad/s²", "N·m"}
+    return {
+        r.axis: r.unit in turning
+        for r in d.where
+        if r.kind not in ("time", "frequency", "other_axis")
+    }

@@ -1,0 +1,111 @@
+"""Plain words for the effects and regions of a diagnosis, for readers who do not build models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from pinotwin.diagnosis.result import Region
+from pinotwin.report.display import number
+
+EFFECTS = {
+    "rigid_body": "mass, inertia or centre of mass differs from what the model holds",
+    "viscous": "friction that grows with speed",
+    "viscous_asymmetric": "friction that grows with speed, more in one direction than in the other",
+    "coulomb": "dry friction: the same force at any speed, against the motion",
+    "coulomb_asymmetric": "dry friction that is larger in one direction than in the other",
+    "stribeck": "extra friction at very low speed, as where a lubricating film has not yet formed",
+    "load_friction": "friction that grows with the load on bearing or gear",
+    "presliding": "the contact gives a little, like a spring, before it slides: seen at reversals",
+    "ripple": "a force that repeats with every pole pitch, screw turn or ball passage",
+    "ripple_modulated": "a repeating force whose size depends on the motor's effort",
+    "position_table": "a force that depends on the place along the travel: guideway, cable, cover",
+    "offset": "a constant force: weight, counterbalance, current offset",
+    "payload": "a mass at the end of the chain that the model does not have",
+    "inertial_coupling": "another axis' acceleration pushes this one more than the model says",
+    "wrist_coupling": "turning one axis drags another through the gearing",
+    "drive_flexibility": "screw, belt or gear gives like a spring: motor and load swing apart",
+    "joint_flexibility": "the structure gives like a spring",
+    "backlash": "play: at reversal the motor moves before the load does",
+    "delay": "one signal was recorded late against the others",
+    "effort_scale": "the effort is off by a factor: torque constant, gear ratio, unit",
+    "encoder_error": "the position sensor repeats a small error with its own period",
+    "viscous_thermal": "friction that falls or rises as the machine warms up",
+    "feedforward": "the controller adds effort that the model does not know",
+    "saturation": "the motor reached its limit",
+    "external_force": "something pushes from outside: a process force, a hand, a collision",
+    "geometric_error": "an axis is tilted against the drawing",
+    "quadratic_drag": "resistance that grows with the square of speed: air, fan, splashing oil",
+}
+"""Effect -> what it is on the machine."""
+
+KINDS = {
+    "time": "time in the log",
+    "position": "position",
+    "velocity": "speed",
+    "acceleration": "acceleration",
+    "load": "motor effort",
+    "frequency": "frequency",
+    "other_axis": "other axis moving",
+}
+"""Kind of region -> its name in a table."""
+
+
+def effect_words(name: str) -> str:
+    """Return an effect's name without underscores."""
+    return name.replace("_", " ")
+
+
+def on_axis(name: str, axis: str | None) -> str:
+    """Return an effect with where it acts, e.g. ``quadratic drag on axis Y``."""
+    return effect_words(name) if axis is None else f"{effect_words(name)} on axis {axis}"
+
+
+def label_words(label: str) -> str:
+    """Return a label of a confusable group, ``Y.coulomb`` -> ``coulomb on axis Y``."""
+    axis, dot, name = label.partition(".")
+    return on_axis(name, axis) if dot else effect_words(label)
+
+
+def explanation(name: str) -> str:
+    """Return what an effect is on the machine; empty for one that is not listed."""
+    return EFFECTS.get(name, "")
+
+
+def joined(words: Sequence[str]) -> str:
+    """Return ``a, b and c``."""
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def region_words(region: Region) -> str:
+    """Return where a region lies in a sentence's words, in units of the shop floor."""
+    low, high, unit = shop_range(region)
+    span = f"{low} to {high} {unit}"
+    if region.kind == "velocity":
+        if region.range[0] == -region.range[1]:
+            return f"around standstill and reversal, slower than {high} {unit}"
+        way = "backward" if region.range[1] <= 0 else "forward" if region.range[0] >= 0 else ""
+        return f"at speeds of {span}" + (f" ({way})" if way else "")
+    if region.kind == "frequency" and region.range[0] == 0.0:
+        return f"as slow changes, below {high} {unit}"
+    return {
+        "time": f"{span} into the log",
+        "position": f"between positions {span}",
+        "acceleration": f"at accelerations of {span}",
+        "load": f"while the motor gives {span}",
+        "frequency": f"as vibration of {span}",
+        "other_axis": f"while axis {region.other} moves",
+    }.get(region.kind, f"{region.kind} {span}")
+
+
+def shop_range(region: Region) -> tuple[str, str, str]:
+    """Return lowest and highest value and the unit: millimetres and degrees instead of SI."""
+    factor, unit = 1.0, region.unit
+    head, slash, tail = region.unit.partition("/")
+    if head == "m":
+        factor, unit = 1e3, f"mm{slash}{tail}"
+    elif head == "rad":
+        factor, unit = 180.0 / math.pi, f"°{slash}{tail}"
+    low, high = (factor * x for x in region.range)
+    places = max(0, 2 - math.floor(math.log10(max(abs(low), abs(high), 1e-9))))
+    return tuple(number(round(x, places) + 0.0) for x in (low, high)) + (unit,)  # type: ignore[return-value]
