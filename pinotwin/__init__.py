@@ -26,17 +26,22 @@ _HOME = {
     "PinotwinError": "pinotwin.errors",
     "Twin": "pinotwin.twin",
     "check": "pinotwin.checking",
+    "decompose": "pinotwin.decomposition",
+    "diagnose": "pinotwin.diagnosis",
     "identify": "pinotwin.identification",
     "machines": "pinotwin.machine",
     "prepare": "pinotwin.preparation",
     "read": "pinotwin.files",
     "resample": "pinotwin.quality",
+    "simulate": "pinotwin.simulation",
 }
 
 __all__ = sorted([*_HOME, "__version__"])
 
 if TYPE_CHECKING:
     from pinotwin.checking import check as check
+    from pinotwin.decomposition import decompose as decompose
+    from pinotwin.diagnosis import diagnose as diagnose
     from pinotwin.effects import EFFECTS as EFFECTS
     from pinotwin.effects import Effect as Effect
     from pinotwin.errors import InputError as InputError
@@ -50,6 +55,7 @@ if TYPE_CHECKING:
     from pinotwin.motion import Motion as Motion
     from pinotwin.preparation import prepare as prepare
     from pinotwin.quality import resample as resample
+    from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin
 
 

@@ -108,7 +108,7 @@ def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None
         names=machine.names, rotary=machine.rotary, t=log.t, q=q, v=v, a=a, u=u,
         qr=qr, vr=vr, ar=ar, external=load,
         segments=_trimmed(parts, head, tail, SHORTEST if thin == 1 else _DECIMATOR, log.source),
-        step=step, use=_fast_enough(machine, v) & moves,
+        step=step, use=_fast_enough(machine, v, a) & moves,
         decimation=thin, cutoff=corner, source=log.source,
     )  # fmt: skip
 
@@ -175,8 +175,8 @@ def _measured_derivatives(
     return v, a
 
 
-def _fast_enough(machine: Machine, v: Floats) -> Mask:
-    """Return the rows above each axis' speed threshold (thesis Section 3.3).
+def _fast_enough(machine: Machine, v: Floats, a: Floats) -> Mask:
+    """Return the rows above each axis' speed or acceleration threshold (thesis Section 3.3).
 
     Below it dry friction is not a function of the velocity (presliding). Where the YAML gives no
     ``min_speed``, rows slower than 1 % of the axis' own top speed are left out; for a motor geared
@@ -185,7 +185,8 @@ def _fast_enough(machine: Machine, v: Floats) -> Mask:
     use = np.ones(v.shape, dtype=bool)
     for axis in machine.axes.values():
         if not any(effect.uses_standstill for effect in axis.effects):
-            use[:, axis.index] &= _moving(v[:, axis.index], axis.min_speed)
+            fast = _moving(v[:, axis.index], axis.min_speed)
+            use[:, axis.index] &= fast | (np.abs(a[:, axis.index]) >= axis.min_acceleration)
         for effect in axis.effects:
             partner = getattr(effect, "partner", None)
             if partner is not None:

@@ -39,7 +39,7 @@ def machine() -> Machine:
 def reconstructed() -> tuple[Log, Vibration]:
     vm = VirtualMachine.load("urdf/flexure_rig")
     np.testing.assert_allclose(vm.tables().springs[0, :2], [STIFFNESS, DAMPING], rtol=1e-4)
-    run = vm.record(random_trajectory(vm, 20.0, 11), seed=1, truth_rate=2000.0)
+    run = vm.record(random_trajectory(vm, 14.0, 11), seed=1, truth_rate=2000.0)
     log, imu = run.to_log(), record_imu(run.truth, "C_link", vm.truth.seed, 1)
     return log, reconstruct_vibration(machine(), log, imu, settings=Settings(methods=False))
 
@@ -75,7 +75,7 @@ def test_hysteresis_and_hardening_are_found() -> None:
     )  # fmt: skip
     truth = replace(folder.truth, passive={"delta": rough})
     vm = VirtualMachine.build(replace(folder, truth=truth))
-    run = vm.record(random_trajectory(vm, 14.0, 2), seed=2, truth_rate=2000.0)
+    run = vm.record(random_trajectory(vm, 10.0, 2), seed=2, truth_rate=2000.0)
     imu = record_imu(run.truth, "C_link", vm.truth.seed, 2)
     found = reconstruct_vibration(
         Machine.load("flexure_rig"), run.to_log(), imu, settings=Settings(methods=False)

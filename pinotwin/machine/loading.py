@@ -26,7 +26,7 @@ from pinotwin.machine.yaml_file import (
 )
 
 KEYS = ("name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "data")
-AXIS_KEYS = ("joint", "effects", "rotor_inertia", "effort_limit", "zero", "min_speed")
+AXIS_KEYS = ("joint", "effects", "rotor_inertia", "effort_limit", "zero", "min_speed", "min_acceleration")
 
 
 def load_machine(path: str | Path) -> Machine:
@@ -179,6 +179,7 @@ def _axis(name: str, settings: Any, model: pin.Model) -> Axis:
         effort_limit=_positive(settings, "effort_limit", where, np.inf),
         zero=number(settings.get("zero", 0.0), f"{where}zero"),
         min_speed=None if speed is None else number(speed, f"{where}min_speed"),
+        min_acceleration=_positive(settings, "min_acceleration", where, np.inf),
     )
 
 
@@ -236,6 +237,7 @@ def machine_spec(machine: Machine) -> dict[str, Any]:
             ("effort_limit", axis.effort_limit, np.inf),
             ("zero", axis.zero, 0.0),
             ("min_speed", axis.min_speed, None),
+            ("min_acceleration", axis.min_acceleration, np.inf),
         ):
             entry.pop(key, None)
             if value is not None and value != default:

@@ -37,6 +37,7 @@ class Axis:
         effort_limit: largest effort of the drive [N or N·m], inf when not given.
         zero: joint position where the log reads zero [m or rad].
         min_speed: rows slower than this are not used to identify the axis [m/s or rad/s].
+        min_acceleration: unless they accelerate harder than this [m/s² or rad/s²].
     """
 
     name: str
@@ -48,6 +49,7 @@ class Axis:
     effort_limit: float = np.inf
     zero: float = 0.0
     min_speed: float | None = None
+    min_acceleration: float = np.inf
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ not (:mod:`pinotwin.imu.batch`), then IMUs and repeats are combined by informati
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,12 +18,14 @@ from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction.combine import combined, of_run
+from pinotwin.reconstruction.methods import methods
 from pinotwin.reconstruction.nonlinear import needed, shares, with_columns, with_posture
 from pinotwin.reconstruction.repeats import delay
-from pinotwin.reconstruction.result import Sensor, SensorRun, Vibration
+from pinotwin.reconstruction.result import Motion3, Sensor, SensorRun, Vibration
 from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import Piece, bound, pieces
 from pinotwin.reconstruction.settings import Settings, imu_link, passive_joint, priors
+from pinotwin.reconstruction.unused import unused
 from pinotwin.threads import one_blas_thread
 
 Report = Callable[[str, float], None]
@@ -74,17 +76,12 @@ def reconstruct_vibration(
     runs = [of_run(r, log.t, sensors) for r, log in enumerate(servo)]
     motion, spread = combined(runs, delays)
     tell("comparing methods", 0.85)
-    return Vibration(
-        machine.name, joint, motion, tuple(runs), tuple(log.source for log in servo),
-        tuple(delays), spread, tuple(sensors), *_compared(sensors, prior, s), _notes(sensors, runs),
+    found = Vibration(
+        machine=machine.name, joint=joint, motion=motion, runs=tuple(runs),
+        sources=tuple(log.source for log in servo), delays=tuple(delays), spread=spread,
+        sensors=tuple(sensors), unused=unused(sensors, prior), notes=_notes(sensors, runs),
     )  # fmt: skip
-
-
-def _compared(sensors: Sequence[Sensor], prior: Priors, s: Settings):  # type: ignore[no-untyped-def]
-    from pinotwin.reconstruction.methods import methods
-    from pinotwin.reconstruction.unused import unused
-
-    return unused(sensors, prior), methods(sensors, prior) if s.methods else ()
+    return replace(found, methods=methods(sensors, prior)) if s.methods else found
 
 
 def _silent(stage: str, done: float) -> None:
@@ -172,7 +169,7 @@ def _estimate(
     return result
 
 
-def _notes(sensors: Sequence[Sensor], runs) -> tuple[str, ...]:  # type: ignore[no-untyped-def]
+def _notes(sensors: Sequence[Sensor], runs: Sequence[Motion3]) -> tuple[str, ...]:
     out = []
     for sensor in sensors:
         if any(r.found.quasi_static_sd > 0.5 * r.found.quasi_static for r in sensor.runs):

@@ -92,8 +92,8 @@ def identify_flexible(
     from pinotwin.identification import identify
 
     several = [logs] if isinstance(logs, Log) else list(logs)
-    single = isinstance(vibrations, Vibration | Log)
-    given = [vibrations] if single else list(vibrations)  # type: ignore[arg-type, list-item]
+    given: list[Vibration | Log]
+    given = [vibrations] if isinstance(vibrations, Vibration | Log) else list(vibrations)
     if len(several) != len(given):
         raise DataError(f"{len(several)} logs and {len(given)} vibrations; give them in pairs")
     pairs = list(zip(several, given, strict=True))
@@ -133,10 +133,10 @@ class _Row:
     def solve(self, lag: int) -> tuple[Floats, Floats, float]:
         """Return coefficients, their covariance, and the RMS of what is left."""
         sigma = 1.0
-        x = self.mean
+        x: Floats = self.mean
         for _ in range(4):
             A = self.X.T @ self.X / sigma**2 + self.precision
-            x = np.linalg.solve(A, self.precision @ self.mean)
+            x = np.asarray(np.linalg.solve(A, self.precision @ self.mean), dtype=float)
             e = self.X @ x
             # independent noise is worth fewer samples when it is correlated
             sigma = float(np.sqrt(np.mean(e**2) * min(lag, len(e) // 20)))
@@ -226,7 +226,7 @@ def _updated(twin: Twin, joint: str, theta: Floats, cov: Floats) -> Twin:
     return replace(twin, theta=whole, covariance=full, parameters=table, pi=found.pi)
 
 
-def _row(p, whole, rigid, theta, cov, i: int, b: int):  # type: ignore[no-untyped-def]  # noqa: PLR0913
+def _row(p, whole, rigid, theta, cov, i: int, b: int):  # type: ignore[no-untyped-def]
     value = float(whole[rigid][i]) if i < b else float(theta[i])
     error = float(np.sqrt(cov[i, i]))
     word = verdict(value, error, at_bound=False)

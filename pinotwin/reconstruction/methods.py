@@ -29,8 +29,8 @@ class MethodRow:
         slow: of the angle below 0.5 Hz [rad]: drift, where a method integrates.
         dynamic: of the angle above 0.5 Hz [rad].
         velocity: [rad/s]. acceleration: [rad/s²].
-        differ: how much two IMUs differ in slow angle, dynamic angle, velocity, acceleration; NaN
-            for one IMU.
+        differ: how much two IMUs differ in slow angle, dynamic angle, velocity, acceleration, (4,);
+            NaN for one IMU.
     """
 
     method: str
@@ -38,7 +38,7 @@ class MethodRow:
     dynamic: float
     velocity: float
     acceleration: float
-    differ: tuple[float, float, float, float]
+    differ: Floats
 
 
 def methods(sensors: Sequence[Sensor], prior: Priors) -> tuple[MethodRow, ...]:
@@ -46,10 +46,11 @@ def methods(sensors: Sequence[Sensor], prior: Priors) -> tuple[MethodRow, ...]:
     each = [_signals(sensor.runs[0], prior) for sensor in sensors]
     out = []
     for name, first in each[0].items():
-        differ = (np.nan,) * 4
+        differ = np.full(4, np.nan)
         if len(each) > 1 and first[0].shape == each[1][name][0].shape:
-            differ = tuple(_rms(a - b) for a, b in zip(first, each[1][name], strict=True))  # type: ignore[assignment]
-        out.append(MethodRow(name, *(_rms(x) for x in first), differ))
+            differ = np.array([_rms(a - b) for a, b in zip(first, each[1][name], strict=True)])
+        slow, dynamic, velocity, acceleration = (_rms(x) for x in first)
+        out.append(MethodRow(name, slow, dynamic, velocity, acceleration, differ))
     return tuple(out)
 
 

@@ -77,7 +77,8 @@ def shares(
 
     Args:
         result: the second pass.
-        servo: the runs as the first pass took them. found: what it found.
+        servo: the runs as the first pass took them.
+        found: what it found.
     """
     gain, _ = result.shared("gain")
     wn = 2.0 * np.pi * result.frequency[0]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.imu.result import BatchResult, RunResult
 from pinotwin.imu.runs import ImuRun
 from pinotwin.log import Log
@@ -43,7 +43,7 @@ class Motion3:
     sd_a: Floats
 
     @property
-    def known(self) -> Floats:
+    def known(self) -> Mask:
         """Rows in which all three are known, a mask (n,)."""
         return np.isfinite(self.q) & np.isfinite(self.v) & np.isfinite(self.a)
 

@@ -167,7 +167,8 @@ def posture_column(machine: Machine, motion: Joints, joint: str, delta: Floats) 
     inertia times its acceleration, which the mode has already.
 
     Args:
-        machine: with CAD inertias. motion: the axes.
+        machine: with CAD inertias.
+        motion: of the axes.
         joint: the passive joint.
         delta: its angle, velocity and acceleration, (n, 3).
     """

@@ -18,6 +18,8 @@ from pinotwin.imu.result import predict_readings
 from pinotwin.imu.runs import Priors
 from pinotwin.reconstruction.result import Sensor, SensorRun
 
+_WINDOW = 40  # samples
+
 
 @dataclass(frozen=True)
 class Unused:
@@ -63,9 +65,8 @@ def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> li
     """Return gyro (left, rigid, noise) and accelerometer (left, rigid, noise)."""
     shared = other.batch.shared
     own = replace(prior, gravity=shared("gravity")[0])
-    still = replace(
-        mine.found, **{k: 0.0 * mine.found.t for k in ("angle", "velocity", "acceleration")}
-    )
+    none = 0.0 * mine.found.t
+    still = replace(mine.found, angle=none, velocity=none, acceleration=none)
     predicted = [
         predict_readings(
             mine.piece.run, theirs.imu, found, other.batch.R_ST, shared("position")[0],
@@ -84,13 +85,16 @@ def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> li
 
 
 def _noise(y: Floats, quiet: Mask) -> float:
-    """Return the standard deviation per axis about the mean of each rest; NaN without a rest."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
-    rests = [y[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 40]
-    if not rests:
+    """Return the standard deviation per axis in the quieter windows at rest; NaN without a rest.
+
+    A rest on a machine still rings down, so the lower quartile of short windows is taken.
+    """
+    count = len(y) // _WINDOW
+    windows = y[: count * _WINDOW].reshape(count, _WINDOW, -1)
+    still = quiet[: count * _WINDOW].reshape(count, _WINDOW).all(axis=1)
+    if not still.any():
         return float("nan")
-    left = np.concatenate([x - x.mean(axis=0) for x in rests])
-    return float(np.sqrt(np.mean(left**2)))
+    return float(np.sqrt(np.quantile(np.var(windows[still], axis=1).mean(axis=1), 0.25)))
 
 
 def _inside(theirs: SensorRun, mine: SensorRun) -> Mask:

@@ -101,7 +101,8 @@ def record_imu(
     Args:
         truth: of a recording, sampled well above the sensor's 400 Hz.
         link: the link that carries the sensor.
-        machine_seed: see :func:`sensor`. run_seed: likewise.
+        machine_seed: see :func:`sensor`.
+        run_seed: likewise.
         number: which sensor.
         clock: faults of its clock: ``drop``, ``holes``, ``restart``, ``jitter``.
     """

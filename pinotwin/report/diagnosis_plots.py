@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import plotly.graph_objects as go
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.result import Gap, Region, Shrink, Traces
 from pinotwin.identification.study_overlay import binned
 from pinotwin.report import display
@@ -19,6 +19,7 @@ from pinotwin.report.figures import (
     broken,
     dots,
     line,
+    some_rows,
     style,
     visible_rows,
 )
@@ -55,6 +56,7 @@ def where_figure(regions: Sequence[Region], axes: Sequence[str]) -> go.Figure:
             hovertemplate="%{y}: %{customdata}<extra></extra>", xgap=3, ygap=3, zmin=0.0, zmax=1.0,
             colorscale=[[0.0, "#fdf0d5"], [0.5, "#f7b267"], [1.0, "#e8743b"]], hoverongaps=False,
             colorbar={"title": {"text": "denser than even", "side": "right"}, "thickness": 12,
+                      "outlinewidth": 0,
                       "tickvals": [0.0, 0.301, 0.699, 1.0],
                       "ticktext": ["1×", "2×", "5×", "10×"]},
         )
@@ -100,21 +102,25 @@ def shrink_figure(items: Sequence[Bar], signal: str, rotary: bool) -> go.Figure:
     """Return the bars of one axis."""
     scale = signal_scale(signal, rotary, max(b.value for b in items))
     values = [b.value * scale.factor for b in items]
-    up = [None if b.high is None else max(b.high - b.value, 0.0) * scale.factor for b in items]
-    down = [None if b.low is None else max(b.value - b.low, 0.0) * scale.factor for b in items]
     figure = go.Figure(
         go.Bar(
             y=[b.name for b in items], x=values, orientation="h",
-            marker_color=[b.colour for b in items], text=[f" {x:.3g} {scale.unit}" for x in values],
-            textposition="outside", cliponaxis=False, hoverinfo="skip",
-            error_x={"type": "data", "symmetric": False, "array": up, "arrayminus": down,
-                     "thickness": 1.6, "width": 5, "color": "var(--ink)"},
+            marker_color=[b.colour for b in items], textposition="outside", cliponaxis=False,
+            text=[f"  {x:.3g} {scale.unit}" for x in values], hoverinfo="skip",
         )
     )  # fmt: skip
+    top = max(values)
+    for b in items:
+        if b.low is not None and b.high is not None:
+            span = np.array([b.low, b.high]) * scale.factor
+            figure.add_trace(
+                go.Scatter(x=span, y=[b.name, b.name], mode="lines", hoverinfo="skip",
+                           line={"color": "var(--ink)", "width": 3})
+            )  # fmt: skip
+            top = max(top, float(span[1]))
     style(figure, 66 + 34 * len(items), legend=False)
     figure.update_layout(bargap=0.35)
-    top = max(v + (u or 0.0) for v, u in zip(values, up, strict=True))
-    figure.update_xaxes(title_text=f"RMS [{scale.unit}]", range=[0, 1.22 * max(top, 1e-300)])
+    figure.update_xaxes(title_text=f"RMS [{scale.unit}]", range=[0, 1.25 * max(top, 1e-300)])
     return figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False)
 
 
@@ -153,24 +159,19 @@ def against_figure(given: Traces, x: Floats, rotary: bool, against: str) -> go.F
     of = display.velocity if against == "velocity" else display.position
     across = of(rotary, display.largest(x))
     up = display.effort(rotary, display.largest(given.before))
-    rows = _some(len(x))
-    figure = go.Figure(dots(across(x[rows]), up(given.before[rows]), "model today", RESIDUAL))
-    changed = not np.array_equal(given.before, given.after)
-    if changed:
-        figure.add_trace(dots(across(x[rows]), up(given.after[rows]), "with the cause", ACCENT))
-    if len(x) >= 40 and np.ptp(x) > 0.0:
-        shown = (("before", given.before, RESIDUAL), ("after", given.after, ACCENT))
-        for name, y, colour in shown[: 1 + changed]:
+    rows = some_rows(len(x), points=1500)
+    shown = [("model today", given.before, RESIDUAL)]
+    if not np.array_equal(given.before, given.after):
+        shown.append(("with the cause", given.after, ACCENT))
+    figure = go.Figure()
+    for name, y, colour in shown:
+        cloud = dots(across(x[rows]), up(y[rows]), name, colour)
+        figure.add_trace(cloud.update(legendgroup=name))
+    for name, y, colour in shown:
+        if len(x) >= 40 and np.ptp(x) > 0.0:
             bins = binned(x, y, 40)
-            trace = line(across(bins.x), up(bins.median), f"median, {name}", colour, width=2.4)
-            figure.add_trace(trace.update(showlegend=False))
+            median = line(across(bins.x), up(bins.median), name, colour, width=2.4, legend=False)
+            figure.add_trace(median)
     style(figure, 300)
     figure.update_xaxes(title_text=f"{against} [{across.unit}]")
     return figure.update_yaxes(title_text=f"log minus model [{up.unit}]")
-
-
-def _some(count: int) -> Ints:
-    rows = np.arange(count)
-    if count <= 1500:
-        return rows
-    return np.sort(np.random.default_rng(0).choice(rows, 1500, replace=False))

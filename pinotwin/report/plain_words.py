@@ -108,4 +108,5 @@ def shop_range(region: Region) -> tuple[str, str, str]:
         factor, unit = 180.0 / math.pi, f"°{slash}{tail}"
     low, high = (factor * x for x in region.range)
     places = max(0, 2 - math.floor(math.log10(max(abs(low), abs(high), 1e-9))))
-    return tuple(number(round(x, places) + 0.0) for x in (low, high)) + (unit,)  # type: ignore[return-value]
+    first, last = (number(round(x, places) + 0.0) for x in (low, high))
+    return first, last, unit

@@ -1,0 +1,138 @@
+"""The closed loop in a report: errors, poles and gains of a twin whose loop is known."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pinotwin.log import Log
+from pinotwin.report import Page, Plot, Tabs
+from pinotwin.report.blocks import Html
+from pinotwin.report.closed_loop import closed_loop_blocks, gains, predict, score_table
+from pinotwin.report.closed_loop_plots import CAUSES, error_scale
+from tests.simulated import known_twin, plain_machine, smooth_command
+from tests.test_report import figures, read
+
+NOISE = {"q": 2e-7, "u": 0.5}
+"""RMS that the measurement is off the prediction by [m or rad, N or N·m]."""
+
+
+@pytest.fixture(scope="module")
+def twin():
+    return known_twin(plain_machine("trunnion"))
+
+
+@pytest.fixture(scope="module")
+def log(twin) -> Log:
+    """What the twin itself foretells, with alternating errors of known RMS added."""
+    command = smooth_command(twin.machine, 1.0, 1000.0)
+    predicted = twin.simulate(command)
+    channels = dict(command.channels)
+    wave = np.where(np.arange(len(command.t)) % 2, 1.0, -1.0)
+    for axis in twin.machine.axes:
+        channels[f"{axis}.q"] = predicted[f"{axis}.q"] + NOISE["q"] * wave
+        channels[f"{axis}.u"] = predicted[f"{axis}.u"] + NOISE["u"] * wave
+    return Log(channels, source="known.csv")
+
+
+@pytest.fixture(scope="module")
+def blocks(twin, log):
+    return closed_loop_blocks(twin, log)
+
+
+def cells(block: Html) -> list[list[str]]:
+    return [row for row in read(block.text).rows if row]
+
+
+def test_the_table_states_the_errors_that_were_added(twin, log):
+    rows = cells(score_table(twin, predict(twin, log)))
+    by = {(r[0], r[1]): r for r in rows}
+    assert by["Y", "tracking error"][2] == "0.2 µm"
+    assert by["A", "tracking error"][2] == "0.0115 mdeg"  # 2e-7 rad
+    assert by["Y", "effort"][2] == "0.5 N"
+    assert by["A", "effort"][2] == "0.5 N·m"
+    shares = []
+    for axis in twin.machine.axes:
+        for signal, size in (("tracking error", NOISE["q"]), ("effort", NOISE["u"])):
+            y = log[f"{axis}.u"] if signal == "effort" else log[f"{axis}.qr"] - log[f"{axis}.q"]
+            shares.append(100.0 * size / np.sqrt(np.mean(y**2)))
+            shown = float(by[axis, signal][3].split()[0])
+            assert shown == pytest.approx(shares[-1], rel=0.06, abs=0.05)
+    assert float(by["mean", ""][3].split()[0]) == pytest.approx(np.mean(shares), abs=0.06)
+
+
+def test_black_and_grey_box_of_the_same_law_agree(twin, log):
+    """The loops of this twin were made from its controllers, so both predict the same."""
+    rows = cells(score_table(twin, predict(twin, log)))
+    for row in rows:
+        black, grey = (float(row[k].split()[0]) for k in (3, 5))
+        assert grey == pytest.approx(black, rel=0.3)
+
+
+def test_poles_and_gains_are_those_of_the_twin(twin, blocks):
+    page = Page("x").section("loop", *blocks).html()
+    rows = read(page).rows
+    law, loop = twin.controllers["Y"], twin.loops["Y"]
+    values = [r[2] for r in rows if len(r) == 7 and "pole" in r[1]]
+    for p in loop.pole_table():
+        if p["unit"] == "Hz":
+            assert f"{p['value']:.4g}" in values
+    (kp,) = [r for r in rows if len(r) == 4 and r[:2] == ["Y", "position gain kp"]]
+    assert float(kp[2]) == pytest.approx(law.kp, rel=1e-5)
+    assert kp[3] == "1/s"
+    assert "position P around velocity PI" in page
+
+
+def test_gains_carry_the_units_of_the_axis(twin):
+    law = dataclasses.replace(twin.controllers["A"], kind="pid", kd=1.0, delay=0.001)
+    units = {name: unit for name, _, unit in gains(law, True)}
+    assert units["kp"] == "N·m/rad"
+    assert units["integral"] == "N·m/(rad·s)"
+    assert units["delay"] == "ms"
+    assert "velocity_delay" not in units
+
+
+def test_the_measured_line_is_command_minus_position(twin, log, blocks):
+    (first,) = figures(Page("x").section("loop", blocks[0]).html())
+    trace = next(t for t in first["data"] if t["name"] == "measured")
+    y = np.frombuffer(base64.b64decode(trace["y"]["bdata"]), dtype=trace["y"]["dtype"])
+    e = log["Y.qr"] - log["Y.q"]
+    factor = error_scale(False, np.abs(e).max()).factor
+    assert y == pytest.approx(factor * e, abs=1e-4 * factor * np.abs(e).max())
+
+
+def test_shares_of_the_causes_fill_the_bars(twin, blocks):
+    figures_ = [b.figure for b in blocks if isinstance(b, Plot)]
+    shares = next(f for f in figures_ if f.data[0].type == "bar")
+    for axis in twin.loops:
+        total = sum(dict(zip(bar.y, bar.x, strict=True)).get(axis, 0.0) for bar in shares.data)
+        assert total == pytest.approx(100.0, abs=1.5)
+    (tabs,) = [b for b in blocks if isinstance(b, Tabs)]
+    assert list(tabs.panels) == list(twin.loops)
+
+
+def test_a_log_without_command_is_said_and_the_poles_stay(twin, log):
+    bare = Log({k: x for k, x in log.channels.items() if not k.endswith(".qr")}, source="bare.csv")
+    page = Page("x").section("loop", *closed_loop_blocks(twin, bare)).html()
+    assert "The command could not be simulated: " in page
+    assert "real pole p1" in page
+
+
+def test_a_twin_without_loop_has_no_section(twin, log):
+    assert closed_loop_blocks(dataclasses.replace(twin, loops={}), log) == []
+
+
+def test_small_errors_are_shown_in_small_units():
+    assert error_scale(True, np.radians(0.02)).unit == "mdeg"
+    assert error_scale(True, np.radians(3.0)).unit == "°"
+    assert error_scale(False, 1e-5).unit == "µm"
+    assert error_scale(True, 1.0)(np.array([np.pi]))[0] == pytest.approx(180.0)
+
+
+def test_every_cause_of_the_decomposition_has_a_colour():
+    from pinotwin.disturbance import CAUSES as KNOWN
+
+    assert set(KNOWN) < set(CAUSES)

@@ -1,0 +1,88 @@
+"""A twin on disk: the same after reading, and its URDF gives the same efforts in Pinocchio and MuJoCo."""
+
+from __future__ import annotations
+
+import json
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinotwin as pt
+from pinotwin.errors import TwinError
+from pinotwin.virtual import VirtualMachine, random_trajectory
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    virtual = VirtualMachine.load(pt.machines()["laser_driller"])
+    log = virtual.record(random_trajectory(virtual, 8.0, 3), seed=3).to_log()
+    twin = pt.identify(pt.Machine.load("laser_driller"), log, loop=False)
+    folder = tmp_path_factory.mktemp("twin")
+    twin.save(folder)
+    return twin, log, folder
+
+
+def test_reading_it_again_gives_the_same_efforts_and_table(saved):
+    twin, log, folder = saved
+    again = pt.Twin.load(folder)
+    motion = twin.motion(log).cut(100, 1100)
+    np.testing.assert_allclose(again.effort(motion), twin.effort(motion), rtol=1e-12, atol=1e-9)
+    assert [row.name for row in again.parameters] == [row.name for row in twin.parameters]
+    assert again.machine.axis("Z").rotor_inertia == pytest.approx(twin.model.armature[2])
+
+
+def test_pinocchio_gets_the_twins_rigid_body_efforts_from_the_urdf(saved):
+    twin, log, folder = saved
+    model = pt.Machine.load(folder).model
+    motion = twin.motion(log)
+    rigid = twin.parts(motion)["rigid_body"]
+    data = model.createData()
+    for k in range(200, len(motion), 311):
+        tau = pin.rnea(model, data, motion.q[k], motion.v[k], motion.a[k])
+        np.testing.assert_allclose(tau, rigid[k], atol=1e-6 * np.abs(rigid).max())
+
+
+def test_mujoco_gets_them_too(saved):
+    twin, log, folder = saved
+    text = (folder / "laser_driller.urdf").read_text()
+    settings = '<mujoco><compiler fusestatic="true" balanceinertia="false" discardvisual="true"/></mujoco>'
+    head = text.index(">", text.index("<robot")) + 1
+    model = mujoco.MjModel.from_xml_string(text[:head] + settings + text[head:])
+    model.dof_damping[:] = 0.0
+    model.dof_frictionloss[:] = 0.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    model.opt.gravity[:] = (0.0, 0.0, -9.81)
+    data = mujoco.MjData(model)
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(model.njnt)]
+    place = [names.index(name) for name in twin.machine.names]
+    model.dof_armature[place] = twin.model.armature
+    motion = twin.motion(log)
+    rigid = twin.parts(motion)["rigid_body"]
+    for k in range(200, len(motion), 311):
+        data.qpos[place], data.qvel[place] = motion.q[k], motion.v[k]
+        data.qacc[place] = motion.a[k]
+        mujoco.mj_inverse(model, data)
+        np.testing.assert_allclose(
+            data.qfrc_inverse[place], rigid[k], atol=1e-6 * np.abs(rigid).max()
+        )
+
+
+def test_every_number_has_unit_error_and_verdict(saved):
+    _, _, folder = saved
+    content = json.loads((folder / "twin.json").read_text())
+    assert content["schema"] == "pinotwin.twin/1"
+    for row in content["parameters"]:
+        assert row["unit"]
+        assert row["verdict"]
+        assert row["determined"] == (row["standard_error"] is not None)
+
+
+def test_a_damaged_twin_is_refused_in_one_line(saved, tmp_path):
+    _, _, folder = saved
+    for name in ("machine.yaml", "laser_driller.urdf"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    (tmp_path / "twin.json").write_text('{"schema": "pinotwin.twin/0"}')
+    with pytest.raises(TwinError, match="identify again"):
+        pt.Twin.load(tmp_path)
