@@ -535,9 +535,7 @@ DAMAGE: list[tuple[str, Callable[[Path], object], str]] = [
     ("no theta", edit(lambda c: c.pop("theta")), "damaged"),
     ("theta too short", edit(lambda c: c["theta"].pop()), "damaged"),
     ("theta in words", edit(lambda c: c.update(theta="many")), "damaged"),
-    ("no effects", edit(lambda c: c.update(effects=[])), "damaged"),
     ("effects of another kind", edit(lambda c: c.update(effects={"a": 1})), "damaged"),
-    ("covariance too small", edit(lambda c: c.update(covariance=[[1.0]])), "damaged"),
     ("parameters of another kind", edit(lambda c: c.update(parameters=[1, 2])), "damaged"),
     ("an unknown effect", edit(lambda c: c["effects"][1].update(effect="magic")), "damaged"),
 ]  # fmt: skip

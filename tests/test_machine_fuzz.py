@@ -52,7 +52,9 @@ JUNK = st.one_of(
     st.integers(-3, 3),
     st.sampled_from([1e300, -1e300, 10**30, float("nan"), float("inf"), 0.0, -0.0, 2.5]),
     st.text(max_size=8),
-    st.sampled_from(["X", "jx", "jb", "arm", "d", "q", "viscous", "spring", "presliding", "../x", "1e9"]),
+    st.sampled_from(
+        ["X", "jx", "jb", "arm", "d", "q", "viscous", "spring", "presliding", "../x", "1e9"]
+    ),
     st.lists(st.one_of(st.integers(-2, 2), st.text(max_size=3), st.none()), max_size=3),
     st.dictionaries(st.text(max_size=4), st.one_of(st.integers(-2, 2), st.none()), max_size=2),
 )
@@ -62,7 +64,13 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     """Yield the path of every node below the top."""
     if path:
         yield path
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    items = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     for key, inner in items:
         yield from places(inner, (*path, key))
 
@@ -117,7 +125,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 quick = settings(
-    max_examples=EXAMPLES, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=EXAMPLES,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 
@@ -145,7 +155,22 @@ def test_a_yaml_with_a_few_characters_changed(folder: Path, data: st.DataObject)
     load_or_one_line(folder_with(folder, "".join(text), URDF.encode()))
 
 
-ATTRIBUTES = ["", "0", "-1", "nan", "inf", "1e400", "1e300", "a", "1 2", "0 0 0", "1 2 3 4", "slide", "jx", "é"]
+ATTRIBUTES = [
+    "",
+    "0",
+    "-1",
+    "nan",
+    "inf",
+    "1e400",
+    "1e300",
+    "a",
+    "1 2",
+    "0 0 0",
+    "1 2 3 4",
+    "slide",
+    "jx",
+    "é",
+]
 
 
 @quick
@@ -155,7 +180,9 @@ def test_a_spoiled_urdf(folder: Path, data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 2))):
         elements = list(root.iter())
         element = elements[data.draw(st.integers(1, len(elements) - 1))]
-        how = data.draw(st.sampled_from(["attribute", "attribute", "drop", "remove", "twice", "rename"]))
+        how = data.draw(
+            st.sampled_from(["attribute", "attribute", "drop", "remove", "twice", "rename"])
+        )
         names = sorted(element.attrib)
         if how == "attribute" and names:
             element.set(data.draw(st.sampled_from(names)), data.draw(st.sampled_from(ATTRIBUTES)))
@@ -166,8 +193,12 @@ def test_a_spoiled_urdf(folder: Path, data: st.DataObject) -> None:
         elif how == "twice":
             element.addnext(copy.deepcopy(element))
         elif how == "rename":
-            element.tag = data.draw(st.sampled_from(["link", "joint", "origin", "mimic", "limit", "x"]))
-    spec = yaml.safe_dump({"name": "rig", "urdf": "rig.urdf", "axes": {"X": {"joint": "jx"}, "B": {"joint": "jb"}}})
+            element.tag = data.draw(
+                st.sampled_from(["link", "joint", "origin", "mimic", "limit", "x"])
+            )
+    spec = yaml.safe_dump(
+        {"name": "rig", "urdf": "rig.urdf", "axes": {"X": {"joint": "jx"}, "B": {"joint": "jb"}}}
+    )
     machine = load_or_one_line(folder_with(folder, spec, etree.tostring(root)))
     if machine is not None:
         try:

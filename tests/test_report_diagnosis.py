@@ -15,8 +15,8 @@ from pinotwin.effects import EFFECTS as KNOWN
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
-from pinotwin.report.diagnosis import headline
 from pinotwin.report.diagnosis_plots import bars, where_figure
+from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.report.plain_words import EFFECTS, region_words
 from tests.test_report import figures, read
 
@@ -78,6 +78,14 @@ def test_the_headline_names_cause_axis_and_share() -> None:
     assert "stays without a cause" not in headline(EXPLAINED)
 
 
+def test_an_untested_chance_is_not_stated_and_confidence_is_said_to_be_uncalibrated() -> None:
+    band = Region("Y", "u", "frequency", (0.0, 1.0), "Hz", 0.5, 0.02, None)
+    page = diagnosis_report(replace(EXPLAINED, where=[band]))
+    (row,) = [r for r in read(page).rows if r and "slow changes, below 1 Hz" in " ".join(r)]
+    assert row[-1] == "–"
+    assert "not been calibrated" in page
+
+
 def test_the_bars_turn_shares_of_the_square_into_rms() -> None:
     """Above a noise of 3 a gap of 5 holds 16: a quarter left is 13, a half 17, a sixteenth 10."""
     today, promised, delivered, noise = bars(GAP, SHRINK)
@@ -118,12 +126,12 @@ def test_names_are_escaped_and_alternatives_shown() -> None:
     page = diagnosis_report(EXPLAINED)
     assert "<b>little</b>" not in page
     assert "viscous thermal on axis Y (7%): &lt;b&gt;little" in page
-    assert "coulomb asymmetric on axis Y and base model" in page
+    assert "coulomb asymmetric on axis Y and what the model already holds" in page
     assert "advice_speeds_Y.csv" in page
 
 
 def test_what_stays_is_said() -> None:
-    assert "axis Y: time-periodic at 7 Hz" in diagnosis_report(PARTLY)
+    assert "Axis Y: a vibration that repeats in time, at 7 Hz" in diagnosis_report(PARTLY)
     assert "What stays" not in diagnosis_report(EXPLAINED)
 
 

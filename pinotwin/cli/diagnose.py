@@ -99,7 +99,7 @@ def summary(found: Diagnosis) -> list[str]:
         low, high = region.range
         lines.append(
             f"where: {region.share:.0%} of the squared gap of {region.axis} lies in {region.time_share:.0%}"
-            f" of the time: {region.kind} {low:.3g} to {high:.3g} {region.unit}"
+            f" of the {'band' if region.kind == 'frequency' else 'time'}: {region.kind} {low:.3g} to {high:.3g} {region.unit}"
         )
     for e in found.effects:
         shrink = e.shrink.get("u")
@@ -108,7 +108,7 @@ def summary(found: Diagnosis) -> list[str]:
             f"{a['axis']}.{a['effect']}" for a in e.alternatives if a["probability"] > 0.0
         )
         rest = f"; also possible: {others}" if others else ""
-        lines.append(f"effect: {e.axis}.{e.effect}, confidence {e.confidence:.0%}{share}{rest}")
+        lines.append(f"effect: {e.axis}.{e.effect}, confidence {e.confidence:.0%} (not calibrated){share}{rest}")
     if found.noise == "assumed":
         lines.append("noise: assumed (no repeats of a command among the logs)")
     lines += [f"next: {text}" for text in found.advice]

@@ -103,7 +103,11 @@ def summary(found: Vibration) -> list[str]:
         lines.append(
             f"{u.predicted} not used, predicted by {u.fitted}: gyro left "
             f"{np.degrees(u.gyro):.4f} deg/s (no deflection {np.degrees(u.gyro_rigid):.4f}, at rest "
-            f"{np.degrees(u.gyro_noise):.4f}), accelerometer {u.accel:.4f} m/s² (no deflection "
-            f"{u.accel_rigid:.4f}, at rest {u.accel_noise:.4f})"
+            f"{_known(np.degrees(u.gyro_noise))}), accelerometer {u.accel:.4f} m/s² (no deflection "
+            f"{u.accel_rigid:.4f}, at rest {_known(u.accel_noise)})"
         )
     return lines + [f"note: {note}" for note in found.notes]
+
+
+def _known(x: float) -> str:
+    return f"{x:.4f}" if np.isfinite(x) else "unknown: no rest in the log"

@@ -20,6 +20,7 @@ def document(d: Diagnosis) -> dict[str, Any]:
         "unexplained": {a: dict(row) for a, row in d.unexplained.items()},
         "remains": dict(d.remains),
         "noise": d.noise,
+        "confidence_calibrated": False,
         "advice": list(d.advice),
         "situation": d.situation,
         "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in d.shrink.items()},

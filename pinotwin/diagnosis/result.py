@@ -41,7 +41,8 @@ class Region:
         unit: SI unit.
         share: of the squared gap.
         time_share: of the time.
-        p_value: chance to see such a concentration anywhere in a gap without structure.
+        p_value: chance to see such a concentration anywhere in a gap without structure; None where that
+            was not tested (frequency bands).
         other: the other axis, for ``other_axis``.
     """
 
@@ -52,7 +53,7 @@ class Region:
     unit: str
     share: float
     time_share: float
-    p_value: float
+    p_value: float | None
     other: str | None = None
 
 

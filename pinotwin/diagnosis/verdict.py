@@ -53,7 +53,8 @@ def judge(start: Ready, decision: Decision, gap: Gaps, effects: Sequence[Found])
     open_ = [j for j in joints if after[j] > limit and stays[j] > STAYS]
     verdict: Verdict
     if effects:
-        verdict = "partly_explained" if open_ else "explained"
+        shrinks = all(any(x.share > 0.0 for x in e.shrink.values()) for e in effects)
+        verdict = "partly_explained" if open_ or not shrinks else "explained"
     else:
         verdict = "unexplained" if open_ else "none"
     residuals = list(start.residuals)
@@ -118,4 +119,5 @@ def sentence(verdict: Verdict, effects: Sequence[Found], remains: dict[str, str]
 def _words(e: Found) -> str:
     where = "" if e.axis is None else f" on axis {e.axis}"
     share = max((x.share for x in e.shrink.values()), default=0.0)
-    return f"{e.effect}{where} ({share:.0%} of the gap, confidence {e.confidence:.0%})"
+    how_far = f"{share:.0%} of the gap" if share > 0.0 else "the held-out gap does not shrink by it yet"
+    return f"{e.effect}{where} ({how_far}; confidence {e.confidence:.0%}, not calibrated)"

@@ -129,4 +129,4 @@ def _bands(rows: Rows, residuals: list[Floats], at: list[int], axis: str) -> lis
     if share[k] < 1.5 * width[k]:
         return []
     where = (float(edges[k]), float(edges[k + 1]))
-    return [Region(axis, "u", "frequency", where, "Hz", float(share[k]), float(width[k]), 0.05)]
+    return [Region(axis, "u", "frequency", where, "Hz", float(share[k]), float(width[k]), None)]

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pinotwin.columns import bind
 from pinotwin.decomposition import Decomposition, decompose
 from pinotwin.errors import PinotwinError
@@ -118,9 +120,8 @@ def score_table(twin: Twin, found: Predicted) -> Html:
     rows: list[list[object]] = []
     all_black, all_grey = [], []
     for axis, turns in _rotary(twin).items():
-        measured = measured_signals(found.log, axis)
         for signal, score in black.get(axis, {}).items():
-            scale = scale_of(signal, turns, measured[signal])
+            scale = scale_of(signal, turns, np.array([score["rms"]]))
             other = grey.get(axis, {}).get(signal, {})
             all_black.append(score["nrmse"])
             all_grey.append(other.get("nrmse", math.nan))

@@ -7,14 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from pinotwin.diagnosis.result import Diagnosis, Found, Traces
-from pinotwin.errors import PinotwinError
+from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.log import Log
-from pinotwin.machine import Machine
-from pinotwin.motion import Motion
-from pinotwin.preparation import prepare
 from pinotwin.report import display
 from pinotwin.report.blocks import (
     Block,
@@ -22,7 +16,6 @@ from pinotwin.report.blocks import (
     Html,
     Plot,
     Tabs,
-    Tile,
     bullets,
     chip,
     escape,
@@ -32,29 +25,25 @@ from pinotwin.report.blocks import (
     table,
     tiles,
 )
+from pinotwin.report.diagnosis_evidence import evidence_panels
 from pinotwin.report.diagnosis_plots import (
-    against_figure,
     bars,
     density,
-    gap_figure,
     shrink_figure,
     signal_scale,
     where_figure,
 )
+from pinotwin.report.diagnosis_verdict import SIGNALS, axis_tiles, ground, headline, rotary_axes
 from pinotwin.report.page import Page
 from pinotwin.report.plain_words import (
-    EFFECTS,
     KINDS,
-    effect_words,
     explanation,
     joined,
     label_words,
     on_axis,
+    plain_sentence,
     region_words,
 )
-from pinotwin.twin import Twin
-
-_SIGNALS = {"u": "motor effort", "e": "tracking error"}
 
 
 def diagnosis_report(
@@ -76,7 +65,7 @@ def diagnosis_page(d: Diagnosis, logs: Sequence[Log]) -> Page:
     """Return the same report as a :class:`Page`."""
     page = Page(f"{d.machine or 'Machine'}: diagnosis", subtitle(d, logs))
     page = page.section("Verdict", paragraph(headline(d), "verdict"), tiles(axis_tiles(d)),
-                        bullets(_ground(d)))  # fmt: skip
+                        bullets(ground(d)))  # fmt: skip
     if d.where:
         page = page.section("Where", *where_blocks(d), intro="Where the gap between log and model "
                             "lies. If it lay evenly, a tenth of the time would hold a tenth of it; "
@@ -109,76 +98,13 @@ def subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
     return " · ".join(w for w in words if w)
 
 
-def headline(d: Diagnosis) -> str:
-    """Return the verdict in plain words."""
-    if d.verdict == "none":
-        return "Log and model agree. What differs is noise, or too small to matter; no cause is missing."
-    if d.verdict == "unexplained":
-        where = joined([f"axis {a}" for a in d.remains or d.unexplained] or ["this machine"])
-        return f"Log and model differ on {where}, and none of the causes that pinotwin knows explains it."
-    named = joined([on_axis(e.effect, e.axis) for e in d.effects])
-    text = f"Log and model differ, and the cause is most likely {named}. {_gone(d)}".strip()
-    if d.verdict == "partly_explained":
-        left = joined([f"axis {a}" for a in d.remains] or ["some axis"])
-        text += f" Part of the gap on {left} stays without a cause."
-    return text
-
-
-def _gone(d: Diagnosis) -> str:
-    found = d.effects[0].shrink.get("u") if d.effects else None
-    if found is None:
-        return ""
-    share = display.percent(min(max(found.share, 0.0), 1.0))
-    where = "a log that it was not fitted to" if found.on == "validation" else "data kept back"
-    return (
-        f"Adding {effect_words(d.effects[0].effect)} to the model removes {share} of the squared gap "
-        f"above the noise, on {where}."
-    )
-
-
-def axis_tiles(d: Diagnosis) -> list[Tile]:
-    """Return one tile per axis: the gap as a share of the signal."""
-    out = []
-    rotary = rotary_axes(d)
-    for axis, row in d.gap.items():
-        for signal, gap in row.items():
-            scale = signal_scale(signal, rotary.get(axis, False), gap.rms)
-            note = (
-                f"{_SIGNALS.get(signal, signal)}: gap {gap.rms * scale.factor:.3g} {scale.unit} RMS, "
-                f"noise {gap.noise * scale.factor:.3g} {scale.unit}"
-            )
-            word, kind = _grade(d, axis)
-            out.append(Tile(f"Axis {axis}", display.percent(gap.nrmse), note, word, kind))
-    return out
-
-
-def _grade(d: Diagnosis, axis: str) -> tuple[str, str]:
-    if axis in d.remains:
-        named = any(e.axis == axis for e in d.effects)
-        return ("partly explained", "fair") if named else ("not explained", "bad")
-    return ("gap explained", "fair") if axis in d.unexplained else ("agrees", "good")
-
-
-def _ground(d: Diagnosis) -> list[str]:
-    """Return what the verdict rests on."""
-    noise = {"repeats": "The noise floor was measured: it is what differs between repeated runs.",
-             "assumed": "The noise floor had to be assumed, since no motion was recorded twice: small "
-                        "gaps may go unnoticed."}  # fmt: skip
-    out = ["Large print: usual size of log minus model over the usual size of the motor effort."]
-    if d.noise in noise:
-        out.append(noise[d.noise])
-    if d.quick:
-        out.append("A quick look only: the candidates were screened, not re-checked.")
-    return out
-
-
 def where_blocks(d: Diagnosis) -> list[Block]:
     """Return the map of the regions and their table."""
     axes = list(dict.fromkeys([*d.gap, *(r.axis for r in d.where)]))
     rows = [
         [r.axis, KINDS.get(r.kind, r.kind), region_words(r), f"{r.share:.0%}",
          f"{r.time_share:.0%}" if r.time_share >= 0.01 else "< 1%", f"{density(r):.1f} ×",
-         "–" if r.kind == "frequency" else f"{100 * r.p_value:.2g} %"]
+         "–" if r.p_value is None else f"{100 * r.p_value:.2g} %"]
         for r in d.where
     ]  # fmt: skip
     header = ("axis", "by", "where", "share of the gap", "of the time (band)", "denser than even",
@@ -199,13 +125,14 @@ def which_blocks(d: Diagnosis) -> list[Block]:
         out.append(table(("cause", "what it is", "confidence", "could also be"),
                          [_which(e) for e in d.effects]))  # fmt: skip
         out.append(paragraph("Confidence: how probable this cause is among all that were tried, "
-                             "given these logs.", "lead"))  # fmt: skip
+                             "given these logs, by the diagnosis' own reckoning; it has not been "
+                             "calibrated on machines whose fault is known.", "lead"))  # fmt: skip
     else:
         out.append(paragraph("No cause is named."))
     groups = [joined([label_words(x) for x in group]) for group in d.confusable]
     if groups:
         out.append(heading("Look-alikes"))
-        out.append(paragraph("These logs cannot tell the following apart, by any method:"))
+        out.append(paragraph("These logs do not tell the following apart:"))
         out.append(bullets(groups))
     out += [block for e in d.effects for block in _numbers(e)]
     return out
@@ -248,7 +175,7 @@ def how_far_blocks(d: Diagnosis) -> list[Block]:
         for signal, gap in d.gap[axis].items():
             found = d.shrink.get(axis, {}).get(signal) if axis in d.unexplained else None
             figure = shrink_figure(bars(gap, found), signal, rotary.get(axis, False))
-            plots.append(Plot(figure, f"Axis {axis}, {_SIGNALS.get(signal, signal)}",
+            plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}",
                               "" if found else "No gap beyond the noise that a cause could close."
                               if axis not in d.unexplained else ""))  # fmt: skip
     rows = []
@@ -267,62 +194,15 @@ def how_far_blocks(d: Diagnosis) -> list[Block]:
                 table(("cause", "gap before", "gap after", "removed", "90 % interval", "promised",
                        "judged on"), rows, numeric=(1, 2, 3, 4, 5)),
                 paragraph("Removed: share of the squared gap above the noise floor.", "lead")]  # fmt: skip
-    stays = [f"axis {a}: {w}" for a, w in d.remains.items()]
+    stays = [f"Axis {a}: {plain_sentence(w)}" for a, w in d.remains.items()]
     if stays:
         out += [heading("What stays"), notes(stays)]
     return out
 
 
-def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Block]]:
-    """Return plots of the gap for every axis with one; for all axes when there is none."""
-    rotary = rotary_axes(d)
-    known = list(dict.fromkeys(t.axis for t in d.traces))
-    axes = [a for a in known if a in d.unexplained or any(e.axis == a for e in d.effects)] or known
-    out: dict[str, Sequence[Block]] = {}
-    motions: dict[int, Motion | None] = {}
-    for axis in axes:
-        given = next(t for t in d.traces if t.axis == axis)
-        if len(given.t) < 2:
-            continue
-        if given.log not in motions:
-            motions[given.log] = _motion(d, logs, given.log)
-        turns = rotary.get(axis, False)
-        name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
-        plot = Plot(gap_figure(given, turns), f"Axis {axis}: log minus model",
-                    f"Over time, in {display.elided(name)}.")  # fmt: skip
-        out[axis] = [plot, *_against(given, motions[given.log], turns)]
-    return out
-
-
-def _against(given: Traces, motion: Motion | None, rotary: bool) -> list[Block]:
-    if motion is None or given.axis not in motion.names:
-        return []
-    j = motion.index(given.axis)
-    plots = []
-    for against, x, note in (
-        ("velocity", motion.v, "Line: median. A curve is friction that the model does not have."),
-        ("position", motion.q, "Line: median. A wave is ripple, cable or guideway."),
-    ):
-        at = np.interp(given.t, motion.t, x[:, j])
-        word = "speed" if against == "velocity" else against
-        plots.append(Plot(against_figure(given, at, rotary, against), f"Against {word}", note))
-    return [Group(tuple(plots))]
-
-
-def _motion(d: Diagnosis, logs: Sequence[Log], k: int) -> Motion | None:
-    """Return the motion of a log; None where log or machine are not at hand."""
-    machine = _machine(d)
-    if machine is None or k >= len(logs):
-        return None
-    try:
-        return prepare(machine, logs[k], decimate=1)
-    except PinotwinError:
-        return None  # the plots against speed and position are left out, the rest stands
-
-
 def next_blocks(d: Diagnosis) -> list[Block]:
     """Return what to do next."""
-    lines = [_capital(_clean(text)) for text in d.advice]
+    lines = [_capital(plain_sentence(text)) for text in d.advice]
     if d.effects:
         names = joined([on_axis(e.effect, e.axis) for e in d.effects])
         lines.insert(0, f"Look at the machine for {names}; if it is real, add it to the model (the "
@@ -338,30 +218,5 @@ def next_blocks(d: Diagnosis) -> list[Block]:
     return out
 
 
-def _clean(text: str) -> str:
-    """Return a sentence with the names of effects in plain words."""
-    for name in EFFECTS:
-        text = text.replace(name, effect_words(name))
-    return text
-
-
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def _machine(d: Diagnosis) -> Machine | None:
-    subject = d.subject.machine if isinstance(d.subject, Twin) else d.subject
-    return subject if isinstance(subject, Machine) else None
-
-
-def rotary_axes(d: Diagnosis) -> dict[str, bool]:
-    """Return whether each axis turns; from the regions' units where the machine is not known."""
-    machine = _machine(d)
-    if machine is not None:
-        return dict(zip(machine.names, machine.rotary, strict=True))
-    turning = {"rad", "rad/s", "rad/s²", "N·m"}
-    return {
-        r.axis: r.unit in turning
-        for r in d.where
-        if r.kind not in ("time", "frequency", "other_axis")
-    }

@@ -105,22 +105,24 @@ def shrink_figure(items: Sequence[Bar], signal: str, rotary: bool) -> go.Figure:
     figure = go.Figure(
         go.Bar(
             y=[b.name for b in items], x=values, orientation="h",
-            marker_color=[b.colour for b in items], textposition="outside", cliponaxis=False,
-            text=[f"  {x:.3g} {scale.unit}" for x in values], hoverinfo="skip",
+            marker_color=[b.colour for b in items], hoverinfo="skip",
         )
     )  # fmt: skip
-    top = max(values)
-    for b in items:
+    ends = [scale.factor * max(b.value, b.high or 0.0) for b in items]
+    for b, value, end in zip(items, values, ends, strict=True):
+        figure.add_annotation(
+            x=end, y=b.name, text=f"{value:.3g} {scale.unit}", xanchor="left", xshift=6,
+            showarrow=False,
+        )  # fmt: skip
         if b.low is not None and b.high is not None:
             span = np.array([b.low, b.high]) * scale.factor
             figure.add_trace(
                 go.Scatter(x=span, y=[b.name, b.name], mode="lines", hoverinfo="skip",
                            line={"color": "var(--ink)", "width": 3})
             )  # fmt: skip
-            top = max(top, float(span[1]))
     style(figure, 66 + 34 * len(items), legend=False)
     figure.update_layout(bargap=0.35)
-    figure.update_xaxes(title_text=f"RMS [{scale.unit}]", range=[0, 1.25 * max(top, 1e-300)])
+    figure.update_xaxes(title_text=f"RMS [{scale.unit}]", range=[0, 1.25 * max(*ends, 1e-300)])
     return figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False)
 
 

@@ -25,6 +25,7 @@ EFFECTS = {
     "inertial_coupling": "another axis' acceleration pushes this one more than the model says",
     "wrist_coupling": "turning one axis drags another through the gearing",
     "drive_flexibility": "screw, belt or gear gives like a spring: motor and load swing apart",
+    "spring": "a spring between two parts: cable, hose, flexure",
     "joint_flexibility": "the structure gives like a spring",
     "backlash": "play: at reversal the motor moves before the load does",
     "delay": "one signal was recorded late against the others",
@@ -63,6 +64,8 @@ def on_axis(name: str, axis: str | None) -> str:
 
 def label_words(label: str) -> str:
     """Return a label of a confusable group, ``Y.coulomb`` -> ``coulomb on axis Y``."""
+    if label == "base model":
+        return "what the model already holds"
     axis, dot, name = label.partition(".")
     return on_axis(name, axis) if dot else effect_words(label)
 
@@ -70,6 +73,23 @@ def label_words(label: str) -> str:
 def explanation(name: str) -> str:
     """Return what an effect is on the machine; empty for one that is not listed."""
     return EFFECTS.get(name, "")
+
+
+PATTERNS = {
+    "time-periodic at": "a vibration that repeats in time, at",
+    "event-like": "short events",
+    "coloured, without a simple pattern": "slowly changing, without a simple pattern",
+}
+"""How a diagnosis describes a remainder -> plain words."""
+
+
+def plain_sentence(text: str) -> str:
+    """Return a sentence of a diagnosis with effects and patterns in plain words."""
+    for pattern, words in PATTERNS.items():
+        text = text.replace(pattern, words)
+    for name in EFFECTS:
+        text = text.replace(name, effect_words(name))
+    return text
 
 
 def joined(words: Sequence[str]) -> str:

@@ -141,9 +141,9 @@ def _unused(found: Vibration) -> list[Block]:
     rows: list[Sequence[object]] = []
     for u in found.unused:
         label = f"{u.predicted} from {u.fitted}"
-        gyro = [f"{np.degrees(x):.4f}" for x in (u.gyro, u.gyro_rigid, u.gyro_noise)]
+        gyro = [_figure(np.degrees(x)) for x in (u.gyro, u.gyro_rigid, u.gyro_noise)]
         rows.append((label, "gyro [deg/s]", *gyro))
-        accel = [f"{x:.4f}" for x in (u.accel, u.accel_rigid, u.accel_noise)]
+        accel = [_figure(x) for x in (u.accel, u.accel_rigid, u.accel_noise)]
         rows.append((label, "accelerometer [m/s²]", *accel))
     return [
         paragraph("Two IMUs fitted to one encoder agree by construction; what one of them finds "
@@ -203,3 +203,7 @@ def _parasitic(found: Vibration) -> go.Figure:
     figure.update_xaxes(title_text="time [s]")
     figure.update_yaxes(title_text="rate [deg/s]")
     return style(figure, 300)
+
+
+def _figure(x: float) -> str:
+    return f"{x:.4f}" if np.isfinite(x) else "no rest"
