@@ -1,7 +1,7 @@
 """Open-loop identification of the five-axis driller: 43 linear and 15 searched parameters (Table 3-2).
 
-The source took 623 s for the whole model of 161 parameters on a 3.6 GHz PC; here open loop and closed loop are
-timed apart, on a 12 s packet at 500 Hz of the virtual machine.
+The source took 623 s for the whole model of 161 parameters on a 3.6 GHz PC; here open loop and closed
+loop are timed apart, on a 12 s packet at 500 Hz of the virtual machine.
 """
 
 from __future__ import annotations

@@ -9,10 +9,11 @@ from pinotwin.machine.yaml_file import make_effects, settings_of
 
 HEAD = """# Effects
 
-Every effect adds `columns(motion; shape) @ theta` to the effort of its axis. Coefficients (theta) are solved by
-least squares, shapes are searched. `rigid_body` (inertia, coupling, Coriolis, centrifugal, gravity: the base
-parameters of the whole tree) belongs to every machine. Units are for a linear axis; a rotary one has rad for m and
-N·m for N. A new effect is one small class in `pinotwin/effects/` and one line in its table.
+Every effect adds `columns(motion; shape) @ theta` to the effort of its axis. Coefficients (theta) are
+solved by least squares, shapes are searched. `rigid_body` (inertia, coupling, Coriolis, centrifugal,
+gravity: the base parameters of the whole tree) belongs to every machine. Units are for a linear axis; a
+rotary one has rad for m and N·m for N. A new effect is one small class in `pinotwin/effects/` and one
+line in its table.
 
 """
 

@@ -1,7 +1,7 @@
 """The five-axis laser driller of Sections 3.4 and 4.3.1: open loop, closed loop, and what coupling costs.
 
-Run: .venv/bin/python examples/laser_driller.py. The log comes from the virtual driller (every effect of Section
-3.2, X and Y with a 29 Hz mode); the source's figures are from the real machine in Wang (2023).
+Run: .venv/bin/python examples/laser_driller.py. The log comes from the virtual driller (every effect of
+Section 3.2, X and Y with a 29 Hz mode); the source's figures are from the real machine in Wang (2023).
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ def main(seconds: float = 20.0) -> dict[str, float]:
     took = time.perf_counter() - start
     shapes = sum(row.kind == "shape" for row in twin.parameters)
     numbers = len(twin.theta) + shapes
-    print(f"{numbers} parameters of the plant ({shapes} searched) and {len(twin.loops)} loops: {took:.1f} s")
+    print(
+        f"{numbers} parameters of the plant ({shapes} searched) and {len(twin.loops)} loops: {took:.1f} s"
+    )
     print("source: 161 parameters in all, 623 s\n")
     open_loop = twin.quality["relative_error"]
     print(f"open loop, normalised 2-norm of the effort error: {open_loop:.2%} (source 3.4 %)")
@@ -53,7 +55,9 @@ def main(seconds: float = 20.0) -> dict[str, float]:
     errors = {"fitted": closed_loop_errors(log, twin), "unseen": closed_loop_errors(unseen, twin)}
     print("\nclosed loop, from the command alone: RMS error over RMS magnitude")
     for name in errors["fitted"]:
-        print(f"  {name}  fitted {errors['fitted'][name]:7.2%}   unseen {errors['unseen'][name]:7.2%}")
+        print(
+            f"  {name}  fitted {errors['fitted'][name]:7.2%}   unseen {errors['unseen'][name]:7.2%}"
+        )
     means = {name: float(np.mean(list(row.values()))) for name, row in errors.items()}
     print(f"mean: fitted {means['fitted']:.2%} (source 2.38 %), unseen {means['unseen']:.2%}")
     return means

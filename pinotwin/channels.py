@@ -50,8 +50,10 @@ def finite(log: Log) -> Log:
     """Return a bound log with infinite values as missing ones.
 
     Raises:
-        LogError: a number that no measurement gives, such as a sentinel of 1e30.
+        LogError: no rows, or a number that no measurement gives, such as a sentinel of 1e30.
     """
+    if len(log) == 0:
+        raise LogError(f"{log.source}: holds no rows; record or cut it again")
     channels = {}
     for name, x in log.channels.items():
         known = np.isfinite(x)

@@ -28,7 +28,9 @@ def twin(log):
 
 
 def percent(predicted, measured) -> float:
-    inside = slice(49, -49)  # the start-up of the low-pass that differentiates the measured position
+    inside = slice(
+        49, -49
+    )  # the start-up of the low-pass that differentiates the measured position
     error = np.linalg.norm(predicted[inside] - measured[inside])
     return 100.0 * float(error / np.linalg.norm(measured[inside]))
 

@@ -204,3 +204,20 @@ def test_a_revolute_joint_without_limits_turns_freely(tmp_path: Path) -> None:
     model = Machine.load(write_machine(tmp_path / "rig", free)).model
     assert model.lowerPositionLimit[1] < -1e8
     assert model.upperPositionLimit[1] > 1e8
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar", "fixed"])
+def test_joints_of_other_kinds_are_held(tmp_path: Path, kind: str) -> None:
+    # A load on the arm that the URDF lets float is carried as if it were bolted on.
+    load = (
+        '<link name="load"><inertial><mass value="3"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+        f'<joint name="jl" type="{kind}"><parent link="arm"/><child link="load"/>'
+        '<origin xyz="0.3 0 0"/></joint></robot>'
+    )
+    folder = write_machine(tmp_path / "rig", URDF.replace("</robot>", load))
+    machine = Machine.load(folder / "rig.urdf")
+    assert machine.names == ("jx", "jb")
+    arm = machine.model.inertias[2]
+    assert arm.mass == pytest.approx(5.0)
+    np.testing.assert_allclose(arm.mass * arm.lever, [0.2 + 0.9, 0.0, -0.4], atol=1e-12)

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from pinotwin.checking import check
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -310,3 +311,10 @@ def test_the_message_names_channel_and_remedy(rig: Machine) -> None:
         "here.csv: no channel B.q (position of axis B); name its column under `columns` in "
         "machine.yaml, or drop the axis; did you mean 'X.q'? known: B.u, X.q, X.u, t"
     )
+
+
+def test_a_log_without_rows(rig: Machine) -> None:
+    log = log_of(np.zeros(N)).rows(slice(0, 0))
+    for use in (prepare, check):
+        with pytest.raises(LogError, match=r"here\.csv: holds no rows; record or cut it again"):
+            use(rig, log)

@@ -47,7 +47,9 @@ def test_pinocchio_gets_the_twins_rigid_body_efforts_from_the_urdf(saved):
 def test_mujoco_gets_them_too(saved):
     twin, log, folder = saved
     text = (folder / "laser_driller.urdf").read_text()
-    settings = '<mujoco><compiler fusestatic="true" balanceinertia="false" discardvisual="true"/></mujoco>'
+    settings = (
+        '<mujoco><compiler fusestatic="true" balanceinertia="false" discardvisual="true"/></mujoco>'
+    )
     head = text.index(">", text.index("<robot")) + 1
     model = mujoco.MjModel.from_xml_string(text[:head] + settings + text[head:])
     model.dof_damping[:] = 0.0

@@ -20,7 +20,7 @@ from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration, 
 from pinotwin.reconstruction.document import document
 from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import bound, pieces
-from pinotwin.reconstruction.virtual_imu import link_motion, record_imu, sensor
+from pinotwin.reconstruction.virtual_imu import channels, link_motion, record_imu, sensor
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.trajectories import random_trajectory
 
@@ -149,6 +149,22 @@ def test_holes_in_the_servo_log_are_bridged_or_left_open() -> None:
     assert rms((found.motion.v - true[1][keep])[known]) < 0.0474 * DEG
     assert {r.run for r in found.sensors[0].runs} == {0}
     assert len(found.sensors[0].runs) == 2
+
+
+def test_a_restarted_clock_on_a_tilted_foundation() -> None:
+    machine, vm = rig()
+    run = vm.record(random_trajectory(vm, SECONDS, 3), seed=1, truth_rate=2000.0)
+    upright = sensor(vm.truth.seed, 1, 1, restart=5.0, drop=0.01, holes=((6.0, 6.2),))
+    tilted = replace(upright, gravity=9.81 * np.array([0.0, np.sin(3 * DEG), -np.cos(3 * DEG)]))
+    reading = tilted.measure(link_motion(run.truth, "C_link"), np.random.default_rng(1))
+    found = reconstruct_vibration(machine, run.to_log(), Log(channels(reading)), settings=QUICK)
+    angle, velocity, acceleration, size = gaps(found, recorded(1)[3])
+    assert velocity < 0.0474
+    assert acceleration < 7.33
+    assert angle < min(0.001, 0.2 * size)
+    assert len(found.sensors[0].runs[0].found.clock.segments) == 2
+    up = found.sensors[0].batch.R_GM_up
+    assert up[1] == pytest.approx(-np.sin(3 * DEG), abs=2e-3)
 
 
 def test_runs_that_start_late_are_aligned_and_others_refused() -> None:

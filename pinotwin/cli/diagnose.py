@@ -97,9 +97,11 @@ def summary(found: Diagnosis) -> list[str]:
             lines.append(f"{axis:<8}{g.rms:>11.4g}{g.after:>11.4g}{g.noise:>11.4g}{g.nrmse:>11.2%}")
     for region in found.where[:3]:
         low, high = region.range
+        whole = "band" if region.kind == "frequency" else "time"
         lines.append(
-            f"where: {region.share:.0%} of the squared gap of {region.axis} lies in {region.time_share:.0%}"
-            f" of the {'band' if region.kind == 'frequency' else 'time'}: {region.kind} {low:.3g} to {high:.3g} {region.unit}"
+            f"where: {region.share:.0%} of the squared gap of {region.axis} lies in "
+            f"{region.time_share:.0%} of the {whole}: {region.kind} {low:.3g} to {high:.3g} "
+            f"{region.unit}"
         )
     for e in found.effects:
         shrink = e.shrink.get("u")
@@ -108,7 +110,8 @@ def summary(found: Diagnosis) -> list[str]:
             f"{a['axis']}.{a['effect']}" for a in e.alternatives if a["probability"] > 0.0
         )
         rest = f"; also possible: {others}" if others else ""
-        lines.append(f"effect: {e.axis}.{e.effect}, confidence {e.confidence:.0%} (not calibrated){share}{rest}")
+        sure = f"confidence {e.confidence:.0%} (not calibrated)"
+        lines.append(f"effect: {e.axis}.{e.effect}, {sure}{share}{rest}")
     if found.noise == "assumed":
         lines.append("noise: assumed (no repeats of a command among the logs)")
     lines += [f"next: {text}" for text in found.advice]

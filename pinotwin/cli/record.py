@@ -17,8 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("machine", help="machine folder, machine.yaml, or a bundled name")
     parser.add_argument("--seconds", type=float, default=20.0, help="length of the log (20)")
-    parser.add_argument("--seed", type=int, default=1,
-                        help="of the noise, and of the trajectory unless --trajectory-seed is given")  # fmt: skip
+    text = "of the noise, and of the trajectory unless --trajectory-seed is given"
+    parser.add_argument("--seed", type=int, default=1, help=text)
     parser.add_argument("--trajectory", choices=TRAJECTORIES, default="random")
     parser.add_argument("--trajectory-seed", type=int, metavar="N",
                         help="same N, other --seed: a repeat of the same command")  # fmt: skip

@@ -15,6 +15,7 @@ from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Found, Shrink
 from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.shrinking import held_out, shrink
+from pinotwin.twin.twin import effect_keys
 
 SET = 0.9  # probability that the stated alternatives cover
 Pairs = list[tuple[str, str, str | None]]
@@ -137,10 +138,15 @@ def _moves(
     sigmas = (after - before) / np.maximum(error, 1e-300)
     order = np.argsort(np.abs(sigmas))[::-1][:6]
     names = base.names
+    shapes = {
+        f"{k}.{s.name}"
+        for k, e in zip(effect_keys(base.effects), base.effects, strict=True)
+        for s in e.shapes()
+    }
     return {
         names[k]: (float(before[k]), float(after[k]), float(sigmas[k]))
         for k in order
-        if abs(sigmas[k]) > 1.0 and "position_table" not in names[k]
+        if abs(sigmas[k]) > 1.0 and "position_table" not in names[k] and names[k] not in shapes
     }
 
 

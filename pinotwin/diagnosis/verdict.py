@@ -119,5 +119,7 @@ def sentence(verdict: Verdict, effects: Sequence[Found], remains: dict[str, str]
 def _words(e: Found) -> str:
     where = "" if e.axis is None else f" on axis {e.axis}"
     share = max((x.share for x in e.shrink.values()), default=0.0)
-    how_far = f"{share:.0%} of the gap" if share > 0.0 else "the held-out gap does not shrink by it yet"
+    how_far = (
+        f"{share:.0%} of the gap" if share > 0.0 else "the held-out gap does not shrink by it yet"
+    )
     return f"{e.effect}{where} ({how_far}; confidence {e.confidence:.0%}, not calibrated)"

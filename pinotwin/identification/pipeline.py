@@ -60,6 +60,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the log", 0.02)
+    machine.require_physical()
     logs = [log] if isinstance(log, Log) else list(log)
     if not all(_sees_passive(machine, item) for item in logs):
         machine = machine.with_rigid_joints()

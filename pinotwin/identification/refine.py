@@ -163,7 +163,7 @@ def _solve(
     held = TRUST * np.where(np.isfinite(trial.error), trial.error, np.abs(trial.theta) + 1e-9)
     prior = np.diag(noise / np.maximum(held, 1e-12))
     both = np.concatenate([np.column_stack([A, b]), np.column_stack([prior, prior @ trial.theta])])
-    small = np.linalg.qr(both, mode="r")
+    small: Floats = np.asarray(np.linalg.qr(both, mode="r"))
     theta = lsq_linear(small[:, :-1], small[:, -1], bounds=(trial.lower, np.inf)).x
     return theta, b - A @ theta
 

@@ -262,6 +262,10 @@ def _named(s: _Signals, kind: Kind, gains: Floats, shape: Floats) -> dict[str, f
         own_names = ("kp", "integral", "kd", "ffv", "ffa")
         return {**dict(zip(own_names, map(float, gains), strict=True)), **late}
     position, forward, kv, ffa = map(float, gains)
+    if kv == 0.0:
+        raise DataError(
+            "the effort does not follow the velocity: no cascade controller is seen in it"
+        )
     own = {
         "kp": position / kv,
         "kv": kv,

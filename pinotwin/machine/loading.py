@@ -26,7 +26,15 @@ from pinotwin.machine.yaml_file import (
 )
 
 KEYS = ("name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "data")
-AXIS_KEYS = ("joint", "effects", "rotor_inertia", "effort_limit", "zero", "min_speed", "min_acceleration")
+AXIS_KEYS = (
+    "joint",
+    "effects",
+    "rotor_inertia",
+    "effort_limit",
+    "zero",
+    "min_speed",
+    "min_acceleration",
+)
 
 
 def load_machine(path: str | Path) -> Machine:

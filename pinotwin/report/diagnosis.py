@@ -147,7 +147,9 @@ def _which(e: Found) -> list[object]:
         what = "chance: no cause" if effect == "none" else on_axis(effect, item.get("axis"))
         p = item.get("probability", 0.0)
         others.append(f"{what}{f' ({p:.0%})' if p > 0.0 else ''}: {item.get('why', '')}")
-    other = Html("".join(f'<div class="sub">{escape(x)}</div>' for x in others) or "nothing else")
+    other = Html(
+        "".join(f'<div class="sub">{escape(x)}</div>' for x in others) or "no other came close"
+    )
     return [name, explanation(e.effect), chip(f"{e.confidence:.0%}", kind), other]
 
 

@@ -35,7 +35,9 @@ def _gone(d: Diagnosis) -> str:
     found = d.effects[0].shrink.get("u") if d.effects else None
     if found is None:
         return ""
-    share = display.percent(min(max(found.share, 0.0), 1.0))
+    if found.share <= 0.0:
+        return "On data kept back the gap does not shrink by it yet: take it as a hint."
+    share = display.percent(min(found.share, 1.0))
     where = "a log that it was not fitted to" if found.on == "validation" else "data kept back"
     return (
         f"Adding {effect_words(d.effects[0].effect)} to the model removes {share} of the squared gap "

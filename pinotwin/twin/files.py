@@ -124,7 +124,7 @@ def load(folder: Path) -> Twin:
     machine = Machine.load(path.parent)
     try:
         return _twin(machine, content)
-    except (KeyError, ValueError, TypeError) as error:
+    except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
         raise TwinError(f"{path}: damaged twin ({error}); identify it again") from None
 
 
@@ -133,6 +133,8 @@ def _twin(machine: Machine, content: dict[str, Any]) -> Twin:
     theta = np.array(content["theta"], dtype=float)
     if len(theta) != effect_slices(effects)[-1].stop:
         raise ValueError("the number of coefficients does not fit the effects")
+    if len(content["covariance_lower"]) != len(theta):
+        raise ValueError("the covariance does not fit the coefficients")
     return Twin(
         machine=machine,
         effects=effects,
@@ -150,6 +152,8 @@ def _twin(machine: Machine, content: dict[str, Any]) -> Twin:
 
 def _symmetric(lower: list[list[float]]) -> Floats:
     """Return the symmetric matrix whose lower rows are given, each up to its diagonal."""
+    if any(len(row) != k + 1 for k, row in enumerate(lower)):
+        raise ValueError("the covariance is not a lower triangle")
     matrix = np.zeros((len(lower), len(lower)))
     for k, row in enumerate(lower):
         matrix[k, : k + 1] = matrix[: k + 1, k] = row
