@@ -32,6 +32,7 @@ _HOME = {
     "machines": "pinotwin.machine",
     "prepare": "pinotwin.preparation",
     "read": "pinotwin.files",
+    "reconstruct_vibration": "pinotwin.reconstruction",
     "resample": "pinotwin.quality",
     "simulate": "pinotwin.simulation",
 }
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from pinotwin.motion import Motion as Motion
     from pinotwin.preparation import prepare as prepare
     from pinotwin.quality import resample as resample
+    from pinotwin.reconstruction import reconstruct_vibration as reconstruct_vibration
     from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin
 

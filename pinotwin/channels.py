@@ -152,8 +152,9 @@ def efforts(machine: Machine, log: Log) -> Floats:
     """Return joint efforts ``tau = N^T tau_motor``, shape (n, nv).
 
     NaN where a motor that acts on the joint has no channel, or one that never changes: that is not
-    wired or not recorded, and fitting it would find a machine without friction. Zero for a passive
-    joint whose motion is logged.
+    wired or not recorded, and fitting it would find a machine without friction. NaN for a passive
+    joint too: its own equation has effort zero, and a row without a scale cannot be weighed beside
+    motors (see :mod:`pinotwin.reconstruction.flexible`).
     """
     motor = np.full((len(log), machine.nv), np.nan)
     for name, axis in machine.axes.items():
@@ -166,9 +167,6 @@ def efforts(machine: Machine, log: Log) -> Floats:
         for j, ratios in enumerate(machine.transmission.T):
             acts = np.flatnonzero(ratios)  # a motor that does not act must not spoil with its NaN
             joint[:, j] = motor[:, acts] @ ratios[acts]
-    for name, part in machine.passive.items():
-        if f"{name}.q" in log or f"{name}.a" in log:
-            joint[:, part.index] = 0.0
     return joint
 
 

@@ -238,7 +238,7 @@ def _simplest(s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -
 
 
 def _slopes(s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
-    """Return the derivative of the fitted effort by the shapes that were searched, shape (n, 4)."""
+    """Return the derivative of the fitted effort by the searched shapes, shape (n, 4)."""
     gains = _misfit(s, kind, shape, rows)[1]
     out = np.zeros((len(rows[0]), len(shape)))
     for i in _searched(shape):
@@ -266,13 +266,8 @@ def _named(s: _Signals, kind: Kind, gains: Floats, shape: Floats) -> dict[str, f
         raise DataError(
             "the effort does not follow the velocity: no cascade controller is seen in it"
         )
-    own = {
-        "kp": position / kv,
-        "kv": kv,
-        "integral": float(shape[3]),
-        "ffv": forward / kv,
-        "ffa": ffa,
-    }
+    own = {"kp": position / kv, "kv": kv, "integral": float(shape[3]), "ffv": forward / kv}
+    own["ffa"] = ffa
     return {**own, **late}
 
 
