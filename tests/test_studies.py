@@ -23,10 +23,12 @@ from pinotwin.identification.studies import (
     table_overlay,
 )
 from pinotwin.identification.study_evidence import evidence, split_rigid_body
+from pinotwin.identification.study_removal import with_and_without
 from pinotwin.identification.study_significance import false_alarm, ratio_at
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
+from pinotwin.virtual import VirtualMachine, random_trajectory
 
 PITCH, RIPPLE = 2 * np.pi / 9, 0.8  # [rad], [N·m]
 COULOMB = {"Y": 24.0, "A": 1.6}
@@ -265,3 +267,18 @@ def test_less_than_a_revolution_is_refused() -> None:
         ripple_orders(q, np.sin(7 * q))
     with pytest.raises(DataError, match="record more positions"):
         ripple_orders(np.linspace(0, 6.3, 40), np.ones(40))
+
+
+def test_leaving_the_ripple_out_is_seen_in_the_prediction() -> None:
+    """Fig. 3-8: the error grows by the ripple's own RMS, and the two predictions differ by it."""
+    virtual = VirtualMachine.load(pt.machines()["laser_driller"])
+    log = virtual.record(random_trajectory(virtual, 8.0, 3), seed=3).to_log()
+    twin = pt.identify(pt.Machine.load("laser_driller"), log, loop=False)
+    study = with_and_without(twin, log, "C", ("ripple_modulated",))
+    complete, without = study.errors()
+    assert without > 3.0 * complete
+    ripple = study.complete - study.without
+    assert np.sqrt(np.mean(ripple**2)) == pytest.approx(np.sqrt(without**2 - complete**2), rel=0.1)
+    assert len(study.figure().data) == 3
+    with pytest.raises(DataError, match="has none of"):
+        with_and_without(twin, log, "Z")

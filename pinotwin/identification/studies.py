@@ -4,6 +4,7 @@
 |---|---|
 | :func:`error_against_data` | Fig. 3-6 |
 | :func:`coupled_against_decoupled` | Fig. 3-7 |
+| :func:`with_and_without` | Fig. 3-8 |
 | :func:`ripple_overlay` | Fig. 3-9 |
 | :func:`friction_overlay` | Fig. 3-10 |
 | :func:`table_overlay` | Fig. 4-10, 4-11 |
@@ -24,9 +25,20 @@ from pinotwin.identification.study_overlay import Overlay as Overlay
 from pinotwin.identification.study_overlay import friction_overlay as friction_overlay
 from pinotwin.identification.study_overlay import ripple_overlay as ripple_overlay
 from pinotwin.identification.study_overlay import table_overlay as table_overlay
+from pinotwin.identification.study_removal import WithAndWithout as WithAndWithout
+from pinotwin.identification.study_removal import with_and_without as with_and_without
 
 __all__ = [
-    "CoupledAgainstDecoupled", "ErrorAgainstData", "Overlay", "RippleOrders",
-    "coupled_against_decoupled", "error_against_data", "friction_overlay", "ripple_orders",
-    "ripple_overlay", "table_overlay",
+    "CoupledAgainstDecoupled",
+    "ErrorAgainstData",
+    "Overlay",
+    "RippleOrders",
+    "WithAndWithout",
+    "coupled_against_decoupled",
+    "error_against_data",
+    "friction_overlay",
+    "ripple_orders",
+    "ripple_overlay",
+    "table_overlay",
+    "with_and_without",
 ]  # fmt: skip

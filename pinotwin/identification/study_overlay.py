@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 FRICTION = (
-    "viscous", "viscous_asymmetric", "coulomb", "coulomb_asymmetric", "stribeck", "quadratic_drag",
+    "viscous", "viscous_asymmetric", "coulomb", "coulomb_asymmetric", "stribeck", "presliding",
+    "quadratic_drag",
 )  # fmt: skip
 """Effects that are functions of the velocity of their axis."""
 RIPPLE = ("ripple", "ripple_modulated")
@@ -171,7 +172,8 @@ def _grid(
     else:
         half = np.linspace(0.0, 1.0, n // 2) ** 2  # denser where Stribeck's curve bends
         grid = np.r_[half * min(float(x.min()), 0.0), half * max(float(x.max()), 0.0)]
-        q, v = np.zeros(n), grid
+        # A second at each speed: enough way for presliding to be over.
+        q, v = np.r_[np.cumsum(grid[: n // 2]), np.cumsum(grid[n // 2 :])], grid
         pieces = (slice(0, n // 2), slice(n // 2, n))
     t = np.arange(n, dtype=float)
     motion = AxisMotion(

@@ -10,6 +10,7 @@ from pinotwin.identification.ripple_orders import RippleOrders
 from pinotwin.identification.study_amount import ErrorAgainstData
 from pinotwin.identification.study_coupling import CoupledAgainstDecoupled
 from pinotwin.identification.study_overlay import Overlay
+from pinotwin.identification.study_removal import WithAndWithout
 from pinotwin.report import display
 from pinotwin.report.figures import (
     ACCENT,
@@ -54,6 +55,20 @@ def overlay_figure(given: Overlay) -> go.Figure:
     margin = 0.12 * max(high - low, 1e-12)
     span = [float((low - margin) * up.factor), float((high + margin) * up.factor)]
     figure.update_yaxes(range=span)
+    return figure
+
+
+def removal_figure(given: WithAndWithout) -> go.Figure:
+    """Return measured effort, and predictions with and without some effects, over time."""
+    up = display.effort(given.rotary, display.largest(given.measured))
+    rows = some_rows(len(given.t))
+    figure = go.Figure(line(given.t[rows], up(given.measured[rows]), "measured", MEASURED))
+    words = ", ".join(key.rpartition(".")[2] for key in given.left_out)
+    figure.add_trace(line(given.t[rows], up(given.without[rows]), f"without {words}", RESIDUAL))
+    figure.add_trace(line(given.t[rows], up(given.complete[rows]), "all effects", ACCENT))
+    style(figure, 330)
+    figure.update_xaxes(title_text="time [s]")
+    figure.update_yaxes(title_text=f"{given.axis} [{up.unit}]")
     return figure
 
 
