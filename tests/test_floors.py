@@ -17,7 +17,7 @@ PACKAGE = ROOT / "pinotwin"
 
 # Part of the package -> floor. A part may import from lower floors only, and from itself.
 FLOORS = {
-    "errors": 0, "arrays": 0, "threads": 0,
+    "errors": 0, "arrays": 0, "threads": 0, "plain": 0,
     "units": 1,
     "log": 2, "motion": 2, "signals": 2, "dynamics": 2,
     "effects": 3, "files": 3, "columns": 3, "quality": 3, "fit": 3, "loop": 3, "imu": 3, "virtual": 3,

@@ -8,14 +8,13 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pinotwin.errors import InputError
+from pinotwin.plain import plain
 
 
 def add_common(parser: argparse.ArgumentParser, *, out: str | None, required: bool = False) -> None:
@@ -23,23 +22,6 @@ def add_common(parser: argparse.ArgumentParser, *, out: str | None, required: bo
     parser.add_argument("--json", metavar="FILE", help="write the machine-readable result here")
     if out is not None:
         parser.add_argument("--out", metavar="PATH", required=required, help=out)
-
-
-def plain(value: Any) -> Any:
-    """Return ``value`` with arrays as lists and numbers that JSON has no word for as None."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, set)):
-        return [plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return str(value)
-    return value
 
 
 def write_json(path: str | Path, value: Any) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink
-from pinotwin.twin.files import plain
+from pinotwin.plain import plain
 
 
 def document(d: Diagnosis) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from pinotwin.errors import TwinError
 from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
 from pinotwin.machine.urdf import with_inertias
+from pinotwin.plain import plain
 from pinotwin.twin.parameters import Parameter
 from pinotwin.twin.twin import Twin, effect_slices
 
@@ -81,21 +82,6 @@ def document(twin: Twin) -> dict[str, Any]:
             "settings": twin.settings,
         }
     )
-
-
-def plain(value: Any) -> Any:
-    """Return ``value`` in JSON's own types; numbers that are not finite become None."""
-    if isinstance(value, dict) or hasattr(value, "items"):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, set)):
-        return [plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
 
 
 def _fields(effect: Effect) -> dict[str, Any]:
