@@ -174,13 +174,13 @@ def _load_channels(log: Log) -> list[str]:
     return [c for c in log.channels if "." in c and c.rpartition(".")[2] in LOAD_SIGNALS]
 
 
-def external(machine: Machine, log: Log) -> Floats | None:
-    """Return the joint effort of the logged external loads J^T f, shape (n, nv); None without any.
+def loads(machine: Machine, log: Log) -> dict[str, Floats]:
+    """Return the logged external loads: link -> wrench f, m in world axes, shape (n, 6) [N, N·m].
 
     Raises:
         LogError: a load on a link that the machine does not have.
     """
-    total = None
+    out = {}
     frames = {frame.name for frame in machine.model.frames} - {"universe"}
     for link in sorted({channel.rpartition(".")[0] for channel in _load_channels(log)}):
         if link not in frames:
@@ -188,11 +188,24 @@ def external(machine: Machine, log: Log) -> Floats | None:
                 f"{log.source}: external load on {link!r}, which is no link of {machine.name}; "
                 f"{nearest(link, frames)}"
             )
-        wrench = np.zeros((len(log), 6))
+        out[link] = np.zeros((len(log), 6))
         for k, part in enumerate(LOAD_SIGNALS):
             if f"{link}.{part}" in log:
-                wrench[:, k] = np.nan_to_num(log[f"{link}.{part}"])
-        q = joint_positions(machine, log, "q")
-        effort = external_effort(machine.model, link, q, wrench)
-        total = effort if total is None else total + effort
+                out[link][:, k] = np.nan_to_num(log[f"{link}.{part}"])
+    return out
+
+
+def external(machine: Machine, log: Log) -> Floats | None:
+    """Return the joint effort of the logged external loads J^T f, shape (n, nv); None without any.
+
+    Raises:
+        LogError: see :func:`loads`.
+    """
+    wrenches = loads(machine, log)
+    if not wrenches:
+        return None
+    q = joint_positions(machine, log, "q")
+    total = np.zeros((len(log), machine.nv))
+    for link, wrench in wrenches.items():
+        total += external_effort(machine.model, link, q, wrench)
     return total

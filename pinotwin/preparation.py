@@ -9,7 +9,7 @@ that only trembles with the noise of its encoder is taken as standing still.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -218,8 +218,3 @@ def _moving(v: Floats, limit: float | None) -> Mask:
     speed = np.abs(v)
     top = float(speed.max(initial=0.0))
     return (speed > 0.0) & (speed >= (0.01 * top if limit is None else limit))
-
-
-def with_rows(motion: Motion, use: Mask) -> Motion:
-    """Return the motion with other rows to identify from."""
-    return replace(motion, use=use)

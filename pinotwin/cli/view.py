@@ -95,7 +95,7 @@ def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extr
     from pinotwin.viewer import draw, parse_posture, play, visual_model
 
     rotary = dict(zip(machine.names, machine.rotary, strict=True))
-    joints = {part.name: part.joint for part in machine.joints}
+    joints = {part.name: part.joint for part in machine.parts}
     values = parse_posture(posture, rotary) if posture else {}
     folders = package_dirs(machine.urdf)
     scene = draw(

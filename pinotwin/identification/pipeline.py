@@ -23,7 +23,6 @@ from pinotwin.motion import Motion
 from pinotwin.preparation import prepare
 from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
-from pinotwin.twin.files import fingerprint
 
 FOLDS = 5
 
@@ -183,7 +182,7 @@ def _provenance(log: Log, motion: Motion) -> dict[str, Any]:
         "source": log.source,
         "samples": len(log),
         "rate": 1.0 / motion.step,
-        "fingerprint": fingerprint(dict(log.channels)),
+        "fingerprint": log.fingerprint(),
         "notes": list(log.notes),
     }
 

@@ -160,11 +160,6 @@ class Machine:
         return int(self.model.nv)
 
     @property
-    def joints(self) -> list[Axis | Passive]:
-        """Axes and passive joints."""
-        return [*self.axes.values(), *self.passive.values()]
-
-    @property
     def parts(self) -> tuple[Axis | Passive, ...]:
         """Axes and passive joints."""
         return (*self.axes.values(), *self.passive.values())
@@ -173,7 +168,7 @@ class Machine:
     def names(self) -> tuple[str, ...]:
         """Axis or passive name of every column of the machine's arrays."""
         out = [""] * self.nv
-        for part in self.joints:
+        for part in self.parts:
             out[part.index] = part.name
         return tuple(out)
 
@@ -181,7 +176,7 @@ class Machine:
     def rotary(self) -> tuple[bool, ...]:
         """Whether each column is a rotation."""
         out = [False] * self.nv
-        for part in self.joints:
+        for part in self.parts:
             out[part.index] = part.rotary
         return tuple(out)
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.channels import loads
 from pinotwin.columns import LOAD_SIGNALS, Column, bind
 from pinotwin.dynamics.frames import external_effort
 from pinotwin.errors import DataError, LogError, nearest
@@ -181,20 +182,10 @@ def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats) -
 
     The tracking error turns J by micrometres over the arm of the load: not worth a loop.
     """
-    links = sorted({c.rsplit(".", 1)[0] for c in log.channels if _is_load(c)})
-    frames = {frame.name for frame in machine.model.frames}
-    total = np.zeros((len(q) if links else 1, machine.nv))
-    for link in links:
-        if link not in frames:
-            raise LogError(
-                f"{log.source}: external load on {link!r}, which is no link of {machine.name}; "
-                f"{nearest(link, frames)}"
-            )
-        wrench = np.zeros((len(q), 6))
-        for k, part in enumerate(LOAD_SIGNALS):
-            if f"{link}.{part}" in log:
-                values = np.nan_to_num(log[f"{link}.{part}"])
-                wrench[:, k] = np.interp(clock, t, values)
+    wrenches = loads(machine, log)
+    total = np.zeros((len(q) if wrenches else 1, machine.nv))
+    for link, logged in wrenches.items():
+        wrench = np.stack([np.interp(clock, t, values) for values in logged.T], axis=1)
         acts: Mask = np.any(wrench != 0.0, axis=1)
         for start in range(0, len(q), _BLOCK):
             rows = start + np.flatnonzero(acts[start : start + _BLOCK])

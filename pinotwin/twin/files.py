@@ -183,14 +183,3 @@ def _closed_loop(content: dict[str, Any]) -> dict[str, Any]:
         "controllers": {k: Controller.from_dict(v) for k, v in content["controllers"].items()},
         "diagonal": diagonal,
     }
-
-
-def fingerprint(values: dict[str, Floats]) -> str:
-    """Return a short hash of channels, to tell whether two results used the same data."""
-    import hashlib
-
-    digest = hashlib.sha256()
-    for name in sorted(values):
-        digest.update(name.encode())
-        digest.update(np.ascontiguousarray(values[name], dtype=float).tobytes())
-    return digest.hexdigest()[:16]
