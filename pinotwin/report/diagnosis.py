@@ -83,7 +83,8 @@ def diagnosis_page(d: Diagnosis, logs: Sequence[Log]) -> Page:
 
 _HOW_FAR = (
     "RMS, the usual size, of log minus model. Promised: what the fit itself expects. Delivered: what "
-    "came of it on data that were not used to find the cause, with a 90 % interval. Noise floor: "
+    "came of it on data that its size was not fitted to, with a 90 % interval; the choice of the "
+    "cause has seen those data, so without a separate log it flatters. Noise floor: "
     "what differs between two runs of the same motion; no model gets below it."
 )
 
