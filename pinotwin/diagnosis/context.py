@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,6 +23,7 @@ class Scene:
     """One log as candidates see it; arrays of shape (n, nv).
 
     Attributes:
+        log: index of the log.
         motion: prepared log.
         effort: effort that the base model predicts (never the measured one) [N or N·m].
         rigid: the rigid-body part of it.
@@ -30,6 +31,7 @@ class Scene:
         inertia: effective inertia of every joint, others at rest [kg or kg·m²].
     """
 
+    log: int
     motion: Motion
     effort: Floats
     rigid: Floats
@@ -74,14 +76,57 @@ class Context:
         """Return the top speed of a joint over all logs."""
         return max(float(np.abs(s.motion.v[:, joint]).max()) for s in self.scenes)
 
-    def on_joint(self, joint: int, make: Callable[[Scene], Floats]) -> list[Blocks]:
-        """Return columns that act on one joint, per log."""
-        return [[(joint, make(scene))] for scene in self.scenes]
+
+Shape = Mapping[str, float]
+Make = Callable[[Scene, Shape], Blocks]
+
+
+@dataclass(frozen=True)
+class Family:
+    """One effect on one axis, at every shape that is tried.
+
+    Attributes:
+        effect: name in the catalogue.
+        axis: axis, or None for the machine.
+        names: name of every coefficient.
+        make: (scene, shape) -> columns per joint.
+        shapes: shapes that are tried.
+        positive: the one coefficient must not be negative.
+        price: what the search of its shape costs beyond the held-out score [deviance].
+        fine: shape -> relative half width of its grid, for those that are polished once found.
+        local: its columns live in moments of one log; other blocks cannot foretell them, so that it
+            is judged by its fit less the price of the search.
+    """
+
+    effect: str
+    axis: str | None
+    names: tuple[str, ...]
+    make: Make
+    shapes: Sequence[Shape] = ({},)
+    positive: bool = False
+    price: float = 0.0
+    fine: Mapping[str, float] = field(default_factory=dict)
+    local: bool = False
+
+    @property
+    def key(self) -> tuple[str, str | None]:
+        """Effect and axis."""
+        return self.effect, self.axis
+
+    def columns(self, context: Context, shape: Shape) -> list[Blocks]:
+        """Return the columns at one shape, per log."""
+        return [self.make(scene, shape) for scene in context.scenes]
+
+    def at(self, context: Context, shape: Shape) -> Candidate:
+        """Return the candidate at one shape."""
+        return Candidate(
+            self.effect, self.axis, dict(shape), self.columns(context, shape), self.names
+        )
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect at one shape, ready to be judged.
+    """One effect at one shape.
 
     Attributes:
         effect: name in the catalogue.
@@ -89,8 +134,6 @@ class Candidate:
         shape: shape values, SI.
         columns: per log, (joint, values of shape (n, k)).
         names: name of every coefficient.
-        positive: the one coefficient must not be negative.
-        price: what the search of its shape costs beyond the held-out score [deviance].
     """
 
     effect: str
@@ -98,20 +141,25 @@ class Candidate:
     shape: dict[str, float]
     columns: list[Blocks]
     names: tuple[str, ...]
-    positive: bool = False
-    price: float = 0.0
 
 
-Family = Sequence[Candidate]
+def on(joint: int, values: Callable[[Scene, Shape], Floats]) -> Make:
+    """Return the maker of a family that acts on one joint; ``values`` gives (n,) or (n, k)."""
+
+    def make(scene: Scene, shape: Shape) -> Blocks:
+        x = values(scene, shape)
+        return [(joint, x[:, None] if x.ndim == 1 else x)]
+
+    return make
 
 
 def make_context(rows: Rows, base: Base, theta: Floats) -> Context:
     """Return the context of a base model with its coefficients."""
-    scenes = tuple(_scene(rows, base, theta, motion) for motion in rows.motions)
+    scenes = tuple(_scene(rows, base, theta, k, motion) for k, motion in enumerate(rows.motions))
     return Context(rows.machine, rows, base, theta, scenes)
 
 
-def _scene(rows: Rows, base: Base, theta: Floats, motion: Motion) -> Scene:
+def _scene(rows: Rows, base: Base, theta: Floats, log: int, motion: Motion) -> Scene:
     machine = rows.machine
     shape = motion.q.shape
     effort, rigid = np.zeros(shape), np.zeros(shape)
@@ -121,7 +169,8 @@ def _scene(rows: Rows, base: Base, theta: Floats, motion: Motion) -> Scene:
     beta = theta[effect_slices(base.effects)[at]]
     own = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)
     rigid = own @ beta
-    return Scene(motion, effort, rigid, _directions(base, motion), _inertias(machine, motion, beta))
+    direction, inertia = _directions(base, motion), _inertias(machine, motion, beta)
+    return Scene(log, motion, effort, rigid, direction, inertia)
 
 
 def _directions(base: Base, motion: Motion) -> Floats:

@@ -7,58 +7,77 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.diagnosis.advice import CLASSES, same_class
-from pinotwin.diagnosis.decide import Decision, Named, confidences
+from pinotwin.diagnosis.advice import CLASSES
+from pinotwin.diagnosis.calibration import Calibration, alike, tempered
+from pinotwin.diagnosis.decide import Decision, Named
 from pinotwin.diagnosis.gaps import Gaps
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Found, Shrink
 from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.shrinking import held_out, shrink
+from pinotwin.diagnosis.verdict import Left
 from pinotwin.twin.twin import effect_keys
 
 SET = 0.9  # probability that the stated alternatives cover
+WARMTH = 0.01  # temperature per gain that columns of first order ask for, whatever injections say
 Pairs = list[tuple[str, str, str | None]]
 
 
 def findings(
-    start: Ready, decision: Decision, gap: Gaps, rng: np.random.Generator
+    start: Ready, decision: Decision, gap: Gaps, left: Left, rng: np.random.Generator
 ) -> tuple[list[Found], list[list[str]], Pairs]:
     """Return the effects, the groups that cannot be told apart, and the pairs to separate."""
     effects, pairs = [], []
     confusable: list[list[str]] = []
     for named in decision.named:
-        options = _merged(named)
+        joints = {joint for joint, _ in named.judged.candidate.columns[0]}
+        partial = bool(joints & set(left.open))
+        options = _options(named, decision.calibration, partial=partial)
         probability = sum(p for j, p in options if j is named.judged)
         others = _covering(options, named.judged)
         moves = _moves(start, decision, named.judged)
         effects.append(_found(start, decision, gap, named, probability, others, moves, rng))
+        confusable += [
+            [_name(named.judged.key), _name(key)]
+            for key in decision.calibration.like(named.judged.key, named.judged.gain)
+        ]
         for item in others:
-            if item["probability"] > 0.2:
+            if item["probability"] > 0.2 and item["effect"] != "none":
                 axis = item["axis"]
-                confusable.append([_label(named.judged), f"{axis}.{item['effect']}"])
+                confusable.append([_name(named.judged.key), _name((item["effect"], axis))])
                 pairs.append((named.judged.candidate.effect, str(item["effect"]), axis))
     confusable += _exact(decision)
+    confusable = [list(x) for x in dict.fromkeys(tuple(g) for g in confusable)]
     effects.sort(key=lambda e: -max((x.share * x.before for x in e.shrink.values()), default=0.0))
     return effects, confusable, pairs
 
 
-def _merged(named: Named) -> list[tuple[Judged | None, float]]:
-    """Return the options, those of the named effect's own class and axis counted with it."""
-    out: list[tuple[Judged | None, float]] = []
-    own = 0.0
-    for judged, p in confidences(named):
-        if judged is not None and _same(judged, named.judged):
-            own += p
-        else:
-            out.append((judged, p))
-    return sorted([*out, (named.judged, own)], key=lambda x: -x[1])
+def _options(
+    named: Named, calibration: Calibration, *, partial: bool
+) -> list[tuple[Judged | None, float]]:
+    """Return the named effect, its rivals and None (no effect) with probabilities, best first.
+
+    Options of the named effect's own class and axis count with it. The share of right answers among
+    injections that looked as sure replaces the probability of the first; the others share the rest.
+    """
+    every: list[Judged | None] = [named.judged, *named.rivals, None]
+    G = np.array([named.judged.G, *(j.G for j in named.rivals)])
+    p = tempered(G, named.threshold, max(calibration.warmth, WARMTH))
+    own = float(sum(x for j, x in zip(every, p, strict=True) if j and _same(j, named.judged)))
+    rest = [
+        (j, float(x)) for j, x in zip(every, p, strict=True) if not (j and _same(j, named.judged))
+    ]
+    sure = calibration.confidence(own, partial=partial)
+    left = sum(x for _, x in rest)
+    scale = (1.0 - sure) / left if left > 0.0 else 0.0
+    out: list[tuple[Judged | None, float]] = [(named.judged, sure)]
+    out += [(j, x * scale) for j, x in rest]
+    return sorted(out, key=lambda x: -x[1])
 
 
 def _same(a: Judged, b: Judged) -> bool:
-    if not same_class(a.candidate.effect, b.candidate.effect):
-        return False
-    return a.candidate.axis == b.candidate.axis or a.candidate.effect == "payload"
+    return alike(a.key, b.key)
 
 
 def _covering(options: Sequence[tuple[Judged | None, float]], own: Judged) -> list[dict[str, Any]]:
@@ -150,15 +169,15 @@ def _moves(
     }
 
 
-def _label(judged: Judged) -> str:
-    axis = judged.candidate.axis
-    return judged.candidate.effect if axis is None else f"{axis}.{judged.candidate.effect}"
+def _name(key: tuple[str, str | None]) -> str:
+    effect, axis = key
+    return effect if axis is None else f"{axis}.{effect}"
 
 
 def _exact(decision: Decision) -> list[list[str]]:
     """Return the effects that this log cannot tell from the base model itself."""
     return [
-        [effect if axis is None else f"{axis}.{effect}", "base model"]
-        for effect, axis in decision.unseen
-        if effect not in ("ripple", "ripple_modulated", "position_table")
+        [_name(key), "base model"]
+        for key in decision.unseen
+        if key[0] not in ("ripple", "ripple_modulated", "position_table")
     ]

@@ -11,7 +11,7 @@ from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Gap, Shrink, Traces
 from pinotwin.diagnosis.search import Judged
-from pinotwin.diagnosis.shrinking import HeldOut, held_out, plain_stage, shrink
+from pinotwin.diagnosis.shrinking import Errors, HeldOut, held_out, plain_stage, shrink
 from pinotwin.diagnosis.stage import Stage
 
 
@@ -47,34 +47,38 @@ def gaps(start: Ready, decision: Decision, rng: np.random.Generator) -> Gaps:
     together: dict[str, dict[str, Shrink]] = {}
     for joint in stage.rows.joints:
         axis = stage.rows.motions[0].names[joint]
-        size = _size(before, joint)
-        rms = _rms(before, joint)
+        size = _size(before.delivered, joint)
+        rms = _rms(before.delivered, joint)
         noise = stage.noise.rms[joint]
-        table[axis] = {"u": Gap(rms, rms / size if size else 0.0, noise, _rms(after, joint))}
+        table[axis] = {
+            "u": Gap(rms, rms / size if size else 0.0, noise, _rms(after.delivered, joint))
+        }
         if named:
             found = shrink(before, after, joint, noise, rng)
             together[axis] = {} if found is None else {"u": found}
-    return Gaps(table, together, stage, before, after, tuple(_traces(before, after)))
+    return Gaps(
+        table, together, stage, before, after, tuple(_traces(before.delivered, after.delivered))
+    )
 
 
-def _rms(errors: HeldOut, joint: int) -> float:
+def _rms(errors: Errors, joint: int) -> float:
     parts = [
         e
-        for p, e in zip(errors.stage.pieces, errors.error, strict=True)
+        for p, e in zip(errors.stage.pieces, errors.values, strict=True)
         if p.channel.joint == joint
     ]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0
 
 
-def _size(errors: HeldOut, joint: int) -> float:
+def _size(errors: Errors, joint: int) -> float:
     parts = [p.channel.y for p in errors.stage.pieces if p.channel.joint == joint]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0
 
 
-def _traces(before: HeldOut, after: HeldOut) -> list[Traces]:
+def _traces(before: Errors, after: Errors) -> list[Traces]:
     out = []
     motions = before.stage.rows.motions
-    for piece, e, f in zip(before.stage.pieces, before.error, after.error, strict=True):
+    for piece, e, f in zip(before.stage.pieces, before.values, after.values, strict=True):
         motion = motions[piece.channel.log]
         t = motion.t[piece.channel.centres[piece.kept]]
         out.append(Traces(motion.names[piece.channel.joint], piece.channel.log, t, e, f))

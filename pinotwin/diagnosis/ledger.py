@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cholesky, solve_triangular
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.stage import Piece, Stage
@@ -46,26 +46,24 @@ class Ledger:
     Attributes:
         stage: whose sums they are.
         groups: (fold, log) pairs.
-        total: factor of L of all rows, and of all rows but each fold.
+        roots: inverse Cholesky factors R of L of all rows, and of all rows but each fold, so that
+            L^-1 = R' R, shape (folds + 1, p, p).
         right: B'Y of all rows, and of all but each fold, shape (folds + 1, p, d).
         theta: coefficients of the base from all rows, shape (p,).
-        scale: length of every base column, shape (p,).
         Y: measured (first) and drawn efforts per piece, whitened, each of shape (m, d).
     """
 
     stage: Stage
     groups: tuple[Group, ...]
-    factors: tuple[object, ...]
+    roots: Floats
     right: Floats
     theta: Floats
-    scale: Floats
     Y: tuple[Floats, ...]
 
     def solve(self, k: int, x: Floats) -> Floats:
         """Return L_k^-1 x, with k = 0 for all rows and f + 1 for all but fold f."""
-        shape = x.shape
-        flat = x.reshape(shape[0], -1) / self.scale[:, None]
-        return np.asarray((cho_solve(self.factors[k], flat) / self.scale[:, None]).reshape(shape))
+        flat = x.reshape(x.shape[0], -1)
+        return np.asarray(self.roots[k].T @ (self.roots[k] @ flat)).reshape(x.shape)
 
 
 def build_ledger(
@@ -122,15 +120,21 @@ def _factored(
     whole, right = A.sum(axis=0) + stage.base.precision, r.sum(axis=0)
     scale = np.sqrt(np.maximum(np.diag(whole), 1e-30))
     scale = np.where(scale > 1e-12 * scale.max(), scale, scale.max())
-    outer = np.outer(scale, scale)
-    eye = RIDGE * np.eye(len(scale))
-    factors = [cho_factor(whole / outer + eye)]
+    roots = [_root(whole, scale, RIDGE)]
     rights = [right]
     for fold in range(stage.blocks):
-        factors.append(cho_factor((whole - A[fold]) / outer + 10 * eye))
+        roots.append(_root(whole - A[fold], scale, 10 * RIDGE))
         rights.append(right - r[fold])
-    theta = cho_solve(factors[0], right[:, 0] / scale) / scale
-    return Ledger(stage, groups, tuple(factors), np.array(rights), theta, scale, Y)
+    theta = roots[0].T @ (roots[0] @ right[:, 0])
+    return Ledger(stage, groups, np.array(roots), np.array(rights), theta, Y)
+
+
+def _root(L: Floats, scale: Floats, ridge: float) -> Floats:
+    """Return R with L^-1 = R' R, columns scaled to one and held by a ridge."""
+    normal = L / np.outer(scale, scale) + ridge * np.eye(len(scale))
+    lower = cholesky(normal, lower=True)
+    inverse = solve_triangular(lower, np.eye(len(scale)), lower=True)
+    return np.asarray(inverse / scale)
 
 
 @dataclass(frozen=True)
@@ -167,7 +171,7 @@ def sums(ledger: Ledger, batch: Sequence[Floats | None]) -> Sums:
             C, piece = batch[n], stage.pieces[n]
             if C is None:
                 continue
-            own = C[rows]
+            own = np.asarray(C[rows], dtype=float)
             flat = own.reshape(len(own), -1)
             cc += np.einsum("nik,nil->ikl", own, own) if k > 1 else (own**2).sum(0)[:, :, None]
             cb[:, piece.columns] += flat.T @ piece.B[rows]
@@ -200,7 +204,7 @@ class Worth:
 
     Attributes:
         G: held-out gain in whitened deviance, on the measured and the drawn efforts, shape (I, d).
-        gain: in-sample gain on the measured effort, shape (I,).
+        gain: in-sample gain on the measured and the drawn efforts, shape (I, d).
         theta: coefficients, shape (I, k).
         share: how much of the columns the base does not explain already, shape (I,).
         deviation: standard error of theta, shape (I, k).
@@ -238,7 +242,7 @@ def worth(ledger: Ledger, s: Sums) -> Worth:
     G = by_fold.sum(axis=0)
     if ledger.stage.base.change:
         G = G + relief(ledger, s)
-    return Worth(G, gain[0][:, 0], theta, share, deviation, by_fold[:, :, 0], sign)
+    return Worth(G, gain[0], theta, share, deviation, by_fold[:, :, 0], sign)
 
 
 def relief(ledger: Ledger, s: Sums) -> Floats:
@@ -269,10 +273,10 @@ def schur(ledger: Ledger, s: Sums, k: int) -> tuple[Floats, Floats, Floats]:
     """Return g (I, k, d), S (I, k, k) and the raw column powers (I, k), base projected out."""
     CB = s.CB[k]
     count, width, p = CB.shape
-    flat = CB.reshape(count * width, p)
-    X = ledger.solve(k, flat.T).T.reshape(count, width, p)
-    S = s.CC[k] - np.einsum("ikp,ilp->ikl", CB, X)
-    g = s.Cy[k] - (X.reshape(-1, p) @ ledger.right[k]).reshape(count, width, -1)
+    root = ledger.roots[k]
+    Z = (CB.reshape(count * width, p) @ root.T).reshape(count, width, p)
+    S = s.CC[k] - np.einsum("ikp,ilp->ikl", Z, Z)
+    g = s.Cy[k] - (Z.reshape(-1, p) @ (root @ ledger.right[k])).reshape(count, width, -1)
     return g, S, np.einsum("ikk->ik", s.CC[k])
 
 

@@ -13,7 +13,8 @@ from pinotwin.diagnosis.gaps import Gaps, gaps
 from pinotwin.diagnosis.prepare import Ready, ready
 from pinotwin.diagnosis.result import Diagnosis, Region
 from pinotwin.diagnosis.search import Settings
-from pinotwin.diagnosis.verdict import judge
+from pinotwin.diagnosis.servo import servo_findings
+from pinotwin.diagnosis.verdict import judge, left_over
 from pinotwin.diagnosis.where import localise
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -61,18 +62,25 @@ def diagnose(
     )
     decision = decide(start.context, start.search_stage, start.theta, settings, tell)
     tell("measuring the gap", 0.85)
-    rng = np.random.default_rng([seed, 99])
-    gap = gaps(start, decision, rng)
-    return _diagnosis(subject, start, decision, gap, quick, rng)
+    gap = gaps(start, decision, np.random.default_rng([seed, 98]))
+    return _diagnosis(subject, start, decision, gap, settings, quick)
 
 
 def _diagnosis(
-    subject: Machine | Twin, start: Ready, decision: Decision, gap: Gaps, quick: bool,
-    rng: np.random.Generator,
+    subject: Machine | Twin, start: Ready, decision: Decision, gap: Gaps, settings: Settings,
+    quick: bool,
 ) -> Diagnosis:  # fmt: skip
     rows, noise = start.stage.rows, start.stage.noise
-    effects, confusable, pairs = findings(start, decision, gap, rng)
-    verdict = judge(start, decision, gap, effects)
+    rng = np.random.default_rng([settings.seed, 99])
+    left = left_over(start, decision, gap)
+    effects, confusable, pairs = findings(start, decision, gap, left, rng)
+    flags = rows.validation
+    fitted = [m for m, held in zip(rows.motions, flags, strict=True) if not held]
+    unseen = [m for m, held in zip(rows.motions, flags, strict=True) if held]
+    effects += [
+        f for f in servo_findings(subject, fitted, unseen) if f.effect not in settings.leave_out
+    ]
+    verdict = judge(start, decision, gap, left, effects)
     has_command = rows.motions[0].qr is not None
     advice, motions = advise(noise.kind, pairs, has_command=has_command)
     files = {

@@ -55,26 +55,26 @@ def ready(
     """Return the stage of a diagnosis."""
     machine = subject.machine if isinstance(subject, Twin) else subject
     machine = machine.with_rigid_joints()
-    rows = take_rows(machine, logs, validation)
+    every = take_rows(machine, logs, validation)
+    rows = every.fitted  # validation logs are sealed: nothing below is fitted to them
     tick("rows")
     if isinstance(subject, Twin):
-        base = change_base(subject, rows)
+        base = change_base(subject, every)
     else:
-        base = shaped_base(rows, laid(machine, rows), white_noise(rows))
+        base = shaped_base(rows, laid(machine, every), white_noise(rows))
     tick("base")
     theta, residuals = _first(rows, base, white_noise(rows))
     noise = estimate(rows, residuals, _friction(rows, base), rich=_rich(rows, residuals))
     for _ in range(2):
-        stage = build_stage(rows, base, noise)
-        ledger = build_ledger(stage, theta)
+        ledger = build_ledger(build_stage(rows, base, noise), theta)
         theta = ledger.theta + (base.mean if base.change else 0.0)
     residuals = _residuals(rows, base, theta)
     noise = estimate(rows, residuals, _friction(rows, base), rich=_rich(rows, residuals))
-    stage = build_stage(rows, base, noise)
     tick("noise")
-    context = make_context(rows, base, theta)
+    seen = replace(every, channels=tuple(c for c in every.channels if c.joint in noise.models))
+    context = make_context(seen, base, theta)
     tick("scenes")
-    return Ready(context, stage, theta, residuals)
+    return Ready(context, build_stage(seen, base, noise), theta, _residuals(seen, base, theta))
 
 
 def _first(rows: Rows, base: Base, noise: Noise) -> tuple[Floats, tuple[Floats, ...]]:

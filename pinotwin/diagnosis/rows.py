@@ -98,6 +98,12 @@ class Rows:
         return tuple(sorted({c.joint for c in self.channels}))
 
     @property
+    def fitted(self) -> Rows:
+        """The rows without those of validation logs: all that may be fitted to."""
+        kept = tuple(c for c in self.channels if not self.validation[c.log])
+        return replace(self, channels=kept)
+
+    @property
     def row_step(self) -> float:
         """Time between rows [s]."""
         return self.motions[0].step * self.thinner.factor
@@ -204,8 +210,3 @@ def _same(a: Motion, b: Motion) -> bool:
         return False
     size = np.std(x[:n], axis=0) + 1e-12
     return bool((np.sqrt(np.mean((x[:n] - y[:n]) ** 2, axis=0)) < 0.01 * size + 1e-9).all())
-
-
-def with_validation(rows: Rows, flags: Sequence[bool]) -> Rows:
-    """Return the rows with other logs held out."""
-    return replace(rows, validation=tuple(flags))

@@ -1,24 +1,25 @@
-"""Which effects: every candidate judged jointly with the base, one admitted at a time, with re-checks."""
+"""Which effects: every candidate judged jointly with the base on data it was not fitted to."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.catalogue import families, searched_families
-from pinotwin.diagnosis.catalogue.position import waves
-from pinotwin.diagnosis.context import Candidate, Context, Family
-from pinotwin.diagnosis.ledger import Ledger, Worth, build_ledger, sums, worth
-from pinotwin.diagnosis.null import draws
+from pinotwin.diagnosis.bank import Batch, Shelf, shelf, stacked
+from pinotwin.diagnosis.catalogue.events import find_events, pushes
+from pinotwin.diagnosis.catalogue.position import modulated
+from pinotwin.diagnosis.context import Candidate, Context, Family, Shape
+from pinotwin.diagnosis.ledger import Ledger, Worth, sums, worth
 from pinotwin.diagnosis.stage import Piece, Stage
 
 LEAST_SHARE = 2e-4  # of a candidate's columns that the base must leave open
 LEAST_SHARE_OF_POSITION = 0.01  # the same where a table interpolates between its knots
-BATCH = 64
 POSITION = ("ripple", "ripple_modulated", "position_table")
+PEAKS = 2  # pitches of a plain ripple at which a modulated one is tried
+Key = tuple[str, str | None]
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class Judged:
     """The best candidate of a family.
 
     Attributes:
+        family: whose best it is.
         candidate: at its best shape.
         G: held-out gain less the price of its search [whitened deviance].
         gain: in-sample gain.
@@ -36,6 +38,7 @@ class Judged:
         identifiable: whether the log can tell it from the base at all.
     """
 
+    family: Family
     candidate: Candidate
     G: float
     gain: float
@@ -46,7 +49,7 @@ class Judged:
     identifiable: bool
 
     @property
-    def key(self) -> tuple[str, str | None]:
+    def key(self) -> Key:
         """Effect and axis."""
         return self.candidate.effect, self.candidate.axis
 
@@ -57,18 +60,20 @@ class Screened:
 
     Attributes:
         judged: best first.
-        threshold: held-out gain that healthy draws reach with the stated probability.
-        null: the largest gain of every draw, shape (draws,).
+        keys: of every family, in the order of ``tops``.
+        tops: largest gain of every family in every draw, shape (families, draws).
     """
 
     judged: tuple[Judged, ...]
-    threshold: float
-    null: Floats
+    keys: tuple[Key, ...]
+    tops: Floats
 
-    @property
-    def named(self) -> tuple[Judged, ...]:
-        """The ones above the threshold."""
-        return tuple(j for j in self.judged if self.threshold < j.G)
+    def threshold(self, alpha: float, columns: slice = slice(None)) -> float:
+        """Return the gain that the best of all families exceeds with a probability in healthy draws."""
+        null = self.tops[:, columns].max(axis=0)
+        beta = float(np.std(null)) * np.sqrt(6.0) / np.pi  # a Gumbel law by its moments
+        fitted = float(np.mean(null)) - 0.5772 * beta - beta * np.log(-np.log(1.0 - alpha))
+        return max(fitted, 8.0)
 
 
 @dataclass(frozen=True)
@@ -77,13 +82,15 @@ class Settings:
 
     Attributes:
         draws: healthy draws for the threshold.
-        alpha: probability that a healthy machine exceeds it.
+        injections: effects put into healthy draws, for the confidence.
+        alpha: probability that a healthy machine exceeds the threshold.
         most: most effects that are named.
         leave_out: effects that are not considered.
         seed: of the draws.
     """
 
     draws: int = 200
+    injections: int = 240
     alpha: float = 0.02
     most: int = 3
     leave_out: frozenset[str] = frozenset()
@@ -91,151 +98,161 @@ class Settings:
 
 
 RARE = {"geometric_error": 4.0, "position_table": 4.0, "encoder_error": 2.0, "backlash": 2.0,
-        "wrist_coupling": 2.0, "viscous_asymmetric": 2.0, "ripple_modulated": 2.0}  # fmt: skip
+        "wrist_coupling": 2.0, "viscous_asymmetric": 2.0, "ripple_modulated": 2.0,
+        "external_force": 2.0}  # fmt: skip
 """Deviance that an uncommon effect must bring beyond a common one that does the same."""
-
-Cache = dict[tuple[str, str | None], list[tuple[Family, list[Floats | None]]]]
-"""Whitened columns of families whose candidates do not depend on what was admitted."""
 
 
 def screen(
-    context: Context,
-    ledger: Ledger,
-    settings: Settings,
-    taken: Sequence[tuple[str, str | None]] = (),
-    cache: Cache | None = None,
-) -> Screened:
+    context: Context, shelves: Sequence[Shelf], ledger: Ledger, settings: Settings,
+    taken: Sequence[Key] = (),
+) -> Screened:  # fmt: skip
     """Judge every family of the catalogue on a ledger.
 
     Args:
         context: what candidates are made from.
+        shelves: the bank.
         ledger: of the base with what was admitted already, drawn efforts included.
         settings: see :class:`Settings`.
         taken: effects already admitted; they are not judged again.
-        cache: columns of an earlier screen of the same rows; filled and used.
     """
-    judged, tops = [], []
-    for key, parts in _parts(context, ledger, settings, {} if cache is None else cache):
-        if key in taken:
-            continue
-        found, top = _judge(parts, ledger)
-        judged.append(found)
-        tops.append(top)
-    null = np.max(np.array(tops), axis=0) if tops else np.zeros(0)
-    judged.sort(key=lambda j: -j.G)
-    return Screened(tuple(judged), _quantile(null, settings.alpha), null)
+    judged: list[Judged] = []
+    tops: list[Floats] = []
 
+    def take(found: tuple[Judged, Floats] | None) -> None:
+        if found is not None and found[0].key not in taken:
+            judged.append(found[0])
+            tops.append(found[1])
 
-def _quantile(null: Floats, alpha: float) -> float:
-    """Return the upper quantile of a sample of maxima by a Gumbel law fitted to its moments."""
-    if len(null) < 8:
-        return 20.0
-    beta = float(np.std(null)) * np.sqrt(6.0) / np.pi
-    fitted = float(np.mean(null)) - 0.5772 * beta - beta * np.log(-np.log(1.0 - alpha))
-    return max(fitted, 8.0)
-
-
-def _parts(context: Context, ledger: Ledger, settings: Settings, cache: Cache):  # type: ignore[no-untyped-def]
-    """Yield (key, batches of candidates with their whitened columns) of every family."""
-    if not cache:
-        for family in families(context, leave_out=settings.leave_out):
-            key = (family[0].effect, family[0].axis)
-            cache[key] = [(p, _stacked(ledger.stage, p)) for p in _batches(family)]
-    yield from cache.items()
-    scan = _scanner(context, ledger)
-    for family in searched_families(context, scan, leave_out=settings.leave_out):
-        key = (family[0].effect, family[0].axis)
-        yield key, [(p, _stacked(ledger.stage, p)) for p in _batches(family)]
-
-
-def _judge(
-    parts: Sequence[tuple[Family, list[Floats | None]]], ledger: Ledger
-) -> tuple[Judged, Floats]:
-    """Return the best of a family and, per draw, the largest gain in it."""
-    best: Judged | None = None
-    top = np.full(ledger.right.shape[2] - 1, -np.inf)
-    for part, stacked in parts:
-        w = worth(ledger, sums(ledger, stacked))
-        least = LEAST_SHARE_OF_POSITION if part[0].effect in POSITION else LEAST_SHARE
-        positive = np.array([c.positive for c in part])[:, None]
-        rare = RARE.get(part[0].effect, 0.0)
-        G = w.G - np.array([c.price + rare for c in part])[:, None]
-        G = np.where((positive & (w.sign < 0)) | (w.share <= least)[:, None], -1e3, G)
-        if G.shape[1] > 1:
-            top = np.maximum(top, G[:, 1:].max(axis=0))
-        k = int(np.argmax(G[:, 0]))
-        if best is None or G[k, 0] > best.G:
-            best = _row(part[k], w, k, float(G[k, 0]), bool(w.share.max() > least))
-    assert best is not None
-    return best, top
-
-
-def _row(candidate: Candidate, w: Worth, k: int, G: float, seen: bool) -> Judged:
-    return Judged(
-        candidate, G, float(w.gain[k]), w.theta[k], w.deviation[k], float(w.share[k]),
-        w.by_fold[:, k], seen,
+    for s in shelves:
+        if s.family.key not in taken or s.family.effect == "ripple":
+            worths = [worth(ledger, sums(ledger, b.columns)) for b in s.batches]
+            take(_best(context, s.family, s.batches, worths))
+            if s.family.effect == "ripple" and "ripple_modulated" not in settings.leave_out:
+                take(_modulated(context, ledger, s, worths))
+    if "external_force" not in settings.leave_out:
+        for axis, joint in _axes(context):
+            if ("external_force", axis) not in taken:
+                take(_pushed(context, ledger, axis, joint))
+    order = np.argsort([-j.G for j in judged], kind="stable")
+    return Screened(
+        tuple(judged[k] for k in order), tuple(judged[k].key for k in order),
+        np.array([tops[k] for k in order]),
     )  # fmt: skip
 
 
-def _batches(family: Family) -> Iterator[Family]:
-    """Yield parts of a family whose candidates have the same joints and number of columns."""
-    part: list[Candidate] = []
-    for candidate in family:
-        if part and (len(part) >= BATCH or _form(candidate) != _form(part[0])):
-            yield part
-            part = []
-        part.append(candidate)
-    if part:
-        yield part
+def _axes(context: Context) -> list[tuple[str, int]]:
+    seen = {c.joint for c in context.rows.channels}
+    return [(a.name, a.index) for a in context.machine.axes.values() if a.index in seen]
 
 
-def _form(candidate: Candidate) -> tuple[tuple[int, int], ...]:
-    return tuple((joint, x.shape[1]) for joint, x in candidate.columns[0])
+def _modulated(
+    context: Context, ledger: Ledger, plain: Shelf, worths: Sequence[Worth]
+) -> tuple[Judged, Floats] | None:
+    joint = context.machine.axis(str(plain.family.axis)).index
+    if not context.machine.rotary[joint]:
+        return None
+    gain = np.concatenate([w.gain[:, 0] for w in worths])
+    padded = np.concatenate([[-1.0], gain, [-1.0]])
+    peaks = np.flatnonzero((gain >= padded[:-2]) & (gain > padded[2:]))
+    best = peaks[np.argsort(gain[peaks])[::-1][:PEAKS]]
+    family = modulated(plain.family, joint, [plain.family.shapes[k]["period"] for k in best])
+    return judge(context, ledger, shelf(context, ledger.stage, family))
 
 
-def _stacked(stage: Stage, family: Family) -> list[Floats | None]:
-    parts = [stage.project(c.columns) for c in family]
-    out: list[Floats | None] = []
-    for piece in range(len(stage.pieces)):
-        values = [p[piece] for p in parts]
-        present = [x for x in values if x is not None]
-        out.append(np.stack(present, axis=1) if present else None)
-    return out
+def _pushed(
+    context: Context, ledger: Ledger, axis: str, joint: int
+) -> tuple[Judged, Floats] | None:
+    events, price, top = find_events(ledger, joint)
+    if not events:
+        return None
+    found, _ = judge(
+        context, _measured(ledger), shelf(context, ledger.stage, pushes(axis, joint, events, price))
+    )
+    net = sum(e.gain - price for e in events) - RARE["external_force"]
+    return replace(found, G=float(min(net, found.G))), top
 
 
-def _scanner(context: Context, ledger: Ledger):  # type: ignore[no-untyped-def]
-    """Return the function that scans pitches of a sinusoid on one joint."""
-    stage = ledger.stage
-    plain = replace_draws(ledger)
-
-    def scan(joint: int, pitches: Sequence[float]) -> Floats:
-        gain = []
-        for first in range(0, len(pitches), 100):
-            part = pitches[first : first + 100]
-            columns = [_many_waves(s.motion.q[:, joint], part) for s in context.scenes]
-            batch: list[Floats | None] = []
-            for piece in stage.pieces:
-                if piece.channel.joint != joint:
-                    batch.append(None)
-                    continue
-                rows = stage.whitened(piece, columns[piece.channel.log])
-                batch.append(rows.reshape(len(rows), len(part), 2))
-            gain.append(worth(plain, sums(plain, batch)).gain)
-        return np.concatenate(gain)
-
-    return scan
+def judge(context: Context, ledger: Ledger, s: Shelf) -> tuple[Judged, Floats]:
+    """Return the best of a family and, per draw, the largest gain in it."""
+    worths = [worth(ledger, sums(ledger, b.columns)) for b in s.batches]
+    return _best(context, s.family, s.batches, worths)
 
 
-def _many_waves(q: Floats, pitches: Sequence[float]) -> Floats:
-    return np.concatenate([waves(q, p) for p in pitches], axis=1)
+def _best(
+    context: Context, family: Family, batches: Sequence[Batch], worths: Sequence[Worth]
+) -> tuple[Judged, Floats]:
+    least = LEAST_SHARE_OF_POSITION if family.effect in POSITION else LEAST_SHARE
+    price = family.price + RARE.get(family.effect, 0.0)
+    top: Floats | None = None
+    best: tuple[float, Batch, Worth, int] | None = None
+    seen = False
+    for batch, w in zip(batches, worths, strict=True):
+        G = (w.gain if family.local else w.G) - price
+        closed = (family.positive & (w.sign < 0)) | (w.share <= least)[:, None]
+        G = np.where(closed, -1e3, G)
+        high = G[:, 1:].max(axis=0)
+        top = high if top is None else np.maximum(top, high)
+        k = int(np.argmax(G[:, 0]))
+        seen = seen or bool(w.share.max() > least)
+        if best is None or G[k, 0] > best[0]:
+            best = float(G[k, 0]), batch, w, k
+    assert best is not None
+    assert top is not None
+    G0, batch, w, k = best
+    candidate = family.at(context, batch.shapes[k])
+    row = Judged(
+        family, candidate, G0, float(w.gain[k, 0]), w.theta[k], w.deviation[k], float(w.share[k]),
+        w.by_fold[:, k], seen,
+    )  # fmt: skip
+    return row, top
 
 
-def replace_draws(ledger: Ledger) -> Ledger:
+def polish(context: Context, ledger: Ledger, judged: Judged) -> Judged:
+    """Return an effect with its shapes between the points of its grid."""
+    family = judged.family
+    plain = _measured(ledger)
+    for width in (1.0, 0.35):
+        for name, half in family.fine.items():
+            around = _around(judged.candidate.shape, name, width * half)
+            columns = stacked(plain.stage, [family.at(context, s).columns for s in around])
+            batch = Batch(around, columns)
+            w = worth(plain, sums(plain, columns))
+            found, _ = _best(context, family, [batch], [w])
+            if found.gain > judged.gain:
+                judged = replace(found, identifiable=judged.identifiable)
+    return judged
+
+
+def _around(shape: Shape, name: str, half: float) -> list[Shape]:
+    steps = half * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+    return [{**shape, name: float(shape[name] * np.exp(x))} for x in steps]
+
+
+def _measured(ledger: Ledger) -> Ledger:
     """Return the ledger with the measured effort alone."""
     return replace(
         ledger, right=ledger.right[:, :, :1], Y=tuple(y[:, :1] for y in ledger.Y),
         groups=tuple(replace(g, Sy=g.Sy[:, :1]) for g in ledger.groups),
     )  # fmt: skip
+
+
+def joint_worth(ledger: Ledger, a: Judged, b: Judged) -> float:
+    """Return the held-out gain of two effects admitted together."""
+    parts = [ledger.stage.project(x.candidate.columns) for x in (a, b)]
+    both: list[Floats | None] = []
+    widths = [len(a.theta), len(b.theta)]
+    for k, pair in enumerate(zip(*parts, strict=True)):
+        if all(x is None for x in pair):
+            both.append(None)
+            continue
+        m = len(ledger.stage.pieces[k].y)
+        filled = [np.zeros((m, n)) if x is None else x for x, n in zip(pair, widths, strict=True)]
+        both.append(np.concatenate(filled, axis=1)[:, None, :])
+    plain = _measured(ledger)
+    w = worth(plain, sums(plain, both))
+    price = sum(x.family.price + RARE.get(x.family.effect, 0.0) for x in (a, b))
+    return float(w.G[0, 0]) - price
 
 
 def admit(stage: Stage, judged: Sequence[Judged]) -> Stage:
@@ -262,22 +279,3 @@ def _wider(piece: Piece, x: Floats, index: Ints) -> Piece:
         B=np.concatenate([piece.B, x], axis=1),
         columns=np.concatenate([piece.columns, index.astype(int)]),
     )
-
-
-def ledger_with_draws(
-    stage: Stage, theta: Floats, settings: Settings, step: int, best: Sequence[Judged] = ()
-) -> Ledger:
-    """Return a ledger that also holds healthy draws.
-
-    Args:
-        stage: whitened rows.
-        theta: sets the size of the run-to-run scatter.
-        settings: number and seed of the draws.
-        step: which step of the search it is.
-        best: what is about to be admitted: the draws are made from the residual that it leaves, for
-            under the hypothesis that it is right, that is what a healthy machine shows.
-    """
-    under = admit(stage, best)
-    plain = build_ledger(under, theta)
-    rng = np.random.default_rng([settings.seed, step])
-    return build_ledger(stage, theta, draws(under, plain, settings.draws, rng))

@@ -90,7 +90,7 @@ def _gains(rows: Rows, ledger: Ledger, options: Sequence[Effect], distance: Floa
         batch.append(ledger.stage.whitened(piece, wide).reshape(-1, count, k))
     if all(x is None for x in batch):
         return np.zeros(count)
-    return worth(ledger, sums(ledger, batch)).gain
+    return worth(ledger, sums(ledger, batch)).gain[:, 0]
 
 
 def _refined(rows: Rows, effects: Sequence[Effect], noise: Noise) -> Base:

@@ -7,30 +7,37 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
 from pinotwin.diagnosis.result import Shrink
 from pinotwin.diagnosis.search import Judged, admit
-from pinotwin.diagnosis.stage import Stage, build_stage
+from pinotwin.diagnosis.stage import Stage, build_stage, scatter_precision, steady
 
 RESAMPLES = 400
 STRETCH = 0.5  # [s] length of the blocks that are resampled
 
 
 @dataclass(frozen=True)
+class Errors:
+    """Errors per piece of a plain (not whitened) stage [N or N·m], each of shape (m,)."""
+
+    stage: Stage
+    values: tuple[Floats, ...]
+
+
+@dataclass(frozen=True)
 class HeldOut:
-    """Error on data that were not fitted, per piece of a stage, in SI.
+    """Errors on data that were not fitted, and what the data that were fitted promised.
 
     Attributes:
-        stage: plain (not whitened) stage.
-        error: per piece, shape (m,).
-        fitted: error with all data fitted, per piece.
+        delivered: on validation logs; without them, on blocks that were not fitted.
+        promised: on blocks of the fitted logs that were not fitted; without validation logs, of the
+            fit itself.
         on: ``validation`` or ``held-out blocks``.
     """
 
-    stage: Stage
-    error: tuple[Floats, ...]
-    fitted: tuple[Floats, ...]
+    delivered: Errors
+    promised: Errors
     on: str
 
 
@@ -45,22 +52,28 @@ def plain_stage(stage: Stage) -> Stage:
 
 def held_out(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:
     """Return the errors of the base with some effects on data not used to fit them."""
-    under = admit(stage, effects)
     flags = stage.rows.validation
-    if any(flags):
-        some = [p for p in under.pieces if not flags[p.channel.log]]
-        fitted = build_ledger(replace(under, pieces=tuple(some)), theta)
-        error = tuple(p.y - p.B @ fitted.theta[p.columns] for p in under.pieces)
-        pieces = [(p, e) for p, e in zip(under.pieces, error, strict=True) if flags[p.channel.log]]
-        seen = replace(stage, pieces=tuple(p for p, _ in pieces))
-        scaled = tuple(_si(stage, p, e) for p, e in pieces)
-        return HeldOut(seen, scaled, scaled, "validation")
+    some = replace(stage, pieces=tuple(p for p in stage.pieces if not flags[p.channel.log]))
+    under = admit(some, effects)
     ledger = build_ledger(under, theta)
     count = stage.base.count
     thetas = np.array([ledger.theta, *(_fold_theta(ledger, f) for f in range(under.blocks))])
-    error = _rebased(stage, under, thetas[:, count:], theta)
-    own = tuple(_si(stage, p, p.y - p.B @ ledger.theta[p.columns]) for p in under.pieces)
-    return HeldOut(stage, error, own, "held-out blocks")
+    blocks = Errors(some, _rebased(some, under, thetas[:, count:], theta))
+    if any(flags):
+        return HeldOut(_unseen(stage, effects, ledger.theta, theta), blocks, "validation")
+    own = tuple(_si(some, p, p.y - p.B @ ledger.theta[p.columns]) for p in under.pieces)
+    return HeldOut(blocks, Errors(some, own), "held-out blocks")
+
+
+def _unseen(stage: Stage, effects: Sequence[Judged], found: Floats, theta: Floats) -> Errors:
+    """Return the errors on validation logs, their own scatter of friction (noise of runs) taken out."""
+    flags = stage.rows.validation
+    seen = replace(stage, pieces=tuple(p for p in stage.pieces if flags[p.channel.log]))
+    own = scatter_precision(stage.base, stage.noise, theta)
+    precision = np.concatenate([own, np.full(len(found) - len(own), np.inf)])
+    pieces = admit(seen, effects).pieces
+    values = (steady(p, p.y - p.B @ found[p.columns], precision) for p in pieces)
+    return Errors(seen, tuple(_si(stage, p, e) for p, e in zip(pieces, values, strict=True)))
 
 
 def _rebased(stage: Stage, under: Stage, effects: Floats, theta: Floats) -> tuple[Floats, ...]:
@@ -94,20 +107,21 @@ def shrink(
     before: HeldOut, after: HeldOut, joint: int, noise: float, rng: np.random.Generator
 ) -> Shrink | None:
     """Return the shrink of one joint's gap, with a block bootstrap's interval."""
-    x, y, u, v, block = _squares(before, after, joint)
+    x, y, block = _squares(before.delivered, after.delivered, joint)
+    u, v, _ = _squares(before.promised, after.promised, joint)
     if not len(x):
         return None
     count = block.max() + 1
-    sums = np.stack([np.bincount(block, w, count) for w in (x, y, u, v, np.ones(len(x)))])
+    sums = np.stack([np.bincount(block, w, count) for w in (x, y, np.ones(len(x)))])
     draws = rng.integers(0, count, (RESAMPLES, count))
     picked = sums[:, draws].sum(axis=2)
-    share = _share(picked[0], picked[1], picked[4] * noise**2)
+    share = _share(picked[0], picked[1], picked[2] * noise**2)
     return Shrink(
         before=float(np.sqrt(x.mean())),
         after=float(np.sqrt(y.mean())),
         share=float(_share(x.sum(), y.sum(), len(x) * noise**2)),
         interval=(float(np.quantile(share, 0.05)), float(np.quantile(share, 0.95))),
-        promised=float(_share(u.sum(), v.sum(), len(x) * noise**2)),
+        promised=float(_share(u.sum(), v.sum(), len(u) * noise**2)) if len(u) else 0.0,
         on=before.on,
     )
 
@@ -118,18 +132,15 @@ def _share(before: Floats | float, after: Floats | float, noise: Floats | float)
     return np.asarray(np.clip((before - after) / excess, -1.0, 1.0))
 
 
-def _squares(before: HeldOut, after: HeldOut, joint: int):  # type: ignore[no-untyped-def]
-    parts: list[list[Floats]] = [[], [], [], [], []]
+def _squares(before: Errors, after: Errors, joint: int) -> tuple[Floats, Floats, Ints]:
+    """Return squared errors before and after on one joint, and the stretch of time of each."""
+    x, y, block = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
     step = before.stage.rows.motions[0].step
     for k, piece in enumerate(before.stage.pieces):
-        if piece.channel.joint != joint:
-            continue
-        t = piece.channel.centres[piece.kept] * step
-        values = (before.error[k], after.error[k], before.fitted[k], after.fitted[k])
-        for part, x in zip(parts, values, strict=False):
-            part.append(x**2)
-        parts[4].append((t / STRETCH).astype(int) + 4096.0 * piece.channel.log)
-    joined = [np.concatenate(p) if p else np.zeros(0) for p in parts]
-    if len(joined[4]):
-        joined[4] = np.unique(joined[4], return_inverse=True)[1].astype(float)
-    return (*joined[:4], joined[4].astype(int))
+        if piece.channel.joint == joint:
+            t = piece.channel.centres[piece.kept] * step
+            x.append(before.values[k] ** 2)
+            y.append(after.values[k] ** 2)
+            block.append((t / STRETCH).astype(int) + 4096.0 * piece.channel.log)
+    number = np.unique(np.concatenate(block), return_inverse=True)[1]
+    return np.concatenate(x), np.concatenate(y), number

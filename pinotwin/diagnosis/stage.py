@@ -96,17 +96,21 @@ def build_stage(rows: Rows, base: Base, noise: Noise, blocks: int = 6) -> Stage:
 
 
 def _blocks(rows: Rows, blocks: int) -> tuple[list[Ints], int]:
-    """Return the fold of every sample of every log: by command where there are several, else by time."""
-    commands = sorted(set(rows.commands))
+    """Return the fold of every sample of every log: by command where there are several, else by time.
+
+    Validation logs are in no fold; they carry label 0 and are never summed.
+    """
+    fitted = [c for c, flag in zip(rows.commands, rows.validation, strict=True) if not flag]
+    commands = sorted(set(fitted))
     out = []
     if len(commands) >= 3:
         for label, motion in zip(rows.commands, rows.motions, strict=True):
-            out.append(np.full(len(motion), commands.index(label)))
+            out.append(np.full(len(motion), commands.index(label) if label in commands else 0))
         return out, len(commands)
     share = max(2, blocks // len(commands))
     for label, motion in zip(rows.commands, rows.motions, strict=True):
         part = np.minimum(np.arange(len(motion)) * share // len(motion), share - 1)
-        out.append(part + share * commands.index(label))
+        out.append(part + share * commands.index(label) if label in commands else 0 * part)
     return out, share * len(commands)
 
 
@@ -119,3 +123,16 @@ def scatter_precision(base: Base, noise: Noise, theta: Floats) -> Floats:
             deviation = noise.scatter * np.maximum(np.abs(theta[where]), 1e-9)
             out[where] = 1.0 / deviation**2
     return out
+
+
+def steady(piece: Piece, r: Floats, precision: Floats) -> Floats:
+    """Return a residual (m,) of one piece without what this run's own friction explains.
+
+    Friction scatters a little from run to run; that much is noise of the second level, not a gap.
+    """
+    scattered = np.isfinite(precision[piece.columns])
+    if not scattered.any():
+        return r
+    S = piece.B[:, scattered]
+    M = S.T @ S + np.diag(precision[piece.columns[scattered]])
+    return np.asarray(r - S @ np.linalg.solve(M, S.T @ r))

@@ -7,18 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.diagnosis.calibration import STAYS
 from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.gaps import Gaps
 from pinotwin.diagnosis.ledger import build_ledger, residual_of
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.remainder import describe
 from pinotwin.diagnosis.result import Found, Verdict
-from pinotwin.diagnosis.stage import Piece, Stage, scatter_precision
+from pinotwin.diagnosis.search import admit
+from pinotwin.diagnosis.stage import Stage, scatter_precision, steady
 
 SIGNIFICANT = {"repeats": 0.10, "assumed": 0.35}
 """Whitened power above the noise that counts as a gap, by how the noise is known."""
-STAYS = 0.25  # share of the gap's power above which an explanation is only partial
+STAYS_UNSEEN = 0.4  # the same as STAYS on a log that was not fitted, where travel and speed differ
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,60 @@ class Judgement:
     joints: tuple[int, ...]
 
 
-def judge(start: Ready, decision: Decision, gap: Gaps, effects: Sequence[Found]) -> Judgement:
-    """Return the verdict of a decision."""
+@dataclass(frozen=True)
+class Left:
+    """What the named effects leave of the gaps, on the fitted logs.
+
+    Attributes:
+        stays: joint with a gap -> share of its power that stays.
+        open: joints of which more than noise and more than a small share stays.
+    """
+
+    stays: dict[int, float]
+    open: tuple[int, ...]
+
+
+def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
+    """Return what the named effects leave, on the fitted logs and on validation logs if there are any.
+
+    What joined the base without a name may be what a named effect's columns leave over: it counts here.
+    """
     limit = SIGNIFICANT[start.stage.noise.kind]
-    before = excess(start.search_stage, start)
-    after = excess(decision.stage, start)
+    before = excess(decision.searched, start)
+    after = excess(admit(decision.searched, [n.judged for n in decision.named]), start)
+    stays = {j: float(np.clip(after[j] / x, 0.0, 1.0)) for j, x in before.items() if x > limit}
+    open_ = {j for j, s in stays.items() if after[j] > limit and s > STAYS}
+    for j in set(stays) - open_ - _local(decision):
+        delivered = _delivered(start, gap, j)
+        if delivered is not None and 1.0 - delivered > STAYS_UNSEEN:
+            stays[j] = max(stays[j], 1.0 - max(delivered, 0.0))
+            open_.add(j)
+    return Left(stays, tuple(sorted(open_)))
+
+
+def _local(decision: Decision) -> set[int]:
+    """Return the joints that were pushed: another log cannot foretell that."""
+    pushed = [n.judged for n in decision.named if n.judged.family.local]
+    return {joint for x in pushed for joint, _ in x.candidate.columns[0]}
+
+
+def _delivered(start: Ready, gap: Gaps, joint: int) -> float | None:
+    """Return the shrink on validation logs, or None where there is none or nothing left above noise."""
+    axis = start.stage.rows.motions[0].names[joint]
+    found = gap.together.get(axis, {}).get("u")
+    if found is None or found.on != "validation":
+        return None
+    limit = SIGNIFICANT[start.stage.noise.kind]
+    noise = start.stage.noise.rms[joint]
+    return found.share if found.after**2 > (1.0 + 2.0 * limit) * noise**2 else None
+
+
+def judge(
+    start: Ready, decision: Decision, gap: Gaps, left: Left, effects: Sequence[Found]
+) -> Judgement:  # fmt: skip
+    """Return the verdict of a decision."""
     names = start.stage.rows.motions[0].names
-    joints = tuple(j for j, x in before.items() if x > limit)
-    stays = {j: min(after[j] / before[j], 1.0) for j in joints if before[j] > 0.0}
-    open_ = [j for j in joints if after[j] > limit and stays[j] > STAYS]
+    open_, stays = left.open, left.stays
     verdict: Verdict
     if effects:
         shrinks = all(any(x.share > 0.0 for x in e.shrink.values()) for e in effects)
@@ -63,10 +109,10 @@ def judge(start: Ready, decision: Decision, gap: Gaps, effects: Sequence[Found])
         if not effects
         else {names[j]: describe(start.stage.rows, _after(start, gap), j) for j in open_}
     )
-    unexplained = {names[j]: {"u": float(max(stays[j], 0.0))} for j in joints}
+    unexplained = {names[j]: {"u": share} for j, share in stays.items()}
     advice = [f"{axis}: what stays is {words}" for axis, words in remains.items()]
     return Judgement(
-        verdict, sentence(verdict, effects, remains), unexplained, remains, advice, joints
+        verdict, sentence(verdict, effects, remains), unexplained, remains, advice, tuple(stays)
     )
 
 
@@ -74,7 +120,9 @@ def _after(start: Ready, gap: Gaps):  # type: ignore[no-untyped-def]
     """Return the errors after the effects laid on the channels' rows, zero where none was kept."""
     out = [np.zeros(len(c.y)) for c in start.stage.rows.channels]
     places = {id(c): k for k, c in enumerate(start.stage.rows.channels)}
-    for piece, error in zip(gap.after.stage.pieces, gap.after.error, strict=True):
+    for piece, error in zip(
+        gap.after.delivered.stage.pieces, gap.after.delivered.values, strict=True
+    ):
         out[places[id(piece.channel)]][piece.kept] = error
     return out
 
@@ -86,22 +134,12 @@ def excess(stage: Stage, start: Ready) -> dict[int, float]:
     out = {}
     for joint in stage.rows.joints:
         parts = [
-            _steady(p, residual_of(p, ledger.theta), precision)
+            steady(p, residual_of(p, ledger.theta), precision)
             for p in stage.pieces
             if p.channel.joint == joint
         ]
         out[joint] = float(np.mean(np.concatenate(parts) ** 2)) - 1.0
     return out
-
-
-def _steady(piece: Piece, r: Floats, precision: Floats) -> Floats:
-    """Return a residual without what this run's own friction explains."""
-    scattered = np.isfinite(precision[piece.columns])
-    if not scattered.any():
-        return r
-    S = piece.B[:, scattered]
-    M = S.T @ S + np.diag(precision[piece.columns[scattered]])
-    return np.asarray(r - S @ np.linalg.solve(M, S.T @ r))
 
 
 def sentence(verdict: Verdict, effects: Sequence[Found], remains: dict[str, str]) -> str:

@@ -11,18 +11,17 @@ would have one.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller, Kind
 from pinotwin.loop.data import LoopData
+from pinotwin.loop.law import SETTLE, Signals, law_columns, signals_of
 from pinotwin.loop.uncertainty import block_covariance
 
 SHAPES = ("delay", "lag", "filter", "rate")
@@ -36,23 +35,6 @@ To first order a delay trades with kv and ffv (kp kv e delayed is kp kv e less a
 v), so that a misfit in the velocity's filter would otherwise be paid for with the gains.
 """
 GRID_ROWS = 6000
-SETTLE = 30
-"""Rows left out at the start of a segment: the filter's and the delay's unknown past."""
-
-
-@dataclass(frozen=True)
-class _Signals:
-    """Channels of the law with the segments they live on."""
-
-    e: Floats
-    v: Floats
-    de: Floats
-    vr: Floats
-    ar: Floats
-    u: Floats
-    segments: tuple[slice, ...]
-    step: float
-    half: float  # by how many samples v and de are late in themselves
 
 
 def identify_controller(
@@ -71,7 +53,7 @@ def identify_controller(
         DataError: too short, or nothing moves.
     """
     data.require_motion()
-    signals = _signals(data, v)
+    signals = signals_of(data, v)
     if kind != "auto":
         return _fit(signals, kind, data.axis)
     cascade, pid = (_fit(signals, k, data.axis) for k in ("p_pi", "pid"))
@@ -80,64 +62,7 @@ def identify_controller(
     return pid if pid.rms < 0.99 * cascade.rms else cascade
 
 
-def _signals(data: LoopData, v: Floats | None) -> _Signals:
-    e, u = data.outputs[:, 0], data.outputs[:, 1]
-    velocity, slope = np.zeros(len(data)), np.zeros(len(data))
-    for s in data.segments:
-        if v is None:
-            velocity[s] = _difference(data.qr[s] - e[s], data.step)
-            slope[s] = _difference(e[s], data.step)
-        else:
-            velocity[s] = v[s]
-            slope[s] = data.velocity[s] - v[s]
-    segments = tuple(s for s in data.segments if s.stop - s.start > 3 * SETTLE)
-    if not segments:
-        raise DataError(f"{data.axis}: no unbroken segment longer than {3 * SETTLE} samples")
-    half = 0.5 if v is None else 0.0
-    return _Signals(
-        e, velocity, slope, data.velocity, data.acceleration, u, segments, data.step, half
-    )
-
-
-def _difference(x: Floats, step: float) -> Floats:
-    """Return the backward difference, what a sampled controller takes for a velocity."""
-    return np.diff(x, prepend=2.0 * x[0] - x[1]) / step
-
-
-def _columns(s: _Signals, kind: Kind, shape: Floats) -> Floats:
-    """Return the columns of the gains at a shape (see ``SHAPES``), shape (n, p)."""
-    delay, lag, constant, rate = shape
-    out = np.zeros((len(s.e), 4 if kind == "p_pi" else 5))
-    for part in s.segments:
-        e, vr, ar = (x[part] for x in (s.e, s.vr, s.ar))
-        seen = _low_pass(_late((s.v if kind == "p_pi" else s.de)[part], lag), constant)
-        if kind == "p_pi":
-            own = [x + rate * _integral(x, s.step) for x in (e, vr, -seen)]
-        else:
-            own = [e, _integral(e, s.step), seen, vr]
-        out[part] = np.column_stack([_late(x, delay) for x in (*own, ar)])
-    return out
-
-
-def _low_pass(x: Floats, constant: float) -> Floats:
-    """Return x through a first-order low-pass of a time constant in samples."""
-    pole = np.exp(-1.0 / constant) if constant > 1e-3 else 0.0
-    return lfilter([1.0 - pole], [1.0, -pole], x, zi=[pole * x[0]])[0]
-
-
-def _integral(x: Floats, step: float) -> Floats:
-    return step * np.cumsum(x)
-
-
-def _late(x: Floats, delay: float) -> Floats:
-    """Return x delayed by a fractional number of samples, straight between samples."""
-    whole = int(delay)
-    part = delay - whole
-    padded = np.concatenate([np.full(whole + 1, x[0]), x])
-    return (1.0 - part) * padded[1 : len(x) + 1] + part * padded[: len(x)]
-
-
-def _rows(s: _Signals, most: int | None = None) -> tuple[Ints, Ints]:
+def _rows(s: Signals, most: int | None = None) -> tuple[Ints, Ints]:
     """Return the rows that are fitted and the segment of each, thinned to at most ``most``."""
     rows = [np.arange(p.start + SETTLE, p.stop) for p in s.segments]
     every = 1 if most is None else max(1, sum(map(len, rows)) // most)
@@ -154,17 +79,17 @@ def _centred(x: Floats, segment: Ints) -> Floats:
 
 
 def _misfit(
-    s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]
+    s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]
 ) -> tuple[Floats, Floats, Floats]:
     """Return residual, gains and centred columns at a shape."""
-    W = _centred(_columns(s, kind, shape)[rows[0]], rows[1])
+    W = _centred(law_columns(s, kind, shape)[rows[0]], rows[1])
     u = _centred(s.u[rows[0]], rows[1])[:, 0]
     size = np.maximum(np.sqrt(np.mean(W**2, axis=0)), 1e-300)
     gains = np.linalg.lstsq(W / size, u, rcond=1e-10)[0] / size
     return u - W @ gains, gains, W
 
 
-def _fit(s: _Signals, kind: Kind, axis: str) -> Controller:
+def _fit(s: Signals, kind: Kind, axis: str) -> Controller:
     with threadpool_limits(1, "blas"):
         shape = _search(s, kind)
         rows = _rows(s)
@@ -172,7 +97,7 @@ def _fit(s: _Signals, kind: Kind, axis: str) -> Controller:
         slopes = _slopes(s, kind, shape, rows)
     u = _centred(s.u[rows[0]], rows[1])[:, 0]
     spread = block_covariance(np.column_stack([W, slopes]), residual)
-    offset = float(np.mean(s.u[rows[0]] - _columns(s, kind, shape)[rows[0]] @ gains))
+    offset = float(np.mean(s.u[rows[0]] - law_columns(s, kind, shape)[rows[0]] @ gains))
     found = _named(s, kind, gains, shape)
     errors = _errors(s, kind, gains, shape, spread)
     return Controller(
@@ -182,7 +107,7 @@ def _fit(s: _Signals, kind: Kind, axis: str) -> Controller:
     )  # fmt: skip
 
 
-def _search(s: _Signals, kind: Kind) -> Floats:
+def _search(s: Signals, kind: Kind) -> Floats:
     """Return the shape: whole delays first, a fraction only where it pays."""
     few, rows = _rows(s, GRID_ROWS), _rows(s)
     rates = GRID[3] if kind == "p_pi" else (0.0,)
@@ -203,7 +128,7 @@ def _search(s: _Signals, kind: Kind) -> Floats:
 
 
 def _refine(
-    s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints], *, whole: bool
+    s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints], *, whole: bool
 ) -> tuple[float, Floats]:
     """Return cost and shape after a bounded search; ``whole`` keeps the delay."""
     scale = np.array([1.0, 1.0, 1.0, 30.0])
@@ -225,7 +150,7 @@ def _refine(
     return 2.0 * float(found.cost) * size**2, full(found.x)
 
 
-def _simplest(s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
+def _simplest(s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
     """Return the shape with every part set to zero that explains nothing."""
     cost = float(np.sum(_misfit(s, kind, shape, rows)[0] ** 2))
     for i in range(len(shape)):
@@ -237,14 +162,14 @@ def _simplest(s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -
     return shape
 
 
-def _slopes(s: _Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
+def _slopes(s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
     """Return the derivative of the fitted effort by the searched shapes, shape (n, 4)."""
     gains = _misfit(s, kind, shape, rows)[1]
     out = np.zeros((len(rows[0]), len(shape)))
     for i in _searched(shape):
         move = np.zeros(len(shape))
         move[i] = 1e-3 * max(shape[i], 1e-2)
-        ahead, behind = (_columns(s, kind, shape + f * move)[rows[0]] for f in (1.0, -1.0))
+        ahead, behind = (law_columns(s, kind, shape + f * move)[rows[0]] for f in (1.0, -1.0))
         out[:, i] = _centred((ahead - behind) @ gains / (2.0 * move[i]), rows[1])[:, 0]
     return out
 
@@ -254,7 +179,7 @@ def _searched(shape: Floats) -> list[int]:
     return [i for i, x in enumerate(shape) if x != 0.0 and (i > 0 or x != round(x))]
 
 
-def _named(s: _Signals, kind: Kind, gains: Floats, shape: Floats) -> dict[str, float]:
+def _named(s: Signals, kind: Kind, gains: Floats, shape: Floats) -> dict[str, float]:
     names = ("delay", "velocity_delay", "filter_time")
     samples = shape[:3] + np.array([0.0, s.half, 0.0])
     late = {k: float(x * s.step) for k, x in zip(names, samples, strict=True)}
@@ -272,7 +197,7 @@ def _named(s: _Signals, kind: Kind, gains: Floats, shape: Floats) -> dict[str, f
 
 
 def _errors(
-    s: _Signals, kind: Kind, gains: Floats, shape: Floats, spread: Floats
+    s: Signals, kind: Kind, gains: Floats, shape: Floats, spread: Floats
 ) -> dict[str, float]:
     """Return standard errors of the named gains, by the delta method."""
     base = np.concatenate([gains, shape])

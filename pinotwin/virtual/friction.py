@@ -68,6 +68,17 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def steady_force(P, i, v, z):  # type: ignore[no-untyped-def]
+    """Return the friction effort without the micro-damping of its bristles.
+
+    What a drive transmits is taken with it: the damping answers a change of level within one step, and
+    a level that follows the load would chase its own tail.
+    """
+    held = P[i, c.BRISTLE] * z[i, 0] if P[i, c.LAW] == c.LUGRE else z[i].sum()
+    return held + P[i, c.VISCOUS] * v + P[i, c.QUADRATIC] * v * abs(v)
+
+
+@kernel
 def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-def]  # noqa: PLR0913 (a struct of these costs more than the law)
     """Return the whole friction effort of an axis and advance its bristles.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import control_step
-from pinotwin.virtual.friction import friction_force
+from pinotwin.virtual.friction import friction_force, steady_force
 from pinotwin.virtual.jit import kernel
 from pinotwin.virtual.mass import invert, mass_matrix
 from pinotwin.virtual.rigid import (
@@ -151,7 +151,8 @@ def plant_steps(axes, room, s, target, extra, dt, substeps):  # type: ignore[no-
             push = target[i] + P[i, c.U_MEAN] * (u[i] - target[i])
             u[i] += P[i, c.U_ALPHA] * (target[i] - u[i])
             if P[i, c.FLEXIBLE] < 0.5:
-                f[i] = friction_force(P, i, q[j], v[j], z, push - f[i], extra, dt)
+                load = push - steady_force(P, i, v[j], z)
+                f[i] = friction_force(P, i, q[j], v[j], z, load, extra, dt)
                 tau[j] += push - f[i]
                 continue
             qm[i] += half * vm[i]

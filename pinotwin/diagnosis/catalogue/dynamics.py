@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from scipy import signal
 
-from pinotwin.arrays import Floats
-from pinotwin.diagnosis.context import Candidate, Context, Family, Scene
+from pinotwin.arrays import Floats, Mask
+from pinotwin.diagnosis.context import Context, Family, Scene, Shape, on
 from pinotwin.diagnosis.stage import Blocks
 from pinotwin.dynamics.batch import inverse
 from pinotwin.dynamics.parameters import parameters, with_parameters
@@ -28,7 +28,7 @@ def axis_dynamics(context: Context, axis: str, joint: int) -> Iterator[Family]:
     """Yield the mechanical families of one axis."""
     yield _flexibility(context, axis, joint)
     yield _backlash(context, axis, joint)
-    yield _coupling(context, axis, joint)
+    yield from _coupling(context, axis, joint)
 
 
 def machine_dynamics(context: Context) -> Iterator[Family]:
@@ -44,20 +44,20 @@ def machine_dynamics(context: Context) -> Iterator[Family]:
 def _flexibility(context: Context, axis: str, joint: int) -> Family:
     step = context.scenes[0].motion.step
     top = min(0.7 / context.rows.row_step, 120.0)
-    out = []
-    for frequency in np.geomspace(8.0, max(top, 16.0), MODES):
-        for zeta in DAMPING:
 
-            def make(s: Scene, f: float = frequency, z: float = zeta) -> Floats:
-                load = s.inertia[:, joint] * s.motion.a[:, joint]
-                return (_resonance(load, f, z, step, s.motion) - load)[:, None]
+    def values(s: Scene, shape: Shape) -> Floats:
+        load = s.inertia[:, joint] * s.motion.a[:, joint]
+        return _resonance(load, shape["frequency"], shape["damping"], step, s.motion) - load
 
-            shape = {"frequency": float(frequency), "damping": zeta}
-            columns = context.on_joint(joint, make)
-            out.append(
-                Candidate("drive_flexibility", axis, shape, columns, ("share",), positive=True)
-            )
-    return out
+    shapes = [
+        {"frequency": float(f), "damping": z}
+        for f in np.geomspace(8.0, max(top, 16.0), MODES)
+        for z in DAMPING
+    ]
+    return Family(
+        "drive_flexibility", axis, ("share",), on(joint, values), shapes, positive=True,
+        fine={"frequency": 0.1, "damping": 0.5},
+    )  # fmt: skip
 
 
 def _resonance(x: Floats, f: float, zeta: float, step: float, motion: Motion) -> Floats:
@@ -108,54 +108,42 @@ LOAD = 0.65  # share of the inertia behind the gap that is assumed
 
 
 def _backlash(context: Context, axis: str, joint: int) -> Family:
-    rotary = context.machine.rotary[joint]
-    usual = 1e-4 if rotary else 1e-5
+    usual = 1e-4 if context.machine.rotary[joint] else 1e-5
     step = context.scenes[0].motion.step
-    out = []
-    for gap in usual * np.array(GAPS):
-        for frequency in STIFF:
 
-            def make(s: Scene, gap: float = gap, f: float = frequency) -> Floats:
-                q = np.ascontiguousarray(s.motion.q[:, joint])
-                M = s.inertia[:, joint]
-                M = np.maximum(M, 1e-3 * np.abs(M).max() + 1e-12)
-                rest = (s.rigid[:, joint] / M - s.motion.a[:, joint]) / LOAD
-                out = np.zeros(len(q))
-                for part in s.motion.segments:
-                    out[part] = _carried(q[part], rest[part], gap, 2 * np.pi * f, 0.04, step)
-                return (
-                    LOAD * M * out - s.rigid[:, joint] + (1.0 - LOAD) * M * s.motion.a[:, joint]
-                )[:, None]
+    def values(s: Scene, shape: Shape) -> Floats:
+        q = np.ascontiguousarray(s.motion.q[:, joint])
+        M = s.inertia[:, joint]
+        M = np.maximum(M, 1e-3 * np.abs(M).max() + 1e-12)
+        rest = (s.rigid[:, joint] / M - s.motion.a[:, joint]) / LOAD
+        w, out = 2 * np.pi * shape["frequency"], np.zeros(len(q))
+        for part in s.motion.segments:
+            out[part] = _carried(q[part], rest[part], shape["gap"], w, 0.04, step)
+        return LOAD * M * out - s.rigid[:, joint] + (1.0 - LOAD) * M * s.motion.a[:, joint]
 
-            shape = {"gap": float(gap), "frequency": frequency}
-            columns = context.on_joint(joint, make)
-            out.append(Candidate("backlash", axis, shape, columns, ("share",), positive=True))
-    return out
+    shapes = [{"gap": usual * g, "frequency": f} for g in GAPS for f in STIFF]
+    return Family(
+        "backlash", axis, ("share",), on(joint, values), shapes, positive=True,
+        fine={"gap": 0.4, "frequency": 0.15},
+    )  # fmt: skip
 
 
-def _coupling(context: Context, axis: str, joint: int) -> Family:
+def _coupling(context: Context, axis: str, joint: int) -> Iterator[Family]:
     machine = context.machine
-    out = []
     for other, name in enumerate(machine.names):
-        if other <= joint or name not in machine.axes:
+        both = machine.rotary[joint] and machine.rotary[other]
+        if other <= joint or not both or context.has("wrist_coupling", name):
             continue
 
-        def blocks(s: Scene, other: int = other) -> Blocks:
+        def make(s: Scene, _: Shape, other: int = other) -> Blocks:
             m = s.motion
             slide = np.sign(m.v[:, joint] + m.v[:, other])
             mine = np.stack([m.a[:, other], m.v[:, other], slide], axis=1)
             theirs = np.stack([m.a[:, joint], m.v[:, joint], slide], axis=1)
             return [(joint, mine), (other, theirs)]
 
-        if (
-            machine.rotary[joint]
-            and machine.rotary[other]
-            and not context.has("wrist_coupling", name)
-        ):
-            columns = [blocks(s) for s in context.scenes]
-            label = ("Ia_m", "b_m", "c_m")
-            out.append(Candidate("wrist_coupling", name, {"with": float(joint)}, columns, label))
-    return out
+        label = ("Ia_m", "b_m", "c_m")
+        yield Family("wrist_coupling", name, label, make, ({"with": float(joint)},))
 
 
 def _standard(context: Context) -> Floats:
@@ -172,15 +160,18 @@ def _payload(context: Context, axis: str, joint: str) -> Family:
     model = context.machine.model
     first = 10 * (model.getJointId(joint) - 1)
     index = np.arange(first, first + 10)
-    columns = []
-    for scene in context.scenes:
-        m = scene.motion
+    alive: list[Mask] = []
+
+    def make(s: Scene, _: Shape) -> Blocks:
+        m = s.motion
         W = regressor(model, m.q, m.v, m.a, index)
-        W = W[:, :, np.abs(W).reshape(-1, 10).max(axis=0) > 1e-12]
-        columns.append([(k, W[:, k, :]) for k in range(model.nv)])
-    alive = columns[0][0][1].shape[1]
-    names = tuple(f"p{k}" for k in range(alive))
-    return [Candidate("payload", axis, {}, columns, names)]
+        if not alive:  # the columns that any motion can show, the same for every log
+            alive.append(np.abs(W).reshape(-1, 10).max(axis=0) > 1e-12)
+        return [(k, W[:, k, alive[0]]) for k in range(model.nv)]
+
+    make(context.scenes[0], {})
+    names = tuple(f"p{k}" for k in range(int(alive[0].sum())))
+    return Family("payload", axis, names, make)
 
 
 def _tilt(context: Context, axis: str, joint: str, pi: Floats) -> Family:
@@ -198,13 +189,14 @@ def _tilt(context: Context, axis: str, joint: str, pi: Floats) -> Family:
             pin.exp3(TILT * side), np.zeros(3)
         )
         tilted.append(copy)
-    columns = []
-    for scene in context.scenes:
-        m = scene.motion
+
+    def make(s: Scene, _: Shape) -> Blocks:
+        m = s.motion
         straight = inverse(model, m.q, m.v, m.a)
         values = np.stack([(inverse(x, m.q, m.v, m.a) - straight) / TILT for x in tilted], axis=2)
-        columns.append([(k, values[:, k, :]) for k in range(model.nv)])
-    return [Candidate("geometric_error", axis, {}, columns, ("tilt1", "tilt2"))]
+        return [(k, values[:, k, :]) for k in range(model.nv)]
+
+    return Family("geometric_error", axis, ("tilt1", "tilt2"), make)
 
 
 def _direction(model: pin.Model, at: int) -> Floats:

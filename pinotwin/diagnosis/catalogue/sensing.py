@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.context import Candidate, Context, Family, Scene
+from pinotwin.diagnosis.context import Context, Family, Scene, Shape, on
 
 TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)  # errors per turn that are tried
 WAVES = np.geomspace(2.0, 40.0, 31)  # errors per travel that are tried
@@ -21,32 +21,27 @@ def sensing(context: Context, axis: str, joint: int) -> Iterator[Family]:
     """Yield the sensing families of one axis."""
     step = context.scenes[0].motion.step
 
-    def rate(s: Scene) -> Floats:
-        return -np.gradient(s.effort[:, [joint]], step, axis=0)
+    def late(s: Scene, _: Shape) -> Floats:
+        return -np.gradient(s.effort[:, joint], step)
 
-    def effort(s: Scene) -> Floats:
-        return s.effort[:, [joint]]
-
-    yield [Candidate("delay", axis, {}, context.on_joint(joint, rate), ("seconds",))]
-    yield [Candidate("effort_scale", axis, {}, context.on_joint(joint, effort), ("share",))]
+    yield Family("delay", axis, ("seconds",), on(joint, late))
+    yield Family("effort_scale", axis, ("share",), on(joint, lambda s, _: s.effort[:, joint]))
     yield _encoder(context, axis, joint, step)
 
 
 def _encoder(context: Context, axis: str, joint: int, step: float) -> Family:
     low, high = context.travel(joint)
-    if context.machine.rotary[joint]:
-        periods = [2.0 * np.pi / k for k in TURNS]
-    else:
-        periods = [float((high - low) / k) for k in WAVES]
-    out = []
-    for period in periods:
+    rotary = context.machine.rotary[joint]
+    periods = [2.0 * np.pi / k for k in TURNS] if rotary else [(high - low) / k for k in WAVES]
 
-        def make(s: Scene, period: float = period) -> Floats:
-            x = 2.0 * np.pi * s.motion.q[:, joint] / period
-            e = np.stack([np.cos(x), np.sin(x)], axis=1)
-            bend = np.gradient(np.gradient(e, step, axis=0), step, axis=0)
-            return -s.inertia[:, [joint]] * bend
+    def values(s: Scene, shape: Shape) -> Floats:
+        x = 2.0 * np.pi * s.motion.q[:, joint] / shape["period"]
+        e = np.stack([np.cos(x), np.sin(x)], axis=1)
+        bend = np.gradient(np.gradient(e, step, axis=0), step, axis=0)
+        return -s.inertia[:, [joint]] * bend
 
-        columns = context.on_joint(joint, make)
-        out.append(Candidate("encoder_error", axis, {"period": period}, columns, ("a", "b")))
-    return out
+    shapes = [{"period": float(p)} for p in periods]
+    return Family(
+        "encoder_error", axis, ("a", "b"), on(joint, values), shapes,
+        fine={} if rotary else {"period": 0.05},
+    )  # fmt: skip

@@ -1,6 +1,6 @@
 """Healthy draws: what the search would find in data that hold no effect.
 
-Half of the draws are white noise with run-to-run scatter of friction, as the twin states them; the
+Half of the draws are white noise with run-to-run scatter of friction, as the model states them; the
 other half are the stage's own residual with the sign of every stretch of it drawn at random (a wild
 block bootstrap), which keeps whatever the noise model misses. Repeats of a command share their signs.
 """
@@ -16,27 +16,37 @@ from pinotwin.diagnosis.stage import Stage, scatter_precision
 STRETCH = 0.5  # [s] length of the stretches whose sign is drawn
 
 
-def draws(stage: Stage, ledger: Ledger, count: int, rng: np.random.Generator) -> list[Floats]:
+def healthy_draws(
+    stage: Stage, ledger: Ledger, count: int, rng: np.random.Generator
+) -> list[Floats]:  # fmt: skip
     """Return whitened efforts without effects per piece, each of shape (m, count)."""
     flipped = count // 2
-    white = count - flipped
+    noise = white_draws(stage, ledger, count - flipped, rng, ledger.theta)
     signs = _Signs(rng, flipped)
-    base = stage.base
-    precision = scatter_precision(base, stage.noise, np.resize(ledger.theta, base.count))
-    S = np.flatnonzero(np.isfinite(precision))
-    logs = len(stage.rows.motions)
-    scatter = rng.standard_normal((logs, len(S), white)) / np.sqrt(precision[S])[None, :, None]
     out = []
-    for piece in stage.pieces:
-        noise = rng.standard_normal((len(piece.y), white))
-        own = np.zeros((base.count, white))
-        own[S] = scatter[piece.channel.log]
-        noise += piece.B @ own[piece.columns]
+    for piece, white in zip(stage.pieces, noise, strict=True):
         residual = residual_of(piece, ledger.theta)
         t = piece.channel.centres[piece.kept] * stage.rows.motions[0].step
         label = stage.rows.commands[piece.channel.log]
         flips = signs.at(label, piece.channel.joint, (t / STRETCH).astype(int))
-        out.append(np.concatenate([noise, residual[:, None] * flips], axis=1))
+        out.append(np.concatenate([white, residual[:, None] * flips], axis=1))
+    return out
+
+
+def white_draws(
+    stage: Stage, ledger: Ledger, count: int, rng: np.random.Generator, theta: Floats
+) -> list[Floats]:
+    """Return white noise with run-to-run scatter of friction, per piece of shape (m, count)."""
+    base = stage.base
+    precision = scatter_precision(base, stage.noise, np.resize(theta, base.count))
+    S = np.flatnonzero(np.isfinite(precision))
+    logs = len(stage.rows.motions)
+    scatter = rng.standard_normal((logs, len(S), count)) / np.sqrt(precision[S])[None, :, None]
+    out = []
+    for piece in stage.pieces:
+        own = np.zeros((base.count, count))
+        own[S] = scatter[piece.channel.log]
+        out.append(rng.standard_normal((len(piece.y), count)) + piece.B @ own[piece.columns])
     return out
 
 

@@ -1,0 +1,240 @@
+"""What this log can tell apart, and how sure an answer is: known before the data are looked at.
+
+Effects of the catalogue are put into healthy noise on the log's own motion, and the same screen is run
+on them. Noise-free injections give the isolability of every pair (Eriksson, Frisk & Krysander 2013,
+doi:10.1016/j.automatica.2013.02.008: half the deviance by which the true effect beats another one); noisy
+ones, a quarter of them with their own family taken away, give the temperature of the evidence and the
+share of right answers among those that look equally sure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.diagnosis.advice import same_class
+from pinotwin.diagnosis.bank import Shelf
+from pinotwin.diagnosis.context import Context
+from pinotwin.diagnosis.healthy import white_draws
+from pinotwin.diagnosis.ledger import Ledger, build_ledger
+from pinotwin.diagnosis.search import Key, Screened, Settings, screen
+from pinotwin.diagnosis.stage import Stage
+
+SIZES = (8.0, 3000.0)  # whitened deviance that an injection brings beyond the base, log-uniform
+REFERENCE = 200.0  # the same of the noise-free ones
+OUTSIDE = 0.25  # share of injections whose own family is taken away
+FORM = 0.02  # share of an effect that the form of its columns may be off by
+MERGED, CLOSE = 3.0, 10.0  # isolability below which two are one, or confusable
+STAYS = 0.15  # share of the gap's power above which an answer is only partial
+WARMTHS = np.geomspace(1e-4, 0.3, 25)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What injections taught.
+
+    Attributes:
+        warmth: temperature of the evidence per unit of gain.
+        sure: confidences before recalibration, ascending, shape (n,).
+        right: share of right answers at them, shape (n,).
+        doubtful: share of right answers among those that left part of the gap open.
+        ratio: (true, other) -> share of the true effect's gain that the other one reaches.
+        predicted: true -> named -> probability at the reference size.
+    """
+
+    warmth: float
+    sure: Floats
+    right: Floats
+    doubtful: float
+    ratio: Mapping[tuple[Key, Key], float]
+    predicted: Mapping[Key, Mapping[Key, float]]
+
+    def confidence(self, p: float, *, partial: bool) -> float:
+        """Return the share of right answers among injections that looked as sure as ``p``.
+
+        Args:
+            p: probability by evidence alone.
+            partial: the answer leaves part of the gap open.
+        """
+        full = float(np.interp(p, self.sure, self.right)) if len(self.sure) else p
+        return min(full, self.doubtful) if partial else full
+
+    def isolability(self, true: Key, other: Key, gain: float) -> float:
+        """Return by how much an effect of some gain beats another one [half deviance]."""
+        loss = 1.0 - self.ratio.get((true, other), 0.0)
+        return 0.5 * gain * max(loss, 0.0)
+
+    def like(self, true: Key, gain: float) -> list[Key]:
+        """Return the effects that this motion cannot tell from an effect of some gain."""
+        others = [b for a, b in self.ratio if a == true]
+        return [
+            o
+            for o in others
+            if self.isolability(true, o, gain) < MERGED or 1.0 - self.ratio[true, o] < FORM
+        ]
+
+
+def tempered(G: Floats, threshold: float, warmth: float) -> Floats:
+    """Return the probability of every option and of none (last), from held-out gains (options,)."""
+    all_ = np.append(G, threshold)
+    T = 1.0 + warmth * max(float(all_.max()), 0.0)
+    p = np.exp(np.clip((all_ - all_.max()) / (2.0 * T), -700.0, 0.0))
+    return np.asarray(p / p.sum())
+
+
+def calibrate(
+    context: Context, stage: Stage, theta: Floats, shelves: Sequence[Shelf], settings: Settings
+) -> Calibration:
+    """Return what this motion can tell apart; the measured effort is not looked at."""
+    rng = np.random.default_rng([settings.seed, 1234])
+    blind = _without_effort(stage)
+    plain = build_ledger(blind, theta)
+    low, high = np.log(SIZES)
+    sizes = np.exp(rng.uniform(low, high, settings.injections))
+    which = rng.integers(0, len(shelves), settings.injections)
+    quiet = np.arange(len(shelves))
+    pushed = _injected(context, plain, shelves, np.r_[which, quiet],
+                       np.r_[sizes, np.full(len(quiet), REFERENCE)], rng)  # fmt: skip
+    noise = white_draws(blind, plain, settings.injections, rng, theta)
+    drawn = [
+        x + np.concatenate([n, np.zeros((len(n), len(quiet)))], axis=1)
+        for x, n in zip(pushed, noise, strict=True)
+    ]
+    drawn = [np.concatenate([d, n], axis=1) for d, n in zip(drawn, noise, strict=True)]
+    seen = screen(context, shelves, build_ledger(blind, theta, drawn), settings)
+    count, end = settings.injections, settings.injections + len(quiet)
+    threshold = seen.threshold(settings.alpha, slice(end, None))
+    keys = [s.family.key for s in shelves]
+    outside = rng.random(count) < OUTSIDE
+    truth = [keys[int(k)] for k in which]
+    G = seen.tops[:, :count].copy()
+    for n in np.flatnonzero(outside):
+        G[[k for k, key in enumerate(seen.keys) if alike(key, truth[n])], n] = -1e3
+    warmth, sure, right, doubtful = _recalibrated(
+        _Answers(seen, G, truth, outside, sizes, threshold)
+    )
+    ratio, predicted = _isolated(seen, keys, seen.tops[:, count:end])
+    return Calibration(warmth, sure, right, doubtful, ratio, predicted)
+
+
+def _without_effort(stage: Stage) -> Stage:
+    pieces = tuple(replace(p, y=np.zeros_like(p.y)) for p in stage.pieces)
+    return replace(stage, pieces=pieces)
+
+
+def _injected(
+    context: Context, ledger: Ledger, shelves: Sequence[Shelf], which: Ints, gains: Floats,
+    rng: np.random.Generator,
+) -> list[Floats]:  # fmt: skip
+    """Return whitened efforts of effects of stated gain, per piece of shape (m, len(which))."""
+    stage = ledger.stage
+    out = [np.zeros((len(p.y), len(which))) for p in stage.pieces]
+    for n, (k, gain) in enumerate(zip(which, gains, strict=True)):
+        family = shelves[k].family
+        shape = dict(family.shapes[int(rng.integers(len(family.shapes)))])
+        for name, half in family.fine.items():
+            shape[name] = float(shape[name] * np.exp(half * rng.uniform(-1.0, 1.0)))
+        columns = stage.project(family.columns(context, shape))
+        theta = np.abs(rng.standard_normal(len(family.names)))
+        if not family.positive:
+            theta *= rng.choice([-1.0, 1.0], len(theta))
+        sizes = np.sqrt(sum((x**2).sum(axis=0) for x in columns if x is not None))
+        theta /= np.maximum(sizes, 1e-300)
+        effort = [None if x is None else x @ theta for x in columns]
+        scale = np.sqrt(gain / max(_open(ledger, effort), 1e-12))
+        for piece, x in enumerate(effort):
+            if x is not None and np.isfinite(scale) and scale < 1e9:
+                out[piece][:, n] = x * scale
+    return out
+
+
+def _open(ledger: Ledger, effort: Sequence[Floats | None]) -> float:
+    """Return the squared length of an effort beyond what the base absorbs."""
+    right, total = np.zeros((ledger.stage.base.count, 1)), 0.0
+    for piece, x in zip(ledger.stage.pieces, effort, strict=True):
+        if x is not None:
+            right[piece.columns, 0] += piece.B.T @ x
+            total += float(x @ x)
+    return total - float((right[:, 0] * ledger.solve(0, right)[:, 0]).sum())
+
+
+@dataclass(frozen=True)
+class _Answers:
+    """What the screen said of injections: options G (families, n), truth, and whether it was taken away."""
+
+    seen: Screened
+    G: Floats
+    truth: Sequence[Key]
+    outside: Mask
+    gains: Floats
+    threshold: float
+
+    def named(self, warmth: float) -> tuple[Floats, Mask, Mask]:
+        """Return of every detected injection how sure the answer is, whether right, whether partial."""
+        sure, right, partial = [], [], []
+        for n in range(self.G.shape[1]):
+            best = int(np.argmax(self.G[:, n]))
+            if self.G[best, n] > self.threshold:
+                p = tempered(self.G[:, n], self.threshold, warmth)
+                key = self.seen.keys[best]
+                same = [k for k, other in enumerate(self.seen.keys) if alike(other, key)]
+                sure.append(float(p[same].sum()))
+                right.append(not self.outside[n] and alike(key, self.truth[n]))
+                partial.append(self.G[best, n] < (1.0 - STAYS) * self.gains[n])
+        return np.array(sure), np.array(right, dtype=bool), np.array(partial, dtype=bool)
+
+
+def _recalibrated(answers: _Answers) -> tuple[float, Floats, Floats, float]:
+    """Return the warmth, confidences before and after recalibration, and that of a partial answer."""
+    index = {key: k for k, key in enumerate(answers.seen.keys)}
+    own = np.array([index.get(key, -1) for key in answers.truth])
+    known = np.flatnonzero(~answers.outside & (own >= 0))
+    losses = []
+    for w in WARMTHS:
+        p = [tempered(answers.G[:, n], answers.threshold, w)[own[n]] for n in known]
+        losses.append(-float(np.sum(np.log(np.maximum(p, 1e-12)))))
+    warmth = float(WARMTHS[int(np.argmin(losses))])
+    sure, right, partial = answers.named(warmth)
+    order = np.argsort(sure[~partial])
+    x, y = _isotonic(sure[~partial][order], right[~partial][order].astype(float))
+    doubtful = (float(right[partial].sum()) + 1.0) / (int(partial.sum()) + 2.0)
+    return warmth, x, y, doubtful
+
+
+def alike(a: Key, b: Key) -> bool:
+    """Whether two answers count as one: the same class on the same axis."""
+    if not same_class(a[0], b[0]):
+        return False
+    return a[1] == b[1] or a[0] == "payload" == b[0]
+
+
+def _isotonic(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return pooled x and the non-decreasing fit of y (Zadrozny & Elkan 2002), shrunk by two answers."""
+    from scipy.optimize import isotonic_regression
+
+    if len(x) < 20:
+        return np.zeros(0), np.zeros(0)
+    fit = np.asarray(isotonic_regression(y).x)
+    levels, first, count = np.unique(fit, return_index=True, return_counts=True)
+    middle = np.array([x[f : f + c].mean() for f, c in zip(first, count, strict=True)])
+    return middle, (levels * count + 1.0) / (count + 2.0)
+
+
+def _isolated(seen: Screened, keys: Sequence[Key], tops: Floats):  # type: ignore[no-untyped-def]
+    """Return the gain ratios and the predicted confusion of noise-free injections."""
+    ratio: dict[tuple[Key, Key], float] = {}
+    predicted: dict[Key, dict[Key, float]] = {}
+    index = {key: k for k, key in enumerate(seen.keys)}
+    for n, true in enumerate(keys):
+        if true not in index or tops[index[true], n] < 0.2 * REFERENCE:
+            continue
+        top = tops[index[true], n]
+        for other, k in index.items():
+            if other != true and tops[k, n] > 0.5 * top:
+                ratio[true, other] = float(min(tops[k, n] / top, 1.0))
+        p = tempered(tops[:, n], -1e3, 0.0)
+        predicted[true] = {o: float(p[k]) for o, k in index.items() if p[k] > 0.01}
+    return ratio, predicted

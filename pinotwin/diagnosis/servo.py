@@ -1,0 +1,177 @@
+"""What the motor's own equation cannot show: the servo that commands it.
+
+Inverse dynamics holds whatever the controller does, so that a wrong feed-forward or a drive at its limit
+leaves no trace there. The controller's law relates command, position and effort without the plant, and
+what differs there is the servo's alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.diagnosis.result import Found, Shrink
+from pinotwin.errors import DataError
+from pinotwin.loop.controller import Controller
+from pinotwin.loop.data import LoopData
+from pinotwin.loop.gains import Gains, at_limit, expected, gains_in
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+
+MOVED = 0.35  # RMS of what a changed gain does, over what the law leaves anyway
+SIGMAS = 8.0  # the same over its standard error: rows of a law are many and alike
+RELATIVE = 0.01  # change of a gain that is worth a name
+LIMITED = 2e-3  # share of rows at the limit that is worth a name
+WORSE = 10.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
+FORWARD = ("ffa", "ffv", "kv ffv")
+
+
+def servo_findings(
+    subject: object, motions: Sequence[Motion], validation: Sequence[Motion]
+) -> list[Found]:
+    """Return what has changed in the servo of every axis.
+
+    Args:
+        subject: a twin with controllers, whose gains are compared; anything else only has its drives
+            looked at for limits.
+        motions: prepared logs with commands.
+        validation: logs on which the shrink is stated; the same ones where empty.
+    """
+    if not motions or any(m.qr is None or m.vr is None for m in motions):
+        return []
+    out: list[Found] = []
+    for joint, axis in enumerate(motions[0].names):
+        out += _limited(motions, joint, axis)
+        controller = subject.controllers.get(axis) if isinstance(subject, Twin) else None
+        if controller is not None and not any(f.axis == axis for f in out):
+            out += _changed(controller, motions, validation or motions, joint)
+    return out
+
+
+def _limited(motions: Sequence[Motion], joint: int, axis: str) -> list[Found]:
+    """Return ``saturation`` where an effort rests at its largest size and the axis is left behind."""
+    rows, worst, level = [], 0.0, 0.0
+    for m in motions:
+        assert m.qr is not None
+        u, e = m.u[:, joint], (m.qr - m.q)[:, joint]
+        if not np.isfinite(u).any():
+            return []
+        near = at_limit(u, _roughness(u), m.step)
+        rows.append(near)
+        after = _followed(near, round(0.05 / m.step))
+        if near.any() and not after.all():
+            worst = max(worst, _rms(e[after]) / max(_rms(e[~after]), 1e-300))
+            level = max(level, float(np.median(np.abs(u[near]))))
+    share = float(np.mean(np.concatenate(rows)))
+    if share < LIMITED or worst < WORSE:
+        return []
+    return [
+        Found(
+            "saturation", axis, 0.95, {"limit": level}, {"share of time": share}, {}, [],
+            gain=float(sum(map(len, rows)) * share * np.log(worst)),
+        )
+    ]  # fmt: skip
+
+
+def _changed(
+    controller: Controller, motions: Sequence[Motion], validation: Sequence[Motion], joint: int
+) -> list[Found]:
+    """Return ``feedforward`` or ``loop_gain`` where gains have left what the twin knows."""
+    try:
+        each = [gains_in(_data(m, joint), controller) for m in motions]
+        unseen = [gains_in(_data(m, joint), controller) for m in validation]
+    except DataError:  # the axis does not move enough in a log to say anything about its servo
+        return []
+    now = _mean(each)
+    size = np.abs(now.after - now.before) * now.held
+    known = np.array([_error(controller, name) for name in now.names])
+    error = np.hypot(np.sqrt(np.maximum(np.diag(now.covariance), 0.0)), known)
+    moved = (
+        (size > MOVED * now.unexplained[1])
+        & (np.abs(now.after - now.before) > SIGMAS * error)
+        & (np.abs(now.after - now.before) > RELATIVE * np.abs(now.before))
+    )
+    out = []
+    for effect, own in (("feedforward", True), ("loop_gain", False)):
+        which = [k for k, n in enumerate(now.names) if (n in FORWARD) == own and moved[k]]
+        if which:
+            out.append(_found(effect, motions[0].names[joint], now, which, unseen, controller))
+    return out
+
+
+def _found(
+    effect: str, axis: str, now: Gains, which: Sequence[int], unseen: Sequence[Gains],
+    controller: Controller,
+) -> Found:  # fmt: skip
+    """Return the finding; efforts of the law are stated as the error that would cause them."""
+    stiffness = max(abs(float(expected(controller)[0])), 1e-300)
+    before = float(np.sqrt(np.mean([g.unexplained[0] ** 2 for g in unseen]))) / stiffness
+    after = float(np.sqrt(np.mean([g.unexplained[1] ** 2 for g in unseen]))) / stiffness
+    noise = (controller.rms or 0.0) / stiffness
+    share = _share(before, after, noise)
+    each = [_share(g.unexplained[0], g.unexplained[1], controller.rms or 0.0) for g in unseen]
+    promised = _share(now.unexplained[0], now.unexplained[1], controller.rms or 0.0)
+    return Found(
+        effect, axis, 0.95,
+        {}, {now.names[k]: float(now.after[k] - now.before[k]) for k in which},
+        {"e": Shrink(before, after, share, (min([*each, share - 0.05]), min(max([*each, share]), 1.0)),
+                     promised, "validation")},
+        [], {f"{axis}.{now.names[k]}": (float(now.before[k]), float(now.after[k]), float("inf"))
+             for k in which},
+        gain=float((now.unexplained[0] / now.unexplained[1]) ** 2),
+    )  # fmt: skip
+
+
+def _share(before: float, after: float, noise: float) -> float:
+    return float(np.clip((before**2 - after**2) / max(before**2 - noise**2, 1e-300), -1.0, 1.0))
+
+
+def _mean(each: Sequence[Gains]) -> Gains:
+    """Return the mean of what several logs say."""
+    n = len(each)
+    return Gains(
+        each[0].names, each[0].before, np.mean([g.after for g in each], axis=0),
+        np.mean([g.covariance for g in each], axis=0) / n,
+        tuple(np.sqrt(np.mean([np.square(g.unexplained) for g in each], axis=0)).tolist()),
+        np.mean([g.held for g in each], axis=0), float(np.mean([g.limited for g in each])),
+    )  # fmt: skip
+
+
+def _error(controller: Controller, column: str) -> float:
+    """Return the standard error that the twin states for the gain of a column."""
+    parts = column.split()
+    own = [controller.errors.get(p, 0.0) for p in parts]
+    if len(parts) == 1:
+        return own[0]
+    values = [float(getattr(controller, p)) for p in parts]
+    return float(np.hypot(values[0] * own[1], values[1] * own[0]))
+
+
+def _data(m: Motion, joint: int) -> LoopData:
+    """Return an axis' servo channels; nothing here depends on a disturbance."""
+    assert m.qr is not None
+    e = (m.qr - m.q)[:, joint]
+    return LoopData(
+        step=m.step, qr=m.qr[:, joint], d=e, outputs=np.stack([e, m.u[:, joint]], axis=1),
+        segments=m.segments, axis=m.names[joint],
+    )  # fmt: skip
+
+
+def _followed(mask: Mask, rows: int) -> Mask:
+    """Return the mask with the rows that follow each true one."""
+    out = mask.copy()
+    for k in range(1, rows + 1):
+        out[k:] |= mask[:-k]
+    return out
+
+
+def _roughness(u: Floats) -> float:
+    """Return the standard deviation of an effort's noise, from third differences."""
+    third = np.abs(np.diff(u[np.isfinite(u)], 3))
+    return float(1.4826 * np.median(third) / np.sqrt(20.0)) if len(third) else 0.0
+
+
+def _rms(x: Floats) -> float:
+    return float(np.sqrt(np.mean(x**2))) if len(x) else 0.0
