@@ -1,9 +1,9 @@
-"""Structural flexibility: chapters 6 and 7 of the source on the virtual flexure rig, side by side.
+"""Structural flexibility: chapter 6 and Section 7.2 of the source on the virtual flexure rig, side by side.
 
 python examples/flexure_rig.py [--seconds 20] [--repeats 4]
 
 The rig has CAD inertias that are 10 to 20 % off, two MEMS IMUs with their own clocks, and a truth
-that only the last column knows.
+that only the last column knows. Closed loop and hammer pulses follow in ``flexure_twin.py``.
 """
 
 from __future__ import annotations

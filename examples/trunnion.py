@@ -6,6 +6,8 @@ column from the real one in Wang (2023): other friction, other cables, other con
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import pinotwin as pt
@@ -15,25 +17,46 @@ from pinotwin.virtual import VirtualMachine, random_trajectory
 SOURCE = {"Y": {"e": 0.0712, "u": 0.0512}, "A": {"e": 0.0615, "u": 0.0263}}  # Table 4-5
 POLES = {"Y": {"p1": 62.96, "wn1": 10.86, "zeta1": 0.6739},
          "A": {"p1": 52.15, "wn1": 7.61, "zeta1": 0.8471}}  # Table 4-4  # fmt: skip
+SIZES = {
+    "Y": "1.49e-6 m of 2.09e-5, 2.63 N of 51.4",
+    "A": "3.89e-5 rad of 6.32e-4, 0.113 N·m of 4.29",
+}
 
 
 def record(seconds: float, seed: int) -> pt.Log:
     """Return a log of the virtual trunnion: back-and-forth moves with little dwell."""
     virtual = VirtualMachine.load(pt.machines()["trunnion"])
-    path = random_trajectory(virtual, seconds, seed, dwell=(0.0, 0.1), synchronised=0.3)
+    # The source moves Y and A at once, all the time; C goes along in short strokes that end as soon.
+    short = {"C": replace(virtual.limits["C"], travel=(-0.35, 0.35))}
+    path = random_trajectory(virtual, seconds, seed, short, dwell=(0.0, 0.1), synchronised=0.3)
     return virtual.record(path, seed=seed).to_log()
 
 
 def errors(log: pt.Log, predicted: pt.Log, axes: str) -> dict[str, dict[str, float]]:
     """Return RMS error over RMS magnitude of e and u, per axis."""
-    out = {}
+    out: dict[str, dict[str, float]] = {}
     for axis in axes:
-        e, u = log[f"{axis}.qr"] - log[f"{axis}.q"], log[f"{axis}.u"]
-        out[axis] = {
-            "e": float(np.sqrt(np.mean((predicted[f"{axis}.e"] - e) ** 2) / np.mean(e**2))),
-            "u": float(np.sqrt(np.mean((predicted[f"{axis}.u"] - u) ** 2) / np.mean(u**2))),
-        }
+        measured = {"e": log[f"{axis}.qr"] - log[f"{axis}.q"], "u": log[f"{axis}.u"]}
+        out[axis] = {k: rms(predicted[f"{axis}.{k}"] - x) / rms(x) for k, x in measured.items()}
     return out
+
+
+def rms(x: np.ndarray) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def print_sizes(log: pt.Log, found: dict[str, dict[str, float]]) -> None:
+    """Print errors in units, and the noise of the effort that no model can predict."""
+    truth = VirtualMachine.load(pt.machines()["trunnion"]).truth.axes
+    for axis, row in found.items():
+        e, u = rms(log[f"{axis}.qr"] - log[f"{axis}.q"]), rms(log[f"{axis}.u"])
+        sensor = truth[axis].effort
+        noise = float(np.hypot(sensor.white or 0.0, sensor.coloured or 0.0))
+        print(
+            f"{axis}: e {row['e'] * e:.3g} of {e:.3g}, u {row['u'] * u:.3g} of {u:.3g} (SI; source "
+            f"{SIZES[axis]}); effort noise {noise:.2g}, step {sensor.resolution:.2g}"
+        )
 
 
 def main(seconds: float = 25.0) -> dict[str, dict[str, float]]:
@@ -54,6 +77,7 @@ def main(seconds: float = 25.0) -> dict[str, dict[str, float]]:
     for axis, row in found.items():
         for signal, value in row.items():
             print(f"{axis}.{signal}  ours {value:7.2%}   source {SOURCE[axis][signal]:7.2%}")
+    print_sizes(unseen, found)
     window = (3.0, 5.3)
     print("\nshares of the tracking error, 3 to 5.3 s (Fig. 4-16)")
     for row in decompose(twin, unseen, window).table():

@@ -30,6 +30,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.effects import Effect, RigidBody
 from pinotwin.errors import DataError
+from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 
 if TYPE_CHECKING:
@@ -74,10 +75,13 @@ def diagonal(twin: Twin, motion: Motion) -> dict[str, Floats]:
     """Return the constant diagonals M_D, C and K of a twin over the travel of a motion, each (nv,).
 
     The keys are ``inertia``, ``viscous`` and ``stiffness``; the result is stored as
-    ``twin.diagonal``, since the closed loops depend on it.
+    ``twin.diagonal``, since the closed loops depend on it. With passive joints there is also ``ground``:
+    the inertia of those that an axis sits on, when both are counted from the ground (Eq. 5.4).
     """
     q = np.concatenate([motion.q[s] for s in motion.segments])
-    inertia = diagonal_inertia(twin, halton(POSTURES, q.min(axis=0), q.max(axis=0)))
+    postures = halton(POSTURES, q.min(axis=0), q.max(axis=0))
+    M = _mean_inertia(twin, postures)
+    inertia = np.diag(M).copy()
     viscous, stiffness = np.zeros(twin.machine.nv), np.zeros(twin.machine.nv)
     for effect, theta in _effects(twin):
         for k, cause in enumerate(causes(effect)):
@@ -85,18 +89,45 @@ def diagonal(twin: Twin, motion: Motion) -> dict[str, Floats]:
                 assert effect.axis is not None
                 kept = viscous if cause == "viscous" else stiffness
                 kept[twin.machine.names.index(effect.axis)] += theta[k]
-    return {"inertia": inertia, "viscous": viscous, "stiffness": stiffness}
+    found = {"inertia": inertia, "viscous": viscous, "stiffness": stiffness}
+    if twin.machine.passive:
+        found["ground"] = _ground(twin.machine, M)
+    return found
+
+
+def reacting(machine: Machine) -> dict[str, str]:
+    """Return the axis that sits on each passive joint: its motor's reaction moves the joint."""
+    parents = machine.model.parents
+    out: dict[str, str] = {}
+    for name, axis in machine.axes.items():
+        below = int(parents[axis.index + 1]) - 1
+        if below >= 0 and machine.names[below] in machine.passive:
+            out.setdefault(machine.names[below], name)
+    return out
+
+
+def _ground(machine: Machine, M: Floats) -> Floats:
+    out = np.diag(M).copy()
+    for passive, axis in reacting(machine).items():
+        p, i = machine.names.index(passive), machine.axes[axis].index
+        out[p] = M[p, p] - 2.0 * M[p, i] + M[i, i]
+    return out
 
 
 def diagonal_inertia(twin: Twin, postures: Floats) -> Floats:
     """Return the mean of the diagonal of M(q) over postures of shape (k, nv), shape (nv,)."""
+    return np.diag(_mean_inertia(twin, postures)).copy()
+
+
+def _mean_inertia(twin: Twin, postures: Floats) -> Floats:
+    """Return the mean of M(q) over postures, shape (nv, nv)."""
     zero = np.zeros_like(postures)
     held = _rigid_effort(twin, postures, zero, zero)
-    out = np.zeros(postures.shape[1])
+    out = np.zeros((postures.shape[1], postures.shape[1]))
     for i in range(len(out)):
         unit = zero.copy()
         unit[:, i] = 1.0
-        out[i] = float(np.mean((_rigid_effort(twin, postures, zero, unit) - held)[:, i]))
+        out[:, i] = np.mean(_rigid_effort(twin, postures, zero, unit) - held, axis=0)
     return out
 
 

@@ -20,14 +20,18 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics import mass_matrix
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import MachineError, TwinError, nearest
 from pinotwin.machine import Machine
 
 if TYPE_CHECKING:
+    from pinotwin.loop import LoopModel
     from pinotwin.twin import Twin
 
 _STILL = 2e-3
 """Modes below this frequency [Hz] are rigid-body motion."""
+_ROUNDS = 20
+_CRITICAL = 0.5
+"""Modes damped more are the servo's own: a stiffness and a damping say little about them."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +115,55 @@ def modes(
         return Modes(believed.names, q, held, ())
     cut = np.ix_(free, free)
     return Modes(believed.names, q, held, _solve(M, K[cut], np.diag(c)[cut], free))
+
+
+def servo_modes(twin: Twin, posture: Mapping[str, float] | None = None) -> Modes:
+    """Return the modes of a twin at a posture with its servo loops closed.
+
+    A loop answers a displacement of its axis with u = C(s) e, and its transfer functions give
+    C = (u/d) / (e/d), whatever the controller. At a mode's s that is a stiffness and a damping,
+    C(s) = k + c s with both real; s and the servo are found in turn until they agree, mode by mode.
+
+    Raises:
+        TwinError: the twin has no closed loop.
+    """
+    if not twin.loops:
+        raise TwinError(f"{twin.machine.name}: the twin has no closed loop to close the servo with")
+    begin = _with_servo(twin, posture, 2.0j * np.pi * 10.0)
+    found = []
+    for k in range(len(begin)):
+        now = begin
+        for _ in range(_ROUNDS):
+            if k >= len(now):
+                break
+            now = _with_servo(twin, posture, _root(now[k]))
+        if k < len(now) and now[k].damping < _CRITICAL:
+            found.append(now[k])
+    ordered = tuple(sorted(found, key=lambda mode: mode.frequency))
+    return Modes(begin.names, begin.q, begin.locked, ordered)
+
+
+def _root(mode: Mode) -> complex:
+    zeta = mode.damping
+    return 2.0 * np.pi * mode.frequency * complex(-zeta, np.sqrt(max(1.0 - zeta**2, 1e-6)))
+
+
+def _with_servo(twin: Twin, posture: Mapping[str, float] | None, s: complex) -> Modes:
+    """Return the modes with every loop as its stiffness and damping at s [rad/s]."""
+    stiffness, damping = {}, {}
+    for name, loop in twin.loops.items():
+        answer = _response(loop, "u", s) / _response(loop, "e", s)
+        c = answer.imag / s.imag
+        stiffness[name] = float(answer.real - c * s.real)
+        own = twin.diagonal["viscous"][twin.machine.axes[name].index]
+        damping[name] = float(c + own)
+    return modes(twin, posture, stiffness=stiffness, damping=damping)
+
+
+def _response(loop: LoopModel, output: str, s: complex) -> complex:
+    """Return the transfer function from the axis' own disturbance to an output at s."""
+    num, den = loop.numerator(output, loop.disturbances[0])
+    return complex(np.polyval(num, s) / np.polyval(den, s))
 
 
 def _believed(machine: Machine | Twin) -> tuple[Machine, pin.Model, dict[str, tuple[float, float]]]:

@@ -89,7 +89,8 @@ def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None
     step = _step(log.t, parts)
     rate = 1.0 / step
     corner = cutoff if 0.0 < cutoff < 0.45 * rate else np.inf
-    smoother = Smoother(step, corner, settings.order, tuple(parts))
+    vibrates = any(f"{name}.v" in log for name in machine.passive)
+    smoother = Smoother(step, corner, settings.order, tuple(parts), vibrates)
     q, v, a = smoother.derivatives(joint_positions(machine, log, "q"))
     moves = _moves(machine, log, parts)
     q[:, ~moves], v[:, ~moves], a[:, ~moves] = q[_rows_of(parts)][:, ~moves].mean(axis=0), 0.0, 0.0
@@ -115,12 +116,17 @@ def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None
 
 @dataclass(frozen=True)
 class Smoother:
-    """The one filter that every channel of a log goes through."""
+    """The one filter that every channel of a log goes through.
+
+    With ``sharp`` derivatives are differences of fourth order: the usual ones lose 3 % of a 20 Hz
+    acceleration that is sampled at 400 Hz, which a structural mode does not forgive.
+    """
 
     step: float
     cutoff: float
     order: int
     stretches: tuple[slice, ...]
+    sharp: bool = False
 
     def smooth(self, x: Floats) -> Floats:
         """Return ``x`` low-passed; rows outside the stretches pass."""
@@ -128,7 +134,12 @@ class Smoother:
 
     def slope(self, x: Floats) -> Floats:
         """Return the time derivative; zero outside the stretches."""
-        return np.nan_to_num(differentiate(x, self.step, self.stretches))
+        out = np.nan_to_num(differentiate(x, self.step, self.stretches))
+        if self.sharp:
+            for s in self.stretches:
+                y = x[s]
+                out[s][2:-2] = (8.0 * (y[3:-1] - y[1:-3]) - (y[4:] - y[:-4])) / (12.0 * self.step)
+        return out
 
     def derivatives(self, x: Floats) -> tuple[Floats, Floats, Floats]:
         """Return ``x`` smoothed, and its first and second derivative."""
@@ -164,13 +175,17 @@ def _decimation(given: int | None, cutoff: float, rate: float) -> int:
 def _measured_derivatives(
     machine: Machine, log: Log, v: Floats, a: Floats, smoother: Smoother
 ) -> tuple[Floats, Floats]:
-    """Use the velocity and acceleration of a passive joint where its angle was not measured."""
+    """Use the measured velocity of a passive joint, or its acceleration where that is all there is.
+
+    The acceleration comes from the velocity like that of every axis: what a difference loses at the
+    joint's frequency must be lost on both sides of its equation.
+    """
     v, a = v.copy(), a.copy()
     for name, part in machine.passive.items():
         if f"{name}.v" in log:
             v[:, part.index] = smoother.smooth(np.nan_to_num(log[f"{name}.v"]))
             a[:, part.index] = smoother.slope(v[:, part.index])
-        if f"{name}.a" in log:
+        elif f"{name}.a" in log:
             a[:, part.index] = smoother.smooth(np.nan_to_num(log[f"{name}.a"]))
     return v, a
 

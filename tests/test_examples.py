@@ -20,13 +20,16 @@ def test_trunnion(capsys):
     text = capsys.readouterr().out
     assert "Table 4-5" in text
     assert "friction" in text
-    assert found["A"]["u"] < 0.0263  # the source's figure for the tilting axis' torque
-    assert found["Y"]["u"] < 0.5
+    source = {"Y": {"e": 0.0712, "u": 0.0512}, "A": {"e": 0.0615, "u": 0.0263}}  # Table 4-5
+    for axis, row in source.items():
+        for signal, figure in row.items():
+            assert found[axis][signal] < figure, (axis, signal)
 
 
 def test_laser_driller(capsys):
     means = example("laser_driller").main(seconds=10.0)
     text = capsys.readouterr().out
     assert "with coupling" in text
-    assert means["fitted"] < 0.15
-    assert means["unseen"] < 0.25
+    assert means["fitted"] < 0.04  # 10 s only; with 20 s it is 2.0 % (source 2.38 %)
+    assert means["unseen"] < 0.05
+    assert means["alone B.e"] > 0.3  # what leaving the coupling out costs

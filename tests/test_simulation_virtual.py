@@ -24,7 +24,8 @@ from tests.simulated import known_twin, plain_machine, smooth_command
 
 
 def recorded(name: str, urdf_dir, seconds: float, seed: int) -> Log:  # type: ignore[no-untyped-def]
-    machine = VirtualMachine.load(urdf_dir / name)
+    # `coulomb` does not know what friction holds while an axis stands; here the simulation is judged.
+    machine = VirtualMachine.load(urdf_dir / name, withhold=["coulomb"])
     return machine.record(random_trajectory(machine, seconds, seed), seed=seed).to_log()
 
 
@@ -64,7 +65,7 @@ class TestUnseenTrajectory:
             i = motion.index(name)
             floor = np.sqrt(np.mean(known[:, i] ** 2) / np.mean(motion.u[:, i] ** 2))
             assert rows[name]["u"]["nrmse"] < 1.25 * floor + 0.01
-        assert rows["A"]["u"]["nrmse"] < 0.03
+        assert rows["A"]["u"]["nrmse"] < 0.02
         assert rows["A"]["e"]["nrmse"] < 0.12
 
     def test_feeding_back_costs_little_against_measured_disturbance(self, twin, unseen):
@@ -112,7 +113,7 @@ class TestCommandLine:
         assert list(predicted.channels)[:4] == ["t", "Y.q", "Y.e", "Y.u"]
         assert len(predicted) == len(unseen)
         rows = json.loads(result.read_text())["axes"]
-        assert rows["A"]["u"]["nrmse"] < 0.03
+        assert rows["A"]["u"]["nrmse"] < 0.02
         text = capsys.readouterr().out
         assert "rows written" in text
         assert f"{rows['A']['u']['nrmse']:.2%}" in text

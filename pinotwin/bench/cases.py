@@ -1,52 +1,41 @@
-"""The cases of the blind bench: machine, situation, what is put into the truth, and nothing else."""
+"""The cases of the withheld bench: machine, situation, what is put into the truth, and nothing else."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
-HEALTHY: dict[str, tuple[str, ...]] = {
-    "trunnion": ("stribeck:C",),
-    "laser_driller": ("joint_flexibility",),
-    "emps": ("coulomb_asymmetric", "drive_flexibility", "stribeck"),
+from pinotwin.bench.catalogue import (
+    CHANGE,
+    CHANGE_SIZES,
+    FORMS,
+    IMITATORS,
+    MANY_AXES,
+    OUTSIDE,
+    ROTARY,
+    SIZES,
+    STRUCTURE,
+    left_out_with,
+)
+from pinotwin.bench.plants import is_rotary, listing
+
+MACHINES = ("trunnion", "laser_driller", "emps", "random:1", "random:2", "random:3", "random:4")
+"""What the bench runs on unless told otherwise; the random ones nothing was tuned on."""
+
+ROUNDS = 4
+"""Rounds of a whole bench: about 104 healthy, 168 single, 40 double, 48 outside, 20 other forms."""
+
+HEALTHY_CASES, DOUBLE_CASES, LEFT_OUT_CASES = 26, 10, 8
+FORM_CASES = {
+    "structure": ("gms", "gms", "ripple_triangle"),
+    # A controller's dead time that was there when it was identified is no fault of the model.
+    "change": ("gms", "loop_delay"),
 }
-"""Machine -> effects of its truth that its machine.yaml does not list: withheld in every case."""
-
-SIZES: dict[str, tuple[float, float]] = {
-    "coulomb_asymmetric": (0.005, 0.06), "stribeck": (0.02, 0.15), "ripple": (0.005, 0.06),
-    "ripple_modulated": (0.005, 0.06), "position_table": (0.005, 0.05),
-    "load_friction": (0.03, 0.3), "viscous_thermal": (0.2, 0.9), "presliding": (0.3, 3.0),
-    "drive_flexibility": (0.03, 0.3), "joint_flexibility": (0.03, 0.3), "backlash": (0.02, 0.2),
-    "encoder_error": (0.1, 1.0), "delay": (0.05, 0.4), "geometric_error": (0.02, 0.3),
-    "quadratic_drag": (0.01, 0.1), "effort_scale": (0.03, 0.2), "external_force": (0.05, 0.4),
-    "viscous": (0.01, 0.1), "coulomb": (0.01, 0.1), "payload": (0.03, 0.3),
-    "inertial_coupling": (0.03, 0.3),
-}  # fmt: skip
-"""Effect -> smallest and largest relative size, drawn log-uniformly."""
-
-STRUCTURE = (
-    "coulomb_asymmetric", "stribeck", "ripple", "ripple_modulated", "position_table",
-    "load_friction", "viscous_thermal", "drive_flexibility", "joint_flexibility", "backlash",
-    "encoder_error", "delay", "geometric_error", "quadratic_drag",
-)  # fmt: skip
-CHANGE = (
-    *STRUCTURE, "viscous", "coulomb", "payload", "inertial_coupling", "effort_scale",
-)  # fmt: skip
-OUTSIDE = ("ripple_speed", "coulomb_position", "mains", "chatter")
-OUTSIDE_SIZE = (0.02, 0.2)
-
-LISTED: dict[str, dict[str, tuple[str, ...]]] = {
-    "trunnion": {
-        "Y": ("ripple", "ripple_modulated", "position_table", "stribeck"),
-        "A": ("ripple", "ripple_modulated", "position_table"),
-        "C": (),
-    },
-    "laser_driller": dict.fromkeys("XYZBC", ("stribeck",)),
-    "emps": {"X": ("coulomb_asymmetric",)},
-}
-"""Effects that an axis' machine.yaml lists already: nothing is missing if the truth has more of them."""
+TWINS = 2
 
 
 @dataclass(frozen=True)
@@ -55,11 +44,14 @@ class Case:
 
     Attributes:
         number: running number.
-        machine: bundled machine.
+        machine: bundled machine, ``random:SEED`` or folder.
         situation: ``structure`` or ``change``.
-        kind: healthy, single, double, outside.
+        kind: healthy, single, double, outside (nobody knows it), left_out (the catalogue lost it), form
+            (the catalogue knows it in another functional form).
         effects: (effect, axis, size) put into the truth.
         seed: of trajectory, noise and whatever the effects leave to chance.
+        leave_out: effects taken out of the catalogue.
+        twin: seed of the healthy twin that a change is seen against.
     """
 
     number: int
@@ -68,61 +60,103 @@ class Case:
     kind: str
     effects: tuple[tuple[str, str, float], ...]
     seed: int
+    leave_out: tuple[str, ...] = ()
+    twin: int = 0
+
+    def key(self, *circumstances: object) -> str:
+        """Return a name that another case, or the same in other circumstances, does not have."""
+        text = json.dumps([asdict(self), [str(c) for c in circumstances]], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def draw_cases(
-    machines: Sequence[str], seeds: int, *, situations: Sequence[str] = ("structure", "change"),
-    seed: int = 0,
+    machines: Sequence[str] = MACHINES, rounds: int = 1, *,
+    situations: Sequence[str] = ("structure", "change"), seed: int = 0,
 ) -> list[Case]:  # fmt: skip
-    """Return the cases of a bench: per machine and seed a healthy one, each effect once, and others.
+    """Return the cases of a bench, one round after the other.
+
+    Every round holds each effect once per situation, so that a bench that is cut short is a smaller
+    bench, not a lopsided one. Machines take turns, axes are drawn at random, sizes log-uniformly.
 
     Args:
-        machines: bundled machines, or folders.
-        seeds: repetitions.
+        machines: what it runs on.
+        rounds: repetitions.
         situations: which of the two.
         seed: of everything drawn.
     """
     rng = np.random.default_rng([seed, 7])
     out: list[Case] = []
-    for machine in machines:
-        axes = axes_of(machine)
-        for situation in situations:
-            for _ in range(seeds):
-                pool = STRUCTURE if situation == "structure" else CHANGE
-                kinds: list[tuple[str, tuple[str, ...]]] = [("healthy", ())] * 3
-                kinds += [("single", (name,)) for name in pool]
-                kinds += [("double", _two(rng, pool)) for _ in range(2)]
-                kinds += [("outside", (name,)) for name in OUTSIDE]
-                for kind, names in kinds:
-                    effects = _placed(rng, machine, situation, axes, names)
-                    if effects is None:
-                        continue
-                    run = int(rng.integers(1 << 30))
-                    out.append(Case(len(out), machine, situation, kind, effects, run))
+    turns = _turns(rng, machines)
+    for _ in range(rounds):
+        wanted = [(s, k, n) for s in situations for k, n in _round(s, rng)]
+        for at in rng.permutation(len(wanted)):
+            situation, kind, names = wanted[at]
+            for machine in (next(turns) for _ in range(2 * len(machines))):
+                effects = _placed(rng, machine, situation, names)
+                if effects is not None:
+                    out.append(_case(len(out), machine, situation, kind, effects, rng))
+                    break
     return out
 
 
-def axes_of(machine: str) -> list[str]:
-    """Return the axis names of a bundled machine or folder."""
-    from pinotwin.machine import Machine
-
-    return list(Machine.load(machine).axes)
-
-
-def _two(rng: np.random.Generator, pool: Sequence[str]) -> tuple[str, ...]:
-    return tuple(str(x) for x in rng.choice(np.array(pool), 2, replace=False))
+def some(cases: Sequence[Case], count: int | None) -> list[Case]:
+    """Return so many of the cases, evenly spread; all of them for None."""
+    if count is None or count >= len(cases):
+        return list(cases)
+    return [cases[k] for k in np.linspace(0, len(cases) - 1, count).round().astype(int)]
 
 
-def _placed(rng, machine, situation, axes, names):  # type: ignore[no-untyped-def]
+def _round(situation: str, rng: np.random.Generator) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield (kind, effects) of one round of one situation."""
+    pool = STRUCTURE if situation == "structure" else CHANGE
+    yield from [("healthy", ())] * (HEALTHY_CASES // 2)
+    yield from (("single", (name,)) for name in pool)
+    for _ in range(DOUBLE_CASES // 2):
+        yield "double", _two(rng, pool)
+    yield from (("outside", (name,)) for name in OUTSIDE[situation == "change" :: 2])
+    away = rng.choice(np.array(pool), LEFT_OUT_CASES // 2, replace=False)
+    yield from (("left_out", (str(name),)) for name in away)
+    yield from (("form", (name,)) for name in FORM_CASES[situation])
+
+
+def _two(rng: np.random.Generator, pool: Sequence[str]) -> tuple[str, str]:
+    """Return two effects that do not say the same in other words."""
+    while True:
+        a, b = (str(x) for x in rng.choice(np.array(pool), 2, replace=False))
+        if not any({a, b} <= group for group in IMITATORS):
+            return a, b
+
+
+def _case(
+    number: int, machine: str, situation: str, kind: str,
+    effects: tuple[tuple[str, str, float], ...], rng: np.random.Generator,
+) -> Case:  # fmt: skip
+    away = left_out_with(effects[0][0]) if kind == "left_out" else ()
+    return Case(number, machine, situation, kind, effects, int(rng.integers(1 << 30)), away,
+                int(rng.integers(TWINS)))  # fmt: skip
+
+
+def _turns(rng: np.random.Generator, machines: Sequence[str]) -> Iterator[str]:
+    while True:
+        yield from (machines[k] for k in rng.permutation(len(machines)))
+
+
+def _placed(
+    rng: np.random.Generator, machine: str, situation: str, names: Sequence[str]
+) -> tuple[tuple[str, str, float], ...] | None:
+    """Return the effects with axis and size; None where a machine has no place for one."""
+    axes = list(listing(machine))
     out = []
     for name in names:
-        listed = LISTED.get(machine, {})
-        free = [a for a in axes if situation == "change" or name not in listed.get(a, ())]
-        if situation == "change" and name in ("ripple", "ripple_modulated", "position_table"):
-            free = list(axes)
-        if not free:
+        free = [a for a in axes if name not in ROTARY or is_rotary(machine, a)]
+        if not free or (name in MANY_AXES and len(axes) < 2):
             return None
-        low, high = SIZES.get(name, OUTSIDE_SIZE)
-        size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        out.append((name, str(rng.choice(np.array(free))), size))
+        sizes = CHANGE_SIZES if situation == "change" and name in CHANGE_SIZES else SIZES
+        low, high = np.log(sizes[name])
+        out.append((name, str(rng.choice(np.array(free))), float(np.exp(rng.uniform(low, high)))))
     return tuple(out)
+
+
+def truth_of(case: Case) -> tuple[tuple[str, str], ...]:
+    """Return the right answers: catalogue name and axis of each effect that was put in."""
+    return tuple((FORMS.get(effect, effect), axis) for effect, axis, _ in case.effects)

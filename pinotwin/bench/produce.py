@@ -1,78 +1,149 @@
-"""Logs of a case from the virtual machine; the diagnosing code sees nothing else of it."""
+"""Logs of a case from the virtual machine, and how much there is to see; nothing else leaves it."""
 
 from __future__ import annotations
 
-import functools
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.bench.cases import HEALTHY, Case
+from pinotwin.bench.cases import Case
+from pinotwin.bench.catalogue import LOOP_ONLY
+from pinotwin.bench.plants import Placed, public_machine, virtual
+from pinotwin.bench.ratio import Powers, Run, left_of, noise_powers, over, powers, run
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.machine.bundled import machines
-from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
+from pinotwin.virtual.trajectories import Trajectory
 
-SECONDS = 12.0
+SECONDS = 8.0
+DWELL = (0.03, 0.25)
+"""Shortest and longest rest between moves [s]: short logs have no time to waste."""
+TRIES = 6
+"""Commands that are drawn for one that moves every axis."""
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """What a diagnosis may see of a case.
+
+    Attributes:
+        machine: a copy of the machine folder without its truth.
+        logs: two repeats of one command.
+        validation: one run of another command.
+    """
+
+    machine: Machine
+    logs: tuple[Log, ...]
+    validation: tuple[Log, ...]
 
 
 @dataclass(frozen=True)
 class Produced:
-    """A sealed case.
+    """A case with what is known about it.
 
     Attributes:
-        logs: two repeats of each of two commands.
-        validation: one run of a third command.
-        rho: gap-to-noise power ratio per axis, from noise-free simulation.
+        sealed: for the diagnosis.
+        rho: gap over noise per axis and signal, of all effects together, as simulated.
+        sizes: gap over noise of each effect alone, in the signal and axis where it shows most; for a
+            model that is fitted to the log, what that model cannot take up.
+        raw: the same before anything is taken up.
+        form: of a healthy machine in situation ``structure``: power that the model's laws, fitted at
+            their true shapes, cannot follow, over the noise. Its friction is the model's by name, but
+            not to the last micrometre by its equation.
     """
 
-    logs: list[Log]
-    validation: list[Log]
-    rho: dict[str, float]
-
-
-def virtual(name: str, inject: tuple[dict[str, Any], ...] = ()) -> VirtualMachine:
-    """Return a bundled machine's virtual twin with what its YAML does not list withheld."""
-    folder = machines().get(name, name)
-    return VirtualMachine.load(folder, withhold=HEALTHY.get(name, ()), inject=inject)
+    sealed: Sealed
+    rho: Powers
+    sizes: tuple[float, ...]
+    raw: tuple[float, ...]
+    form: float = 0.0
 
 
 def produce(case: Case, *, seconds: float = SECONDS) -> Produced:
     """Run the machine of a case."""
-    inject = tuple(
-        {"effect": e, "axis": a, "size": s, "seed": case.seed % 100003} for e, a, s in case.effects
-    )
-    ill = virtual(case.machine, inject)
-    paths = [random_trajectory(ill, seconds, case.seed % 99991 + k) for k in range(3)]
-    logs = [ill.record(p, seed=case.seed % 9973 + 10 * k + r).to_log()
-            for k, p in enumerate(paths[:2]) for r in (1, 2)]  # fmt: skip
-    validation = [ill.record(paths[2], seed=case.seed % 9973 + 31).to_log()]
-    return Produced(logs, validation, _rho(case, ill, paths[0]))
-
-
-def _rho(case: Case, ill: VirtualMachine, path: Any) -> dict[str, float]:
-    """Return how much effort the effect changes along the same command, over the noise power."""
+    fit, check = (path_of(case.machine, seconds, case.seed % 99991 + k) for k in range(2))
+    off = case.effects if case.situation == "structure" else ()
+    ill = virtual(case.machine, off=off, on=case.effects, seed=case.seed)
+    first = case.seed % 9973
+    logs = tuple(_log(ill, fit, first + r, f"A{r}") for r in (1, 2))
+    validation = (_log(_later(ill, case.seed), check, first + 31, "B"),)
+    sealed = Sealed(public_machine(case.machine, off), logs, validation)
     if not case.effects:
-        return dict.fromkeys(ill.axes, 0.0)
-    well = virtual(case.machine)
-    clean = [m.record(path, seed=1, noise=False).log for m in (well, ill)]
-    out = {}
-    for axis in ill.axes:
-        d = clean[1][f"{axis}.u"] - clean[0][f"{axis}.u"]
-        sensor = ill.truth.axes[axis].effort
-        noise = (sensor.white or 0.0) ** 2 + (sensor.coloured or 0.0) ** 2
-        out[axis] = float(np.mean(d**2) / max(noise, 1e-30))
-    return out
+        return Produced(sealed, {}, (), (), _form_error(case, sealed.machine, ill, fit))
+    return _measured(case, sealed, ill, fit, off)
 
 
-@functools.lru_cache(maxsize=4)
-def healthy_twin(name: str, seed: int = 1, seconds: float = 24.0) -> Twin:
-    """Return the twin of a healthy machine, identified once per process."""
-    from pinotwin.identification import identify
+def _form_error(case: Case, machine: Machine, well: VirtualMachine, path: Trajectory) -> float:
+    """Return what the listing's own columns, at their true shapes, leave of a healthy effort."""
+    if case.situation == "change":
+        return 0.0
+    clean = run(well, path)
+    noise = noise_powers(well, path, clean)
+    return max(left_of(clean.signals, clean, machine, well, noise, usable=True).values())
 
-    well = virtual(name)
-    logs = [well.record(random_trajectory(well, seconds, 1000 + seed + k), seed=seed + k).to_log()
-            for k in range(2)]  # fmt: skip
-    return identify(Machine.load(name), logs, loop=False)
+
+def path_of(machine: str, seconds: float, seed: int) -> Trajectory:
+    """Return the command with a seed: of a few, the one whose laziest axis moves most.
+
+    It depends on the limits of the machine alone.
+    """
+    healthy = virtual(machine)
+    drawn = [random_trajectory(healthy, seconds, seed + 100_003 * k, dwell=DWELL)
+             for k in range(TRIES)]  # fmt: skip
+    return max(drawn, key=lambda path: _way(healthy, path))
+
+
+def _way(machine: VirtualMachine, path: Trajectory) -> float:
+    """Return the way that the laziest axis goes, in travels."""
+    q, _, _ = path.at(np.arange(0.0, path.seconds, 0.02), machine.axes)
+    spans = [np.ptp(machine.limits[a].travel or (-1.0, 1.0)) for a in machine.axes]
+    return float(np.min(np.abs(np.diff(q, axis=0)).sum(axis=0) / spans))
+
+
+def _log(machine: VirtualMachine, path: Trajectory, seed: int, name: str) -> Log:
+    log = machine.record(path, seed=seed).log
+    return Log({k: np.asarray(x) for k, x in log.items()}, source=name)
+
+
+def _later(ill: VirtualMachine, seed: int) -> VirtualMachine:
+    """Return the machine with its unlogged pushes at other times: they follow no command."""
+    shift = float(np.random.default_rng([seed, 5]).uniform(0.3, 0.9))
+    pushes = tuple(p if p.logged else replace(p, time=p.time + shift) for p in ill.truth.external)
+    return replace(ill, truth=replace(ill.truth, external=pushes))
+
+
+def _measured(
+    case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory, off: Placed
+) -> Produced:
+    well = virtual(case.machine, off=off)
+    clean = run(well, path)
+    noise = noise_powers(well, path, clean)
+    seen = run(ill, path, noise=_is_noise(case))
+    alone = [seen] if len(case.effects) == 1 else [
+        run(virtual(case.machine, off=off, on=(one,), seed=case.seed + k), path)
+        for k, one in enumerate(case.effects)
+    ]  # fmt: skip
+    machine = sealed.machine if case.situation == "structure" else None
+    pairs = [_sizes(one[0], r, clean, noise, (machine, well))
+             for one, r in zip(case.effects, alone, strict=True)]  # fmt: skip
+    rho = over(powers(seen.minus(clean)), noise)
+    return Produced(sealed, rho, tuple(p[0] for p in pairs), tuple(p[1] for p in pairs))
+
+
+def _is_noise(case: Case) -> bool:
+    """Whether an effect is made of noise, so that a clean run would not hold it."""
+    return any(effect == "chatter" for effect, _, _ in case.effects)
+
+
+def _sizes(
+    effect: str, ill: Run, clean: Run, noise: Powers, model: tuple[Machine | None, VirtualMachine]
+) -> tuple[float, float]:
+    """Return the size of one effect: what is left to see of it, and the whole difference."""
+    gap = ill.minus(clean)
+    signal = "e" if effect in LOOP_ONLY else "u"
+    ratios = over(powers(gap), noise)
+    raw = max(of[signal] for of in ratios.values())
+    machine, truth = model
+    if machine is None or signal == "e":
+        return raw, raw
+    return max(left_of(gap, ill, machine, truth, noise).values()), raw

@@ -1,37 +1,172 @@
-"""The table of scores as text."""
+"""A scored bench: as plain types for JSON and for the page, and as Markdown."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 
-def lines(scores: Mapping[str, Any]) -> list[str]:
-    """Return the table of scores, line by line."""
-    single, healthy = scores["single"], scores["healthy"]
-    out = [f"healthy, named anything          {_share(healthy['false_alarms'])}"]
-    out.append(f"top-1, gap above 0.1 of noise    {_share(single['top1_rho_above_0.1'])}")
-    for bin_, value in single["top1_by_rho"].items():
-        out.append(f"  rho {bin_:<27}{_share(value)}")
-    out.append(f"truth in the stated set          {_share(single['truth_in_set'])}")
-    out.append(f"mean size of the set             {single['mean_set']:.2f}")
-    out.append(f"spurious extra beside right one  {_share(single['spurious_extra'])}")
-    out.append(f"both of two                      {_share(scores['double']['both'])}")
-    out.append(f"outside the catalogue recognised {_share(scores['outside']['recognised'])}")
-    out.append(f"known called unknown             {_share(single['called_unknown'])}")
-    if scores["calibration_error"]:
-        out.append(f"calibration error                {scores['calibration_error']['ece']:.3f}")
-    for name, floor in scores["floors"].items():
-        out.append(
-            f"{name:<14} alarms {_share(floor['false_alarms'])}, "
-            f"top-1 {_share(floor['top1_rho_above_0.1'])}"
-        )
-    out += ["", "true effect -> answers"]
-    for true, answers in scores["confusion"].items():
-        said = ", ".join(f"{k} {v}" for k, v in sorted(answers.items(), key=lambda x: -x[1]))
-        out.append(f"  {true:<20}{said}")
+from pinotwin.bench.answers import Answer
+from pinotwin.bench.confusion import Matrix, agreement, measured, predicted
+from pinotwin.bench.floor_scores import FloorScore, beaten, floor_scores
+from pinotwin.bench.real import Line
+from pinotwin.bench.scoring import VISIBLE, Bound, Row, confidence, rows
+from pinotwin.bench.statistics import Calibration, Share
+
+STATES = {"aim": "aim reached", "must": "must reached", "below": "MISSED", "": ""}
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A scored bench.
+
+    Attributes:
+        answers: what was said.
+        planned: cases that were to be run.
+        real: lines of real recordings.
+    """
+
+    answers: Sequence[Answer]
+    planned: int
+    real: Sequence[Line] = ()
+
+    @property
+    def visible(self) -> list[Answer]:
+        """Singles that must be named."""
+        return [a for a in self.answers if a.kind == "single" and a.size >= VISIBLE]
+
+    def rows(self) -> list[Row]:
+        """Return the table of scores."""
+        return rows(self.answers)
+
+    def floors(self) -> list[FloorScore]:
+        """Return ours beside the floors."""
+        return floor_scores(self.answers)
+
+    def matrices(self) -> tuple[Matrix, Matrix | None]:
+        """Return the measured and the predicted confusion matrix."""
+        return measured(self.visible), predicted(self.visible)
+
+    def calibration(self) -> Calibration | None:
+        """Return the calibration of all first answers."""
+        return confidence(self.answers)
+
+    def seconds(self) -> dict[str, float]:
+        """Return the mean time of every stage of a case [s]."""
+        names = sorted({k for a in self.answers for k in a.seconds})
+        return {n: float(np.mean([a.seconds[n] for a in self.answers if n in a.seconds]))
+                for n in names}  # fmt: skip
+
+    def kinds(self) -> dict[str, int]:
+        """Return how many cases of each kind were answered."""
+        names = sorted({a.kind for a in self.answers})
+        return {k: sum(a.kind == k for a in self.answers) for k in names}
+
+    def document(self) -> dict[str, Any]:
+        """Return everything, for JSON and for the page."""
+        have, said = self.matrices()
+        found = self.calibration()
+        floors = self.floors()
+        return {
+            "cases": self.kinds(), "planned": self.planned,
+            "machines": sorted({a.machine for a in self.answers}),
+            "scores": [_plain_row(row) for row in self.rows()],
+            "floors": [dataclasses.asdict(f) for f in floors], "beats_floors": beaten(floors),
+            "calibration": None if found is None else dataclasses.asdict(found),
+            "confusion": {"measured": have, "predicted": said,
+                          "rank_correlation": None if said is None else agreement(have, said)},
+            "real": [dataclasses.asdict(line) for line in self.real],
+            "seconds": self.seconds(),
+            "errors": [{"case": a.number, "error": a.error} for a in self.answers if a.error],
+            "answers": [{**dataclasses.asdict(a), "is_right": a.right()} for a in self.answers],
+        }  # fmt: skip
+
+
+def _plain_row(row: Row) -> dict[str, Any]:
+    bounds = {"must": shown_bound(row.must, row.kind), "aim": shown_bound(row.aim, row.kind)}
+    return {**dataclasses.asdict(row), **bounds, "state": row.state}
+
+
+def markdown(bench: Bench) -> str:
+    """Return the whole table as Markdown."""
+    kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in bench.kinds().items())
+    out = ["# The withheld bench", "",
+           f"{len(bench.answers)} of {bench.planned} cases: {kinds}.", ""]  # fmt: skip
+    out += _table(("score", "figure", "counts", "must", "aim", ""),
+                  [(r.name, shown(r), counts(r), shown_bound(r.must, r.kind),
+                    shown_bound(r.aim, r.kind), STATES[r.state]) for r in bench.rows()])  # fmt: skip
+    out += ["", "## Floors at the same rate of named healthy machines", ""]
+    out += _table(("method", "healthy named", "top-1, rho ≥ 0.1", "top-1, 0.02 to 0.1"),
+                  [(f.name, percent(f.alarms), percent(f.visible), percent(f.faint))
+                   for f in bench.floors()])  # fmt: skip
+    if bench.real:
+        out += ["", "## Real recordings", ""]
+        out += _table(REAL_HEAD, [real_cells(line) for line in bench.real])
+    out += ["", "## Confusion, singles with rho ≥ 0.1", "", *_confusion(bench)]
+    times = ", ".join(f"{k} {v:.1f} s" for k, v in bench.seconds().items())
+    return "\n".join([*out, "", f"Mean time of a case: {times}.", ""])
+
+
+REAL_HEAD = ("recording", "withheld", "named", "confidence", "held-out shrink", "right")
+
+
+def real_cells(line: Line) -> tuple[str, ...]:
+    """Return the cells of one line of real data."""
+    if line.skipped:
+        return (line.recording, line.withheld, f"skipped: {line.skipped}", "", "", "")
+    shrink = "" if line.shrink is None else f"{line.shrink:.2f} ({line.on})"
+    sure = "" if line.confidence is None else f"{line.confidence:.2f}"
+    return (line.recording, line.withheld, line.said, sure, shrink, "yes" if line.right else "NO")
+
+
+def _confusion(bench: Bench) -> list[str]:
+    have, said = bench.matrices()
+    out = _table(("true effect", "answers"), [(t, _counts(row)) for t, row in have.items()])
+    if said is not None:
+        r = agreement(have, said)
+        words = "" if r is None else f" (rank correlation of both {r:.2f})"
+        out += ["", f"Predicted by isolability{words}:", ""]
+        out += _table(("true effect", "probable answers"), [
+            (t, ", ".join(f"{k} {p:.0%}" for k, p in sorted(row.items(), key=lambda x: -x[1])
+                          if p >= 0.02)) for t, row in said.items()])  # fmt: skip
     return out
 
 
-def _share(value: Mapping[str, float] | None) -> str:
-    return "-" if value is None else f"{value['share']:.0%} of {value['of']}"
+def _counts(row: dict[str, float]) -> str:
+    return ", ".join(f"{k} {v:g}" for k, v in sorted(row.items(), key=lambda x: -x[1]))
+
+
+def _table(header: Sequence[str], body: Sequence[Sequence[str]]) -> list[str]:
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return [*lines, *("| " + " | ".join(row) + " |" for row in body)]
+
+
+def shown(row: Row) -> str:
+    """Return the figure of a row."""
+    if row.value is None:
+        return "–"
+    return f"{row.value:.1%}" if row.kind == "share" else f"{row.value:.3f}"
+
+
+def counts(row: Row) -> str:
+    """Return the counts behind a row."""
+    return f"{row.share.hits}/{row.share.of}" if row.share is not None else f"N = {row.count}"
+
+
+def shown_bound(bound: Bound | None, kind: str) -> str:
+    """Return a bound in words."""
+    if bound is None:
+        return ""
+    form = "{:.0%}" if kind == "share" else "{:g}"
+    low, high = form.format(bound.low), form.format(bound.high)
+    if not np.isfinite(bound.low):
+        return f"≤ {high}"
+    return f"≥ {low}" if not np.isfinite(bound.high) else f"{low} to {high}"
+
+
+def percent(share: Share) -> str:
+    """Return a share with its counts."""
+    return "–" if share.value is None else f"{share.value:.1%} ({share.hits}/{share.of})"

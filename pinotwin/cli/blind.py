@@ -1,53 +1,80 @@
-"""``pinotwin blind [--machines ...] [--seeds N] --out DIR``."""
+"""``pinotwin blind [--machines ...] [--seeds N] --out DIR``: the withheld-effect bench, scored."""
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
-from typing import Any
+from pathlib import Path
 
-from pinotwin.cli.output import add_common, say, whole_folder, write_json
+from pinotwin.cli.output import add_common, check_folder, say, write_json, write_text
 from pinotwin.cli.progress import progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("--machines", nargs="+", default=["trunnion", "laser_driller", "emps"],
-                        metavar="NAME", help="bundled machines, or folders with a virtual.yaml")  # fmt: skip
-    parser.add_argument(
-        "--seeds", type=int, default=1, metavar="N", help="repetitions of every case (1)"
-    )
+    parser.add_argument("--machines", nargs="+", metavar="NAME",
+                        help="bundled machines, random:SEED, or folders with a virtual.yaml")  # fmt: skip
+    parser.add_argument("--seeds", type=int, default=1, metavar="N",
+                        help="rounds of about 95 cases each (1); the published table has 4")  # fmt: skip
+    parser.add_argument("--cases", type=int, metavar="N",
+                        help="only so many of them, evenly spread")  # fmt: skip
     parser.add_argument("--situations", nargs="+", default=["structure", "change"],
                         choices=["structure", "change"], help="which of the two to run")  # fmt: skip
-    parser.add_argument("--seconds", type=float, default=12.0, help="length of every log [s] (12)")
+    parser.add_argument("--seconds", type=float, default=8.0, help="length of every log [s] (8)")
     parser.add_argument("--workers", type=int, default=2, help="processes (2)")
+    parser.add_argument("--limit-minutes", type=float, metavar="T",
+                        help="begin no case after so long; the next run goes on from there")  # fmt: skip
     parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn (0)")
-    add_common(parser, out="folder for blind.json and blind.txt", required=True)
+    parser.add_argument("--quick", action="store_true", help="screen only, in every diagnosis")
+    parser.add_argument("--no-real", action="store_true", help="leave the real recordings out")
+    parser.add_argument("--data", metavar="DIR",
+                        help="real recordings (default $PINOTWIN_DATA, or ../shared/data)")  # fmt: skip
+    add_common(parser, out="folder for bench.html, bench.md, bench.json and cases.jsonl",
+               required=True)  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the bench and write its table."""
-    from pinotwin.bench.cases import draw_cases
-    from pinotwin.bench.run import run_bench
-    from pinotwin.bench.scoring import score
-    from pinotwin.bench.table import lines
-    from pinotwin.errors import InputError
+    from pinotwin.bench.cases import MACHINES, draw_cases, some
+    from pinotwin.bench.real import data_folder, real_lines
+    from pinotwin.bench.real_tasks import TASKS
+    from pinotwin.bench.run import Plan, run_bench
+    from pinotwin.bench.table import Bench, markdown
+    from pinotwin.report.blind import bench_page
 
-    if args.seeds < 1 or args.workers < 1:
-        raise InputError("--seeds and --workers must be at least 1")
-    cases = draw_cases(args.machines, args.seeds, situations=args.situations, seed=args.seed)
+    _check(args)
+    check_folder(args.out)
+    folder = Path(args.out)
+    drawn = draw_cases(args.machines or MACHINES, args.seeds,
+                       situations=args.situations, seed=args.seed)  # fmt: skip
+    cases = some(drawn, args.cases)
+    plan = Plan(folder, args.seconds, args.workers, args.limit_minutes, args.quick)
     with progress() as report:
-        answers = run_bench(cases, workers=args.workers, seconds=args.seconds, report=report)
-    content: dict[str, Any] = {
-        "scores": score(answers),
-        "cases": [dataclasses.asdict(a) for a in answers],
-    }
-    text = lines(content["scores"])
-    with whole_folder(args.out) as folder:
-        write_json(folder / "blind.json", content)
-        (folder / "blind.txt").write_text("\n".join(text) + "\n", encoding="utf-8")
+        answers = run_bench(cases, plan, report)
+        tasks = () if args.no_real else TASKS
+        real = list(real_lines(data_folder(args.data), tasks, report))
+    bench = Bench(answers, len(cases), real)
+    content, text = bench.document(), markdown(bench)
+    write_json(folder / "bench.json", content)
+    write_text(folder / "bench.md", text)
+    write_text(folder / "bench.html", bench_page(bench).html())
     if args.json:
         write_json(args.json, content)
-    for line in text:
-        say(line)
+    say(text)
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    from pinotwin.errors import InputError
+
+    for name in ("seeds", "workers", "cases"):
+        value = getattr(args, name)
+        if value is not None and value < 1:
+            raise InputError(f"--{name}: must be at least 1")
+    if not 2.0 <= args.seconds <= 120.0:
+        raise InputError(f"--seconds: {args.seconds:g}: expected 2 to 120")
+    if args.limit_minutes is not None and args.limit_minutes <= 0.0:
+        raise InputError("--limit-minutes: must be positive")
+    if args.seed < 0:
+        raise InputError("--seed: must not be negative")
+    if args.data is not None and not Path(args.data).is_dir():
+        raise InputError(f"--data: {args.data}: no such folder")

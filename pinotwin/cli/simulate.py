@@ -13,8 +13,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("twin", help="folder that `pinotwin identify` wrote")
     parser.add_argument("log", metavar="LOG", help="log; only t, *.qr and external loads are used")
-    parser.add_argument("--controller", choices=("black", "grey"), default="black",
-                        help="identified transfer functions, or identified controllers (black)")  # fmt: skip
+    parser.add_argument("--controller", choices=("black", "grey", "vibration"), default="black",
+                        help="identified transfer functions (black), those with the vibration of a "
+                        "passive joint as output, or identified controllers")  # fmt: skip
     parser.add_argument("--step", type=float, metavar="S", help="longest internal step")
     add_common(parser, out="prediction to write (.csv)", required=True)
 

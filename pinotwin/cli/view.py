@@ -11,6 +11,7 @@ from pinotwin.cli.output import add_common, say, whole_folder, write_json
 
 if TYPE_CHECKING:
     from pinotwin.machine import Machine
+    from pinotwin.modal import Modes
     from pinotwin.viewer import Scene
 
 
@@ -30,6 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="AXIS",
         help="axes that are free, for --mode; all without names",
     )
+    parser.add_argument(
+        "--servo", action="store_true", help="servo loops closed, for --mode; takes a twin"
+    )
     parser.add_argument("--html", metavar="FILE", help="write one page that opens without network")
     parser.add_argument(
         "--no-frames", action="store_true", help="leave out joint frames and masses"
@@ -39,18 +43,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw, and write a page or open the browser."""
-    from pinotwin.errors import InputError
     from pinotwin.machine import Machine
     from pinotwin.viewer import save_html, show
 
-    if args.free is not None and args.mode is None:
-        raise InputError("--free belongs to --mode N; give both")
-    if args.mode is not None and args.log:
-        raise InputError("--mode shows a vibration, a log its own motion; give one of them")
+    _check(args)
     machine = Machine.load(args.machine)
     drawn = draw_machine(machine, args.posture, args.log, extras=not args.no_frames)
     if args.mode is not None:
-        drawn = show_mode(machine, drawn, args.posture, args.mode, args.free)
+        drawn = show_mode(machine, drawn, args)
     if args.json:
         write_json(args.json, _facts(machine, args))
     if args.html:
@@ -70,6 +70,18 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         live.close()
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse arguments that do not go together."""
+    from pinotwin.errors import InputError
+
+    if args.free is not None and args.mode is None:
+        raise InputError("--free belongs to --mode N; give both")
+    if args.servo and (args.mode is None or args.free is not None):
+        raise InputError("--servo belongs to --mode N, in place of --free")
+    if args.mode is not None and args.log:
+        raise InputError("--mode shows a vibration, a log its own motion; give one of them")
 
 
 def _facts(machine: Machine, args: argparse.Namespace) -> dict[str, Any]:
@@ -112,27 +124,36 @@ def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extr
     return play(scene, motion.t, motion.q)
 
 
-def show_mode(
-    machine: Machine, drawn: Scene, posture: str | None, number: int, free: list[str] | None
-) -> Scene:
+def show_mode(machine: Machine, drawn: Scene, args: argparse.Namespace) -> Scene:
     """Return the scene vibrating in one of its modes, enlarged so that it can be seen."""
-    from pinotwin.modal import animate, modes
-    from pinotwin.viewer import parse_posture, play
+    from pinotwin.modal import animate
+    from pinotwin.viewer import play
 
-    rotary = dict(zip(machine.names, machine.rotary, strict=True))
-    values = parse_posture(posture, rotary) if posture else {}
-    released = [] if free is None else (free or list(machine.axes))
-    for name in released:
-        machine.axis(name)
-    locked = [name for name in machine.axes if name not in released]
-    found = modes(machine, values, locked=locked)
+    found = _modes(machine, args)
     for k, mode in enumerate(found.modes, 1):
         shares = ", ".join(
             f"{name} {share:.0%}"
             for name, share in zip(found.names, mode.energy, strict=True)
             if abs(share) >= 0.005
         )
-        mark = " <" if k == number else ""
+        mark = " <" if k == args.mode else ""
         say(f"mode {k}: {mode.frequency:.2f} Hz, damping {mode.damping:.3f} ({shares}){mark}")
-    t, q = animate(found, number, 0.1)
+    t, q = animate(found, args.mode, 0.1)
     return play(drawn, t, q)
+
+
+def _modes(machine: Machine, args: argparse.Namespace) -> Modes:
+    """Return the modes with motors held, some free, or with their servo loops closed."""
+    from pinotwin.modal import modes, servo_modes
+    from pinotwin.twin import Twin
+    from pinotwin.viewer import parse_posture
+
+    rotary = dict(zip(machine.names, machine.rotary, strict=True))
+    values = parse_posture(args.posture, rotary) if args.posture else {}
+    if args.servo:
+        return servo_modes(Twin.load(args.machine), values)
+    released = [] if args.free is None else (args.free or list(machine.axes))
+    for name in released:
+        machine.axis(name)
+    locked = [name for name in machine.axes if name not in released]
+    return modes(machine, values, locked=locked)

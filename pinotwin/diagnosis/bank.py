@@ -7,7 +7,7 @@ matrix products.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.catalogue import families
 from pinotwin.diagnosis.catalogue.position import all_waves
 from pinotwin.diagnosis.context import Context, Family, Shape
+from pinotwin.diagnosis.ledger import Ledger, Moments, Worth, moments, sums, worth
 from pinotwin.diagnosis.stage import Stage
 
 BATCH = 64
@@ -28,10 +29,19 @@ class Batch:
     Attributes:
         shapes: the shapes.
         columns: whitened columns per piece, (m, shapes, k), or None where it does not act.
+        last: base columns of the last ledger they were judged on, and the moments with it.
     """
 
     shapes: Sequence[Shape]
     columns: list[Floats | None]
+    last: list[tuple[tuple[Floats, ...], Moments]] = field(default_factory=list, compare=False)
+
+    def worth(self, ledger: Ledger) -> Worth:
+        """Return what the candidates are worth on a ledger."""
+        base = tuple(p.B for p in ledger.stage.pieces)
+        if not self.last or any(a is not b for a, b in zip(self.last[0][0], base, strict=True)):
+            self.last[:] = [(base, moments(ledger, self.columns))]
+        return worth(ledger, sums(ledger, self.columns, self.last[0][1]))
 
 
 @dataclass(frozen=True)

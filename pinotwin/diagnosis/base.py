@@ -19,9 +19,9 @@ from pinotwin.effects import (
     CoulombAsymmetric,
     Effect,
     PositionTable,
+    Presliding,
     Stribeck,
 )
-from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin.twin import Twin, effect_slices
 
@@ -40,6 +40,8 @@ class Base:
         precision: prior precision, shape (p, p).
         slopes: (effect, shape, coefficients) of the shapes that stay free to first order.
         change: True if the mean is a twin's belief, False if the base is refitted.
+        whole: coefficients that hold at standstill and reversals too, which the rows of a diagnosis
+            leave out, shape (p,); the mean where None.
     """
 
     effects: tuple[Effect, ...]
@@ -48,6 +50,7 @@ class Base:
     precision: Floats
     slopes: tuple[tuple[int, int, Floats], ...] = ()
     change: bool = False
+    whole: Floats | None = None
 
     @property
     def count(self) -> int:
@@ -138,20 +141,30 @@ def with_slopes(base: Base, theta: Floats) -> Base:
     return replace(base, slopes=tuple(slopes), mean=np.zeros(p), precision=precision)
 
 
-def laid(machine: Machine, rows: Rows) -> tuple[Effect, ...]:
-    """Return the machine's effects laid over the travel of all logs."""
-    joined = Motion.join(rows.motions)
-    return tuple(effect.fitted_to(joined) for effect in machine.effects)
+CONTACT = 0.3  # of the effort's RMS: what the contact of a presliding law may do at a reversal
 
 
 def _weak(effects: Sequence[Effect], rows: Rows, p: int) -> Floats:
-    """Return a precision per column that only fills what the data leave open."""
+    """Return a precision per column that only fills what the data leave open.
+
+    Knots that are hardly passed, and the contact terms of presliding: they act at reversals, which the
+    rows leave out, and would run away there.
+    """
     size = {c.joint: float(np.std(c.y)) + 1e-12 for c in rows.channels}
     out = np.zeros(p)
     for effect, where in zip(effects, effect_slices(effects), strict=True):
         if isinstance(effect, PositionTable):
             joint = rows.motions[0].index(str(effect.axis))
             out[where] = 1.0 / size.get(joint, 1.0) ** 2
+        if isinstance(effect, Presliding):
+            joint = rows.motions[0].index(str(effect.axis))
+            reach = np.max(
+                [np.abs(effect.columns(m).values[:, 0]).max(axis=0) for m in rows.motions], 0
+            )
+            for k, c in enumerate(effect.coefficients()):
+                if c.name in ("m", "d"):
+                    doubt = CONTACT * size.get(joint, 1.0) / max(float(reach[k]), 1e-12)
+                    out[where.start + k] = 1.0 / doubt**2
     return out
 
 
@@ -243,7 +256,6 @@ __all__ = [
     "change_base",
     "effect_columns",
     "is_scattered",
-    "laid",
     "lists",
     "plain_base",
     "with_slopes",

@@ -20,14 +20,15 @@ from pinotwin.diagnosis.bank import Shelf
 from pinotwin.diagnosis.context import Context
 from pinotwin.diagnosis.healthy import white_draws
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
-from pinotwin.diagnosis.search import Key, Screened, Settings, screen
+from pinotwin.diagnosis.search import LEAST_SHARE, Key, Screened, Settings, screen
 from pinotwin.diagnosis.stage import Stage
 
 SIZES = (8.0, 3000.0)  # whitened deviance that an injection brings beyond the base, log-uniform
 REFERENCE = 200.0  # the same of the noise-free ones
 OUTSIDE = 0.25  # share of injections whose own family is taken away
 FORM = 0.02  # share of an effect that the form of its columns may be off by
-MERGED, CLOSE = 3.0, 10.0  # isolability below which two are one, or confusable
+MERGED = 3.0  # isolability below which two effects are one
+ALONE = 80  # draws of noise alone, for the threshold
 STAYS = 0.15  # share of the gap's power above which an answer is only partial
 WARMTHS = np.geomspace(1e-4, 0.3, 25)
 
@@ -99,11 +100,7 @@ def calibrate(
     pushed = _injected(context, plain, shelves, np.r_[which, quiet],
                        np.r_[sizes, np.full(len(quiet), REFERENCE)], rng)  # fmt: skip
     noise = white_draws(blind, plain, settings.injections, rng, theta)
-    drawn = [
-        x + np.concatenate([n, np.zeros((len(n), len(quiet)))], axis=1)
-        for x, n in zip(pushed, noise, strict=True)
-    ]
-    drawn = [np.concatenate([d, n], axis=1) for d, n in zip(drawn, noise, strict=True)]
+    drawn = [_with_noise(x, n) for x, n in zip(pushed, noise, strict=True)]
     seen = screen(context, shelves, build_ledger(blind, theta, drawn), settings)
     count, end = settings.injections, settings.injections + len(quiet)
     threshold = seen.threshold(settings.alpha, slice(end, None))
@@ -118,6 +115,13 @@ def calibrate(
     )
     ratio, predicted = _isolated(seen, keys, seen.tops[:, count:end])
     return Calibration(warmth, sure, right, doubtful, ratio, predicted)
+
+
+def _with_noise(pushed: Floats, noise: Floats) -> Floats:
+    """Return noisy injections, the noise-free ones after them, and some noise alone."""
+    out = pushed.copy()
+    out[:, : noise.shape[1]] += noise
+    return np.concatenate([out, noise[:, :ALONE]], axis=1)
 
 
 def _without_effort(stage: Stage) -> Stage:
@@ -144,21 +148,23 @@ def _injected(
         sizes = np.sqrt(sum((x**2).sum(axis=0) for x in columns if x is not None))
         theta /= np.maximum(sizes, 1e-300)
         effort = [None if x is None else x @ theta for x in columns]
-        scale = np.sqrt(gain / max(_open(ledger, effort), 1e-12))
+        open_, whole = _open(ledger, effort)
+        if open_ <= LEAST_SHARE * whole:
+            continue  # the base does the same: there is nothing to tell apart
         for piece, x in enumerate(effort):
-            if x is not None and np.isfinite(scale) and scale < 1e9:
-                out[piece][:, n] = x * scale
+            if x is not None:
+                out[piece][:, n] = x * np.sqrt(gain / open_)
     return out
 
 
-def _open(ledger: Ledger, effort: Sequence[Floats | None]) -> float:
-    """Return the squared length of an effort beyond what the base absorbs."""
+def _open(ledger: Ledger, effort: Sequence[Floats | None]) -> tuple[float, float]:
+    """Return the squared length of an effort beyond what the base absorbs, and all of it."""
     right, total = np.zeros((ledger.stage.base.count, 1)), 0.0
     for piece, x in zip(ledger.stage.pieces, effort, strict=True):
         if x is not None:
             right[piece.columns, 0] += piece.B.T @ x
             total += float(x @ x)
-    return total - float((right[:, 0] * ledger.solve(0, right)[:, 0]).sum())
+    return total - float((right[:, 0] * ledger.solve(0, right)[:, 0]).sum()), total
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,11 @@ def _alone(
         x = shrink(gap.before, after, joint, start.stage.noise.rms[joint], rng)
         if x is not None:
             found.append(((x.before**2 - x.after**2) / start.stage.noise.rms[joint] ** 2, joint, x))
-    return {"u": max(found, key=lambda y: y[:2])[2]} if found else {}
+    shrinks = {"u": max(found, key=lambda y: y[:2])[2]} if found else {}
+    own = gap.together.get(str(judged.candidate.axis), {})
+    if len(decision.named) == 1 and "e" in own:
+        shrinks["e"] = own["e"]
+    return shrinks
 
 
 def _moves(
@@ -179,5 +183,5 @@ def _exact(decision: Decision) -> list[list[str]]:
     return [
         [_name(key), "base model"]
         for key in decision.unseen
-        if key[0] not in ("ripple", "ripple_modulated", "position_table")
+        if key[0] not in ("ripple", "ripple_modulated", "position_table", "rotor_inertia")
     ]

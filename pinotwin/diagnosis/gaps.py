@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,17 @@ class Gaps:
     before: HeldOut
     after: HeldOut
     traces: tuple[Traces, ...]
+
+    def with_errors(self, errors: Mapping[str, Gap], shrinks: Mapping[str, Shrink]) -> Gaps:
+        """Return the gaps with those of the tracking error beside."""
+        table = {
+            a: {**row, **({"e": errors[a]} if a in errors else {})} for a, row in self.table.items()
+        }
+        together = {
+            a: {**row, **({"e": shrinks[a]} if a in shrinks else {})}
+            for a, row in self.together.items()
+        }
+        return replace(self, table=table, together=together)
 
 
 def gaps(start: Ready, decision: Decision, rng: np.random.Generator) -> Gaps:

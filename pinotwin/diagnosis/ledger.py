@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.stage import Piece, Stage
+from pinotwin.diagnosis.stage import Piece, Stage, scatter_precision
 
 RIDGE = 1e-9
 
@@ -76,8 +76,6 @@ def build_ledger(
         theta: coefficients that set the size of the run-to-run scatter; None leaves it out.
         drawn: per piece, efforts of healthy machines to be judged as well, shape (m, draws).
     """
-    from pinotwin.diagnosis.stage import scatter_precision
-
     p = stage.base.count
     keys = sorted({(int(b), x.channel.log) for x in stage.pieces for b in np.unique(x.block)})
     precision = (
@@ -131,66 +129,95 @@ def _factored(
 
 def _root(L: Floats, scale: Floats, ridge: float) -> Floats:
     """Return R with L^-1 = R' R, columns scaled to one and held by a ridge."""
-    normal = L / np.outer(scale, scale) + ridge * np.eye(len(scale))
-    lower = cholesky(normal, lower=True)
+    lower = cholesky(L / np.outer(scale, scale) + ridge * np.eye(len(scale)), lower=True)
     inverse = solve_triangular(lower, np.eye(len(scale)), lower=True)
     return np.asarray(inverse / scale)
 
 
 @dataclass(frozen=True)
-class Sums:
-    """Block sums of a batch of candidates of k columns each.
+class Moments:
+    """What the block sums of candidates of k columns owe to the base alone, whatever the effort.
 
     Attributes:
-        CC: shape (folds + 1, I, k, k); entry 0 of all rows, f + 1 of all but fold f.
-        CB: shape (folds + 1, I, k, p).
-        Cy: shape (folds + 1, I, k, d).
+        raw: squared length of every column, shape (folds + 1, I, k); entry 0 of all rows, f + 1 of all
+            but fold f.
+        S: C'C with the base projected out, shape (folds + 1, I, k, k).
+        X: L^-1 B'C, shape (folds + 1, I, k, p).
+        CSM: per group, what takes the run's own scatter out of C'y, shape (I k, s).
     """
 
-    CC: Floats
-    CB: Floats
-    Cy: Floats
+    raw: Floats
+    S: Floats
+    X: Floats
+    CSM: tuple[Floats, ...]
 
 
-def sums(ledger: Ledger, batch: Sequence[Floats | None]) -> Sums:
+@dataclass(frozen=True)
+class Sums:
+    """Block sums of a batch of candidates with their efforts.
+
+    Attributes:
+        known: what does not depend on the effort.
+        g: C'y with the base projected out, shape (folds + 1, I, k, d).
+    """
+
+    known: Moments
+    g: Floats
+
+
+def sums(ledger: Ledger, batch: Sequence[Floats | None], known: Moments | None = None) -> Sums:
     """Return the block sums of candidates.
 
     Args:
         ledger: of the base.
         batch: whitened columns per piece, each of shape (m, I, k), or None.
+        known: moments of the same batch with the same base.
     """
+    known = moments(ledger, batch) if known is None else known
     stage = ledger.stage
-    shape = next(x.shape for x in batch if x is not None)
-    count, k, p, folds = shape[1], shape[2], stage.base.count, stage.blocks
-    CC, CB = np.zeros((folds, count, k, k)), np.zeros((folds, count * k, p))
-    d = ledger.right.shape[2]
-    Cy = np.zeros((folds, count * k, d))
+    count, k, p = known.X.shape[1:]
+    Cy = np.zeros((stage.blocks, count * k, ledger.right.shape[2]))
+    for group, csm in zip(ledger.groups, known.CSM, strict=True):
+        for n, rows in _members(stage, group.fold, group.log):
+            C = batch[n]
+            if C is not None:
+                own = np.asarray(C[rows], dtype=float)
+                Cy[group.fold] += own.reshape(len(own), -1).T @ ledger.Y[n][rows]
+        if len(group.S):
+            Cy[group.fold] -= csm @ group.Sy
+    g = _leave_out(Cy) - known.X.reshape(-1, count * k, p) @ ledger.right
+    return Sums(known, g.reshape(stage.blocks + 1, count, k, -1))
+
+
+def moments(ledger: Ledger, batch: Sequence[Floats | None]) -> Moments:
+    """Return the moments of candidates; see :func:`sums`."""
+    stage = ledger.stage
+    count, k = next(x.shape for x in batch if x is not None)[1:]
+    p, folds = stage.base.count, stage.blocks
+    CC, CB, CSM = np.zeros((folds, count, k, k)), np.zeros((folds, count * k, p)), []
     for group in ledger.groups:
-        cc, cb, cy = np.zeros((count, k, k)), np.zeros((count * k, p)), np.zeros((count * k, d))
+        cc, cb = np.zeros((count, k, k)), np.zeros((count * k, p))
         for n, rows in _members(stage, group.fold, group.log):
             C, piece = batch[n], stage.pieces[n]
             if C is None:
                 continue
             own = np.asarray(C[rows], dtype=float)
-            flat = own.reshape(len(own), -1)
             cc += np.einsum("nik,nil->ikl", own, own) if k > 1 else (own**2).sum(0)[:, :, None]
-            cb[:, piece.columns] += flat.T @ piece.B[rows]
-            cy += flat.T @ ledger.Y[n][rows]
+            cb[:, piece.columns] += own.reshape(len(own), -1).T @ piece.B[rows]
+        csm = cb[:, group.S] @ group.M
         if len(group.S):
-            cs = cb[:, group.S]
-            csm = cs @ group.M
-            own_s = cs.reshape(count, k, -1)
+            own_s = cb[:, group.S].reshape(count, k, -1)
             cc -= np.einsum("iks,ils->ikl", csm.reshape(count, k, -1), own_s)
             cb -= csm @ group.SB
-            cy -= csm @ group.Sy
+        CSM.append(csm)
         CC[group.fold] += cc
         CB[group.fold] += cb
-        Cy[group.fold] += cy
-    return Sums(
-        _leave_out(CC),
-        _leave_out(CB).reshape(folds + 1, count, k, p),
-        _leave_out(Cy).reshape(folds + 1, count, k, d),
-    )
+    whole, flat = _leave_out(CC), _leave_out(CB)
+    Z = flat @ ledger.roots.transpose(0, 2, 1)
+    Z3 = Z.reshape(folds + 1, count, k, p)
+    S = whole - ((Z3 @ Z3.transpose(0, 1, 3, 2)) if k > 1 else (Z3**2).sum(axis=3)[:, :, :, None])
+    X = (Z @ ledger.roots).reshape(folds + 1, count, k, p)
+    return Moments(np.einsum("fikk->fik", whole), S, X, tuple(CSM))
 
 
 def _leave_out(x: Floats) -> Floats:
@@ -224,9 +251,9 @@ class Worth:
 def worth(ledger: Ledger, s: Sums) -> Worth:
     """Return what candidates are worth on data they were not fitted to."""
     gains, logdets = [], []
-    for k in range(s.CC.shape[0]):
-        g, S, raw = schur(ledger, s, k)
-        size = np.sqrt(np.maximum(raw, 1e-300))
+    known = s.known
+    for k in range(len(known.S)):
+        g, S, size = s.g[k], known.S[k], np.sqrt(np.maximum(known.raw[k], 1e-300))
         normal = S / (size[:, :, None] * size[:, None, :]) + 1e-7 * np.eye(S.shape[1])
         x = np.linalg.solve(normal, g / size[:, :, None])
         gains.append(np.einsum("ikd,ikd->id", x, g / size[:, :, None]))
@@ -236,7 +263,7 @@ def worth(ledger: Ledger, s: Sums) -> Worth:
             sign = np.sign(x[:, 0, :])
             inverse = np.linalg.inv(normal)
             deviation = np.sqrt(np.maximum(np.einsum("ikk->ik", inverse), 0)) / size
-            share = np.einsum("ikk->i", S) / np.maximum(raw.sum(axis=1), 1e-300)
+            share = np.einsum("ikk->i", S) / np.maximum(known.raw[k].sum(axis=1), 1e-300)
     gain, logdet = np.array(gains), np.array(logdets)[:, :, None]
     by_fold = (gain[0] - gain[1:]) - (logdet[0] - logdet[1:])
     G = by_fold.sum(axis=0)
@@ -252,32 +279,18 @@ def relief(ledger: Ledger, s: Sums) -> Floats:
     the held-out score, since they moved the parameter; a candidate that takes the change upon itself
     gives the cost back.
     """
-    g, S, raw = schur(ledger, s, 0)
-    size = np.sqrt(np.maximum(raw, 1e-300))
+    g, S, size = s.g[0], s.known.S[0], np.sqrt(np.maximum(s.known.raw[0], 1e-300))
     normal = S / (size[:, :, None] * size[:, None, :]) + 1e-7 * np.eye(S.shape[1])
     c = np.linalg.solve(normal, g / size[:, :, None]) / size[:, :, None]
-    CB = s.CB[0]
-    count, width, p = CB.shape
-    X = ledger.solve(0, CB.reshape(-1, p).T)
+    X = s.known.X[0]
+    count, width, p = X.shape
     prior = ledger.stage.base.precision
     theta = ledger.solve(0, ledger.right[0])
-    pull = (X.T @ (prior @ theta)).reshape(count, width, -1)
-    X3 = X.T.reshape(count, width, p)
-    Q = np.einsum("ikp,ilp->ikl", X3, (X3.reshape(-1, p) @ prior).reshape(count, width, p))
+    pull = (X.reshape(-1, p) @ (prior @ theta)).reshape(count, width, -1)
+    Q = np.einsum("ikp,ilp->ikl", X, (X.reshape(-1, p) @ prior).reshape(count, width, p))
     return np.asarray(
         2.0 * np.einsum("ikd,ikd->id", pull, c) - np.einsum("ikd,ikl,ild->id", c, Q, c)
     )
-
-
-def schur(ledger: Ledger, s: Sums, k: int) -> tuple[Floats, Floats, Floats]:
-    """Return g (I, k, d), S (I, k, k) and the raw column powers (I, k), base projected out."""
-    CB = s.CB[k]
-    count, width, p = CB.shape
-    root = ledger.roots[k]
-    Z = (CB.reshape(count * width, p) @ root.T).reshape(count, width, p)
-    S = s.CC[k] - np.einsum("ikp,ilp->ikl", Z, Z)
-    g = s.Cy[k] - (Z.reshape(-1, p) @ (root @ ledger.right[k])).reshape(count, width, -1)
-    return g, S, np.einsum("ikk->ik", s.CC[k])
 
 
 def residual_of(piece: Piece, theta: Floats) -> Floats:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pinotwin.diagnosis.advice import advise, command
+from pinotwin.diagnosis.closed_loop import error_gaps
 from pinotwin.diagnosis.decide import Decision, decide
 from pinotwin.diagnosis.findings import findings
 from pinotwin.diagnosis.gaps import Gaps, gaps
@@ -25,7 +26,7 @@ Tell = Callable[[str, float], None]
 
 
 @one_blas_thread
-def diagnose(
+def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     subject: Machine | Twin,
     log: Log | Sequence[Log],
     *,
@@ -34,6 +35,7 @@ def diagnose(
     report: Tell | None = None,
     seed: int = 0,
     leave_out: Sequence[str] = (),
+    closed_loop: bool = True,
 ) -> Diagnosis:
     """Say where logs and their model differ, which effects cause it, and how far the gap shrinks.
 
@@ -46,6 +48,7 @@ def diagnose(
         report: called with the stage and the share done.
         seed: of everything random.
         leave_out: effects of the catalogue that are not to be considered.
+        closed_loop: also state the gap of the tracking error, before and after (not when quick).
 
     Raises:
         LogError: a channel is missing or unusable.
@@ -55,7 +58,8 @@ def diagnose(
     tell("preparing the logs", 0.02)
     start = ready(subject, _list(log), _list(validate), lambda stage: tell(stage, 0.1))
     settings = Settings(
-        draws=60 if quick else 200,
+        draws=60 if quick else 160,
+        injections=60 if quick else 200,
         most=1 if quick else 3,
         leave_out=frozenset(leave_out),
         seed=seed,
@@ -63,6 +67,9 @@ def diagnose(
     decision = decide(start.context, start.search_stage, start.theta, settings, tell)
     tell("measuring the gap", 0.85)
     gap = gaps(start, decision, np.random.default_rng([seed, 98]))
+    if closed_loop and not quick:
+        errors, shrinks = error_gaps(start, decision, tell, np.random.default_rng([seed, 97]))
+        gap = gap.with_errors(errors, shrinks)
     return _diagnosis(subject, start, decision, gap, settings, quick)
 
 
@@ -78,7 +85,9 @@ def _diagnosis(
     fitted = [m for m, held in zip(rows.motions, flags, strict=True) if not held]
     unseen = [m for m, held in zip(rows.motions, flags, strict=True) if held]
     effects += [
-        f for f in servo_findings(subject, fitted, unseen) if f.effect not in settings.leave_out
+        f
+        for f in servo_findings(subject, fitted, unseen, effects)
+        if f.effect not in settings.leave_out
     ]
     verdict = judge(start, decision, gap, left, effects)
     has_command = rows.motions[0].qr is not None
@@ -104,6 +113,7 @@ def _diagnosis(
         traces=gap.traces,
         machine=rows.machine.name,
         subject=subject,
+        isolability=decision.calibration.predicted,
         commands=files,
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.base import Base, change_base, is_scattered, laid
+from pinotwin.diagnosis.base import Base, change_base, is_scattered
 from pinotwin.diagnosis.context import Context, make_context
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.noise import Noise, estimate, white_noise
@@ -61,7 +61,7 @@ def ready(
     if isinstance(subject, Twin):
         base = change_base(subject, every)
     else:
-        base = shaped_base(rows, laid(machine, every), white_noise(rows))
+        base = shaped_base(machine, logs, rows, every.motions, white_noise(rows))
     tick("base")
     theta, residuals = _first(rows, base, white_noise(rows))
     noise = estimate(rows, residuals, _friction(rows, base), rich=_rich(rows, residuals))

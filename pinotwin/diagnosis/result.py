@@ -145,6 +145,8 @@ class Diagnosis:
         traces: arrays for plots.
         machine: name of the machine.
         subject: what was diagnosed, for :meth:`apply`.
+        isolability: (effect, axis) put into healthy noise on this motion -> what a search would name
+            it, with probabilities; known before the log was looked at.
         commands: advised command files: name -> channel -> values.
     """
 
@@ -164,6 +166,9 @@ class Diagnosis:
     traces: Sequence[Traces] = field(default=(), repr=False)
     machine: str = ""
     subject: Any = field(default=None, repr=False)
+    isolability: Mapping[tuple[str, str | None], Mapping[tuple[str, str | None], float]] = field(
+        default_factory=dict, repr=False
+    )
     commands: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict, repr=False)
 
     def to_dict(self) -> dict[str, Any]:

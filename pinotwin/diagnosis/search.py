@@ -89,8 +89,8 @@ class Settings:
         seed: of the draws.
     """
 
-    draws: int = 200
-    injections: int = 240
+    draws: int = 160
+    injections: int = 200
     alpha: float = 0.02
     most: int = 3
     leave_out: frozenset[str] = frozenset()
@@ -126,7 +126,7 @@ def screen(
 
     for s in shelves:
         if s.family.key not in taken or s.family.effect == "ripple":
-            worths = [worth(ledger, sums(ledger, b.columns)) for b in s.batches]
+            worths = [b.worth(ledger) for b in s.batches]
             take(_best(context, s.family, s.batches, worths))
             if s.family.effect == "ripple" and "ripple_modulated" not in settings.leave_out:
                 take(_modulated(context, ledger, s, worths))
@@ -175,7 +175,7 @@ def _pushed(
 
 def judge(context: Context, ledger: Ledger, s: Shelf) -> tuple[Judged, Floats]:
     """Return the best of a family and, per draw, the largest gain in it."""
-    worths = [worth(ledger, sums(ledger, b.columns)) for b in s.batches]
+    worths = [b.worth(ledger) for b in s.batches]
     return _best(context, s.family, s.batches, worths)
 
 

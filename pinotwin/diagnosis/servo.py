@@ -8,6 +8,7 @@ what differs there is the servo's alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,16 +30,23 @@ FORWARD = ("ffa", "ffv", "kv ffv")
 
 
 def servo_findings(
-    subject: object, motions: Sequence[Motion], validation: Sequence[Motion]
-) -> list[Found]:
+    subject: object, motions: Sequence[Motion], validation: Sequence[Motion],
+    sensing: Sequence[Found] = (),
+) -> list[Found]:  # fmt: skip
     """Return what has changed in the servo of every axis.
+
+    An effort that is logged late or at a wrong scale looks like other gains; what was found of that is
+    taken out first.
 
     Args:
         subject: a twin with controllers, whose gains are compared; anything else only has its drives
             looked at for limits.
         motions: prepared logs with commands.
         validation: logs on which the shrink is stated; the same ones where empty.
+        sensing: effects found already.
     """
+    motions = [_put_right(m, sensing) for m in motions]
+    validation = [_put_right(m, sensing) for m in validation]
     if not motions or any(m.qr is None or m.vr is None for m in motions):
         return []
     out: list[Found] = []
@@ -48,6 +56,21 @@ def servo_findings(
         if controller is not None and not any(f.axis == axis for f in out):
             out += _changed(controller, motions, validation or motions, joint)
     return out
+
+
+def _put_right(m: Motion, found: Sequence[Found]) -> Motion:
+    """Return the motion with delays and scales of its efforts taken out."""
+    u = m.u.copy()
+    for f in found:
+        if f.axis not in m.names:
+            continue
+        j = m.names.index(f.axis)
+        if f.effect == "effort_scale":
+            u[:, j] /= 1.0 + f.theta["share"]
+        if f.effect == "delay":
+            for s in m.segments:
+                u[s, j] = np.interp(m.t[s] + f.theta["seconds"], m.t[s], u[s, j])
+    return replace(m, u=u)
 
 
 def _limited(motions: Sequence[Motion], joint: int, axis: str) -> list[Found]:

@@ -1,19 +1,24 @@
-"""Dry friction that gives way before it slips: slip elements in parallel (Iwan 1966, Masing).
+"""Dry friction that gives way before it slips: slip elements and a bristle, from a reversal on.
 
-    tau = z [c + s exp(-|v / v_s|)],      z = mean of z_i,   dz_i = clip(dq / x_i) within [-1, 1]
+    tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'
 
-Six elastic elements slip one after the other, at displacements ``x_i`` spread so that the first slide
-from rest follows ``1 - exp(-x / x_s)``. ``z`` remembers where the axis came from, over micrometres or
-millidegrees, so friction at standstill is what the last reversal left. (A single bristle after Dahl has
-the same curve but creeps under encoder noise; slip elements do not: Al-Bender 2005,
-10.1109/TAC.2005.858676.) On an axis it stands in place of ``coulomb`` and ``stribeck``, and rows at
-standstill are then used to identify it.
+``z`` is the mean of six slip elements in parallel (Iwan 1966, Masing), ``dz_i = clip(dq / x_i)`` within
+[-1, 1], which slip one after the other at displacements ``x_i`` spread so that the first slide from rest
+follows ``1 - exp(-x / x_s)``. They remember every reversal: small loops close. ``y`` is one bristle,
+``dy = (1 - y sign(dq)) dq / x_s`` (Dahl 1968), with the same first slide, which forgets as it creeps.
+Contacts lie between the two (Al-Bender 2005, 10.1109/TAC.2005.858676), and m, zero or the size of c + s
+at the ends, says where. ``d`` is the damping of the contact before it slips. Both terms vanish once the
+axis slides, so c and s keep their meaning: friction at speed, and what it rises to near standstill.
+
+A bristle creeps under the noise of an encoder; a play as wide as that noise, found in the log, keeps it
+still. On an axis the effect stands in place of ``coulomb`` and ``stribeck``, and rows at standstill are
+then used to identify it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numba
 import numpy as np
@@ -22,7 +27,7 @@ from scipy.special import gammaincinv
 from pinotwin.arrays import Floats
 from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Shape
 from pinotwin.effects.symbols import effort, length
-from pinotwin.motion import AxisMotion
+from pinotwin.motion import AxisMotion, Motion
 
 # Medians of six equal parts of the gamma(2) distribution, whose slip elements add up to 1 - exp(-x).
 YIELDS = gammaincinv(2.0, (np.arange(6) + 0.5) / 6.0)
@@ -31,39 +36,65 @@ PAST = 20.0
 
 
 @numba.njit(cache=True)
-def _slip(q: Floats, yields: Floats, past: float, out: Floats) -> None:
+def _slip(
+    q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past: float, out: Floats
+) -> None:
+    """Fill ``out`` (n, 3) with z, y and y'; ``width`` is x_s and the play."""
+    x_s, play = width
     bend = np.clip(past / yields, -1.0, 1.0)
+    y = np.sign(past) * (1.0 - np.exp(-abs(past) / x_s))
+    held = q[0]
     for k in range(len(q)):
-        step = q[k] - q[k - 1] if k > 0 else 0.0
+        step = q[k] - held
+        step = step - play if step > play else (step + play if step < -play else 0.0)
+        held += step
         total = 0.0
         for i in range(len(yields)):
             bend[i] = min(1.0, max(-1.0, bend[i] + step / yields[i]))
             total += bend[i]
-        out[k] = total / len(yields)
+        if step != 0.0:
+            side = 1.0 if step > 0.0 else -1.0
+            y = side + (y - side) * np.exp(-abs(step) / x_s)
+        out[k, 0], out[k, 1] = total / len(yields), y
+        out[k, 2] = v[k] * (1.0 - y * np.sign(v[k])) / x_s if step != 0.0 else 0.0
 
 
-def bristle(motion: AxisMotion, x_s: float) -> Floats:
-    """Return the common bend z of the elements, from -1 to 1, shape (n,).
+def contact(motion: AxisMotion, x_s: float, play: float = 0.0) -> Floats:
+    """Return bend z of the elements, y of the bristle (from -1 to 1) and y' [1/s], shape (n, 3).
 
     A stretch that starts in motion starts bent by the last few samples of it; one that starts at rest
     starts unbent, for friction at standstill depends on a past that the log does not hold.
     """
-    z = np.zeros_like(motion.q)
+    out = np.zeros((len(motion.q), 3))
     for s in motion.segments:
         past = PAST * motion.step * float(motion.v[s.start])
-        _slip(np.ascontiguousarray(motion.q[s]), x_s * YIELDS, past, z[s])
-    return z
+        q, v = (np.ascontiguousarray(x[s]) for x in (motion.q, motion.v))
+        _slip(q, v, x_s * YIELDS, (x_s, play), past, out[s])
+    return out
+
+
+def encoder_noise(motion: AxisMotion) -> float:
+    """Return the standard deviation of a position's noise, quantisation included [m or rad].
+
+    From third differences, in which motion is small beside noise; by their median, which jerks do not
+    move.
+    """
+    parts = [np.abs(np.diff(motion.q[s], 3)) for s in motion.segments]
+    third = np.concatenate(parts) if parts else np.zeros(0)
+    return float(1.4826 * np.median(third) / np.sqrt(20.0)) if len(third) else 0.0
 
 
 @dataclass(frozen=True)
 class Presliding(AxisEffect):
-    """Coulomb friction with presliding: tau = z(q; x_s) [c + s exp(-|v / v_s|)].
+    """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'.
 
     Attributes:
         x_s: displacement over which friction turns round [m or rad]; searched.
         v_s: speed at which the Stribeck part has fallen to 1/e [m/s or rad/s]; searched.
         stribeck: number of Stribeck terms, 1 or 0.
         exponent: of the Stribeck term, as in :class:`Stribeck`.
+        bristle: 1 for the terms m and d, 0 for slip elements alone.
+        play: of the bristle and the elements [m or rad]; the encoder's noise in the log where absent.
     """
 
     name: ClassVar[str] = "presliding"
@@ -76,17 +107,34 @@ class Presliding(AxisEffect):
     v_s: float = 0.01
     stribeck: int = 1
     exponent: float = 1.0
+    bristle: int = 1
+    play: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stribeck", int(self.stribeck))
+        object.__setattr__(self, "bristle", int(self.bristle))
         if self.x_s is None:
             object.__setattr__(self, "x_s", 5e-5 if self.rotary else 1e-5)
+
+    def fitted_to(self, motion: Motion) -> Self:
+        """See :meth:`Effect.fitted_to`: the play is the encoder's noise in this log."""
+        if self.play is not None:
+            return self
+        return replace(self, play=encoder_noise(motion.axis(self.axis)))
 
     def coefficients(self) -> tuple[Coefficient, ...]:
         """See :meth:`Effect.coefficients`."""
         unit = effort(self.rotary)
-        slow = (Coefficient("s", unit, lower=0.0),) if self.stribeck else ()
-        return (Coefficient("c", unit, lower=0.0), *slow)
+        found = [Coefficient("c", unit, lower=0.0)]
+        if self.stribeck:
+            found.append(Coefficient("s", unit, lower=0.0))
+        if self.bristle:
+            found += [Coefficient("m", unit, lower=0.0), Coefficient("d", f"{unit}·s", lower=0.0)]
+        return tuple(found)
+
+    def memory(self, theta: Floats) -> tuple[float, float]:
+        """Return m and d of coefficients in the order of :meth:`coefficients`, for a simulation."""
+        return (float(theta[-2]), float(theta[-1])) if self.bristle else (0.0, 0.0)
 
     def shapes(self) -> tuple[Shape, ...]:
         """See :meth:`Effect.shapes`."""
@@ -95,11 +143,18 @@ class Presliding(AxisEffect):
         fade = Shape("v_s", f"{x}/s", *((1e-3, 3.0) if self.rotary else (5e-4, 0.3)))
         return (bend, fade) if self.stribeck else (bend,)
 
+    def grid(self, motion: Motion) -> tuple[Floats, ...]:
+        """See :meth:`Effect.grid`: the curves are smooth in both shapes, so few values will do."""
+        del motion
+        return tuple(np.geomspace(s.lower, s.upper, 9) for s in self.shapes())
+
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
         assert self.x_s is not None
-        z = bristle(motion, self.x_s)
-        if not self.stribeck:
-            return z[:, None]
-        fade = np.exp(-(np.abs(motion.v / self.v_s) ** self.exponent))
-        return np.stack([z, z * fade], axis=-1)
+        z, y, rate = contact(motion, self.x_s, self.play or 0.0).T
+        columns = [z]
+        if self.stribeck:
+            columns.append(z * np.exp(-(np.abs(motion.v / self.v_s) ** self.exponent)))
+        if self.bristle:
+            columns += [y - z, rate]
+        return np.stack(columns, axis=-1)

@@ -39,15 +39,32 @@ def bounded(
     hold = rank.null.T / rank.scale
     A = np.concatenate([R, WEAK * hold]) * unit
     b = np.concatenate([z, WEAK * (hold @ start)])
-    fixed = lower == upper
-    theta = np.where(fixed, lower, 0.0)
-    free = ~fixed
-    if free.any():
-        rest = b - A[:, fixed] @ (theta[fixed] / unit[fixed])
-        found = lsq_linear(
-            A[:, free], rest, (lower[free] / unit[free], upper[free] / unit[free]),
-            method="bvls", tol=1e-14,
-        )  # fmt: skip
-        theta[free] = found.x * unit[free]
-    theta = np.clip(theta, lower, upper)
+    low, high = lower / unit, upper / unit
+    limited = np.isfinite(low) | np.isfinite(high)
+    theta = np.zeros(len(unit))
+    Q, T = np.linalg.qr(A[:, ~limited])
+    theta[limited] = _within(*_without(Q, A[:, limited], b), low[limited], high[limited])
+    if (~limited).any():
+        theta[~limited] = np.linalg.lstsq(
+            T, Q.T @ (b - A[:, limited] @ theta[limited]), rcond=None
+        )[0]
+    theta = np.clip(theta * unit, lower, upper)
     return theta, (theta <= lower) | (theta >= upper)
+
+
+def _without(Q: Floats, A: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Return columns and right side with the unbounded columns projected out: they follow anyway."""
+    return A - Q @ (Q.T @ A), b - Q @ (Q.T @ b)
+
+
+def _within(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the bounded solution of the columns that have bounds."""
+    fixed = low == high
+    out = np.where(fixed, low, 0.0)
+    if not fixed.all():
+        found = lsq_linear(
+            A[:, ~fixed], b - A[:, fixed] @ out[fixed], (low[~fixed], high[~fixed]), method="bvls",
+            tol=1e-14,
+        )  # fmt: skip
+        out[~fixed] = found.x
+    return out

@@ -14,6 +14,8 @@ from scipy import sparse
 
 from pinotwin.arrays import Floats, Ints, Mask
 
+TOLERANCES = (1e-10, 1e-8, 1e-6)
+"""The tightest first: weakly seen bodies can leave a problem too stiff for it."""
 SOLVED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
 UPPER = tuple((i, j) for j in range(4) for i in range(j + 1))
 """Upper triangle of a 4 by 4 matrix, column by column, as Clarabel stacks it."""
@@ -135,9 +137,14 @@ def _solve(
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    solver = clarabel.DefaultSolver(
-        sparse.csc_matrix(Q), q, sparse.csc_matrix(A), b, cones, settings
-    )
-    found = solver.solve()
-    return np.array(found.x) if found.status in SOLVED else None
+    for tolerance in TOLERANCES:
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        solver = clarabel.DefaultSolver(
+            sparse.csc_matrix(Q), q, sparse.csc_matrix(A), b, cones, settings
+        )
+        found = solver.solve()
+        if found.status in SOLVED:
+            return np.array(found.x)
+        if found.status != clarabel.SolverStatus.InsufficientProgress:
+            return None
+    return None

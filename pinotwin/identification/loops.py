@@ -26,7 +26,8 @@ from pinotwin.loop import (
     identify_controller,
     identify_loop,
 )
-from pinotwin.machine import Machine
+from pinotwin.loop.layout import lay_out
+from pinotwin.loop.search import starting_points
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 
@@ -35,8 +36,16 @@ TRAINED = 2.0 / 3.0
 PAYS = 0.95
 """A larger order is taken if it brings the held-out error below this share of the smaller one's."""
 MOST_PAIRS = 3
+MODES = ((8.0, 0.3), (25.0, 0.05), (60.0, 0.2))
+"""Frequencies [Hz] and damping ratios from which a further pair is searched."""
 NO_WORSE = 1.01
 """Refined effects have as many numbers as before: they are kept unless held-out data speak against."""
+BEGINNINGS, FRESH = 4, 2
+"""Usual places from which the poles are searched at first, and once more beside refined friction."""
+MUCH_WORSE = 1.1
+"""No signal may lose more than this for the others' gain."""
+ROUNDS, EXPLORED, ENOUGH = 4, 2, 1.03
+"""Most turns of loop and effects, of which the first explore; they end when one gains less than 3 %."""
 
 
 @dataclass
@@ -77,9 +86,9 @@ def fit_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) ->
         tell(f"closed loop of {name}", k / len(axes))
         try:
             data = loop_data(motion, disturbance, name)
-            trial = _choose(twin.machine, data, name)
+            trial = _choose(twin, data, name)
             data, trial = _refined(twin, motion, found, data, trial)
-            model = _refit(data, trial)
+            model = _refit(data, trial, afresh=True, judged=True)
         except DataError as error:
             found.notes.append(f"no closed loop of {name}: {error}")
             continue
@@ -98,7 +107,8 @@ def _refined(
 ) -> tuple[LoopData, LoopModel]:
     """Refine an axis' friction and position effects through its loop, unless held-out data object.
 
-    The first part of the log refines, the rest judges.
+    The first part of the log refines, the rest judges. Loop and effects are found in turn: poles that
+    were fitted beside wrong friction pull the friction along, most of all where a structure bends.
 
     Returns:
         Data with the disturbance of the effects that were kept, and the loop of its first part.
@@ -107,23 +117,63 @@ def _refined(
     mine = axis_effects(twin.effects, twin.slices, found.theta, deviations, data.axis)
     if mine is None:
         return data, trial
-    better = refine(_first(data), trial, motion, mine)
-    change = better.columns(motion) @ better.theta - mine.columns(motion) @ mine.theta
-    renewed = replace(data, d=data.d + change[:, None])
-    retried = _refit(_first(renewed), trial)
-    if _score(renewed, retried) > NO_WORSE * _score(data, trial):
-        return data, trial
-    found.theta[list(better.where)] = better.theta
-    swap = {id(a): b for a, b in zip(mine.effects, better.effects, strict=True)}
+    kept, before = mine, errors(data, trial, held_out=True)
+    for turn in range(ROUNDS):
+        near = replace(kept, error=mine.error)
+        better = refine(_first(data), trial, motion, near, explore=turn < EXPLORED)
+        change = better.columns(motion) @ better.theta - kept.columns(motion) @ kept.theta
+        renewed = replace(data, d=data.d + change[:, None])
+        retried = _refit(_first(renewed), trial, afresh=turn == EXPLORED - 1)
+        after = errors(renewed, retried, held_out=True)
+        gain = _gain(before, after)
+        if gain < 1.0 / NO_WORSE:
+            break
+        kept, data, trial, before = better, renewed, retried, after
+        if gain < ENOUGH:
+            break
+    if kept is not mine:
+        _keep(found, mine, kept)
+    return data, trial
+
+
+def _gain(before: dict[str, float], after: dict[str, float]) -> float:
+    """Return by how much the errors fall, geometric mean; 0 if one of them rises much for it.
+
+    Every signal counts against itself: an error of e of 10 % would drown one of u of 2 %.
+    """
+    ratios = np.array([before[name] / max(after[name], 1e-300) for name in before])
+    return 0.0 if ratios.min() < 1.0 / MUCH_WORSE else float(np.exp(np.mean(np.log(ratios))))
+
+
+def _keep(found: Loops, old: AxisEffects, new: AxisEffects) -> None:
+    found.theta[list(new.where)] = new.theta
+    swap = {id(a): b for a, b in zip(old.effects, new.effects, strict=True)}
     found.effects = tuple(swap.get(id(effect), effect) for effect in found.effects)
-    found.refined[data.axis] = better
-    return renewed, retried
+    found.refined[new.axis] = new
 
 
-def _refit(data: LoopData, near: LoopModel) -> LoopModel:
-    """Return a loop of the same structure fitted to other data, its search started from ``near``."""
-    start = [np.log(value) for part in near.sections if part.free for value in part.values]
-    return identify_loop(data, near.structure, starts=np.array([start]))
+def _refit(
+    data: LoopData, near: LoopModel, *, afresh: bool = False, judged: bool = False
+) -> LoopModel:
+    """Return a loop of the same structure fitted to other data, its search started from ``near``.
+
+    Poles that were found beside wrong friction can sit in the wrong basin: ``afresh`` also starts from
+    a few usual places.
+    """
+    starts = np.array([_theta(near)])
+    if afresh:
+        starts = np.concatenate([starts, starting_points(near.layout, FRESH)])
+    return identify_loop(data, near.structure, starts=starts, judged=judged)
+
+
+def _theta(model: LoopModel) -> list[float]:
+    """Return the logarithms of the searched poles, in the order of the search."""
+    return [float(np.log(x)) for part in model.sections if part.free for x in part.values]
+
+
+def _beside(model: LoopModel) -> Floats:
+    """Return starts for one more pair beside the poles of a model: light modes over the band."""
+    return np.array([[*_theta(model), np.log(2.0 * np.pi * f), np.log(zeta)] for f, zeta in MODES])
 
 
 def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
@@ -149,21 +199,29 @@ def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
     return data
 
 
-def _choose(machine: Machine, data: LoopData, name: str) -> LoopModel:
+def _choose(twin: Twin, data: LoopData, name: str) -> LoopModel:
     """Return the loop, of the stated order or of the order that pays, fitted to the first part."""
-    given = machine.loop.get(name)
+    given = twin.machine.loop.get(name)
     if given is not None:
         structure = Structure(real_poles=given.real_poles, pole_pairs=given.pole_pairs)
-        return identify_loop(_first(data), structure)
-    trial = identify_loop(_first(data), Structure())
+        return _found(_first(data), structure)
+    trial = _found(_first(data), Structure())
     error = _score(data, trial)
     for pairs in range(2, MOST_PAIRS + 1):
-        other = identify_loop(_first(data), Structure(pole_pairs=pairs))
+        other = identify_loop(
+            _first(data), Structure(pole_pairs=pairs), starts=_beside(trial), judged=False
+        )
         score = _score(data, other)
         if score > PAYS * error:
             break
         trial, error = other, score
     return trial
+
+
+def _found(data: LoopData, structure: Structure) -> LoopModel:
+    """Return a first loop; few starts will do, for its friction is still to be refined."""
+    layout = lay_out(structure, data.step, (data.d.shape[1], data.outputs.shape[1]))
+    return identify_loop(data, structure, starts=starting_points(layout, BEGINNINGS), judged=False)
 
 
 def _first(data: LoopData) -> LoopData:

@@ -14,8 +14,10 @@ from pinotwin.errors import DataError
 from pinotwin.fit.crossval import held_out
 from pinotwin.fit.linear import Options
 from pinotwin.identification.assemble import assemble
+from pinotwin.identification.flexible import with_tied_loops, with_vibration_loops
 from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
 from pinotwin.identification.plant import Plant, fit_options, fit_plant
+from pinotwin.identification.springs import with_springs
 from pinotwin.identification.table import at_bounds, parameter_table, refined_table
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -65,7 +67,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         machine = machine.with_rigid_joints()
     motion = prepare(machine, logs, cutoff=cutoff, decimate=decimate)
     tell("fitting the plant", 0.1)
-    plant = fit_plant(machine, motion, consistent_inertia=consistent)
+    plant = fit_plant(machine, motion, consistent_inertia=consistent and not machine.passive)
     tell("judging the plant", 0.4)
     settings = {"cutoff": _finite(motion.cutoff) or 0.0, "decimate": motion.decimation}
     table = parameter_table(machine, plant)
@@ -86,18 +88,25 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         settings=settings,
         groups=plant.fit.group_names(),
     )
+    return _with_loops(twin, motion, loop and motion.qr is not None, tell)
+
+
+def _with_loops(twin: Twin, motion: Motion, loop: bool, tell: Callable[[str, float], None]) -> Twin:
+    """Return the twin with the springs of its passive joints and the closed loops of its axes.
+
+    The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
+    is why the plant is not asked for consistent inertias before.
+    """
+    twin = with_springs(twin, motion)
     twin = replace(twin, diagonal=diagonal(twin, motion))
-    return _with_loops(twin, motion, tell) if loop and motion.qr is not None else twin
-
-
-def _with_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) -> Twin:
-    """Return the twin with the closed loops of its axes."""
+    if not loop:
+        return twin
     from pinotwin.identification.loops import fit_loops
 
     found = fit_loops(twin, motion, lambda stage, done: tell(stage, 0.45 + 0.4 * done))
     quality = {**twin.quality, "loops": found.quality}
     quality["warnings"] = [*twin.quality["warnings"], *found.notes]
-    return replace(
+    closed = replace(
         twin,
         effects=found.effects,
         theta=found.theta,
@@ -106,6 +115,9 @@ def _with_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) 
         controllers=found.controllers,
         quality=quality,
     )
+    if not twin.machine.passive:
+        return closed
+    return with_tied_loops(with_vibration_loops(closed, motion), motion)
 
 
 def _sees_passive(machine: Machine, log: Log) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,16 +44,22 @@ class Plant:
     consistency: ConsistentFit | None
 
 
-def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = True) -> Plant:
+def fit_plant(
+    machine: Machine, motion: Motion, *, consistent_inertia: bool = True, every: int = 1
+) -> Plant:
     """Identify the open-loop dynamics of a machine from one motion.
 
     Args:
         machine: what is believed.
         motion: prepared log(s).
         consistent_inertia: require inertias that a real body could have.
+        every: use one row in so many, without a filter: for a first look.
     """
     effects = tuple(effect.fitted_to(motion) for effect in machine.effects)
     rows = choose_rows(motion)
+    if every > 1:
+        picked = np.arange(len(rows.sample)) % every == 0
+        rows = replace(rows, kept=tuple(kept & picked for kept in rows.kept))
     options = fit_options(machine, effects, motion)
     fit, effects, errors, bounds = _solve(motion, effects, rows, options)
     pi0 = parameters(machine.model)

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import Effect
+from pinotwin.effects import Effect, Presliding, Stribeck
 from pinotwin.loop import LoopData, LoopModel
 from pinotwin.loop.uncertainty import block_covariance
 from pinotwin.motion import Motion
@@ -30,7 +30,7 @@ TRUST = 10.0
 STEPS = 4
 """Gauss-Newton steps on the shapes: they start close."""
 MOST_COLUMNS = 60
-"""Axes with more columns than this (tables) keep their shapes: each trial would filter them all."""
+"""Effects with more columns than this (tables) stay as they are: each trial would filter them all."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,9 @@ class AxisEffects:
         return replace(self, effects=tuple(effects))
 
 
-def refine(data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects) -> AxisEffects:
+def refine(
+    data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects, *, explore: bool = False
+) -> AxisEffects:
     """Return the effects with shapes and coefficients that explain e and u best through a loop.
 
     Args:
@@ -101,28 +103,49 @@ def refine(data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects)
         model: the loop, held as it is.
         motion: the motion behind ``data``.
         found: what to refine.
+        explore: also try friction that falls with speed by the other exponent.
     """
     rest = data.d[:, 0] - found.columns(motion) @ found.theta
-    target = data.outputs - _through(model, data, rest, command=True)
     weight = 1.0 / np.maximum(_size(data, data.outputs), 1e-300)
+    target = (data.outputs - _through(model, data, rest, command=True)) * weight
+    forms = [found, *_others(found)] if explore else [found]
+    shaped = [_shaped(data, model, motion, form, target, weight) for form in forms]
+    best = min(shaped, key=lambda pair: pair[1])[0]
+    return _finished(data, model, motion, best, target, weight)
 
-    def solve(trial: AxisEffects) -> tuple[Floats, Floats]:
-        return _solve(data, model, trial, trial.columns(motion), target * weight, weight)
+
+def _others(found: AxisEffects) -> list[AxisEffects]:
+    """Return the effects with the other usual exponent of Stribeck's curve, 1 or 2, if they have one."""
+    swapped = tuple(
+        replace(e, exponent=1.0 if e.exponent > 1.5 else 2.0)
+        if isinstance(e, Stribeck) or (isinstance(e, Presliding) and e.stribeck)
+        else e
+        for e in found.effects
+    )
+    return [] if swapped == found.effects else [replace(found, effects=swapped)]
+
+
+def _shaped(
+    data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects, y: Floats, weight: Floats
+) -> tuple[AxisEffects, float]:
+    """Return the effects with their shapes polished, and half the sum of squares there."""
+
+    def misfit(trial: AxisEffects) -> Floats:
+        return _solve(data, model, trial, trial.columns(motion), y, weight)[1]
 
     start = found.shape_values()
-    if len(start) == 0 or len(found.theta) > MOST_COLUMNS:
-        return _finished(data, model, motion, found, target * weight, weight)
+    if len(start) == 0:
+        return found, 0.0
     scale = found.shape_scales(motion)
     best = least_squares(
-        lambda k: solve(found.shaped(start + scale * (k - 1.0)))[1],
+        lambda k: misfit(found.shaped(start + scale * (k - 1.0))),
         np.ones(len(start)),
         diff_step=0.05,
         max_nfev=STEPS,
         ftol=1e-4,
         xtol=1e-3,
     )
-    shaped = found.shaped(start + scale * (best.x - 1.0))
-    return _finished(data, model, motion, shaped, target * weight, weight)
+    return found.shaped(start + scale * (best.x - 1.0)), float(best.cost)
 
 
 def _finished(
@@ -201,7 +224,7 @@ def axis_effects(
         for effect, where in zip(effects, slices, strict=True)
         if effect.axis == axis
         and set(effect.causes) <= {"friction", "position"}
-        and len(effect.coefficients()) > 0
+        and 0 < len(effect.coefficients()) <= MOST_COLUMNS
     ]
     if not mine:
         return None

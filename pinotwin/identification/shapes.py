@@ -60,10 +60,12 @@ def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], ro
     joint = motion.index(effect.axis)
     kept = rows.kept[rows.joints.index(joint)]
     shapes = effect.shapes()
+    every = bool(kept.all())  # thousands of trials: a copy by mask costs as much as the columns
 
     def columns(values: Floats) -> Floats:
         own = effect.shaped(values.tolist()).columns(motion)
-        return thin(motion, own.values[:, own.joints.index(joint), :])[kept]
+        found = thin(motion, own.values[:, own.joints.index(joint), :])
+        return found if every else found[kept]
 
     return Moving(
         name=key,

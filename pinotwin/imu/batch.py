@@ -5,7 +5,7 @@ The deflection is the response of a spring-mass-damper (shared by all runs) to a
 slow part is load over stiffness and not an integral of the gyro's scale error. All parameters have
 priors (MAP); without them scale, asymmetry and sag cannot be told apart. Gauss-Newton with the
 analytic Jacobian of :mod:`pinotwin.imu.predict`; residuals whitened by the noise at rest; standard
-errors are robust to correlated residuals. What the mode does not explain goes to
+errors come from leaving out stretches of each run in turn. What the mode does not explain goes to
 :mod:`pinotwin.imu.latent`.
 """
 
@@ -26,8 +26,19 @@ from pinotwin.imu.mode import respond
 from pinotwin.imu.predict import Layout, RunModel
 from pinotwin.imu.result import BatchResult, RunResult, run_result
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
-from pinotwin.imu.statistics import long_run
+from pinotwin.imu.statistics import at_least, left_out
 from pinotwin.imu.whiten import Whitener
+
+BLOCK = 1.0
+"""Length of the stretches that are left out for the standard errors [s]: several decay times."""
+
+FARTHEST = 5.0
+"""How far the mode may go from its prior [standard deviations] before the fit counts as lost."""
+
+_REMEDY = (
+    "move the axes that shake it with more acceleration, or check the stiffness of the passive "
+    "joint and the link of the IMU (machine.yaml)"
+)
 
 
 @dataclass(frozen=True)
@@ -60,18 +71,33 @@ def estimate(
         iterations: most rounds of Gauss-Newton.
 
     Raises:
-        DataError: nothing rotates, one axis only and gravity does not help, or arrays do not fit.
+        DataError: nothing rotates, one axis only and gravity does not help, the joint hardly
+            deflects, or arrays do not fit.
     """
     p = Priors() if priors is None else priors
     if not servo or len(servo) != len(imu):
         raise DataError(f"{len(servo)} servo runs and {len(imu)} IMU runs; they must come in pairs")
-    problem, clocks = _prepare(servo, imu, p, clocks)
-    theta, A, S = _solve(problem, iterations)
-    inverse = np.linalg.inv(A)
-    cov = inverse @ S @ inverse
-    scale = np.concatenate([problem.sd] + [problem.sd[problem.lay.shared :]] * (len(servo) - 1))
-    cov = cov * np.outer(scale, scale)
-    return _collect(problem, theta, cov, clocks, p)
+    try:
+        with np.errstate(invalid="raise", over="raise", divide="raise"):
+            problem, clocks = _prepare(servo, imu, p, clocks)
+            theta, cov = _solve(problem, iterations)
+            result = _collect(problem, theta, cov, clocks, p)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        raise _lost(p) from None
+    speed, sd = result.seen
+    if speed < sd:
+        raise DataError(
+            f"the joint hardly deflects: {np.degrees(speed):.2g} deg/s RMS, known to "
+            f"+-{np.degrees(sd):.2g} deg/s; {_REMEDY}"
+        )
+    return result
+
+
+def _lost(p: Priors) -> DataError:
+    return DataError(
+        "the estimate does not converge: the IMU shows no vibration like that of a spring near "
+        f"{p.frequency:.3g} Hz: the joint hardly deflects, or its stiffness is far off; {_REMEDY}"
+    )
 
 
 def _prepare(
@@ -158,8 +184,12 @@ def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
     return _Problem(problem.models, lay, problem.R_ST, mean, problem.sd, problem.whiteners)
 
 
-def _solve(problem: _Problem, iterations: int) -> tuple[Floats, Floats, Floats]:
-    """Return the parameters of all runs, the information and the scores' covariance (scaled)."""
+def _solve(problem: _Problem, iterations: int) -> tuple[Floats, Floats]:
+    """Return the parameters of all runs and their covariance.
+
+    Raises:
+        DataError: the mode runs away from its prior.
+    """
     lay, runs = problem.lay, len(problem.models)
     mean = np.concatenate([problem.mean] + [problem.mean[lay.shared :]] * (runs - 1))
     sd = np.concatenate([problem.sd] + [problem.sd[lay.shared :]] * (runs - 1))
@@ -168,7 +198,6 @@ def _solve(problem: _Problem, iterations: int) -> tuple[Floats, Floats, Floats]:
     for k in range(iterations):
         A = np.eye(len(theta))
         g = -(theta - mean) / sd
-        S = np.eye(len(theta))
         for r, m in enumerate(problem.models):
             at = problem.columns(r)
             e, J = _whitened(m, theta[at], problem, whiteners[r], sd[at])
@@ -178,16 +207,39 @@ def _solve(problem: _Problem, iterations: int) -> tuple[Floats, Floats, Floats]:
             flat = J.reshape(-1, len(at))
             A[np.ix_(at, at)] += flat.T @ flat
             g[at] += flat.T @ e.ravel()
-            lag = max(1, round(0.25 / m.interval))
-            S[np.ix_(at, at)] += long_run(np.einsum("nk,nkp->np", e, J), lag)
         step = np.linalg.solve(A, g)
         step *= min(1.0, 3.0 / max(np.abs(step[: lay["mode"].stop]).max(), 1e-12))
         theta = theta + sd * step
+        _check(theta, mean, sd, problem)
         size = float(np.sqrt(np.mean(step**2)))
         if k > 3 and (size < 1e-5 or size > 0.9 * last):
             break
         last = size
-    return theta, A, S
+    return theta, _covariance(problem, theta, A, sd, whiteners)
+
+
+def _check(theta: Floats, mean: Floats, sd: Floats, problem: _Problem) -> None:
+    at = problem.lay["mode"]
+    away = np.abs(theta[at] - mean[at]) / sd[at]
+    overdamped = theta[at][1] >= 0.0
+    if overdamped or not np.isfinite(theta).all() or away.max() > FARTHEST:
+        raise _lost(problem.models[0].priors)
+
+
+def _covariance(
+    problem: _Problem, theta: Floats, A: Floats, sd: Floats, whiteners: list[Whitener]
+) -> Floats:
+    """Return the covariance of all parameters: A^-1 S A^-1, S by leaving out stretches.
+
+    What only one stretch knows (the start) leaves no residual there; the noise sets its variance.
+    """
+    inverse = np.linalg.inv(A)
+    S = np.eye(len(theta))
+    for r, m in enumerate(problem.models):
+        at = problem.columns(r)
+        e, J = _whitened(m, theta[at], problem, whiteners[r], sd[at])
+        S[np.ix_(at, at)] += left_out(J, e, inverse[np.ix_(at, at)], round(BLOCK / m.interval))
+    return at_least(inverse @ S @ inverse, inverse) * np.outer(sd, sd)
 
 
 def _whitened(

@@ -108,6 +108,13 @@ class BatchResult:
         return zeta, zeta * float(self.se[1])
 
     @property
+    def seen(self) -> tuple[float, float]:
+        """RMS of the deflection's velocity and of its standard deviation, all runs [rad/s]."""
+        pairs = [(np.mean(r.velocity**2), np.mean(r.sd_velocity**2)) for r in self.runs]
+        speed, sd = np.sqrt(np.mean(pairs, axis=0))
+        return float(speed), float(sd)
+
+    @property
     def R_GM_up(self) -> Floats:
         """The upward direction in the machine frame (a tilted foundation shows here), (3,)."""
         g = self.theta[self.layout["gravity"]]

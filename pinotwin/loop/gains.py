@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.law import SETTLE, law_columns, signals_of
@@ -101,7 +101,7 @@ def _shape(c: Controller, half: float) -> Floats:
     return np.array([samples[0], max(samples[1] - half, 0.0), samples[2], rate])
 
 
-def _centred(x: Floats, number: Floats, free: Mask) -> Floats:
+def _centred(x: Floats, number: Ints, free: Mask) -> Floats:
     """Return columns less their mean over the free rows of each segment: constants projected out."""
     out = x.copy()
     for k in np.unique(number):

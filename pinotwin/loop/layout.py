@@ -186,22 +186,25 @@ class Layout:
         self, sections: Sequence[Section], index: int, form: Channel, unit: float
     ) -> tuple[Floats, Floats, Floats]:
         """Return N, g and dN of one transfer function."""
-        m = form.degree - 1 + (form.gain is not None)
+        count = form.degree - 1 + (form.leading is not None)
+        m = count + (form.gain is not None)
         N, dN = np.zeros((self.residues, m)), np.zeros((len(self.parameters), self.residues, m))
         for slot in self.slots:
             if slot.input != index:
                 continue
             rows = slice(slot.at, slot.at + slot.order)
-            leading, slopes = _leading(sections[slot.section], form.degree - 1)
-            N[rows, : form.degree - 1] = leading[: slot.order]
+            leading, slopes = _leading(sections[slot.section], count)
+            N[rows, :count] = leading[: slot.order]
             for i, parameter in enumerate(self.parameters):
                 if parameter.section == slot.section:
-                    dN[i, rows, : form.degree - 1] = slopes[parameter.value, : slot.order]
+                    dN[i, rows, :count] = slopes[parameter.value, : slot.order]
             if form.gain is not None:
                 N[slot.at, -1] = 1.0
         if form.gain is not None and index == self.disturbances:
             N[self.states, -1] = 1.0
         g = np.zeros(m)
+        if form.leading is not None:
+            g[count - 1] = form.leading * unit / 100.0**form.degree
         if form.gain is not None:
             g[-1] = form.gain * unit
         return N, g, dN

@@ -84,7 +84,7 @@ def starting_points(layout: Layout, count: int = STARTS) -> Floats:
     narrow_low, narrow_high = low.copy(), high.copy()
     plain = np.empty(len(low))
     for i, p in enumerate(layout.parameters):
-        usual = _usual(p.name)
+        usual = _usual(p.name, layout.structure.pole_pairs)
         narrow_low[i] = np.clip(np.log(usual[0] * p.scale), low[i], high[i])
         narrow_high[i] = np.clip(np.log(usual[2] * p.scale), low[i], high[i])
         plain[i] = np.clip(np.log(usual[1] * p.scale), low[i], high[i])
@@ -93,8 +93,11 @@ def starting_points(layout: Layout, count: int = STARTS) -> Floats:
     return starts
 
 
-def _usual(name: str) -> tuple[float, float, float]:
-    """Return low, middle and high guess of a parameter [Hz] or [-]."""
+def _usual(name: str, pairs: int = 2) -> tuple[float, float, float]:
+    """Return low, middle and high guess of a parameter [Hz] or [-].
+
+    Of several light pairs each has its own middle, over the band: two that start alike stay alike.
+    """
     if name == "pff":
         return 100.0, 400.0, 4000.0
     if name.startswith("p"):
@@ -103,7 +106,10 @@ def _usual(name: str) -> tuple[float, float, float]:
         return 3.0, 10.0, 60.0
     if name == "zeta1":
         return 0.3, 0.7, 1.2
-    return (0.02, 0.08, 0.4) if name.startswith("zeta") else (8.0, 25.0, 90.0)
+    if name.startswith("zeta"):
+        return 0.02, 0.08, 0.4
+    place = (int(name[2:]) - 1.5) / max(pairs - 1, 1)
+    return 8.0, 8.0 * (80.0 / 8.0) ** place, 90.0
 
 
 def search(

@@ -46,10 +46,12 @@ class Channel:
     Attributes:
         degree: relative degree.
         gain: gain at frequency zero, None where it is free.
+        leading: limit of s**degree times the function at high frequency, None where it is free.
     """
 
     degree: int
     gain: float | None = None
+    leading: float | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,7 @@ class Structure:
         feedforward_poles: see the module's docstring [Hz].
         numerators: ``"exact"`` or ``"source"`` (disturbance numerators without Dff).
         integrator: G_ed has a zero at the origin: the loop holds a position under constant load.
+        inertia: M of the axis [kg or kg·m²], if G_ed is to tend to 1 / (M s²) as physics says.
     """
 
     real_poles: int = 3
@@ -88,6 +91,7 @@ class Structure:
     feedforward_poles: tuple[float, ...] | Literal["search"] | None = None
     numerators: Numerators = "exact"
     integrator: bool = False
+    inertia: float | None = None
 
     def __post_init__(self) -> None:
         poles = self.feedforward_poles
@@ -159,7 +163,9 @@ class Structure:
         if disturbance > 0:
             return Channel((2 if output == 0 else 1) + extra, 0.0)
         if output == 0:
-            return Channel(2 + extra, 0.0 if self.integrator else None)
+            free = self.inertia is None or extra > 0
+            leading = None if free else 1.0 / self.inertia  # type: ignore[operator]
+            return Channel(2 + extra, 0.0 if self.integrator else None, leading)
         return Channel(1 + extra, 1.0) if output == 1 else Channel(2 + extra, 0.0)
 
     def command(self, output: int) -> Channel:

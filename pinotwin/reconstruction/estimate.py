@@ -31,6 +31,12 @@ from pinotwin.threads import one_blas_thread
 Report = Callable[[str, float], None]
 Logs = Log | Sequence[Log]
 
+FAINT = 6.0
+"""Size of the deflection's velocity over its standard deviation below which the mode is doubtful."""
+
+LOOSE = 0.1
+"""Standard deviation of the mounting above which a note says so [deg]."""
+
 
 @one_blas_thread
 def reconstruct_vibration(
@@ -114,7 +120,7 @@ class _Job:
         imus, clocks = [imu for _, _, imu, _ in found], [clock for *_, clock in found]
 
         def estimate(servo: Sequence[ServoRun]) -> batch.BatchResult:
-            return _estimate(servo, imus, self.prior, clocks)
+            return batch.estimate(servo, imus, self.prior, clocks)
 
         first = estimate([piece.run for piece in pieces])
         servo_runs = with_posture(self.machine, self.joint, pieces, first.runs)
@@ -146,32 +152,21 @@ class _Job:
         return out
 
 
-def _estimate(
-    servo: Sequence[ServoRun], imu: Sequence[ImuRun], prior: Priors, clocks: Sequence[ClockFit]
-) -> batch.BatchResult:
-    """Return the batch estimate.
-
-    Raises:
-        DataError: it does not converge.
-    """
-    message = (
-        "the estimate does not converge: the IMU shows no vibration like that of a spring near "
-        f"{prior.frequency:.3g} Hz; check the stiffness of the passive joint in machine.yaml, the "
-        "link of the IMU, and that the log shakes the joint"
-    )
-    try:
-        with np.errstate(invalid="raise", over="raise", divide="raise"):
-            result = batch.estimate(servo, imu, prior, clocks)
-    except (FloatingPointError, np.linalg.LinAlgError, ValueError):
-        raise DataError(message) from None
-    if not np.isfinite(result.theta).all():
-        raise DataError(message)
-    return result
-
-
 def _notes(sensors: Sequence[Sensor], runs: Sequence[Motion3]) -> tuple[str, ...]:
     out = []
     for sensor in sensors:
+        speed, sd = sensor.batch.seen
+        if speed < FAINT * sd:
+            out.append(
+                f"{sensor.name}: the joint deflects little, {np.degrees(speed):.2g} deg/s RMS known "
+                f"to +-{np.degrees(sd):.2g} deg/s; its frequency and damping are not to be trusted"
+            )
+        turn = float(np.degrees(np.sqrt(np.diag(sensor.batch.R_ST_cov).max())))
+        if turn > LOOSE:
+            out.append(
+                f"{sensor.name}: its mounting is known to +-{2.0 * turn:.2g} deg only, because "
+                "one axis turns (almost) alone; move a second, non-parallel axis too"
+            )
         if any(r.found.quasi_static_sd > 0.5 * r.found.quasi_static for r in sensor.runs):
             out.append(
                 f"{sensor.name}: the slow part of the angle (below 0.5 Hz) is not observable; the "

@@ -39,6 +39,7 @@ from pinotwin.report.effort_plots import (
     shares_figure,
     spectrum_figure,
 )
+from pinotwin.report.flexible import flexible_blocks
 from pinotwin.report.page import Page
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
@@ -112,11 +113,13 @@ def _with_loop(page: Page, twin: Twin, logs: Log | Sequence[Log], validate: Sequ
     if not blocks:
         return page
     seen = "a log that was not used to fit" if validate else "the log that was fitted"
-    return page.section(
+    page = page.section(
         "Closed loop", *blocks,
         intro="Tracking error and effort that the twin foretells when it is given nothing but the "
         f"command of {seen}.",
     )  # fmt: skip
+    bent = flexible_blocks(twin, next(iter([*validate, *given])))
+    return page.section("Structural flexibility", *bent) if bent else page
 
 
 def subtitle(given: Evidence) -> str:

@@ -7,6 +7,7 @@ One internal step, from t to t + h:
     3  q = qr - e,   v = vr - e',   a = a0 - K d   (Eq. 4.12; K is the gain of d in e'')
     4  r     = h(q, v) + friction + position + other - external
     5  d(t+h) = (M(q) - M_D) a + r                 a linear system: (I + (M - M_D) K) d = (M - M_D) a0 + r
+                                                   (K is diagonal but for the loops with a vibration)
     6  x     = x_p + B1 (d(t+h) - d(t))            d runs straight between the steps
 
 Step 5 solves the algebraic loop between disturbance and acceleration exactly: nothing is
@@ -71,10 +72,11 @@ def _predict(blocks, c, vr0, s):  # type: ignore[no-untyped-def]
     for j in range(len(s.d)):
         e, e1, e2, u = 0.0, 0.0, 0.0, 0.0
         for b in range(blocks.first[j], blocks.first[j + 1]):
+            i = blocks.source[b]
             if blocks.command[b] == 1:
-                w0, w1 = vr0[j], c[1, j]
+                w0, w1 = vr0[i], c[1, i]
             else:
-                w0 = s.d[j]
+                w0 = s.d[i]
                 w1 = w0
             p, q = x[b, 0], x[b, 1]
             z = _flush(A[b, 0, 0] * p + A[b, 0, 1] * q + B0[b, 0] * w0 + B1[b, 0] * w1)
@@ -100,27 +102,57 @@ def _outputs(blocks, j, c, s):  # type: ignore[no-untyped-def]
 
 
 @leaf
+def _from_ground(plant, blocks, s):  # type: ignore[no-untyped-def]
+    """Turn r and M into those of the pairs' motion from the ground, less M_D: r, M - M_D.
+
+    Only the rows are turned: the columns keep to the joints' own accelerations. Seen from the ground
+    the axis next to a passive joint moves with the sum of both (thesis Eq. 5.4).
+    """
+    for k in range(len(blocks.pairs)):
+        p, j = blocks.pairs[k, 0], blocks.pairs[k, 1]
+        s.r[p] -= s.r[j]
+        for i in range(len(s.r)):
+            s.M[p, i] -= s.M[j, i]
+        s.M[p, p] += plant.inertia[p] - plant.ground[p]
+        s.M[j, p] -= plant.inertia[j]
+    for j in range(len(s.r)):
+        s.M[j, j] -= plant.inertia[j]
+
+
+@leaf
+def _reach(rows, j, source, gain, s):  # type: ignore[no-untyped-def]
+    """Let the disturbance of one joint act on the acceleration of another, j, in S."""
+    for k in range(len(rows)):
+        if rows[k] == source:
+            for i in range(len(rows)):
+                s.S[i, k] += s.M[rows[i], j] * gain
+
+
+@leaf
 def _solve(plant, blocks, s):  # type: ignore[no-untyped-def]
     """Fill d and a: the linear system of step 5 on the coupled joints."""
     rows, S, g = plant.coupled, s.S, blocks.direct
     m = len(rows)
+    _from_ground(plant, blocks, s)
     for j in range(len(s.r)):
         s.d[j] = s.r[j]
     for i in range(m):
         total = s.r[rows[i]]
         for k in range(m):
             extra = s.M[rows[i], rows[k]]
-            if i == k:
-                extra -= plant.inertia[rows[i]]
             total += extra * s.a[rows[k]]
             S[i, k] = extra * g[rows[k], GAIN]
         S[i, i] += 1.0
         S[i, m] = total
+    for x in range(len(blocks.others)):
+        _reach(rows, blocks.others[x, 0], blocks.others[x, 1], blocks.reach[x, 0], s)
     _eliminate(S, m)
     for i in range(m):
         s.d[rows[i]] = S[i, m]
     for j in range(len(s.r)):
         s.a[j] -= g[j, GAIN] * s.d[j]
+    for x in range(len(blocks.others)):
+        s.a[blocks.others[x, 0]] -= blocks.reach[x, 0] * s.d[blocks.others[x, 1]]
 
 
 @leaf
@@ -172,11 +204,12 @@ def _finish(plant, blocks, old, s):  # type: ignore[no-untyped-def]
     """Let d run straight over the step: correct states, e and u; see step 6."""
     g = blocks.direct
     for j in range(len(s.d)):
-        change = s.d[j] - old[j]
         for b in range(blocks.first[j], blocks.first[j + 1]):
             if blocks.command[b] == 0:
+                change = s.d[blocks.source[b]] - old[blocks.source[b]]
                 s.x[b, 0] += blocks.B1[b, 0] * change
                 s.x[b, 1] += blocks.B1[b, 1] * change
+        change = s.d[j] - old[j]
         s.e[j] += g[j, LOAD_E] * change
         s.q[j] -= g[j, LOAD_E] * change
         s.u[j] += g[j, LOAD_U] * change + g[j, U_D] * s.d[j]
@@ -185,6 +218,11 @@ def _finish(plant, blocks, old, s):  # type: ignore[no-untyped-def]
                 plant.inertia[j] * s.a[j] + plant.viscous[j] * s.v[j]
                 + plant.stiffness[j] * s.q[j] + s.d[j]
             )  # fmt: skip
+    for x in range(len(blocks.others)):
+        j, i = blocks.others[x, 0], blocks.others[x, 1]
+        s.e[j] += blocks.reach[x, 1] * (s.d[i] - old[i])
+        s.q[j] -= blocks.reach[x, 1] * (s.d[i] - old[i])
+        s.u[j] += blocks.reach[x, 2] * (s.d[i] - old[i])
 
 
 @leaf
@@ -209,10 +247,11 @@ def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
         for j in range(nv):
             s.y[0], s.y[1], s.y[2], s.y[3] = 0.0, 0.0, 0.0, 0.0
             for b in range(blocks.first[j], blocks.first[j + 1]):
-                w = s.c[1, j] if blocks.command[b] == 1 else s.d[j]
+                i = blocks.source[b]
+                w = s.c[1, i] if blocks.command[b] == 1 else s.d[i]
                 s.x[b, 0], s.x[b, 1] = w, 0.0
-                for i in range(4):
-                    s.y[i] += blocks.C[b, i, 0] * w
+                for k in range(4):
+                    s.y[k] += blocks.C[b, k, 0] * w
             _outputs(blocks, j, s.c, s)
             s.v[j], s.a[j] = s.c[1, j], s.c[2, j]
         for k in range(len(tables.directions)):
@@ -222,8 +261,9 @@ def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
         for k in range(len(tables.slips)):
             s.where[k] = s.q[tables.slips[k]]
         _resist(plant, tables, command, 0, 0.0, s)
+        _from_ground(plant, blocks, s)
         for j in range(nv):
-            s.d[j] = s.r[j] - plant.inertia[j] * s.a[j]
+            s.d[j] = s.r[j]
             for k in range(nv):
                 s.d[j] += s.M[j, k] * s.a[k]
     for j in range(nv):

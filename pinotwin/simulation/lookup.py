@@ -61,6 +61,31 @@ def _pace(tables, s):  # type: ignore[no-untyped-def]
 
 
 @leaf
+def _bend(tables, k, q, s):  # type: ignore[no-untyped-def]
+    """Move the slip elements and the bristle of an axis to q; return the mean bend of the elements."""
+    dq, play = q - s.where[k], tables.memory[k, 1]
+    dq = dq - play if dq > play else (dq + play if dq < -play else 0.0)
+    s.where[k] += dq
+    total, m = 0.0, tables.give.shape[1]
+    for i in range(m):
+        bend = clip(s.bend[k, i] + dq * tables.give[k, i])
+        s.bend[k, i] = bend
+        total += bend
+    if dq != 0.0 and tables.memory[k, 0] > 0.0:
+        side = 1.0 if dq > 0.0 else -1.0
+        s.bend[k, m] = side + (s.bend[k, m] - side) * np.exp(-abs(dq) * tables.memory[k, 0])
+    return total / m
+
+
+@leaf
+def _bristle(tables, k, z, v, s):  # type: ignore[no-untyped-def]
+    """Return what the bristle adds to the elements."""
+    y = s.bend[k, tables.give.shape[1]]
+    rate = v - abs(v) * y
+    return tables.memory[k, 2] * (y - z) + tables.memory[k, 3] * rate * tables.memory[k, 0]
+
+
+@leaf
 def friction(tables, s):  # type: ignore[no-untyped-def]
     """Add the efforts of velocity, direction and displacement to r; move their memory."""
     _pace(tables, s)
@@ -81,11 +106,5 @@ def friction(tables, s):  # type: ignore[no-untyped-def]
             s.r[partner] += effort
     for k in range(len(tables.slips)):
         j = tables.slips[k]
-        dq = s.q[j] - s.where[k]
-        s.where[k] = s.q[j]
-        total, m = 0.0, tables.give.shape[1]
-        for i in range(m):
-            bend = clip(s.bend[k, i] + dq * tables.give[k, i])
-            s.bend[k, i] = bend
-            total += bend
-        s.r[j] += total / m * _at(tables.slip, k, 0, s.pace[j])
+        z = _bend(tables, k, s.q[j], s)
+        s.r[j] += z * _at(tables.slip, k, 0, s.pace[j]) + _bristle(tables, k, z, s.v[j], s)

@@ -33,6 +33,7 @@ class Plant:
         other: effects that are not, with their coefficients.
         diagonal: M_D, C and K, shape (3, nv).
         limit: largest tracking error that is still believed, shape (nv,).
+        ground: M_D of the passive joints that count from the ground, shape (nv,).
     """
 
     tape: Tape
@@ -40,6 +41,7 @@ class Plant:
     other: tuple[tuple[Effect, Floats], ...]
     diagonal: Floats
     limit: Floats
+    ground: Floats
 
     def substeps(self, sampling: float, step: float | None) -> int:
         """Return the internal steps a sample; dry friction must not turn within one step.
@@ -61,7 +63,9 @@ class Plant:
         """Return what the kernel takes."""
         tape, (M, C, K) = self.tape, (np.ascontiguousarray(x) for x in self.diagonal)
         coupled = self._coupled()
-        parts = Parts(tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, coupled, M, C, K)
+        parts = Parts(
+            tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, coupled, M, C, K, self.ground
+        )  # fmt: skip
         return parts, self.tables.lookup()
 
     def state(self, blocks: int) -> State:
@@ -72,7 +76,8 @@ class Plant:
         t[: len(self.tape.start)] = self.tape.start
         return State(
             x=z((blocks, 2)), d=z(nv), q=z(nv), v=z(nv), a=z(nv), e=z(nv), u=z(nv), c=z((3, nv)),
-            p=z((4, nv)), pace=z(nv), turn=z(dry), before=z(dry), bend=z(self.tables.give.shape),
+            p=z((4, nv)), pace=z(nv), turn=z(dry), before=z(dry),
+            bend=z((len(self.tables.slips), self.tables.give.shape[1] + 1)),
             where=z(len(self.tables.slips)), t=t, M=z((nv, nv)), h=z(nv), y=z(4), old=z(nv),
             vr0=z(nv), r=z(nv), S=z((nv, nv + 1)),
         )  # fmt: skip
@@ -99,7 +104,8 @@ def plant_of(twin: Twin, qr: Floats, vr: Floats) -> Plant:
     tables = tabulate(machine, pairs, np.stack([low - margin, high + margin]), speed)
     other = tuple(pairs[k] for k in tables.other)
     diagonal = np.stack([np.asarray(twin.diagonal[k], dtype=float) for k in _TERMS])
-    return Plant(_tape(twin, pairs, tables), tables, other, diagonal, margin)
+    ground = np.asarray(twin.diagonal.get("ground", diagonal[0]), dtype=float).copy()
+    return Plant(_tape(twin, pairs, tables), tables, other, diagonal, margin, ground)
 
 
 _TERMS = ("inertia", "viscous", "stiffness")

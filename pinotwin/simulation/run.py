@@ -28,7 +28,7 @@ PASSES = 30
 _RELAX = 0.5
 _SAME = 1e-3  # change of the effort between passes, RMS, as a share of its own
 
-Loops = Literal["black", "grey"] | Mapping[str, Controller]
+Loops = Literal["black", "grey", "vibration"] | Mapping[str, Controller]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +73,12 @@ def simulate(
             used.
         step: longest internal step [s]; the log's own sampling is kept for the result.
         controller: ``"black"``: the identified transfer functions; ``"grey"``: the identified
-            controllers around the rigid plant; or controllers by axis, in place of identified ones.
+            controllers around the rigid plant; ``"vibration"``: as ``"black"``, but an axis on a
+            passive joint takes the loop that holds the joint's vibration (thesis Eq. 5.8); or
+            controllers by axis, in place of identified ones.
 
     Returns:
-        Channels ``t``, ``<axis>.q .e .u`` and ``<passive>.q .v``; SI, as the log counts them.
+        Channels ``t``, ``<axis>.q .e .u`` and ``<passive>.q .v .a``; SI, as the log counts them.
 
     Raises:
         LogError: a command is missing or has holes.
@@ -92,7 +94,8 @@ def simulate(
             channels[f"{name}.{kind}"] = x[:, axis.index]
     for name, part in machine.passive.items():
         channels[f"{name}.q"] = q[:, part.index]
-        channels[f"{name}.v"] = asked.at_stamps(found.v)[:, part.index]
+        for kind, x in (("v", found.v), ("a", found.a)):
+            channels[f"{name}.{kind}"] = asked.at_stamps(x)[:, part.index]
     return Log(channels, source=f"simulation of {asked.source}", notes=found.notes)
 
 
@@ -162,10 +165,14 @@ def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], t
     axes = twin.machine.axes
     if controller == "black":
         loops = dict(twin.loops)
+    elif controller == "vibration":
+        loops = {**twin.loops, **wide_loops(twin)}
     else:
         given = twin.controllers if controller == "grey" else controller
         if isinstance(given, str):
-            raise InputError(f"controller: {given!r}; {nearest(given, ('black', 'grey'))}")
+            raise InputError(
+                f"controller: {given!r}; {nearest(given, ('black', 'grey', 'vibration'))}"
+            )
         for name in given:
             if name not in axes:
                 raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
@@ -183,6 +190,13 @@ def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], t
     if not ideal:
         return loops, ()
     return loops, (f"no closed loop of {', '.join(ideal)}: follows its command exactly",)
+
+
+def wide_loops(twin: Twin) -> dict[str, LoopModel]:
+    """Return the loops that hold the vibration of a passive joint, by axis (thesis Eq. 5.8)."""
+    rows = twin.quality.get("loops", {})
+    kept = {name: row.get("with_vibration", {}).get("model") for name, row in rows.items()}
+    return {name: LoopModel.from_dict(model) for name, model in kept.items() if model}
 
 
 def as_motion(twin: Twin, asked: Request, found: Response) -> Motion:

@@ -20,6 +20,7 @@ class Parts(NamedTuple):
         inertia: M_D, shape (nv,).
         viscous: C, shape (nv,).
         stiffness: K of the springs, shape (nv,).
+        ground: M_D of a passive joint that counts from the ground with its axis, shape (nv,).
     """
 
     revolute: Ints
@@ -31,6 +32,7 @@ class Parts(NamedTuple):
     inertia: Floats
     viscous: Floats
     stiffness: Floats
+    ground: Floats
 
 
 class Lookup(NamedTuple):
@@ -48,6 +50,7 @@ class Lookup(NamedTuple):
     slips: Ints
     give: Floats
     slip: Floats
+    memory: Floats
 
 
 class Command(NamedTuple):
@@ -87,7 +90,7 @@ class State(NamedTuple):
         pace: place of each joint's speed in the tables over speed, shape (nv,).
         turn: direction of each dry-friction element, shape (k,).
         before: velocity of each element's joint at the last step, shape (k,).
-        bend: bend of the slip elements, shape (m, 6).
+        bend: bend of the slip elements and, last, of the bristle, shape (m, 7).
         where: position of each slip element's joint at the last step, shape (m,).
         t: values of the tape.
         M: mass matrix, shape (nv, nv).

@@ -6,7 +6,7 @@ What an effect says of itself (``Effect.depends``) tells how to tabulate it:
     position       tau = f(q):            one dense table over the travel, linear in between
     velocity       tau = f(v):            a table over |v| for each sign of v
     direction      tau = d+ g+(|v|) + d- g-(|v|),   d the direction with memory
-    displacement   tau = z g(|v|),        z the mean of the slip elements
+    displacement   tau = z g(|v|) + m (y - z) + d y',   z the mean of the slip elements, y the bristle
 
 The knots over |v| lie at v_max (k / n)², so that a Stribeck speed of 0.1 % of v_max is still well
 resolved. A motor that turns two joints (:class:`WristCoupling`) has friction in the sum of their
@@ -24,7 +24,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import Effect, RigidBody, WristCoupling
 from pinotwin.effects.direction import default_width
-from pinotwin.effects.presliding import YIELDS
+from pinotwin.effects.presliding import YIELDS, Presliding
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.simulation.state import Lookup
@@ -54,6 +54,7 @@ class Tables:
         slips: joint of each presliding element, shape (m,).
         give: inverse yield displacements of its six elements, shape (m, 6).
         slip: g of each, shape (m, 1, SPEEDS + 1).
+        memory: 1/x_s, play, m and d of each element's bristle, shape (m, 4).
         coupled: see :func:`pinotwin.dynamics.tape.record`.
         other: indices of the effects that fit no table.
     """
@@ -70,6 +71,7 @@ class Tables:
     slips: Ints
     give: Floats
     slip: Floats
+    memory: Floats
     coupled: tuple[tuple[int, int, float, float], ...]
     other: tuple[int, ...]
 
@@ -77,7 +79,7 @@ class Tables:
         """Return the arrays for the kernel."""
         return Lookup(
             self.position, self.place, self.grid, self.slowness, self.speeds, self.velocity,
-            self.directions, self.slope, self.dry, self.slips, self.give, self.slip,
+            self.directions, self.slope, self.dry, self.slips, self.give, self.slip, self.memory,
         )  # fmt: skip
 
 
@@ -129,6 +131,7 @@ def tabulate(
         slips=_joints(slip),
         give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
         slip=np.array(list(slip.values())).reshape(-1, 1, SPEEDS + 1),
+        memory=_memories(machine, forms.get("displacement", ()), slip),
         coupled=tuple((i, j, float(theta[0]), float(theta[1])) for i, j, theta in wrists),
         other=tuple(other),
     )
@@ -280,3 +283,18 @@ def _width(effect: Effect, rotary: bool) -> float:
 def _bend(effect: Effect, rotary: bool) -> float:
     del rotary
     return float(effect.x_s)  # type: ignore[attr-defined]
+
+
+def _memories(
+    machine: Machine,
+    effects: Sequence[tuple[Effect, Floats]],
+    found: dict[tuple[int, float], Floats],
+) -> Floats:
+    """Return 1/x_s, play, m and d of every element, in the order of its tables, shape (m, 4)."""
+    out = {(i, x_s): np.array([1.0 / x_s, 0.0, 0.0, 0.0]) for i, x_s in found}
+    for effect, theta in effects:
+        assert isinstance(effect, Presliding)
+        row = out[machine.names.index(effect.axis), _bend(effect, effect.rotary)]
+        row[1] = max(row[1], effect.play or 0.0)
+        row[2:] += effect.memory(theta)
+    return np.array(list(out.values())).reshape(-1, 4)

@@ -55,6 +55,11 @@ def _yaml(twin: Twin) -> str:
             spec["axes"][name]["rotor_inertia"] = rotor
         else:
             spec["axes"][name].pop("rotor_inertia", None)
+    for name in twin.machine.passive:
+        if f"{name}.spring" in twin.keys:
+            k, c = twin.coefficients(f"{name}.spring")
+            if k > 0.0:
+                spec["passive"][name] |= {"stiffness": float(k), "damping": float(c)}
     return yaml.safe_dump(spec, sort_keys=False, allow_unicode=True)
 
 

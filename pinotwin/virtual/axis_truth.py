@@ -27,7 +27,7 @@ class Controller:
     """Sampled position controller of an axis.
 
     ``p_pi``: ``u = kv (kp e + vff vr - v) + ki int(kp e + vff vr - v) + aff ar``;
-    ``pid``: ``u = kp e + ki int(e) + kd (vr - v) + vff vr + aff ar`` (kd is ``kv``).
+    ``pid``: ``u = kp e + ki int(e) + kd (w vr - v) + vff vr + aff ar`` (kd is ``kv``).
 
     Attributes:
         kind: ``p_pi`` or ``pid``.
@@ -38,6 +38,8 @@ class Controller:
         poles: real pole [Hz], pole pair [Hz] and its damping ratio; sets the gains of ``pid``.
         velocity_feedforward: share of the command's velocity (``p_pi``) or of viscous friction.
         acceleration_feedforward: share of the CAD inertia.
+        derivative_weight: w, share of the command's velocity in the derivative part of ``pid``
+            (set-point weight); 1 differentiates the error.
         velocity_filter: corner of the first-order filter on the measured velocity [Hz].
         effort_limit: [N or N·m].
         integral_limit: anti-windup limit of the integral part [N or N·m].
@@ -53,6 +55,7 @@ class Controller:
     poles: tuple[float, float, float] | None = None
     velocity_feedforward: float = 1.0
     acceleration_feedforward: float = 0.95
+    derivative_weight: float = 1.0
     velocity_filter: float = 400.0
     effort_limit: float | None = None
     integral_limit: float | None = None

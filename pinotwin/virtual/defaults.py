@@ -103,7 +103,9 @@ def _controller(given: Controller, scale: Scale, friction: Friction) -> Controll
         p, w = 2.0 * np.pi * p, 2.0 * np.pi * w
         kv, kp, ki = p + 2.0 * zeta * w, 2.0 * zeta * w * p + w * w, p * w * w
         kp *= scale.inertia
+        kd = kv * scale.inertia if given.kv is None else given.kv
         forward = given.velocity_feedforward * (friction.viscous or 0.0)
+        forward -= (1.0 - given.derivative_weight) * kd
     else:
         w = 2.0 * np.pi * (given.bandwidth or 30.0)
         kv, kp, ki = w, 0.25 * w, w * w / 6.0

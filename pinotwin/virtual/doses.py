@@ -127,8 +127,19 @@ def _gms(a: AxisTruth, d: Dose) -> AxisTruth:
 
 
 def _limit(a: AxisTruth, d: Dose) -> AxisTruth:
-    limit = d.value if d.value is not None else (1.3 - d.size) * d.scale.rated
+    # What gravity asks for stays within reach: an axis that falls is no fault of a drive's limit.
+    hold, rest = d.scale.hold, d.scale.rated - d.scale.hold
+    limit = d.value if d.value is not None else hold + (1.3 - d.size) * rest
     return replace(a, controller=replace(a.controller, effort_limit=limit, integral_limit=limit))
+
+
+def _triangle(a: AxisTruth, d: Dose) -> AxisTruth:
+    """Add a ripple of straight flanks: a triangle's first three harmonics (1, 1/9, 1/25)."""
+    first = _harmonic(d)
+    for n, sign in ((1, 1.0), (3, -1.0), (5, 1.0)):
+        size, period = sign * first.amplitude / n**2, first.period / n
+        a = _rippled(a, replace(first, amplitude=size, period=period, phase=n * first.phase))
+    return a
 
 
 def _feedforward(a: AxisTruth, d: Dose) -> AxisTruth:
@@ -193,6 +204,7 @@ OUTSIDE: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     "chatter": lambda a, d: _add_friction(a, chatter=d.of(d.scale.rated) / _coulomb_of(a, d)),
     "gms": _gms,
     "loop_delay": _loop_delay,
+    "ripple_triangle": _triangle,
 }
 """Effects that the catalogue of diagnosis does not hold, or holds in another form."""
 

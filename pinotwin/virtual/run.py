@@ -11,7 +11,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, MachineError, nearest
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import INTEGRAL, N_STATE, PREVIOUS
-from pinotwin.virtual.kernel import run
+from pinotwin.virtual.kernel import position_effort, run
 from pinotwin.virtual.mass import gravity_at
 from pinotwin.virtual.recording import Recording, SealedTruth
 from pinotwin.virtual.rigid import empty_pose
@@ -104,7 +104,11 @@ def load_arrays(
 
 
 def equilibrium(machine: VirtualMachine, axes: Axes, drive: Drive) -> State:
-    """Return the state at rest at the first command, springs and integral parts loaded."""
+    """Return the state at rest at the first command, springs and integral parts loaded.
+
+    The motors hold gravity, ripple and tables; friction is not loaded. (Motors that held gravity alone
+    would let the axes jump into their bristles at the first instant.)
+    """
     nv, na = len(machine.joints), len(machine.axes)
     q = np.zeros(nv)
     q[axes.joint] = drive.qr[0]
@@ -114,6 +118,8 @@ def equilibrium(machine: VirtualMachine, axes: Axes, drive: Drive) -> State:
         q[axes.sprung] = -hold[axes.sprung] / stiffness if len(stiffness) else 0.0
         hold = gravity_at(machine.tree, q)
     u = hold[axes.joint]
+    for i in range(na):
+        u[i] += position_effort(axes.ripple, axes.table, axes.grid, i, q[axes.joint[i]], 0.0, 0.0)
     qm = q[axes.joint].copy()
     for i in range(na):
         P = axes.P[i]

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pinocchio as pin
 from scipy import signal
+from scipy.linalg import qr
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.context import Context, Family, Scene, Shape, on
@@ -34,6 +35,10 @@ def axis_dynamics(context: Context, axis: str, joint: int) -> Iterator[Family]:
 def machine_dynamics(context: Context) -> Iterator[Family]:
     """Yield the families of the whole tree."""
     pi = _standard(context)
+    if not np.any(context.machine.model.gravity.linear):
+        yield _gravity(context)
+    for axis in context.machine.axes.values():
+        yield _rotor(axis.name, axis.index)
     if context.base.change:
         for axis in context.machine.axes.values():
             yield _payload(context, axis.name, axis.joint)
@@ -154,6 +159,35 @@ def _standard(context: Context) -> Floats:
     pi0 = parameters(machine.model)
     P = machine.base.P
     return np.asarray(pi0 + np.linalg.pinv(P) @ (beta - P @ pi0))
+
+
+def _rotor(axis: str, joint: int) -> Family:
+    """Inertia that turns faster than its axis: it adds to the effort of its own acceleration alone."""
+    return Family("rotor_inertia", axis, ("Ja",), on(joint, lambda s, _: s.motion.a[:, joint]))
+
+
+def _gravity(context: Context) -> Family:
+    """Weight, where the model has none: the bodies' first moments under gravity."""
+    model = pin.Model(context.machine.model)
+    model.gravity = pin.Motion(np.array([0.0, 0.0, -9.81]), np.zeros(3))
+    W = [_resting(model, scene.motion.q) for scene in context.scenes]
+    every = np.concatenate(W).reshape(-1, W[0].shape[2])
+    size = np.linalg.norm(every, axis=0)
+    scaled = every[:, size > 1e-9 * size.max()]
+    _, R, order = qr(scaled / np.linalg.norm(scaled, axis=0), mode="economic", pivoting=True)
+    seen = np.abs(np.diag(R)) > 1e-6
+    picked = np.flatnonzero(size > 1e-9 * size.max())[order[: len(seen)][seen]]
+
+    def make(s: Scene, _: Shape) -> Blocks:
+        own = W[s.log][:, :, picked]
+        return [(k, own[:, k, :]) for k in range(model.nv)]
+
+    return Family("gravity", None, tuple(f"w{k}" for k in range(len(picked))), make)
+
+
+def _resting(model: pin.Model, q: Floats) -> Floats:
+    zero = np.zeros_like(q)
+    return regressor(model, q, zero, zero)
 
 
 def _payload(context: Context, axis: str, joint: str) -> Family:

@@ -1,0 +1,183 @@
+"""What was said about a case, and when that is right."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pinotwin.bench.cases import Case, truth_of
+from pinotwin.bench.catalogue import EXACT
+from pinotwin.bench.produce import Produced
+from pinotwin.diagnosis import Diagnosis
+
+Key = tuple[str, str | None]
+"""Effect and axis."""
+SET = 0.9
+FLAGS = ("unexplained", "partly_explained")
+"""Verdicts that say: there is something that the catalogue does not know."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was said about one case; plain types, so that it can be written as a line of JSON.
+
+    Attributes:
+        number: of the case.
+        machine: machine.
+        situation: structure or change.
+        kind: see :class:`Case`.
+        truth: right answers (effect, axis).
+        put_in: (effect, axis, size) that was put in.
+        sizes: rho of each of them.
+        raw: the same before the model takes up what it can.
+        verdict: verdict, or ``error``.
+        named: (effect, axis, confidence), best first.
+        stated: (effect, axis) of the stated 90 % set of the first one.
+        confusable: groups that the diagnosis calls inseparable, as ``axis.effect``.
+        shrink: of the first one, or None: delivered share, its 90 % interval, promised share, and the
+            promise's own interval where it has one.
+        predicted: what isolability says would be answered: ``axis.effect`` -> probability.
+        floors: peer -> (effect, axis, score).
+        seconds: stage -> time it took [s].
+        form: what the model's laws cannot follow of a healthy machine, over the noise.
+        error: what went wrong, if anything did.
+    """
+
+    number: int
+    machine: str
+    situation: str
+    kind: str
+    truth: tuple[Key, ...]
+    put_in: tuple[tuple[str, str, float], ...]
+    sizes: tuple[float, ...]
+    raw: tuple[float, ...]
+    verdict: str
+    named: tuple[tuple[str, str | None, float], ...] = ()
+    stated: tuple[Key, ...] = ()
+    confusable: tuple[tuple[str, ...], ...] = ()
+    shrink: Mapping[str, Any] | None = None
+    predicted: Mapping[str, float] = field(default_factory=dict)
+    floors: Mapping[str, tuple[str, str | None, float]] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    form: float = 0.0
+    error: str = ""
+
+    @property
+    def size(self) -> float:
+        """Gap over noise of the largest effect; that of the weaker of two is ``weaker``."""
+        return max(self.sizes, default=0.0)
+
+    @property
+    def weaker(self) -> float:
+        """Gap over noise of the weakest effect."""
+        return min(self.sizes, default=0.0)
+
+    @property
+    def accused(self) -> bool:
+        """Whether anything is said to be wrong at all."""
+        return self.verdict != "none" or bool(self.named)
+
+    @property
+    def flagged(self) -> bool:
+        """Whether something outside the catalogue is said to be there."""
+        return self.verdict in FLAGS
+
+    def right(self, k: int = 0, truth: int = 0, *, strict: bool = False) -> bool:
+        """Whether the k-th named effect is a true one; strictly, or with its classes merged."""
+        if k >= len(self.named) or truth >= len(self.truth):
+            return False
+        said, true = self.named[k][:2], self.truth[truth]
+        return said == true if strict else self.agrees(said, true)
+
+    def agrees(self, said: Key, true: Key) -> bool:
+        """Whether an answer is the truth, or in one class with it by physics or by isolability."""
+        if same_class(said, true):
+            return True
+        pair = {label(said), label(true)}
+        return said[1] == true[1] and any(pair <= set(group) for group in self.confusable)
+
+
+def same_class(said: Key, true: Key) -> bool:
+    """Whether two answers can never be told apart (METHODS A4); a load may be named on any axis."""
+    group = next((g for g in EXACT if true[0] in g), frozenset({true[0]}))
+    return said[0] in group and (said[1] == true[1] or "payload" in group)
+
+
+def label(key: Key) -> str:
+    """Return an answer as one word, as ``confusable`` writes it."""
+    return key[0] if key[1] is None else f"{key[1]}.{key[0]}"
+
+
+def noted(case: Case, found: Diagnosis, made: Produced, seconds: Mapping[str, float],
+          floors: Mapping[str, Any]) -> Answer:  # fmt: skip
+    """Return what a diagnosis said about a case."""
+    return Answer(
+        case.number, case.machine, case.situation, case.kind, truth_of(case), case.effects,
+        made.sizes, made.raw, found.verdict,
+        named=tuple((e.effect, e.axis, float(e.confidence)) for e in found.effects),
+        stated=_stated(found), confusable=tuple(tuple(g) for g in found.confusable),
+        shrink=_shrink(found), predicted=_predicted(case, found), floors=floors, seconds=seconds,
+        form=made.form,
+    )  # fmt: skip
+
+
+def failed(case: Case, error: BaseException) -> Answer:
+    """Return the answer of a case whose diagnosis did not come to an end."""
+    words = f"{type(error).__name__}: {error}"
+    return Answer(case.number, case.machine, case.situation, case.kind, truth_of(case),
+                  case.effects, (), (), "error", error=words)  # fmt: skip
+
+
+def _stated(found: Diagnosis) -> tuple[Key, ...]:
+    """Return the fewest answers whose stated probabilities reach 90 %."""
+    if not found.effects:
+        return ()
+    first = found.effects[0]
+    options = [(float(first.confidence), (first.effect, first.axis))]
+    options += [(float(a.get("probability", 0.0)), (str(a["effect"]), a.get("axis")))
+                for a in first.alternatives]  # fmt: skip
+    out: list[Key] = []
+    total = 0.0
+    for p, key in sorted(options, key=lambda x: -x[0]):
+        if p <= 0.0 or total >= SET:
+            break
+        out.append(key)
+        total += p
+    return tuple(out)
+
+
+def _shrink(found: Diagnosis) -> dict[str, Any] | None:
+    """Return the shrink of the first effect in the signal that it shrinks most."""
+    if not found.effects or not found.effects[0].shrink:
+        return None
+    of = found.effects[0].shrink
+    signal = "u" if "u" in of else next(iter(of))
+    x = of[signal]
+    own = getattr(x, "promised_interval", None)
+    return {"signal": signal, "delivered": float(x.share), "interval": [float(v) for v in x.interval],
+            "promised": float(x.promised), "on": x.on,
+            "promised_interval": None if own is None else [float(v) for v in own]}  # fmt: skip
+
+
+def _predicted(case: Case, found: Diagnosis) -> dict[str, float]:
+    """Return the row of the predicted confusion matrix that belongs to the truth, if there is one."""
+    table: Mapping[Any, Mapping[Any, float]] = getattr(found, "isolability", None) or {}
+    if len(case.effects) != 1:
+        return {}
+    true = truth_of(case)[0]
+    row = next((r for key, r in table.items() if same_class(tuple(key), true)), {})
+    return {label(tuple(k)) if not isinstance(k, str) else k: float(p) for k, p in row.items()}
+
+
+def read_answer(raw: Mapping[str, Any]) -> Answer:
+    """Return an answer from its JSON."""
+    known = {f.name for f in dataclasses.fields(Answer)}
+    values = {k: _tuples(v) if isinstance(v, list) else v for k, v in raw.items() if k in known}
+    values["floors"] = {k: tuple(v) for k, v in (raw.get("floors") or {}).items() if v}
+    return Answer(**values)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

@@ -1,0 +1,147 @@
+"""rho: how much power an effect adds to a signal, over the power of the noise, from the truth alone.
+
+Both come from simulation without the diagnosing code. The gap is the difference of two runs without
+noise, along the same command, with and without the effect, after the closed loop. The noise has two
+levels (METHODS A0): sensors, and friction that scatters from run to run.
+
+A model that is fitted to the very log (situation ``structure``) takes up what of that difference its own
+columns can; only the rest is a gap that anybody can see. :func:`left_of` takes that part away, with the
+columns at their true shapes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.effects import Effect, Presliding, Ripple, RippleModulated
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.preparation import prepare
+from pinotwin.virtual import VirtualMachine
+from pinotwin.virtual.trajectories import Trajectory
+
+Powers = Mapping[str, Mapping[str, float]]
+"""axis -> signal (``u``, ``e``) -> power [SI²]."""
+ROWS = 1200
+"""Samples of a log that the columns of a model are evaluated at: enough for their span."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Tracking errors and efforts of one run.
+
+    Attributes:
+        signals: axis -> signal -> values, shape (n,).
+        log: the run itself.
+    """
+
+    signals: Mapping[str, Mapping[str, Floats]]
+    log: Mapping[str, Floats]
+
+    def minus(self, other: Run) -> dict[str, dict[str, Floats]]:
+        """Return the difference of every signal."""
+        return {a: {s: x - other.signals[a][s] for s, x in of.items()}
+                for a, of in self.signals.items()}  # fmt: skip
+
+
+def run(machine: VirtualMachine, path: Trajectory, *, noise: bool = False) -> Run:
+    """Return a run with the seed that all runs of a comparison share."""
+    log = machine.record(path, seed=1, noise=noise).log
+    signals = {a: {"u": log[f"{a}.u"], "e": log[f"{a}.qr"] - log[f"{a}.q"]} for a in machine.axes}
+    return Run(signals, log)
+
+
+def noise_powers(machine: VirtualMachine, path: Trajectory, clean: Run) -> Powers:
+    """Return the noise of every signal: sensors plus scatter of friction, from the healthy truth."""
+    still = replace(machine, truth=replace(machine.truth, scatter=0.0))
+    sensors = run(still, path, noise=True).minus(clean)
+    sigma = machine.truth.scatter
+    parts = [sensors]
+    for level in ("coulomb", "viscous") if sigma > 0.0 else ():
+        parts.append(run(_scaled(machine, level, 1.0 + sigma), path).minus(clean))
+    return {a: {s: float(sum(np.mean(p[a][s] ** 2) for p in parts)) for s in ("u", "e")}
+            for a in machine.axes}  # fmt: skip
+
+
+def _scaled(machine: VirtualMachine, level: str, factor: float) -> VirtualMachine:
+    axes = {}
+    for name, axis in machine.truth.axes.items():
+        size = (getattr(axis.friction, level) or 0.0) * factor
+        axes[name] = replace(axis, friction=replace(axis.friction, **{level: size}))  # type: ignore[arg-type]
+    return replace(machine, truth=replace(machine.truth, axes=axes))
+
+
+def powers(gap: Mapping[str, Mapping[str, Floats]]) -> dict[str, dict[str, float]]:
+    """Return the power of every signal of a difference."""
+    return {a: {s: float(np.mean(x**2)) for s, x in of.items()} for a, of in gap.items()}
+
+
+def over(gap: Powers, noise: Powers) -> dict[str, dict[str, float]]:
+    """Return gap over noise, per axis and signal."""
+    return {a: {s: x / max(noise[a][s], 1e-300) for s, x in of.items()} for a, of in gap.items()}
+
+
+def left_of(
+    gap: Mapping[str, Mapping[str, Floats]], along: Run, machine: Machine, truth: VirtualMachine,
+    noise: Powers, *, usable: bool = False,
+) -> dict[str, float]:  # fmt: skip
+    """Return the power of an effort that the machine's own columns leave, over the noise, per axis.
+
+    Args:
+        gap: efforts, usually the difference of two clean runs.
+        along: the run whose motion the columns are taken along.
+        machine: what the diagnosis is given.
+        truth: for the shapes of the columns.
+        noise: of every axis; the fit weighs its rows by it.
+        usable: only the rows that the listing speaks about (Coulomb friction says nothing of rest).
+    """
+    # The difference takes the effort's place in the log, so that it goes through the filter of the motion.
+    efforts = {f"{a}.u": of["u"] for a, of in gap.items()}
+    motion = prepare(machine, Log({**along.log, **efforts}))
+    effects = [at_truth(e, truth).fitted_to(motion) for e in machine.effects]
+    pick = np.unique(np.linspace(0, len(motion) - 1, ROWS).astype(int))
+    joints = np.array([motion.index(a) for a in gap], dtype=np.intp)
+    weight = np.repeat([1.0 / np.sqrt(max(noise[a]["u"], 1e-300)) for a in gap], len(pick))
+    if usable:
+        weight = weight * motion.use[np.ix_(pick, joints)].T.reshape(-1)
+    A = _design(motion, effects, pick, joints) * weight[:, None]
+    y = np.nan_to_num(motion.u[np.ix_(pick, joints)]).T.reshape(-1) * weight
+    size = np.linalg.norm(A, axis=0)
+    A = A[:, size > 0.0] / size[size > 0.0]
+    solved = np.linalg.solve(A.T @ A + 1e-9 * np.eye(A.shape[1]), A.T @ y)
+    left = (y - A @ solved).reshape(len(joints), -1)
+    return {a: float(np.mean(x**2)) for a, x in zip(gap, left, strict=True)}
+
+
+def _design(motion: Motion, effects: Sequence[Effect], pick: Ints, joints: Ints) -> Floats:
+    """Return the columns of all effects at some samples, joint after joint, shape (k m, p)."""
+    parts = []
+    for effect in effects:
+        columns = effect.columns(motion)
+        wide = np.zeros((len(motion.names), len(pick), columns.values.shape[2]))
+        for k, j in enumerate(columns.joints):
+            wide[j] = columns.values[pick, k]
+        parts.append(wide[joints])
+    whole = np.concatenate(parts, axis=2)
+    return whole.reshape(-1, whole.shape[2])
+
+
+def at_truth(effect: Effect, truth: VirtualMachine) -> Effect:
+    """Return an effect with the shapes that the truth has, where it has them."""
+    if effect.axis is None or effect.axis not in truth.truth.axes:
+        return effect
+    axis = truth.truth.axes[effect.axis]
+    if isinstance(effect, Presliding):
+        f = axis.friction
+        return replace(effect, x_s=f.presliding or effect.x_s, v_s=f.stribeck_speed or effect.v_s)
+    if isinstance(effect, RippleModulated) and axis.ripple:
+        first = axis.ripple[0]
+        return replace(effect, period=first.period, eps=first.modulation_phase)
+    if isinstance(effect, Ripple) and axis.ripple:
+        return replace(effect, period=axis.ripple[0].period)
+    return effect

@@ -1,0 +1,46 @@
+"""Twins of healthy machines, identified once and kept on disk: what a change is seen against."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+from pinotwin.bench.plants import public_machine, virtual
+from pinotwin.bench.produce import path_of
+from pinotwin.errors import DataError
+from pinotwin.log import Log
+from pinotwin.twin import Twin
+
+SECONDS = 12.0
+
+
+def make_twin(folder: Path, machine: str, seed: int) -> Path:
+    """Identify the twin of a healthy machine, unless it is there already; return its folder.
+
+    Args:
+        folder: where twins are kept.
+        machine: name.
+        seed: of its trajectories and noise.
+    """
+    from pinotwin.identification import identify
+
+    target = folder / f"{machine.replace(':', '-').replace('/', '_')}-{seed}"
+    if not (target / "twin.json").is_file():
+        well = virtual(machine)
+        logs = [Log(dict(well.record(path_of(machine, SECONDS, 1000 + 10 * seed + k),
+                                     seed=500 + 10 * seed + k).log), source=f"healthy {k}")
+                for k in range(2)]  # fmt: skip
+        public = public_machine(machine)
+        try:
+            twin = identify(public, logs)
+        except DataError:
+            # No consistent inertias were found: the same dynamics without that demand will do here.
+            twin = identify(public, logs, consistent=False)
+        twin.save(target)
+    return target
+
+
+@functools.lru_cache(maxsize=16)
+def healthy_twin(folder: Path, machine: str, seed: int) -> Twin:
+    """Return the twin of a healthy machine as it is read from disk."""
+    return Twin.load(make_twin(folder, machine, seed))

@@ -1,0 +1,167 @@
+r"""The equation of a passive joint: its spring, its damper, and what of its body no motor sees.
+
+A passive joint has no measured effort. Left among the motors' rows, theta = 0 would solve its own, and
+weights that follow the residuals would end there. So it comes second, alone, with what the motors'
+rows found as the ruler for force (thesis Section 7.2; the source leaves the spring implicit):
+
+    W_d(q, v, a) beta + k q_d + c v_d = 0,      beta ~ N(beta_1, cov_1),
+
+both sides band-passed, for the slow angle is not measured. What the motors cannot see of beta, the
+link's own inertia about the joint, has a wide prior around the CAD value and is found here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import body_count, parameters
+from pinotwin.fit.consistency import Bodies, Evidence, consistent
+from pinotwin.imu.statistics import long_run
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+from pinotwin.twin.parameters import Parameter, verdict
+
+_DOUBT = 0.5  # a CAD value that the motors do not see may be off by this share of itself,
+_LEAST = 0.02  # and by this share of the largest of its unit
+_LAG = 0.25  # correlation time of the residuals [s]
+_BAND = (1.0, 60.0)  # of the joint's row [Hz]
+
+
+def with_springs(twin: Twin, motion: Motion) -> Twin:
+    """Return the twin with the stiffness and damping of every passive joint that the motion moves.
+
+    ``quality["springs"]`` then tells, per joint, the RMS of what its row leaves and of its spring's
+    torque [N·m or N].
+
+    Args:
+        twin: the motors' rows fitted with the vibration.
+        motion: prepared log(s) with the vibration.
+    """
+    for joint in twin.machine.passive:
+        if f"{joint}.spring" in twin.keys and np.ptp(motion.v[:, motion.index(joint)]) > 0.0:
+            twin = _with_spring(twin, motion, joint)
+    return twin
+
+
+@dataclass(frozen=True)
+class _Row:
+    """The joint's own row, band-passed: columns (n, b + 2), and the prior."""
+
+    X: Floats
+    mean: Floats
+    precision: Floats
+
+    def solve(self, lag: int) -> tuple[Floats, Floats, float]:
+        """Return coefficients, their covariance, and the RMS of what is left."""
+        sigma = 1.0
+        x: Floats = self.mean
+        for _ in range(4):
+            A = self.X.T @ self.X / sigma**2 + self.precision
+            x = np.asarray(np.linalg.solve(A, self.precision @ self.mean), dtype=float)
+            e = self.X @ x
+            # independent noise is worth fewer samples when it is correlated
+            sigma = float(np.sqrt(np.mean(e**2) * min(lag, len(e) // 20)))
+        scores = self.X * e[:, None] / sigma**2
+        inverse = np.linalg.inv(A)
+        cov = inverse @ (long_run(scores, lag) + self.precision) @ inverse
+        return x, cov, float(np.sqrt(np.mean(e**2)))
+
+
+def _with_spring(twin: Twin, motion: Motion, joint: str) -> Twin:
+    machine = twin.machine
+    index, base = machine.passive[joint].index, machine.base
+    W = base.regressor(machine.model, motion.q, motion.v, motion.a)[:, index]
+    rows = []
+    for part in motion.segments:
+        spring = np.stack([_angle(motion, part, index), motion.v[part, index]], axis=1)
+        rows.append(_band(np.hstack([W[part], spring]), 1.0 / motion.step))
+    X = np.concatenate(rows)
+    mean, precision = _prior(twin)
+    theta, cov, left = _Row(X, mean, precision).solve(max(1, round(_LAG / motion.step)))
+    load = float(np.sqrt(np.mean((X[:, -2] * theta[-2]) ** 2)))
+    springs = {**twin.quality.get("springs", {}), joint: {"residual": left, "load": load}}
+    found = _updated(twin, joint, theta, cov)
+    return replace(found, quality={**twin.quality, "springs": springs})
+
+
+def _angle(motion: Motion, part: slice, index: int) -> Floats:
+    """Return the angle of a joint; the integral of its velocity where it was not measured."""
+    q: Floats = motion.q[part, index]
+    if np.ptp(q) > 0.0:
+        return q
+    spline = CubicSpline(motion.step * np.arange(len(q)), motion.v[part, index])
+    return np.asarray(spline.antiderivative()(spline.x), dtype=float)
+
+
+def _band(x: Floats, rate: float) -> Floats:
+    """Return signals (n, k) within the band, zero phase, ends cut."""
+    low, high = _BAND
+    sos = butter(2, (low, min(high, 0.4 * rate)), "bandpass", fs=rate, output="sos")
+    edge = min(round(0.5 * rate / low), len(x) // 8)
+    y: Floats = sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, 3 * edge))[edge : len(x) - edge]
+    return y
+
+
+def _prior(twin: Twin) -> tuple[Floats, Floats]:
+    """Return mean and precision of (beta, k, c): the motors' rows, and CAD for what they leave open."""
+    machine = twin.machine
+    at = twin.slices[twin.keys.index("rigid_body")]
+    cad = machine.base.from_standard(parameters(machine.model))
+    units = np.array(machine.base.units)
+    size = np.array([np.abs(cad[units == u]).max() for u in units])
+    wide = (_DOUBT * np.maximum(np.abs(cad), np.maximum(_LEAST * size, 1e-6))) ** -2.0
+    table = {p.name: p for p in twin.parameters}
+    seen = np.array([table[f"rigid_body.{label}"].determined for label in machine.base.labels])
+    precision = np.diag(np.append(wide, [1e-12, 1e-12]))
+    mean = np.append(cad, [0.0, 0.0])
+    b = np.flatnonzero(seen)
+    cov = twin.covariance[at, at][np.ix_(b, b)]
+    scale = 1.0 / np.sqrt(np.diag(cov))
+    own = np.linalg.pinv(cov * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
+    right = precision @ mean
+    precision[np.ix_(b, b)] += own
+    right[b] += own @ twin.theta[at][b]
+    return np.linalg.solve(precision, right), precision
+
+
+def _updated(twin: Twin, joint: str, theta: Floats, cov: Floats) -> Twin:
+    """Return the twin with the rigid body and the spring of the joint's own row."""
+    machine, base = twin.machine, twin.machine.base
+    rigid = twin.slices[twin.keys.index("rigid_body")]
+    spring = twin.slices[twin.keys.index(f"{joint}.spring")]
+    b = len(base)
+    scale = np.sqrt(np.diag(cov)[:b])
+    correlation = cov[:b, :b] / np.outer(scale, scale)
+    factor = np.linalg.cholesky(np.linalg.inv(correlation)).T / scale
+    evidence = Evidence(
+        factor, factor @ theta[:b], theta[:b], np.arange(b), np.full(b, -np.inf), float(b)
+    )
+    count = body_count(machine.model)
+    pi0 = parameters(machine.model)
+    bodies = tuple(np.arange(10 * i, 10 * i + 10) for i in range(count))
+    found = consistent(evidence, Bodies(base.P, pi0, bodies, np.arange(10 * count, len(pi0))))
+    whole, full = twin.theta.copy(), twin.covariance.copy()
+    whole[rigid], whole[spring] = found.theta, np.maximum(theta[b:], 0.0)
+    for at, own in ((rigid, slice(0, b)), (spring, slice(b, b + 2))):
+        full[at, :] = full[:, at] = 0.0
+        full[at, at] = cov[own, own]
+    errors = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    numbers = dict(zip([f"rigid_body.{n}" for n in base.labels], range(b), strict=True))
+    numbers |= {f"{joint}.spring.k": b, f"{joint}.spring.c": b + 1}
+    values = np.concatenate([whole[rigid], whole[spring]])
+    table = tuple(
+        _row(p, values[numbers[p.name]], errors[numbers[p.name]]) if p.name in numbers else p
+        for p in twin.parameters
+    )
+    return replace(twin, theta=whole, covariance=full, parameters=table, pi=found.pi)
+
+
+def _row(p: Parameter, value: Any, error: Any) -> Parameter:
+    word = verdict(float(value), float(error), at_bound=False)
+    return replace(p, value=float(value), error=float(error), determined=True, verdict=word)

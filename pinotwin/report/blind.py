@@ -1,0 +1,172 @@
+"""The report of the withheld bench: the table, what is confused with what, calibration, floors, real data.
+
+It shows what is wrong as plainly as what is right: a figure below its bound is marked, and the confusion
+matrix is published as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from pinotwin.report.blind_plots import calibration_figure, matrix_figure, rho_figure
+from pinotwin.report.blocks import Block, Html, Plot, Tile, chip, notes, paragraph, table, tiles
+from pinotwin.report.page import Page
+
+STATES = {"aim": ("aim", "good"), "must": ("must", "fair"), "below": ("missed", "bad")}
+"""State of a row -> words and kind of its chip."""
+
+
+class Scored(Protocol):
+    """What the page needs to know of a bench: the plain document of :mod:`pinotwin.bench.table`."""
+
+    def document(self) -> Mapping[str, Any]:
+        """Return the content of ``bench.json``."""
+        ...
+
+
+def bench_page(bench: Scored) -> Page:
+    """Return the page of a scored bench."""
+    d = bench.document()
+    page = Page("The withheld bench", _subtitle(d))
+    page = page.section("Result", paragraph(_headline(d), "verdict"), tiles(_tiles(d)))
+    page = page.section("Scores", *_scores(d), intro="An effect is put into the truth of a machine and "
+                        "withheld from its model; logs and model go to the diagnosis, the truth does "
+                        "not. rho is the power of the gap over the power of the noise, taken from "
+                        "simulations without noise.")  # fmt: skip
+    page = page.section("What is taken for what", *_confusion(d), intro=_TAKEN)
+    page = page.section("How far a stated probability can be trusted", *_calibration(d))
+    dots = Plot(rho_figure(d["answers"]), "Every single effect", "Each mark is one case.")
+    page = page.section("By size of the gap", dots)
+    page = page.section("What others would do", *_floors(d), intro=_OTHERS)
+    page = page.section("Real recordings", *_real(d))
+    return page.section("Diagnoses that broke off", *_errors(d))
+
+
+_TAKEN = (
+    "Rows: what was put in. Columns: what was named first. Single effects with rho of at least 0.1."
+)
+_OTHERS = (
+    "Textbook methods on the same cases, their thresholds set so that they accuse healthy machines "
+    "no more often than we do."
+)
+
+
+def _subtitle(d: Mapping[str, Any]) -> str:
+    kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in d["cases"].items())
+    return f"{len(d['answers'])} of {d['planned']} cases: {kinds} · {', '.join(d['machines'])}"
+
+
+def _headline(d: Mapping[str, Any]) -> str:
+    held = [r for r in d["scores"] if r["must"] and r["value"] is not None]
+    below = [r["name"] for r in held if r["state"] == "below"]
+    if not held:
+        return "Too few cases for any score."
+    if not below:
+        return f"All {len(held)} scores reach what they must."
+    return f"{len(held) - len(below)} of {len(held)} scores reach what they must; missed: {'; '.join(below)}."
+
+
+def _tiles(d: Mapping[str, Any]) -> list[Tile]:
+    wanted = (
+        "healthy machine accused of anything", "top-1 effect and axis, rho ≥ 0.1",
+        "both of two, weaker rho ≥ 0.1", "outside the catalogue recognised",
+        "expected calibration error",
+    )  # fmt: skip
+    by_name = {r["name"]: r for r in d["scores"]}
+    out = []
+    for name in wanted:
+        row = by_name[name]
+        words, kind = STATES.get(row["state"], ("", ""))
+        out.append(Tile(name, _figure(row), f"{_counts(row)}; must {row['must']}", words, kind))
+    return out
+
+
+def _scores(d: Mapping[str, Any]) -> list[Block]:
+    rows = [
+        [r["name"], _figure(r), _counts(r), r["must"], r["aim"], _state(r["state"]), r["note"]]
+        for r in d["scores"]
+    ]
+    header = ("score", "figure", "counts", "must", "aim", "", "how it is counted")
+    return [table(header, rows, numeric=(1, 2))]
+
+
+def _figure(row: Mapping[str, Any]) -> str:
+    if row["value"] is None:
+        return "–"
+    return f"{row['value']:.1%}" if row["kind"] == "share" else f"{row['value']:.3f}"
+
+
+def _counts(row: Mapping[str, Any]) -> str:
+    share = row["share"]
+    return f"{share['hits']}/{share['of']}" if share else f"N = {row['count']}"
+
+
+def _state(state: str) -> Html | str:
+    if state not in STATES:
+        return ""
+    return chip(*STATES[state])
+
+
+def _confusion(d: Mapping[str, Any]) -> list[Block]:
+    have, said = d["confusion"]["measured"], d["confusion"]["predicted"]
+    if not have:
+        return []
+    out: list[Block] = [
+        Plot(matrix_figure(have), "Measured", "Share of each row; counts in the cells.")
+    ]
+    if said:
+        r = d["confusion"]["rank_correlation"]
+        words = "" if r is None else f" Rank correlation with the measured one: {r:.2f}."
+        out.append(Plot(matrix_figure(said), "Predicted by isolability, before looking at the data",
+                        f"Mean probability of each answer.{words}"))  # fmt: skip
+    return out
+
+
+def _calibration(d: Mapping[str, Any]) -> list[Block]:
+    found = d["calibration"]
+    if found is None:
+        return [paragraph("Fewer than ten answers: too few to say.")]
+    note = f"Expected calibration error {found['error']:.3f}, Brier score {found['brier']:.3f}."
+    return [
+        Plot(
+            calibration_figure(found["bins"]),
+            "Stated probability against how often it was right",
+            note,
+        )
+    ]
+
+
+def _floors(d: Mapping[str, Any]) -> list[Block]:
+    rows = [
+        [f["name"], *(_share(f[k]) for k in ("alarms", "visible", "faint"))] for f in d["floors"]
+    ]
+    header = ("method", "healthy machines named", "top-1, rho ≥ 0.1", "top-1, 0.02 to 0.1")
+    return [table(header, rows, numeric=(1, 2, 3))]
+
+
+def _share(share: Mapping[str, int]) -> str:
+    return (
+        f"{share['hits'] / share['of']:.1%} ({share['hits']}/{share['of']})" if share["of"] else "–"
+    )
+
+
+def _real(d: Mapping[str, Any]) -> list[Block]:
+    rows = []
+    for x in d["real"]:
+        if x["skipped"]:
+            rows.append([x["recording"], x["withheld"], f"skipped: {x['skipped']}", "", "", ""])
+            continue
+        shrink = "–" if x["shrink"] is None else f"{x['shrink']:.2f} ({x['on']})"
+        sure = "–" if x["confidence"] is None else f"{x['confidence']:.2f}"
+        mark = chip("right", "good") if x["right"] else chip("wrong", "bad")
+        rows.append([x["recording"], x["withheld"], x["said"], sure, shrink, mark])
+    if not rows:
+        return []
+    header = ("recording", "withheld from the model", "said", "confidence", "held-out shrink", "")
+    return [table(header, rows, numeric=(3, 4))]
+
+
+def _errors(d: Mapping[str, Any]) -> Sequence[Block]:
+    lines = [f"case {x['case']}: {x['error']}" for x in d["errors"]]
+    return [notes(lines)] if lines else []

@@ -1,0 +1,206 @@
+"""Machines of random kinematics: a tree of prismatic and revolute axes, written as a machine folder.
+
+A bench that only runs on machines which the code was tuned on measures its memory. These have a
+random tree, random axes directions and bodies, random friction, controllers and rates, all from one
+seed; the folder holds ``<name>.urdf``, ``machine.yaml`` and the sealed ``virtual.yaml`` as that of a
+bundled machine does. What the truth holds, the ``machine.yaml`` lists: such a machine is healthy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from pinotwin.arrays import Floats
+from pinotwin.virtual.defaults import Scale
+from pinotwin.virtual.machine import VirtualMachine
+
+STEEL = 3500.0
+"""Density of a ribbed machine part, hollow as castings are [kg/m³]."""
+DIRECTIONS = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One axis and the body that it moves.
+
+    Attributes:
+        name: axis, joint; the link is ``<name>_link``.
+        parent: index of the carrying part, -1 for the ground.
+        rotary: whether it turns.
+        direction: joint axis in the joint frame.
+        origin: of the joint in the parent's frame [m].
+        turn: roll, pitch and yaw of the joint frame in the parent's [rad].
+        box: edges of the body [m].
+        centre: of mass in the joint frame [m].
+        mass: [kg].
+        travel: half of it [m or rad].
+    """
+
+    name: str
+    parent: int
+    rotary: bool
+    direction: Floats
+    origin: Floats
+    turn: Floats
+    box: Floats
+    centre: Floats
+    mass: float
+    travel: float
+
+    @property
+    def inertia(self) -> Floats:
+        """About the centre of mass, shape (3,) [kg·m²]: that of a solid box."""
+        squares = self.box**2
+        return np.asarray(self.mass * (squares.sum() - squares) / 12.0)
+
+
+def write_random_machine(folder: Path, seed: int) -> Path:
+    """Write the machine folder of a seed and return it.
+
+    Args:
+        folder: where; made if it does not exist.
+        seed: of everything about the machine.
+    """
+    rng = np.random.default_rng([seed, 2029])
+    name = f"random_{seed}"
+    parts = _parts(rng)
+    truths = {part.name: _limits(part, rng) for part in parts}
+    sealed = {
+        "seed": int(rng.integers(1, 10_000)), "control_rate": 4000.0,
+        "log_rate": 500.0, "inertial_error": [0.05, 0.2],
+        "scatter": float(rng.uniform(0.003, 0.01)), "axes": truths,
+    }  # fmt: skip
+    listed: dict[str, dict[str, Any]] = {part.name: {"joint": part.name} for part in parts}
+    machine = {"name": name, "urdf": f"{name}.urdf", "axes": listed}
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.urdf").write_text(_urdf(name, parts), encoding="utf-8")
+    _write(folder, machine, sealed)
+    # Friction is set against the effort that an axis needs, which the whole tree decides.
+    scales = VirtualMachine.load(folder).scales
+    for part in parts:
+        truths[part.name] |= _friction(scales[part.name], rng)
+        listed[part.name]["effects"] = _listing(truths[part.name])
+    _write(folder, machine, sealed)
+    return folder
+
+
+def _write(folder: Path, machine: dict[str, Any], sealed: dict[str, Any]) -> None:
+    for file, content in (("machine.yaml", machine), ("virtual.yaml", sealed)):
+        (folder / file).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
+def _parts(rng: np.random.Generator) -> list[Part]:
+    count = int(rng.integers(2, 6))
+    kinds = rng.uniform(size=count) < 0.55
+    kinds[int(rng.integers(count))] = True  # one axis turns and one slides, at least
+    kinds[(int(np.argmax(kinds)) + 1) % count] = False
+    parts: list[Part] = []
+    for i, rotary in enumerate(kinds):
+        # Four of five sit on the axis before, as in a chain; the others branch off further back.
+        parent = i - 1 if rng.uniform() < 0.8 else int(rng.integers(-1, i))
+        parts.append(_part(f"Q{i + 1}", parent, bool(rotary), i, parts, rng))
+    return parts
+
+
+def _part(
+    name: str, parent: int, rotary: bool, depth: int, before: list[Part], rng: np.random.Generator
+) -> Part:
+    edge = 0.45 * 0.78**depth
+    box = edge * rng.uniform(0.4, 1.1, 3)
+    mass = STEEL * float(np.prod(box)) * float(rng.uniform(0.15, 0.5))
+    direction = DIRECTIONS[int(rng.integers(3))] * rng.choice((-1.0, 1.0))
+    if rng.uniform() < 0.2:  # oblique axes exist: nutating heads
+        direction = direction + rng.normal(0.0, 0.5, 3)
+    direction = direction / np.linalg.norm(direction)
+    # The centre of mass is beside the axis by a fifth of the body: it couples and it weighs.
+    centre = 0.2 * box * rng.uniform(-1.0, 1.0, 3)
+    reach = 0.5 * before[parent].box if parent >= 0 else np.full(3, 0.2)
+    turn = rng.choice([0.0, 0.0, 0.5 * np.pi], 3) if rng.uniform() < 0.4 else np.zeros(3)
+    travel = float(rng.uniform(1.0, 2.8)) if rotary else float(rng.uniform(0.1, 0.3))
+    origin = reach * rng.uniform(-1.0, 1.0, 3)
+    return Part(name, parent, rotary, direction, origin, turn, box, centre, mass, travel)
+
+
+def _limits(part: Part, rng: np.random.Generator) -> dict[str, Any]:
+    speed = float(rng.uniform(1.5, 5.0) if part.rotary else rng.uniform(0.2, 0.6))
+    push = speed / float(rng.uniform(0.08, 0.2))
+    # A ramp of acceleration takes ten samples of the log or more: a shorter one is no longer in it.
+    limits = {"speed": speed, "acceleration": push, "jerk": push / float(rng.uniform(0.02, 0.04)),
+              "travel": [-part.travel, part.travel]}  # fmt: skip
+    return {"limits": limits, "controller": _controller(rng)}
+
+
+def _friction(scale: Scale, rng: np.random.Generator) -> dict[str, Any]:
+    """Return friction, and a ripple on some axes, of the usual share of the rated effort."""
+    small = (1e-5, 6e-5) if scale.rotary else (4e-6, 1.5e-5)
+    out: dict[str, Any] = {"friction": {
+        "coulomb": float(rng.uniform(0.02, 0.1) * scale.rated),
+        "viscous": float(rng.uniform(0.03, 0.12) * scale.rated / scale.speed),
+        "static": float(rng.uniform(1.15, 1.5)) if rng.uniform() < 0.6 else 1.0,
+        "stribeck_speed": float(rng.uniform(0.008, 0.03) * scale.speed),
+        "presliding": float(rng.uniform(*small)),
+    }}  # fmt: skip
+    if rng.uniform() < 0.4:
+        turns, pitch = int(rng.integers(9, 40)), float(rng.uniform(0.012, 0.04))
+        period = 2.0 * np.pi / turns if scale.rotary else pitch
+        size, phase = (float(rng.uniform(*r)) for r in ((0.01, 0.05), (0.0, 6.28)))
+        out["ripple"] = [{"amplitude": size * scale.rated, "period": period, "phase": phase}]
+    return out
+
+
+def _listing(truth: Mapping[str, Any]) -> list[Any]:
+    """Return the effects that machine.yaml must list for the machine to be healthy."""
+    slow = truth["friction"]["static"] > 1.0
+    out: list[Any] = ["viscous", "presliding" if slow else {"presliding": {"stribeck": 0}}]
+    return [*out, "ripple"] if "ripple" in truth else out
+
+
+def _controller(rng: np.random.Generator) -> dict[str, Any]:
+    forward = float(rng.uniform(0.5, 1.0))
+    if rng.uniform() < 0.5:
+        return {"kind": "p_pi", "bandwidth": float(rng.uniform(14.0, 35.0)),
+                "acceleration_feedforward": forward}  # fmt: skip
+    poles = [
+        float(rng.uniform(40.0, 60.0)),
+        float(rng.uniform(7.0, 12.0)),
+        float(rng.uniform(0.6, 0.9)),
+    ]
+    return {"kind": "pid", "poles": poles, "acceleration_feedforward": forward}
+
+
+def _urdf(name: str, parts: list[Part]) -> str:
+    body = "".join(_xml(part, parts) for part in parts)
+    return (
+        f'<?xml version="1.0"?>\n<robot name="{name}">\n<link name="base_link"/>\n{body}</robot>\n'
+    )
+
+
+def _xml(part: Part, parts: list[Part]) -> str:
+    parent = parts[part.parent].name + "_link" if part.parent >= 0 else "base_link"
+    kind = "revolute" if part.rotary else "prismatic"
+    reach = 1.1 * part.travel
+    inertia: Mapping[str, float] = dict(zip(("ixx", "iyy", "izz"), part.inertia, strict=True))
+    values = " ".join(f'{k}="{v:.9g}"' for k, v in inertia.items())
+    return f"""<joint name="{part.name}" type="{kind}">
+  <parent link="{parent}"/><child link="{part.name}_link"/>
+  <origin xyz="{_three(part.origin)}" rpy="{_three(part.turn)}"/>
+  <axis xyz="{_three(part.direction)}"/>
+  <limit lower="{-reach:.6g}" upper="{reach:.6g}" velocity="100" effort="100000"/>
+</joint>
+<link name="{part.name}_link">
+  <inertial><origin xyz="{_three(part.centre)}"/><mass value="{part.mass:.9g}"/>
+    <inertia {values} ixy="0" ixz="0" iyz="0"/></inertial>
+  <visual><origin xyz="{_three(part.centre)}"/>
+    <geometry><box size="{_three(part.box)}"/></geometry></visual>
+</link>
+"""
+
+
+def _three(values: Floats) -> str:
+    return " ".join(f"{float(x):.9g}" for x in values)
