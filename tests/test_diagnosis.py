@@ -50,7 +50,8 @@ def test_a_healthy_machine_is_accused_of_nothing(machine, urdf_dir):
 def test_the_missing_effect_is_named_first(stribeck):
     assert (stribeck.effects[0].effect, stribeck.effects[0].axis) == ("stribeck", "X")
     assert stribeck.verdict in ("explained", "partly_explained")
-    assert stribeck.effects[0].confidence > 0.8
+    # Recalibrated on injections, a quarter of them outside the catalogue: never far above 0.9.
+    assert stribeck.effects[0].confidence > 0.6
 
 
 def test_the_gap_shrinks_on_a_log_that_nothing_was_fitted_to(stribeck):
@@ -89,6 +90,26 @@ def test_the_json_is_the_contract(stribeck):
 def test_apply_adds_the_effect_and_the_machine_loads(stribeck, tmp_path):
     again = Machine.load(stribeck.apply(tmp_path / "more"))
     assert "stribeck" in [e.name for e in again.axis("X").effects]
+
+
+def test_the_tracking_error_is_a_second_witness(stribeck):
+    gap, shrink = stribeck.gap["X"]["e"], stribeck.effects[0].shrink["e"]
+    assert gap.after < 0.7 * gap.rms
+    assert shrink.on == "validation"
+    assert 0.3 < shrink.share <= 1.0
+
+
+def test_what_was_promised_was_not_measured_on_the_validation_log(stribeck):
+    shrink = stribeck.effects[0].shrink["u"]
+    assert shrink.promised != shrink.share
+    assert abs(shrink.promised - shrink.share) < 0.3
+
+
+def test_what_a_search_would_confuse_is_known_before_the_log_is_looked_at(stribeck):
+    row = stribeck.isolability["stribeck", "X"]
+    assert row["stribeck", "X"] > 0.5
+    assert sum(row.values()) == pytest.approx(1.0, abs=0.3)
+    assert stribeck.to_dict()["isolability"]["X.stribeck"]["X.stribeck"] > 0.5
 
 
 def test_a_delay_is_found_in_size(machine, urdf_dir):

@@ -81,12 +81,12 @@ def test_the_headline_names_cause_axis_and_share() -> None:
     assert "stays without a cause" not in headline(EXPLAINED)
 
 
-def test_an_untested_chance_is_not_stated_and_confidence_is_said_to_be_uncalibrated() -> None:
+def test_an_untested_chance_is_not_stated_and_what_confidence_means_is_said() -> None:
     band = Region("Y", "u", "frequency", (0.0, 1.0), "Hz", 0.5, 0.02, None)
     page = diagnosis_report(replace(EXPLAINED, where=[band]))
     (row,) = [r for r in read(page).rows if r and "slow changes, below 1 Hz" in " ".join(r)]
     assert row[-1] == "–"
-    assert "not been calibrated" in page
+    assert "simulated faults on this same motion" in page
 
 
 def test_the_bars_turn_shares_of_the_square_into_rms() -> None:

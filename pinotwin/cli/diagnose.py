@@ -110,7 +110,7 @@ def summary(found: Diagnosis) -> list[str]:
             f"{a['axis']}.{a['effect']}" for a in e.alternatives if a["probability"] > 0.0
         )
         rest = f"; also possible: {others}" if others else ""
-        sure = f"confidence {e.confidence:.0%} (not calibrated)"
+        sure = f"confidence {e.confidence:.0%}"
         lines.append(f"effect: {e.axis}.{e.effect}, {sure}{share}{rest}")
     if found.noise == "assumed":
         lines.append("noise: assumed (no repeats of a command among the logs)")

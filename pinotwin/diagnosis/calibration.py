@@ -16,7 +16,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.advice import same_class
-from pinotwin.diagnosis.bank import Shelf
+from pinotwin.diagnosis.bank import BATCH, Shelf
 from pinotwin.diagnosis.context import Context
 from pinotwin.diagnosis.healthy import white_draws
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
@@ -97,7 +97,7 @@ def calibrate(
     sizes = np.exp(rng.uniform(low, high, settings.injections))
     which = rng.integers(0, len(shelves), settings.injections)
     quiet = np.arange(len(shelves))
-    pushed = _injected(context, plain, shelves, np.r_[which, quiet],
+    pushed = _injected(plain, shelves, np.r_[which, quiet],
                        np.r_[sizes, np.full(len(quiet), REFERENCE)], rng)  # fmt: skip
     noise = white_draws(blind, plain, settings.injections, rng, theta)
     drawn = [_with_noise(x, n) for x, n in zip(pushed, noise, strict=True)]
@@ -130,18 +130,16 @@ def _without_effort(stage: Stage) -> Stage:
 
 
 def _injected(
-    context: Context, ledger: Ledger, shelves: Sequence[Shelf], which: Ints, gains: Floats,
+    ledger: Ledger, shelves: Sequence[Shelf], which: Ints, gains: Floats,
     rng: np.random.Generator,
 ) -> list[Floats]:  # fmt: skip
     """Return whitened efforts of effects of stated gain, per piece of shape (m, len(which))."""
-    stage = ledger.stage
-    out = [np.zeros((len(p.y), len(which))) for p in stage.pieces]
+    out = [np.zeros((len(p.y), len(which))) for p in ledger.stage.pieces]
     for n, (k, gain) in enumerate(zip(which, gains, strict=True)):
         family = shelves[k].family
-        shape = dict(family.shapes[int(rng.integers(len(family.shapes)))])
-        for name, half in family.fine.items():
-            shape[name] = float(shape[name] * np.exp(half * rng.uniform(-1.0, 1.0)))
-        columns = stage.project(family.columns(context, shape))
+        at = int(rng.integers(len(family.shapes)))
+        batch = shelves[k].batches[at // BATCH]
+        columns = [None if x is None else x[:, at % BATCH, :] for x in batch.columns]
         theta = np.abs(rng.standard_normal(len(family.names)))
         if not family.positive:
             theta *= rng.choice([-1.0, 1.0], len(theta))

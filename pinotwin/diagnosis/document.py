@@ -20,16 +20,25 @@ def document(d: Diagnosis) -> dict[str, Any]:
         "unexplained": {a: dict(row) for a, row in d.unexplained.items()},
         "remains": dict(d.remains),
         "noise": d.noise,
-        "confidence_calibrated": False,
+        "confidence_calibrated": not d.quick,
         "advice": list(d.advice),
         "situation": d.situation,
         "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in d.shrink.items()},
+        "isolability": {
+            _label(true): {_label(k): p for k, p in row.items()}
+            for true, row in d.isolability.items()
+        },
         "quick": d.quick,
         "machine": d.machine,
     }
     out = plain(content)
     assert isinstance(out, dict)
     return out
+
+
+def _label(key: tuple[str, str | None]) -> str:
+    effect, axis = key
+    return effect if axis is None else f"{axis}.{effect}"
 
 
 def _gap(g: Gap) -> dict[str, float]:

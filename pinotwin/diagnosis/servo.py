@@ -24,6 +24,8 @@ from pinotwin.twin import Twin
 MOVED = 0.35  # RMS of what a changed gain does, over what the law leaves anyway
 SIGMAS = 8.0  # the same over its standard error: rows of a law are many and alike
 RELATIVE = 0.01  # change of a gain that is worth a name
+BETTER = 1.15  # by how much the law must hold better with the gains that were found
+HOLDS = 2.0  # of what the law left when it was identified: beyond, it is not the gains that differ
 LIMITED = 2e-3  # share of rows at the limit that is worth a name
 WORSE = 10.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
 FORWARD = ("ffa", "ffv", "kv ffv")
@@ -108,6 +110,10 @@ def _changed(
     except DataError:  # the axis does not move enough in a log to say anything about its servo
         return []
     now = _mean(each)
+    if now.unexplained[0] < BETTER * now.unexplained[1]:
+        return []
+    if controller.rms and now.unexplained[1] > HOLDS * controller.rms:
+        return []
     size = np.abs(now.after - now.before) * now.held
     known = np.array([_error(controller, name) for name in now.names])
     error = np.hypot(np.sqrt(np.maximum(np.diag(now.covariance), 0.0)), known)

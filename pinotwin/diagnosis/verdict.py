@@ -17,7 +17,7 @@ from pinotwin.diagnosis.result import Found, Verdict
 from pinotwin.diagnosis.search import admit
 from pinotwin.diagnosis.stage import Stage, scatter_precision, steady
 
-SIGNIFICANT = {"repeats": 0.10, "assumed": 0.35}
+SIGNIFICANT = {"repeats": 0.25, "assumed": 0.35}
 """Whitened power above the noise that counts as a gap, by how the noise is known."""
 STAYS_UNSEEN = 0.4  # the same as STAYS on a log that was not fitted, where travel and speed differ
 
@@ -160,4 +160,4 @@ def _words(e: Found) -> str:
     how_far = (
         f"{share:.0%} of the gap" if share > 0.0 else "the held-out gap does not shrink by it yet"
     )
-    return f"{e.effect}{where} ({how_far}; confidence {e.confidence:.0%}, not calibrated)"
+    return f"{e.effect}{where} ({how_far}; confidence {e.confidence:.0%})"

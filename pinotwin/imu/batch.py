@@ -233,7 +233,7 @@ def _covariance(
 
     What only one stretch knows (the start) leaves no residual there; the noise sets its variance.
     """
-    inverse = np.linalg.inv(A)
+    inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
     S = np.eye(len(theta))
     for r, m in enumerate(problem.models):
         at = problem.columns(r)

@@ -116,7 +116,10 @@ class BatchResult:
 
     @property
     def R_GM_up(self) -> Floats:
-        """The upward direction in the machine frame (a tilted foundation shows here), (3,)."""
+        """The upward direction in the machine frame (a tilted foundation shows here), (3,).
+
+        About the joint's axis it contains the error of the mean deflection, which looks the same.
+        """
         g = self.theta[self.layout["gravity"]]
         return -g / np.linalg.norm(g)
 

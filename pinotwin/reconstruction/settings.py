@@ -11,6 +11,9 @@ from pinotwin.errors import DataError, MachineError, nearest
 from pinotwin.imu.runs import Priors
 from pinotwin.machine import Machine
 
+TOLERANCE = 2e-3
+"""Relative uncertainty of the delay of the IMU's low-pass; it goes into the clock's error."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -80,6 +83,7 @@ def priors(machine: Machine, joint: str, settings: Settings) -> Priors:
     part = machine.passive[joint]
     inertia = float(mass_matrix(machine.model, machine.posture()[None])[0, part.index, part.index])
     corner = settings.imu_cutoff if settings.imu_cutoff > 0.0 else np.inf
+    delay = float(np.sqrt(2.0) / (2.0 * np.pi * corner))
     frequency, damping, doubt = 20.0, 0.03, 0.7
     if part.stiffness and inertia > 0.0:
         wn = float(np.sqrt(part.stiffness / inertia))
@@ -89,5 +93,5 @@ def priors(machine: Machine, joint: str, settings: Settings) -> Priors:
     return Priors(
         frequency=frequency, damping=damping, log_frequency=doubt,
         gravity=np.array(machine.model.gravity.linear),
-        gyro_cutoff=corner, accel_cutoff=corner,
+        gyro_cutoff=corner, accel_cutoff=corner, gyro_delay_sd=TOLERANCE * delay,
     )  # fmt: skip

@@ -125,9 +125,9 @@ def which_blocks(d: Diagnosis) -> list[Block]:
     if d.effects:
         out.append(table(("cause", "what it is", "confidence", "could also be"),
                          [_which(e) for e in d.effects]))  # fmt: skip
-        out.append(paragraph("Confidence: how probable this cause is among all that were tried, "
-                             "given these logs, by the diagnosis' own reckoning; it has not been "
-                             "calibrated on machines whose fault is known.", "lead"))  # fmt: skip
+        out.append(paragraph("Confidence: of simulated faults on this same motion, a quarter of them "
+                             "unknown to pinotwin, the share whose cause was named right where the "
+                             "answer looked as sure as here.", "lead"))  # fmt: skip
     else:
         out.append(paragraph("No cause is named."))
     groups = [joined([label_words(x) for x in group]) for group in d.confusable]

@@ -1,0 +1,74 @@
+"""Changes of the servo: known gains of a cascade in closed form, and a virtual machine at its limit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pinotwin.diagnosis.servo import servo_findings
+from pinotwin.loop.controller import Controller
+from pinotwin.loop.data import LoopData
+from pinotwin.loop.gains import at_limit, gains_in
+from pinotwin.machine import Machine
+from pinotwin.preparation import prepare
+from pinotwin.virtual import VirtualMachine, random_trajectory
+
+LAW = Controller("pid", kp=2e4, integral=1e5, kd=300.0, ffv=20.0, ffa=8.0, step=0.001, rms=0.01)
+
+
+def channels(ffa: float = 8.0, kp: float = 2e4, noise: float = 0.01):
+    """Return command, error and the effort that the law gives, summed up here by hand."""
+    rng = np.random.default_rng(4)
+    t = np.arange(8000) * LAW.step
+    qr = 0.05 * np.sin(2.1 * t) + 0.02 * np.sin(5.7 * t)
+    e = 1e-5 * np.sin(9.0 * t) + 2e-6 * np.cumsum(rng.standard_normal(len(t))) / 50.0
+    blank = LoopData(step=LAW.step, qr=qr, d=e, outputs=np.stack([e, e], axis=1), axis="X")
+    vr, ar = blank.velocity, blank.acceleration
+    de = np.diff(e, prepend=2 * e[0] - e[1]) / LAW.step
+    u = kp * e + 1e5 * np.cumsum(e) * LAW.step + 300.0 * de + 20.0 * vr + ffa * ar
+    u += noise * rng.standard_normal(len(t))
+    return LoopData(step=LAW.step, qr=qr, d=e, outputs=np.stack([e, u], axis=1), axis="X")
+
+
+def test_gains_that_did_not_change_are_found_again():
+    found = gains_in(channels(), dataclasses.replace(LAW, velocity_delay=0.0005))
+    sigmas = (found.after - found.before) / np.sqrt(np.diag(found.covariance))
+    assert np.abs(sigmas).max() < 5.0
+    assert found.unexplained[0] == pytest.approx(0.01, rel=0.1)
+
+
+@pytest.mark.parametrize(("change", "name"), [({"ffa": 6.0}, "ffa"), ({"kp": 2.4e4}, "kp")])
+def test_a_changed_gain_is_found_in_size(change, name):
+    found = gains_in(channels(**change), dataclasses.replace(LAW, velocity_delay=0.0005))
+    k = found.names.index(name)
+    assert found.after[k] == pytest.approx(change[name], rel=0.03)
+    assert found.unexplained[0] > 2.0 * found.unexplained[1]
+
+
+def test_an_effort_rests_at_its_limit_only_where_it_is_flat():
+    t = np.arange(4000) * 1e-3
+    u = 10.0 * np.sin(3.0 * t)
+    assert not at_limit(u, 1e-3, 1e-3)[:300].any()
+    clipped = np.clip(u, -7.0, 7.0)
+    near = at_limit(clipped, 1e-3, 1e-3)
+    assert near[np.abs(u) > 7.1].all()
+    assert not near[np.abs(u) < 6.5].any()
+
+
+def motion(urdf_dir, *inject, seed=3):
+    virtual = VirtualMachine.load(urdf_dir / "emps", inject=inject)
+    log = virtual.record(random_trajectory(virtual, 6.0, seed), seed=seed).to_log()
+    machine = dataclasses.replace(Machine.load("emps"), columns={})
+    limit = virtual.truth.axes["X"].controller.effort_limit
+    return machine, prepare(machine, log), limit
+
+
+def test_a_drive_at_its_limit_is_named_and_a_healthy_one_is_not(urdf_dir):
+    machine, well, _ = motion(urdf_dir)
+    assert servo_findings(machine, [well], []) == []
+    _, ill, limit = motion(urdf_dir, "saturation:X=0.7")
+    (found,) = servo_findings(machine, [ill], [])
+    assert (found.effect, found.axis) == ("saturation", "X")
+    assert found.shape["limit"] == pytest.approx(limit, rel=0.05)
