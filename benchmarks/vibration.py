@@ -94,7 +94,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--runs", type=int, default=22)
     parser.add_argument("--seconds", type=float, default=20.0)
-    args = parser.parse_args()
+    args, _ = parser.parse_known_args()
     machine = Machine.load("flexure_rig")
     plain, rough = rig(), rig(0.05, 0.10)
     for seed in range(1, args.seeds + 1):

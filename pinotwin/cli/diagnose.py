@@ -12,6 +12,7 @@ from pinotwin.cli.progress import progress
 
 if TYPE_CHECKING:
     from pinotwin.diagnosis import Diagnosis
+    from pinotwin.log import Log
     from pinotwin.machine import Machine
     from pinotwin.twin import Twin
 
@@ -53,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
             write(found, folder)
             page = diagnosis_report(found, logs, validate)
             (folder / "report.html").write_text(page, encoding="utf-8")
+            write_view(found, subject, logs[0], folder)
     if args.json:
         write_json(args.json, found.to_dict())
     for line in summary(found):
@@ -86,15 +88,27 @@ def write(found: Diagnosis, folder: Path) -> None:
         )
 
 
+def write_view(found: Diagnosis, subject: Machine | Twin, log: Log, folder: Path) -> None:
+    """Write the machine playing the log, every axis in the colour of its gap."""
+    from pinotwin.twin import Twin
+    from pinotwin.viewer import save_html
+    from pinotwin.viewer.gap import gap_scene
+
+    machine = subject.machine if isinstance(subject, Twin) else subject
+    save_html(folder / "machine.html", gap_scene(found, machine.with_rigid_joints(), log))
+
+
 def summary(found: Diagnosis) -> list[str]:
     """Return the few lines that a user wants to see, the verdict first."""
     lines = [found.sentence]
     if found.quick:
         lines.append("quick: screened only, not re-checked")
-    lines.append(f"{'axis':<8}{'gap':>11}{'after':>11}{'noise':>11}{'of effort':>11}")
+    lines.append(f"{'signal':<8}{'gap':>11}{'after':>11}{'noise':>11}{'of signal':>11}")
     for axis, row in found.gap.items():
-        for g in row.values():
-            lines.append(f"{axis:<8}{g.rms:>11.4g}{g.after:>11.4g}{g.noise:>11.4g}{g.nrmse:>11.2%}")
+        for signal, g in row.items():
+            lines.append(
+                f"{f'{axis}.{signal}':<8}{g.rms:>11.4g}{g.after:>11.4g}{g.noise:>11.4g}{g.nrmse:>11.2%}"
+            )
     for region in found.where[:3]:
         low, high = region.range
         whole = "band" if region.kind == "frequency" else "time"
@@ -111,7 +125,7 @@ def summary(found: Diagnosis) -> list[str]:
         )
         rest = f"; also possible: {others}" if others else ""
         sure = f"confidence {e.confidence:.0%}"
-        lines.append(f"effect: {e.axis}.{e.effect}, {sure}{share}{rest}")
+        lines.append(f"effect: {e.axis or 'machine'}.{e.effect}, {sure}{share}{rest}")
     if found.noise == "assumed":
         lines.append("noise: assumed (no repeats of a command among the logs)")
     lines += [f"next: {text}" for text in found.advice]

@@ -27,6 +27,7 @@ from pinotwin.loop.model import LoopModel
 
 TRAINED = 0.7  # of a log that a loop is fitted to where there is no validation log
 SETTLED = 0.2  # [s] at the start of a stretch, in which the loop's own state is not known
+SENSED = ("delay", "effort_scale")  # they are in what is logged of the effort, not in the effort
 RESAMPLES = 400
 STRETCH = 0.5  # [s]
 
@@ -38,7 +39,7 @@ def error_gaps(
     motions = start.stage.rows.motions
     if any(m.qr is None for m in motions):
         return {}, {}
-    named = [n.judged for n in decision.named]
+    named = [n.judged for n in decision.named if n.judged.candidate.effect not in SENSED]
     plain = _efforts(start, decision, [])
     fuller = _efforts(start, decision, named) if named else plain
     table: dict[str, Gap] = {}

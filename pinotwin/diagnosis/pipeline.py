@@ -8,6 +8,7 @@ import numpy as np
 
 from pinotwin.diagnosis.advice import advise, command
 from pinotwin.diagnosis.closed_loop import error_gaps
+from pinotwin.diagnosis.confirm import confirmed
 from pinotwin.diagnosis.decide import Decision, decide
 from pinotwin.diagnosis.findings import findings
 from pinotwin.diagnosis.gaps import Gaps, gaps
@@ -65,6 +66,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         seed=seed,
     )
     decision = decide(start.context, start.search_stage, start.theta, settings, tell)
+    decision = confirmed(start, decision, np.random.default_rng([seed, 96]))
     tell("measuring the gap", 0.85)
     gap = gaps(start, decision, np.random.default_rng([seed, 98]))
     if closed_loop and not quick:

@@ -98,8 +98,8 @@ class Settings:
 
 
 RARE = {"geometric_error": 4.0, "position_table": 4.0, "encoder_error": 2.0, "backlash": 2.0,
-        "wrist_coupling": 2.0, "viscous_asymmetric": 2.0, "ripple_modulated": 2.0,
-        "external_force": 2.0}  # fmt: skip
+        "wrist_coupling": 2.0, "viscous_asymmetric": 2.0, "ripple_modulated": 6.0,
+        "external_force": 30.0}  # fmt: skip
 """Deviance that an uncommon effect must bring beyond a common one that does the same."""
 
 

@@ -118,9 +118,12 @@ class VariableProjection:
         length = np.linalg.norm(W, axis=0)
         unit = 1.0 / np.where(length > 0, length, 1.0)
         # gelsy: pivoted QR, several times faster than singular values where tables make p large
-        theta = unit * lstsq(
-            W * unit, y, cond=self._limits.tolerance, lapack_driver="gelsy", check_finite=False
-        )[0]
+        theta = (
+            unit
+            * lstsq(
+                W * unit, y, cond=self._limits.tolerance, lapack_driver="gelsy", check_finite=False
+            )[0]
+        )
         free = np.ones(len(theta), bool)
         outside = (theta < self._limits.lower) | (theta > self._limits.upper)
         if self._limits.any and outside.any():

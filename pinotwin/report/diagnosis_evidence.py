@@ -13,7 +13,7 @@ from pinotwin.motion import Motion
 from pinotwin.preparation import prepare
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Group, Plot
-from pinotwin.report.diagnosis_plots import against_figure, gap_figure
+from pinotwin.report.diagnosis_plots import against_figure, gap_figure, spectrum_figure
 from pinotwin.report.diagnosis_verdict import machine_of, rotary_axes
 
 
@@ -34,7 +34,9 @@ def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Blo
         name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
         plot = Plot(gap_figure(given, turns), f"Axis {axis}: log minus model",
                     f"Over time, in {display.elided(name)}.")  # fmt: skip
-        out[axis] = [plot, *_against(given, motions[given.log], turns)]
+        spectrum = Plot(spectrum_figure(given, turns), "By frequency",
+                        "A peak is a vibration; a rise to the right, elasticity or delay.")  # fmt: skip
+        out[axis] = [plot, *_against(given, motions[given.log], turns), spectrum]
     return out
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import plotly.graph_objects as go
+from scipy.signal import welch
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.result import Gap, Region, Shrink, Traces
@@ -147,6 +148,30 @@ def gap_figure(given: Traces, rotary: bool) -> go.Figure:
     style(figure, 300)
     figure.update_xaxes(title_text="time [s]")
     return figure.update_yaxes(title_text=f"log minus model [{scale.unit}]")
+
+
+def spectrum_figure(given: Traces, rotary: bool) -> go.Figure:
+    """Return the amplitude spectrum of log minus model, before and after the named effects.
+
+    Over the longest unbroken stretch, in windows of 2 s (Welch 1967, doi:10.1109/TAU.1967.1161901).
+    """
+    step = np.diff(given.t)
+    usual = float(np.median(step))
+    ends = np.r_[0, np.flatnonzero(step > 1.5 * usual) + 1, len(given.t)]
+    k = int(np.argmax(np.diff(ends)))
+    stretch = slice(int(ends[k]), int(ends[k + 1]))
+    width = min(stretch.stop - stretch.start, max(round(2.0 / usual), 16))
+    scale = display.effort(rotary, display.largest(given.before))
+    figure = go.Figure()
+    shown = [("model today", given.before, RESIDUAL)]
+    if not np.array_equal(given.before, given.after):
+        shown.append(("with the cause", given.after, ACCENT))
+    for name, y, colour in shown:
+        f, power = welch(y[stretch], 1.0 / usual, nperseg=width)
+        figure.add_trace(line(f[1:], scale(np.sqrt(power[1:])), name, colour))
+    style(figure, 300)
+    figure.update_xaxes(title_text="frequency [Hz]")
+    return figure.update_yaxes(title_text=f"log minus model [{scale.unit}/√Hz]", type="log")
 
 
 def against_figure(given: Traces, x: Floats, rotary: bool, against: str) -> go.Figure:
