@@ -36,12 +36,16 @@ class Batch:
     columns: list[Floats | None]
     last: list[tuple[tuple[Floats, ...], Moments]] = field(default_factory=list, compare=False)
 
-    def worth(self, ledger: Ledger) -> Worth:
-        """Return what the candidates are worth on a ledger."""
+    def known(self, ledger: Ledger) -> Moments:
+        """Return what the candidates owe to the base of a ledger alone."""
         base = tuple(p.B for p in ledger.stage.pieces)
         if not self.last or any(a is not b for a, b in zip(self.last[0][0], base, strict=True)):
             self.last[:] = [(base, moments(ledger, self.columns))]
-        return worth(ledger, sums(ledger, self.columns, self.last[0][1]))
+        return self.last[0][1]
+
+    def worth(self, ledger: Ledger) -> Worth:
+        """Return what the candidates are worth on a ledger."""
+        return worth(ledger, sums(ledger, self.columns, self.known(ledger)))
 
 
 @dataclass(frozen=True)

@@ -143,26 +143,16 @@ def _injected(
         theta = np.abs(rng.standard_normal(len(family.names)))
         if not family.positive:
             theta *= rng.choice([-1.0, 1.0], len(theta))
-        sizes = np.sqrt(sum((x**2).sum(axis=0) for x in columns if x is not None))
-        theta /= np.maximum(sizes, 1e-300)
-        effort = [None if x is None else x @ theta for x in columns]
-        open_, whole = _open(ledger, effort)
-        if open_ <= LEAST_SHARE * whole:
+        S = batch.known(ledger).S[0][at % BATCH]  # what the base and its scatter leave open
+        raw = batch.known(ledger).raw[0][at % BATCH]
+        theta /= np.sqrt(np.maximum(raw, 1e-300))
+        open_ = float(theta @ S @ theta)
+        if open_ <= LEAST_SHARE * float(theta**2 @ raw):
             continue  # the base does the same: there is nothing to tell apart
-        for piece, x in enumerate(effort):
+        for piece, x in enumerate(columns):
             if x is not None:
-                out[piece][:, n] = x * np.sqrt(gain / open_)
+                out[piece][:, n] = x @ theta * np.sqrt(gain / open_)
     return out
-
-
-def _open(ledger: Ledger, effort: Sequence[Floats | None]) -> tuple[float, float]:
-    """Return the squared length of an effort beyond what the base absorbs, and all of it."""
-    right, total = np.zeros((ledger.stage.base.count, 1)), 0.0
-    for piece, x in zip(ledger.stage.pieces, effort, strict=True):
-        if x is not None:
-            right[piece.columns, 0] += piece.B.T @ x
-            total += float(x @ x)
-    return total - float((right[:, 0] * ledger.solve(0, right)[:, 0]).sum()), total
 
 
 @dataclass(frozen=True)
