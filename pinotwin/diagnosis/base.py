@@ -169,7 +169,7 @@ def _weak(effects: Sequence[Effect], rows: Rows, p: int) -> Floats:
 
 
 TABLE_DOUBT = 0.2  # of a table's RMS: what its knots may be off by, interpolation included
-SLOW_DOUBT = 0.4  # of dry friction that its Stribeck part, found at standstill, may be off by
+SLOW_DOUBT = 0.2  # of dry friction that its Stribeck part, found at standstill, may be off by
 SHAPE_DOUBT = 0.25  # relative change of a shape that is not worth a name
 PITCH_DOUBT = 1e-3  # the same for a pitch
 

@@ -133,7 +133,7 @@ class _Search:
             full = len(self.found) >= self.settings.most
             if not seen.judged or self.lowest > seen.judged[0].G or full:
                 break
-            best = [polish(self.context, ledger, seen.judged[0])]
+            best = [self._simplest(ledger, seen)]
             best = self._pair(ledger, seen, best[0]) or best
             self.threshold = self._chance(here, best, taken, step)
             self.steps.append((self.threshold, best[0].G))
@@ -145,6 +145,18 @@ class _Search:
                 (self.quiet if trivial else self.found).append(j)
         assert first is not None
         return first
+
+    def _simplest(self, ledger: Ledger, seen: Screened) -> Judged:
+        """Return the best effect at its best shape; a plain ripple where a modulated one adds little.
+
+        Between the pitches of the grid a modulation takes up what the pitch is off by.
+        """
+        best = polish(self.context, ledger, seen.judged[0])
+        plain = [j for j in seen.judged if j.key == ("ripple", best.key[1])]
+        if best.key[0] != "ripple_modulated" or not plain:
+            return best
+        simple = polish(self.context, ledger, plain[0])
+        return simple if simple.G + max(6.0, 0.02 * best.G) > best.G else best
 
     def _screen(self, ledger: Ledger, taken: Sequence[Key]) -> Screened:
         return screen(self.context, self.shelves, ledger, self.settings, taken)

@@ -37,9 +37,10 @@ def machine_dynamics(context: Context) -> Iterator[Family]:
     pi = _standard(context)
     if not np.any(context.machine.model.gravity.linear):
         yield _gravity(context)
-    for axis in context.machine.axes.values():
-        yield _rotor(axis.name, axis.index)
-    if context.base.change:
+    if not context.base.change:  # a twin's rotors do not change: its inertias are payload's
+        for axis in context.machine.axes.values():
+            yield _rotor(axis.name, axis.index)
+    else:
         for axis in context.machine.axes.values():
             yield _payload(context, axis.name, axis.joint)
     for axis in context.machine.axes.values():
