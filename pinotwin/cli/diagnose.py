@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from pinotwin.twin import Twin
 
 
+LIKELY = 0.05  # probability from which another cause is worth a line on the terminal
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     subject = "folder of a twin, or a machine folder, machine.yaml, .urdf, bundled name"
@@ -121,7 +124,9 @@ def summary(found: Diagnosis) -> list[str]:
         shrink = e.shrink.get("u")
         share = "" if shrink is None else f", gap {shrink.before:.3g} -> {shrink.after:.3g}"
         others = ", ".join(
-            f"{a['axis']}.{a['effect']}" for a in e.alternatives if a["probability"] > 0.0
+            "chance" if a["effect"] == "none" else f"{a['axis'] or 'machine'}.{a['effect']}"
+            for a in e.alternatives
+            if a["probability"] >= LIKELY
         )
         rest = f"; also possible: {others}" if others else ""
         sure = f"confidence {e.confidence:.0%}"

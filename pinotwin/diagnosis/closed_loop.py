@@ -54,8 +54,9 @@ def error_gaps(
             after = _left(start, joint, fuller) if touched else before
         except DataError:  # the axis hardly moves: its loop is not seen in these logs
             continue
-        table[axis] = _gap(start, joint, before, after)
-        if touched:
+        better = touched and _rms(after) < _rms(before)
+        table[axis] = _gap(start, joint, before, after if better else before)
+        if better:  # else the effect's share of dry friction could not be carried to standstill
             shrinks[axis] = _shrink(start, before, after, rng)
     return table, shrinks
 
