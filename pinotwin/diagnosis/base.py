@@ -246,17 +246,11 @@ def is_scattered(effect: Effect) -> bool:
     return effect.name in SCATTERED
 
 
-def lists(effects: Sequence[Effect], name: str, axis: str) -> bool:
-    """Whether an effect is among the base's on an axis."""
-    return any(e.name == name and e.axis == axis for e in effects)
-
-
 __all__ = [
     "Base",
     "change_base",
     "effect_columns",
     "is_scattered",
-    "lists",
     "plain_base",
     "with_slopes",
 ]

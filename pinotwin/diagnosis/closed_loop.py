@@ -24,6 +24,7 @@ from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.errors import DataError
 from pinotwin.loop import LoopData, Structure, identify_loop
 from pinotwin.loop.model import LoopModel
+from pinotwin.signals import roughness
 
 TRAINED = 0.7  # of a log that a loop is fitted to where there is no validation log
 SETTLED = 0.2  # [s] at the start of a stretch, in which the loop's own state is not known
@@ -141,15 +142,9 @@ def _left(start: Ready, joint: int, efforts: Sequence[Floats]) -> list[tuple[int
 
 
 def _data(scene: Scene, joint: int, effort: Floats) -> LoopData:
-    m = scene.motion
-    assert m.qr is not None
     inertia = float(np.median(scene.inertia[:, joint]))
-    d = effort[:, joint] - inertia * m.a[:, joint]
-    e = (m.qr - m.q)[:, joint]
-    return LoopData(
-        step=m.step, qr=m.qr[:, joint], d=d, outputs=np.stack([e, m.u[:, joint]], axis=1),
-        segments=m.segments, axis=m.names[joint],
-    )  # fmt: skip
+    d = effort[:, joint] - inertia * scene.motion.a[:, joint]
+    return LoopData.of_axis(scene.motion, joint, d)
 
 
 def _part(data: LoopData, first: bool) -> LoopData:
@@ -198,8 +193,7 @@ def _noise(start: Ready, joint: int) -> float:
             n = min(len(errors[a]), len(errors[b]))
             if rows.commands[a] == rows.commands[b]:
                 return float(np.std(errors[a][:n] - errors[b][:n]) / np.sqrt(2.0))
-    third = np.abs(np.diff(errors[0], 3))
-    return float(1.4826 * np.median(third) / np.sqrt(20.0))
+    return roughness([errors[0]])
 
 
 def _shrink(start: Ready, before: Left, after: Left, rng: np.random.Generator) -> Shrink:

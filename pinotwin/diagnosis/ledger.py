@@ -234,8 +234,6 @@ class Worth:
         gain: in-sample gain on the measured and the drawn efforts, shape (I, d).
         theta: coefficients, shape (I, k).
         share: how much of the columns the base does not explain already, shape (I,).
-        deviation: standard error of theta, shape (I, k).
-        by_fold: held-out gain on each fold, shape (folds, I).
         sign: sign of the first coefficient, on the measured and the drawn efforts, shape (I, d).
     """
 
@@ -243,8 +241,6 @@ class Worth:
     gain: Floats
     theta: Floats
     share: Floats
-    deviation: Floats
-    by_fold: Floats
     sign: Floats
 
 
@@ -261,15 +257,13 @@ def worth(ledger: Ledger, s: Sums) -> Worth:
         if k == 0:
             theta = x[:, :, 0] / size
             sign = np.sign(x[:, 0, :])
-            inverse = np.linalg.inv(normal)
-            deviation = np.sqrt(np.maximum(np.einsum("ikk->ik", inverse), 0)) / size
             share = np.einsum("ikk->i", S) / np.maximum(known.raw[k].sum(axis=1), 1e-300)
     gain, logdet = np.array(gains), np.array(logdets)[:, :, None]
     by_fold = (gain[0] - gain[1:]) - (logdet[0] - logdet[1:])
     G = by_fold.sum(axis=0)
     if ledger.stage.base.change:
         G = G + relief(ledger, s)
-    return Worth(G, gain[0], theta, share, deviation, by_fold[:, :, 0], sign)
+    return Worth(G, gain[0], theta, share, sign)
 
 
 def relief(ledger: Ledger, s: Sums) -> Floats:

@@ -32,9 +32,7 @@ class Judged:
         G: held-out gain less the price of its search [whitened deviance].
         gain: in-sample gain.
         theta: coefficients, shape (k,).
-        deviation: their standard errors.
         share: of its columns that the base leaves open.
-        by_fold: held-out gain per fold.
         identifiable: whether the log can tell it from the base at all.
     """
 
@@ -43,9 +41,7 @@ class Judged:
     G: float
     gain: float
     theta: Floats
-    deviation: Floats
     share: float
-    by_fold: Floats
     identifiable: bool
 
     @property
@@ -202,8 +198,8 @@ def _best(
     G0, batch, w, k = best
     candidate = family.at(context, batch.shapes[k])
     row = Judged(
-        family, candidate, G0, float(w.gain[k, 0]), w.theta[k], w.deviation[k], float(w.share[k]),
-        w.by_fold[:, k], seen,
+        family, candidate, G0, float(w.gain[k, 0]), w.theta[k], float(w.share[k]),
+        seen,
     )  # fmt: skip
     return row, top
 

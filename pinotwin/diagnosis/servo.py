@@ -12,13 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Mask
 from pinotwin.diagnosis.result import Found, Shrink
 from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.gains import Gains, at_limit, expected, gains_in
 from pinotwin.motion import Motion
+from pinotwin.signals import rms, roughness
 from pinotwin.twin import Twin
 
 MOVED = 0.35  # RMS of what a changed gain does, over what the law leaves anyway
@@ -83,11 +84,11 @@ def _limited(motions: Sequence[Motion], joint: int, axis: str) -> list[Found]:
         u, e = m.u[:, joint], (m.qr - m.q)[:, joint]
         if not np.isfinite(u).any():
             return []
-        near = at_limit(u, _roughness(u), m.step)
+        near = at_limit(u, roughness([u[np.isfinite(u)]]), m.step)
         rows.append(near)
         after = _followed(near, round(0.05 / m.step))
         if near.any() and not after.all():
-            worst = max(worst, _rms(e[after]) / max(_rms(e[~after]), 1e-300))
+            worst = max(worst, rms(e[after]) / max(rms(e[~after]), 1e-300))
             level = max(level, float(np.median(np.abs(u[near]))))
     share = float(np.mean(np.concatenate(rows)))
     if share < LIMITED or worst < WORSE:
@@ -105,8 +106,8 @@ def _changed(
 ) -> list[Found]:
     """Return ``feedforward`` or ``loop_gain`` where gains have left what the twin knows."""
     try:
-        each = [gains_in(_data(m, joint), controller) for m in motions]
-        unseen = [gains_in(_data(m, joint), controller) for m in validation]
+        each = [gains_in(_channels(m, joint), controller) for m in motions]
+        unseen = [gains_in(_channels(m, joint), controller) for m in validation]
     except DataError:  # the axis does not move enough in a log to say anything about its servo
         return []
     now = _mean(each)
@@ -178,14 +179,10 @@ def _error(controller: Controller, column: str) -> float:
     return float(np.hypot(values[0] * own[1], values[1] * own[0]))
 
 
-def _data(m: Motion, joint: int) -> LoopData:
-    """Return an axis' servo channels; nothing here depends on a disturbance."""
+def _channels(m: Motion, joint: int) -> LoopData:
+    """Return an axis' servo channels; nothing here depends on a disturbance, e stands in its place."""
     assert m.qr is not None
-    e = (m.qr - m.q)[:, joint]
-    return LoopData(
-        step=m.step, qr=m.qr[:, joint], d=e, outputs=np.stack([e, m.u[:, joint]], axis=1),
-        segments=m.segments, axis=m.names[joint],
-    )  # fmt: skip
+    return LoopData.of_axis(m, joint, (m.qr - m.q)[:, joint])
 
 
 def _followed(mask: Mask, rows: int) -> Mask:
@@ -194,13 +191,3 @@ def _followed(mask: Mask, rows: int) -> Mask:
     for k in range(1, rows + 1):
         out[k:] |= mask[:-k]
     return out
-
-
-def _roughness(u: Floats) -> float:
-    """Return the standard deviation of an effort's noise, from third differences."""
-    third = np.abs(np.diff(u[np.isfinite(u)], 3))
-    return float(1.4826 * np.median(third) / np.sqrt(20.0)) if len(third) else 0.0
-
-
-def _rms(x: Floats) -> float:
-    return float(np.sqrt(np.mean(x**2))) if len(x) else 0.0

@@ -28,6 +28,7 @@ from pinotwin.arrays import Floats
 from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Shape
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
+from pinotwin.signals import roughness
 
 # Medians of six equal parts of the gamma(2) distribution, whose slip elements add up to 1 - exp(-x).
 YIELDS = gammaincinv(2.0, (np.arange(6) + 0.5) / 6.0)
@@ -74,14 +75,8 @@ def contact(motion: AxisMotion, x_s: float, play: float = 0.0) -> Floats:
 
 
 def encoder_noise(motion: AxisMotion) -> float:
-    """Return the standard deviation of a position's noise, quantisation included [m or rad].
-
-    From third differences, in which motion is small beside noise; by their median, which jerks do not
-    move.
-    """
-    parts = [np.abs(np.diff(motion.q[s], 3)) for s in motion.segments]
-    third = np.concatenate(parts) if parts else np.zeros(0)
-    return float(1.4826 * np.median(third) / np.sqrt(20.0)) if len(third) else 0.0
+    """Return the standard deviation of a position's noise, quantisation included [m or rad]."""
+    return roughness(motion.q[s] for s in motion.segments)
 
 
 @dataclass(frozen=True)

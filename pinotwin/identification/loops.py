@@ -187,14 +187,7 @@ def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
         raise DataError(f"{motion.source}: no command in the log")
     if not np.isfinite(motion.u[:, i]).any():
         raise DataError(f"{motion.source}: no effort of axis {name}")
-    data = LoopData(
-        step=motion.step,
-        qr=motion.qr[:, i],
-        d=disturbance[:, i],
-        outputs=np.stack([motion.qr[:, i] - motion.q[:, i], motion.u[:, i]], axis=1),
-        segments=motion.segments,
-        axis=name,
-    )
+    data = LoopData.of_axis(motion, i, disturbance[:, i])
     data.require_motion()
     return data
 

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
+from pinotwin.motion import Motion
 
 MINIMUM_ROWS = 64
 """Fewest samples from which a loop is identified."""
@@ -103,6 +104,22 @@ class LoopData:
     def rows(self) -> int:
         """Number of samples inside the segments."""
         return sum(s.stop - s.start for s in self.segments)
+
+    @classmethod
+    def of_axis(cls, motion: Motion, joint: int, d: Floats) -> Self:
+        """Return the loop of one axis of a prepared log: its command, e and u, and a disturbance (n,).
+
+        Raises:
+            DataError: the log has no command.
+        """
+        if motion.qr is None:
+            raise DataError(f"{motion.source}: no command in the log")
+        e = (motion.qr - motion.q)[:, joint]
+        return cls(
+            step=motion.step, qr=motion.qr[:, joint], d=d,
+            outputs=np.stack([e, motion.u[:, joint]], axis=1), segments=motion.segments,
+            axis=motion.names[joint],
+        )  # fmt: skip
 
     def within(self, segments: Sequence[slice]) -> Self:
         """Return the same channels with other segments."""

@@ -15,6 +15,7 @@ from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.law import SETTLE, law_columns, signals_of
 from pinotwin.loop.uncertainty import block_covariance
+from pinotwin.signals import rms
 
 NAMES = {"p_pi": ("kv kp", "kv ffv", "kv", "ffa"), "pid": ("kp", "integral", "kd", "ffv", "ffa")}
 HOLD = 0.02  # [s] an effort must rest at its largest size to be at a drive's limit
@@ -65,7 +66,7 @@ def gains_in(data: LoopData, controller: Controller) -> Gains:
     return Gains(
         names=NAMES[controller.kind], before=before, after=found,
         covariance=block_covariance(X, left)[: len(found), : len(found)],
-        unexplained=(_rms(y - X @ before), _rms(left)), held=size, limited=float(limited.mean()),
+        unexplained=(rms(y - X @ before), rms(left)), held=size, limited=float(limited.mean()),
     )  # fmt: skip
 
 
@@ -113,7 +114,3 @@ def _centred(x: Floats, number: Ints, free: Mask) -> Floats:
         own = number == k
         out[own] -= x[own & free].mean(axis=0) if (own & free).any() else x[own].mean(axis=0)
     return out
-
-
-def _rms(x: Floats) -> float:
-    return float(np.sqrt(np.mean(x**2))) if len(x) else 0.0

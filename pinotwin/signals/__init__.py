@@ -10,6 +10,8 @@ from pinotwin.signals.sampling import Clock as Clock
 from pinotwin.signals.sampling import clock as clock
 from pinotwin.signals.sampling import segments as segments
 from pinotwin.signals.sampling import uniform as uniform
+from pinotwin.signals.size import rms as rms
+from pinotwin.signals.size import roughness as roughness
 from pinotwin.signals.spectra import Spectrum as Spectrum
 from pinotwin.signals.spectra import autocorrelation as autocorrelation
 from pinotwin.signals.spectra import fit_ar as fit_ar
@@ -19,6 +21,6 @@ from pinotwin.signals.spectra import whiten as whiten
 
 __all__ = [
     "Clock", "Spectrum", "autocorrelation", "clock", "decimate_zero_phase", "derivatives",
-    "differentiate", "edge_samples", "fit_ar", "interior", "low_pass", "segments",
+    "differentiate", "edge_samples", "fit_ar", "interior", "low_pass", "rms", "roughness", "segments",
     "suggest_cutoff", "uniform", "welch", "whiten",
 ]  # fmt: skip
