@@ -15,8 +15,9 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.catalogue import families
 from pinotwin.diagnosis.catalogue.position import all_waves
 from pinotwin.diagnosis.context import Context, Family, Shape
-from pinotwin.diagnosis.ledger import Ledger, Moments, Worth, moments, sums, worth
+from pinotwin.diagnosis.ledger import Ledger, Moments, moments, sums
 from pinotwin.diagnosis.stage import Stage
+from pinotwin.diagnosis.worth import Worth, worth
 
 BATCH = 64
 MANY = 100  # candidates of one family above which columns are kept in single precision
@@ -29,11 +30,13 @@ class Batch:
     Attributes:
         shapes: the shapes.
         columns: whitened columns per piece, (m, shapes, k), or None where it does not act.
+        ridge: of the family.
         last: base columns of the last ledger they were judged on, and the moments with it.
     """
 
     shapes: Sequence[Shape]
     columns: list[Floats | None]
+    ridge: float = 0.0
     last: list[tuple[tuple[Floats, ...], Moments]] = field(default_factory=list, compare=False)
 
     def known(self, ledger: Ledger) -> Moments:
@@ -45,7 +48,7 @@ class Batch:
 
     def worth(self, ledger: Ledger) -> Worth:
         """Return what the candidates are worth on a ledger."""
-        return worth(ledger, sums(ledger, self.columns, self.known(ledger)))
+        return worth(ledger, sums(ledger, self.columns, self.known(ledger)), self.ridge)
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def _batches(context: Context, stage: Stage, family: Family) -> Iterator[Batch]:
             columns = stacked(stage, [family.at(context, s).columns for s in shapes])
         if len(family.shapes) > MANY:
             columns = [None if x is None else x.astype(np.float32) for x in columns]
-        yield Batch(shapes, columns)
+        yield Batch(shapes, columns, family.ridge)
 
 
 def stacked(stage: Stage, columns: Sequence[list]) -> list[Floats | None]:  # type: ignore[type-arg]

@@ -168,6 +168,8 @@ def _weak(effects: Sequence[Effect], rows: Rows, p: int) -> Floats:
     return out
 
 
+WIDER = 1.5  # of a twin's covariance: what its model leaves out of its standard errors
+DOUBT = 0.002  # of any other coefficient, beyond its standard error
 TABLE_DOUBT = 0.2  # of a table's RMS: what its knots may be off by, interpolation included
 SLOW_DOUBT = 0.2  # of dry friction that its Stribeck part, found at standstill, may be off by
 SHAPE_DOUBT = 0.25  # relative change of a shape that is not worth a name
@@ -182,7 +184,7 @@ def change_base(twin: Twin, rows: Rows, *, scatter: float = 0.015) -> Base:
     theta, doubt = np.zeros(count), np.zeros(count)
     covariance = np.zeros((count, count))
     theta[place], doubt[place] = twin.theta, _doubt(twin, scatter)
-    covariance[np.ix_(place, place)] = 2.25 * np.array(twin.covariance)
+    covariance[np.ix_(place, place)] = WIDER * np.array(twin.covariance)
     open_ = np.diag(covariance) <= 0.0
     covariance += np.diag(doubt**2)
     precision = np.zeros_like(covariance)
@@ -231,7 +233,7 @@ def _doubt(twin: Twin, scatter: float) -> Floats:
     out = np.zeros(len(twin.theta))
     for effect, where in zip(twin.effects, effect_slices(twin.effects), strict=True):
         theta = np.abs(twin.theta[where])
-        share = scatter if effect.name in SCATTERED else 0.003
+        share = scatter if effect.name in SCATTERED else DOUBT
         out[where] = share * theta
         if isinstance(effect, PositionTable) and len(theta):
             out[where] = TABLE_DOUBT * float(np.sqrt(np.mean(theta**2)))

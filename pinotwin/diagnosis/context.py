@@ -94,6 +94,8 @@ class Family:
         positive: the one coefficient must not be negative.
         price: what the search of its shape costs beyond the held-out score [deviance].
         fine: shape -> relative half width of its grid, for those that are polished once found.
+        ridge: how far its coefficients are held together, as a share of what the data say of them in
+            the mean: a table's knots that other blocks hardly visit are not foretold by these.
         local: its columns live in moments of one log; other blocks cannot foretell them, so that it
             is judged by its fit less the price of the search.
     """
@@ -106,6 +108,7 @@ class Family:
     positive: bool = False
     price: float = 0.0
     fine: Mapping[str, float] = field(default_factory=dict)
+    ridge: float = 0.0
     local: bool = False
 
     @property

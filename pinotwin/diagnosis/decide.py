@@ -36,8 +36,8 @@ LATENCY = 3e-4  # [s] a delay below this is every machine's own and gets no name
 MATTERS = 0.01  # gap power over noise power below which an effect is too small to matter
 LEFT_OVER = 0.10  # of an effect's gain: what its linearised column may leave for others on its axis
 LEFT_OVER_ELSEWHERE = 0.03  # the same for other axes, which share the rigid body with it
-LOWEST = 20.0  # no threshold is lower
-LOWEST_CHANGE = 30.0  # the same against a twin, whose own small errors count as well
+LOWEST = 18.0  # no threshold is lower
+LOWEST_CHANGE = 20.0  # the same against a twin, whose own small errors count as well
 PAIRED = 6  # best effects of which all pairs are judged jointly
 
 
@@ -49,11 +49,13 @@ class Named:
         judged: the effect given the other ones.
         rivals: other effects given the other ones, best first.
         threshold: held-out gain that a healthy machine reaches.
+        calibration: of its own search, where that was not the one of the decision.
     """
 
     judged: Judged
     rivals: tuple[Judged, ...]
     threshold: float
+    calibration: Calibration | None = None
 
 
 @dataclass(frozen=True)

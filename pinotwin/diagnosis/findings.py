@@ -33,14 +33,15 @@ def findings(
     for named in decision.named:
         joints = {joint for joint, _ in named.judged.candidate.columns[0]}
         partial = bool(joints & set(left.open))
-        options = _options(named, decision.calibration, partial=partial)
+        known = named.calibration or decision.calibration
+        options = _options(named, known, partial=partial)
         probability = sum(p for j, p in options if j is named.judged)
         others = _covering(options, named.judged)
         moves = _moves(start, decision, named.judged)
         effects.append(_found(start, decision, gap, named, probability, others, moves, rng))
         confusable += [
             [_name(named.judged.key), _name(key)]
-            for key in decision.calibration.like(named.judged.key, named.judged.gain)
+            for key in known.like(named.judged.key, named.judged.gain)
         ]
         for item in others:
             if item["probability"] > 0.2 and item["effect"] != "none":

@@ -1,16 +1,8 @@
-"""Held-out evidence of candidates, from block sums alone.
+"""Block sums of a stage and of candidates: all that a candidate's evidence is computed from.
 
-With a base ``B`` (prior precision L0) and a candidate ``C``, all whitened, the gain of admitting C is
-
-    gain = g' S^-1 g,    g = C'y - C'B L^-1 B'y,    S = C'C - C'B L^-1 B'C,    L = B'B + L0
-
-and what it is worth on data it was not fitted to is the predictive deviance over the folds f,
-
-    G = sum_f [ gain(all) - gain(all but f) ] - [ log det S(all) - log det S(all but f) ].
-
-It prices every coefficient (about 2 each where nothing is there) and a shape that was chosen on the
-training folds is judged on the fold left out. Both terms are Gaussian evidence ratios (Berger &
-Pericchi 1996, doi:10.1080/01621459.1996.10476668, intrinsic Bayes factors).
+With a base ``B`` (prior precision L0) and a candidate ``C``, all whitened, a ledger holds L = B'B + L0 and
+B'y of all rows and of all but each fold, and the sums of a candidate are g = C'y - C'B L^-1 B'y and
+S = C'C - C'B L^-1 B'C; see :mod:`pinotwin.diagnosis.worth`.
 """
 
 from __future__ import annotations
@@ -223,68 +215,6 @@ def moments(ledger: Ledger, batch: Sequence[Floats | None]) -> Moments:
 def _leave_out(x: Floats) -> Floats:
     whole = x.sum(axis=0)
     return np.concatenate([whole[None], whole[None] - x])
-
-
-@dataclass(frozen=True)
-class Worth:
-    """What a batch of candidates is worth.
-
-    Attributes:
-        G: held-out gain in whitened deviance, on the measured and the drawn efforts, shape (I, d).
-        gain: in-sample gain on the measured and the drawn efforts, shape (I, d).
-        theta: coefficients, shape (I, k).
-        share: how much of the columns the base does not explain already, shape (I,).
-        sign: sign of the first coefficient, on the measured and the drawn efforts, shape (I, d).
-    """
-
-    G: Floats
-    gain: Floats
-    theta: Floats
-    share: Floats
-    sign: Floats
-
-
-def worth(ledger: Ledger, s: Sums) -> Worth:
-    """Return what candidates are worth on data they were not fitted to."""
-    gains, logdets = [], []
-    known = s.known
-    for k in range(len(known.S)):
-        g, S, size = s.g[k], known.S[k], np.sqrt(np.maximum(known.raw[k], 1e-300))
-        normal = S / (size[:, :, None] * size[:, None, :]) + 1e-7 * np.eye(S.shape[1])
-        x = np.linalg.solve(normal, g / size[:, :, None])
-        gains.append(np.einsum("ikd,ikd->id", x, g / size[:, :, None]))
-        logdets.append(np.linalg.slogdet(normal)[1] + 2 * np.log(size).sum(axis=1))
-        if k == 0:
-            theta = x[:, :, 0] / size
-            sign = np.sign(x[:, 0, :])
-            share = np.einsum("ikk->i", S) / np.maximum(known.raw[k].sum(axis=1), 1e-300)
-    gain, logdet = np.array(gains), np.array(logdets)[:, :, None]
-    by_fold = (gain[0] - gain[1:]) - (logdet[0] - logdet[1:])
-    G = by_fold.sum(axis=0)
-    if ledger.stage.base.change:
-        G = G + relief(ledger, s)
-    return Worth(G, gain[0], theta, share, sign)
-
-
-def relief(ledger: Ledger, s: Sums) -> Floats:
-    """Return how much less a twin's belief is strained with each candidate, shape (I, d).
-
-    A base parameter that left its prior costs (x - x0)' L0 (x - x0). Data that were fitted hide it from
-    the held-out score, since they moved the parameter; a candidate that takes the change upon itself
-    gives the cost back.
-    """
-    g, S, size = s.g[0], s.known.S[0], np.sqrt(np.maximum(s.known.raw[0], 1e-300))
-    normal = S / (size[:, :, None] * size[:, None, :]) + 1e-7 * np.eye(S.shape[1])
-    c = np.linalg.solve(normal, g / size[:, :, None]) / size[:, :, None]
-    X = s.known.X[0]
-    count, width, p = X.shape
-    prior = ledger.stage.base.precision
-    theta = ledger.solve(0, ledger.right[0])
-    pull = (X.reshape(-1, p) @ (prior @ theta)).reshape(count, width, -1)
-    Q = np.einsum("ikp,ilp->ikl", X, (X.reshape(-1, p) @ prior).reshape(count, width, p))
-    return np.asarray(
-        2.0 * np.einsum("ikd,ikd->id", pull, c) - np.einsum("ikd,ikl,ild->id", c, Q, c)
-    )
 
 
 def residual_of(piece: Piece, theta: Floats) -> Floats:

@@ -6,7 +6,7 @@ it is taken from the residual of a rich model, and said to be assumed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -49,6 +49,13 @@ class Noise:
                 if k < len(part):
                     out[run][k:] -= c * part[:-k]
         return np.asarray(out / self.level[channel.joint])
+
+    def with_joints(self, other: Noise, joints: Collection[int]) -> Noise:
+        """Return this noise with another one's of some joints."""
+        models = {**self.models, **{j: other.models[j] for j in joints}}
+        level = {**self.level, **{j: other.level[j] for j in joints}}
+        rms = {**self.rms, **{j: other.rms[j] for j in joints}}
+        return Noise(self.kind, models, level, rms, self.scatter)
 
     def kept(self, channel: Channel) -> Ints:
         """Return the rows that have a full past, shape (m,)."""

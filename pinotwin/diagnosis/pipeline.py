@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from pinotwin.diagnosis.prepare import Ready, ready
 from pinotwin.diagnosis.result import Diagnosis, Region
 from pinotwin.diagnosis.search import Settings
 from pinotwin.diagnosis.servo import servo_findings
-from pinotwin.diagnosis.verdict import judge, left_over
+from pinotwin.diagnosis.standstill import look_at_rest
+from pinotwin.diagnosis.verdict import Left, judge, left_over
 from pinotwin.diagnosis.where import localise
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -67,21 +69,25 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     )
     decision = decide(start.context, start.search_stage, start.theta, settings, tell)
     decision = confirmed(start, decision, np.random.default_rng([seed, 96]))
+    moving = start
+    if not quick:
+        start, decision = look_at_rest(start, decision, settings, tell)
+        decision = confirmed(start, decision, np.random.default_rng([seed, 95]))
     tell("measuring the gap", 0.85)
     gap = gaps(start, decision, np.random.default_rng([seed, 98]))
+    left = left_over(moving, replace(decision, searched=moving.search_stage), gap)
     if closed_loop and not quick:
         errors, shrinks = error_gaps(start, decision, tell, np.random.default_rng([seed, 97]))
         gap = gap.with_errors(errors, shrinks)
-    return _diagnosis(subject, start, decision, gap, settings, quick)
+    return _diagnosis(subject, start, decision, gap, left, settings, quick)
 
 
 def _diagnosis(
-    subject: Machine | Twin, start: Ready, decision: Decision, gap: Gaps, settings: Settings,
-    quick: bool,
+    subject: Machine | Twin, start: Ready, decision: Decision, gap: Gaps, left: Left,
+    settings: Settings, quick: bool,
 ) -> Diagnosis:  # fmt: skip
     rows, noise = start.stage.rows, start.stage.noise
     rng = np.random.default_rng([settings.seed, 99])
-    left = left_over(start, decision, gap)
     effects, confusable, pairs = findings(start, decision, gap, left, rng)
     flags = rows.validation
     fitted = [m for m, held in zip(rows.motions, flags, strict=True) if not held]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from pinotwin.diagnosis.base import Base, change_base, is_scattered
 from pinotwin.diagnosis.context import Context, make_context
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.noise import Noise, estimate, white_noise
-from pinotwin.diagnosis.rows import Rows, take_rows
+from pinotwin.diagnosis.rows import Rows, at_rest_too, take_rows
 from pinotwin.diagnosis.shapes import shaped_base
 from pinotwin.diagnosis.stage import Stage, build_stage
 from pinotwin.log import Log
@@ -63,24 +63,54 @@ def ready(
     else:
         base = shaped_base(machine, logs, rows, every.motions, white_noise(rows))
     tick("base")
+    start = _settled(every, base, None)
+    tick("noise")
+    return start
+
+
+def at_rest(start: Ready) -> Ready:
+    """Return the same with rows at standstill and reversals."""
+    return _settled(at_rest_too(start.context.rows), start.stage.base, start.context)
+
+
+def with_rest_of(start: Ready, rest: Ready, joints: Collection[int]) -> Ready:
+    """Return the start with the rows at rest, and their noise, of some joints."""
+    own, other = start.stage, rest.stage
+    channels = [c for c in own.rows.channels if c.joint not in joints]
+    channels += [c for c in other.rows.channels if c.joint in joints]
+    channels.sort(key=lambda c: (c.log, c.joint))
+    rows = replace(own.rows, channels=tuple(channels))
+    noise = own.noise.with_joints(other.noise, joints)
+    stage = build_stage(rows, own.base, noise)
+    flags = rows.validation
+    fitted = replace(stage, pieces=tuple(p for p in stage.pieces if not flags[p.channel.log]))
+    theta = _believed(fitted, start.theta)
+    return Ready(start.context, stage, theta, _residuals(rows, own.base, theta))
+
+
+def _settled(every: Rows, base: Base, context: Context | None) -> Ready:
+    """Return the stage with the noise that agrees with its own coefficients."""
+    rows = every.fitted
     theta, residuals = _first(rows, base, white_noise(rows))
     noise = estimate(rows, residuals, _friction(rows, base), rich=_rich(rows, residuals))
     for _ in range(2):
-        ledger = build_ledger(build_stage(rows, base, noise), theta)
-        theta = ledger.theta + (base.mean if base.change else 0.0)
+        theta = _believed(build_stage(rows, base, noise), theta)
     residuals = _residuals(rows, base, theta)
     noise = estimate(rows, residuals, _friction(rows, base), rich=_rich(rows, residuals))
-    tick("noise")
     seen = replace(every, channels=tuple(c for c in every.channels if c.joint in noise.models))
-    context = make_context(seen, base, theta)
-    tick("scenes")
+    context = make_context(seen, base, theta) if context is None else context
     return Ready(context, build_stage(seen, base, noise), theta, _residuals(seen, base, theta))
 
 
 def _first(rows: Rows, base: Base, noise: Noise) -> tuple[Floats, tuple[Floats, ...]]:
-    stage = build_stage(rows, base, noise)
-    theta = build_ledger(stage).theta + (base.mean if base.change else 0.0)
+    theta = _believed(build_stage(rows, base, noise), None)
     return theta, _residuals(rows, base, theta)
+
+
+def _believed(stage: Stage, theta: Floats | None) -> Floats:
+    """Return the coefficients of the base, those of a twin included."""
+    moved = build_ledger(stage, theta).theta
+    return moved + stage.base.mean if stage.base.change else moved
 
 
 def _residuals(rows: Rows, base: Base, theta: Floats) -> tuple[Floats, ...]:

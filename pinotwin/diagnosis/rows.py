@@ -2,13 +2,15 @@
 
 The columns of the model and the effort go through the same short low-pass before they are thinned
 (the parallel filter of Gautier 1997), and a row counts only if the axis moves throughout the filter's
-span: below that, dry friction is not a function of what the log shows.
+span: below that, dry friction is not a function of what the log shows. Only the search for friction
+with a memory (:mod:`pinotwin.diagnosis.standstill`) takes all rows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from pinotwin.motion import Motion
 from pinotwin.preparation import prepare
 
 ROW_RATE = 125.0  # [Hz] rows per second that are looked at
-SLOWEST = 0.01  # share of an axis' top speed below which its rows are left out
+SLOWEST = 0.001  # share of an axis' top speed below which its rows are left out
 
 
 @dataclass(frozen=True)
@@ -130,14 +132,20 @@ def take_rows(
     motions = [sharp(prepare(machine, log, cutoff=cutoff, decimate=1)) for log in every]
     factor = max(1, round(1.0 / (motions[0].step * rate)))
     thinner = Thinner(factor)
-    channels = []
-    for k, motion in enumerate(motions):
-        for joint in range(machine.nv):
-            channel = _channel(motion, thinner, k, joint)
-            if channel is not None:
-                channels.append(channel)
     flags = tuple([False] * len(logs) + [True] * len(validation))
-    return Rows(machine, tuple(motions), thinner, tuple(channels), _commands(motions), flags)
+    rows = Rows(machine, tuple(motions), thinner, (), _commands(motions), flags)
+    return replace(rows, channels=_channels(rows, SLOWEST))
+
+
+def at_rest_too(rows: Rows) -> Rows:
+    """Return the rows of the same logs with standstill and reversals."""
+    return replace(rows, channels=_channels(rows, 0.0))
+
+
+def _channels(rows: Rows, slowest: float) -> tuple[Channel, ...]:
+    places = product(range(len(rows.motions)), range(rows.machine.nv))
+    found = (_channel(rows.motions[k], rows.thinner, k, joint, slowest) for k, joint in places)
+    return tuple(c for c in found if c is not None)
 
 
 def sharp(motion: Motion) -> Motion:
@@ -161,10 +169,12 @@ def sharp(motion: Motion) -> Motion:
     return replace(motion, v=v, a=a, vr=vr, ar=ar)
 
 
-def _channel(motion: Motion, thinner: Thinner, log: int, joint: int) -> Channel | None:
+def _channel(
+    motion: Motion, thinner: Thinner, log: int, joint: int, slowest: float
+) -> Channel | None:
     u = motion.u[:, joint]
     v = np.abs(motion.v[:, joint])
-    good = (v >= SLOWEST * v.max(initial=0.0)) & np.isfinite(u)
+    good = (v >= slowest * v.max(initial=0.0)) & np.isfinite(u)
     half = len(thinner.weights) // 2
     kernel = np.ones(2 * half + 1)
     centres, runs, count = [], [], 0

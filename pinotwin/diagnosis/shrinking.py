@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
 from pinotwin.diagnosis.result import Shrink
 from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.stage import Stage, build_stage, scatter_precision, steady
 
 RESAMPLES = 400
+FIRM = 1e8  # times the precision of a twin's coefficients: they do not move
 STRETCH = 0.5  # [s] length of the blocks that are resampled
 
 
@@ -46,8 +48,17 @@ def plain_stage(stage: Stage) -> Stage:
     noise, rows = stage.noise, stage.rows
     plain = replace(noise, models={j: np.zeros(0) for j in noise.models}, level=noise.rms)
     logs = {p.channel.log for p in stage.pieces}
-    whole = build_stage(rows, stage.base, plain)
+    whole = build_stage(rows, _firm(stage.base), plain)
     return replace(whole, pieces=tuple(p for p in whole.pieces if p.channel.log in logs))
+
+
+def _firm(base: Base) -> Base:
+    """Return a twin's base that stays what it was; a base that is refitted as it is.
+
+    The gap before is the twin's own. If its parameters might move, they would hide a change that is
+    within what is granted them, and the effect that names it would seem to shrink nothing.
+    """
+    return replace(base, precision=FIRM * base.precision) if base.change else base
 
 
 def held_out(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:

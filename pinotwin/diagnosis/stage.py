@@ -128,11 +128,13 @@ def scatter_precision(base: Base, noise: Noise, theta: Floats) -> Floats:
 def steady(piece: Piece, r: Floats, precision: Floats) -> Floats:
     """Return a residual (m,) of one piece without what this run's own friction explains.
 
-    Friction scatters a little from run to run; that much is noise of the second level, not a gap.
+    Friction scatters a little from run to run; that much, twice its standard deviation at most, is noise
+    of the second level, not a gap.
     """
     scattered = np.isfinite(precision[piece.columns])
     if not scattered.any():
         return r
     S = piece.B[:, scattered]
     M = S.T @ S + np.diag(precision[piece.columns[scattered]])
-    return np.asarray(r - S @ np.linalg.solve(M, S.T @ r))
+    limit = 2.0 / np.sqrt(precision[piece.columns[scattered]])
+    return np.asarray(r - S @ np.clip(np.linalg.solve(M, S.T @ r), -limit, limit))

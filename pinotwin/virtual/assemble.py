@@ -74,8 +74,11 @@ def true_tree(
             tree = tilted(tree, index[name], np.array(axis.tilt))
     armature = tree.armature.copy()
     for name, axis in truth.axes.items():
+        rotor = axis.drive.rotor or 0.0
         if axis.drive.frequency == 0.0:
-            armature[index[name]] += axis.drive.rotor or 0.0
+            armature[index[name]] += rotor
+        elif axis.drive.inside and axis.bend is None:
+            armature[index[name]] -= rotor
     return _with_bends(truth, folder, model, tree._replace(armature=armature), index)
 
 

@@ -155,6 +155,8 @@ class Drive:
         frequency: mode of motor against load [Hz]; 0 for a rigid drive.
         damping: damping ratio of that mode [-].
         motor_share: share of the axis' inertia on the motor side [-] if there is no rotor.
+        inside: the rotor is a part of the axis' inertia as it was, not an addition to it: what an
+            elastic drive that is put into a rigid machine must be, or it would also be a payload.
         encoder: ``motor`` or ``load``.
         backlash: dead zone between motor and load [m or rad].
         friction_on_load: share of friction that acts on the load [-].
@@ -164,6 +166,7 @@ class Drive:
     frequency: float = 0.0
     damping: float = 0.03
     motor_share: float = 0.35
+    inside: bool = False
     encoder: str = "motor"
     backlash: float = 0.0
     friction_on_load: float = 0.0

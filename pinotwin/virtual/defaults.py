@@ -34,6 +34,7 @@ class Scale:
     Attributes:
         rotary: whether the axis turns.
         inertia: largest diagonal inertia over the travel, rotor included [kg or kg·m²].
+        least: smallest inertia over the travel with the other joints free, without a rotor.
         hold: largest effort against gravity [N or N·m].
         rated: effort at the acceleration limit, gravity included [N or N·m].
         speed: speed limit.
@@ -42,6 +43,7 @@ class Scale:
 
     rotary: bool
     inertia: float
+    least: float
     hold: float
     rated: float
     speed: float
@@ -66,8 +68,8 @@ def resolved_limits(limits: Limits, model: pin.Model, joint: int, rotary: bool) 
     return Limits(speed, acceleration, jerk, travel)
 
 
-def survey(tree: Tree, travels: Floats, seed: int = 0) -> tuple[Floats, Floats]:
-    """Return the largest diagonal inertia and holding effort of every joint over the travels.
+def survey(tree: Tree, travels: Floats, seed: int = 0) -> tuple[Floats, Floats, Floats]:
+    """Return the largest diagonal inertia, the smallest free one, and the largest holding effort.
 
     Args:
         tree: the machine as CAD believes.
@@ -76,11 +78,13 @@ def survey(tree: Tree, travels: Floats, seed: int = 0) -> tuple[Floats, Floats]:
     """
     rng = np.random.default_rng(seed)
     nv = len(travels)
-    inertia, hold = np.zeros(nv), np.zeros(nv)
+    inertia, least, hold = np.zeros(nv), np.full(nv, np.inf), np.zeros(nv)
     for q in [travels.mean(axis=1), *rng.uniform(travels[:, 0], travels[:, 1], (40, nv))]:
-        inertia = np.maximum(inertia, np.diag(inertia_at(tree, q)))
+        M = inertia_at(tree, q)
+        inertia = np.maximum(inertia, np.diag(M))
+        least = np.minimum(least, 1.0 / np.diag(np.linalg.inv(M)))
         hold = np.maximum(hold, np.abs(gravity_at(tree, q)))
-    return inertia, hold
+    return inertia, least, hold
 
 
 def resolved_axis(axis: AxisTruth, scale: Scale) -> AxisTruth:
@@ -163,7 +167,7 @@ def scales(
     tree: Tree, joints: Mapping[str, int], axes: Mapping[str, AxisTruth], travels: Floats
 ) -> dict[str, Scale]:
     """Return the reference sizes of every axis; ``axes`` must have their limits."""
-    inertia, hold = survey(tree, travels)
+    inertia, least, hold = survey(tree, travels)
     out = {}
     for name, j in joints.items():
         limits = axes[name].limits
@@ -173,5 +177,6 @@ def scales(
         total = float(inertia[j]) + (axes[name].drive.rotor or 0.0)
         rated = total * limits.acceleration + float(hold[j])
         span = limits.travel[1] - limits.travel[0]
-        out[name] = Scale(bool(tree.rotary[j]), total, float(hold[j]), rated, limits.speed, span)
+        size = (total, float(least[j]), float(hold[j]), rated)
+        out[name] = Scale(bool(tree.rotary[j]), *size, limits.speed, span)
     return out

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.virtual.axis_truth import AxisTruth, Bend, Cable, Harmonic
+from pinotwin.virtual.axis_truth import AxisTruth, Bend, Cable, Drive, Harmonic
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.truth import Payload, Pulse, Truth
 
@@ -91,15 +91,20 @@ def _mode(d: Dose) -> float:
 
 
 def _drive(a: AxisTruth, d: Dose) -> AxisTruth:
-    rotor = a.drive.rotor or a.drive.motor_share * d.scale.inertia
-    return replace(a, drive=replace(a.drive, frequency=_mode(d), rotor=rotor))
+    return replace(a, drive=replace(_with_rotor(a.drive, d), frequency=_mode(d)))
+
+
+def _with_rotor(drive: Drive, d: Dose) -> Drive:
+    """Return the drive with a rotor: its own, or a part of the axis' inertia."""
+    if drive.rotor:
+        return drive
+    return replace(drive, rotor=drive.motor_share * d.scale.least, inside=True)
 
 
 def _backlash(a: AxisTruth, d: Dose) -> AxisTruth:
-    rotor = a.drive.rotor or a.drive.motor_share * d.scale.inertia
     gap = d.of(1e-3 if d.scale.rotary else 1e-4)
     stiff = a.drive.frequency or 90.0
-    return replace(a, drive=replace(a.drive, backlash=gap, frequency=stiff, rotor=rotor))
+    return replace(a, drive=replace(_with_rotor(a.drive, d), backlash=gap, frequency=stiff))
 
 
 def _encoder(a: AxisTruth, d: Dose) -> AxisTruth:

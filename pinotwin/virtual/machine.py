@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.virtual.assemble import bodies_of, link_frames, resolve, true_tree
-from pinotwin.virtual.axis_truth import Limits
+from pinotwin.virtual.axis_truth import Drive, Limits
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.effects import inject_all, withhold_all
 from pinotwin.virtual.folder import Folder, read_folder
@@ -92,9 +92,7 @@ class VirtualMachine:
         for name, j in index.items():
             travels[j] = truth.axes[name].limits.travel or (0.0, 0.0)
         middle = np.diag(inertia_at(cad, travels.mean(axis=1)))
-        forward = {
-            n: float(middle[j]) + (truth.axes[n].drive.rotor or 0.0) for n, j in index.items()
-        }
+        forward = {n: float(middle[j]) + _added(truth.axes[n].drive) for n, j in index.items()}
         timing = _timing(truth, layout, tree, forward)
         links = link_frames(model, layout)
         return cls(
@@ -152,6 +150,11 @@ class VirtualMachine:
             friction = replace(f, coulomb=(f.coulomb or 0.0) * a, viscous=(f.viscous or 0.0) * b)
             axes[name] = replace(axis, friction=friction)
         return replace(self.truth, axes=axes)
+
+
+def _added(drive: Drive) -> float:
+    """Return what a rotor adds to the inertia of CAD, which the feed-forward knows."""
+    return 0.0 if drive.inside else drive.rotor or 0.0
 
 
 def _timing(truth: Truth, layout: Layout, tree: Tree, cad: Mapping[str, float]) -> Timing:

@@ -11,6 +11,7 @@ from pinotwin.diagnosis.context import Context, Family, Scene, Shape, on
 
 SHORTEST = {True: 2.0 * np.pi / 200.0, False: 2e-3}  # [rad], [m]
 KNOTS = 24
+RIDGE = 0.02  # of a table's knots
 ANGLES = np.linspace(-0.5, 0.5, 7)[:-1] * np.pi  # of a modulation, that are tried
 
 
@@ -20,7 +21,7 @@ def position(context: Context, axis: str, joint: int) -> Iterator[Family]:
     if high - low <= 0.0:
         return
     yield ripple(context, axis, joint)
-    if not context.has("position_table", axis):
+    if context.base.change or not context.has("position_table", axis):
         yield _table(axis, joint, low, high)
 
 
@@ -91,4 +92,5 @@ def _table(axis: str, joint: int, low: float, high: float) -> Family:
         return np.maximum(0.0, 1.0 - np.abs(x))
 
     names = tuple(f"m{k}" for k in range(KNOTS))
-    return Family("position_table", axis, names, on(joint, values), ({"spacing": spacing},))
+    shape = {"spacing": spacing}
+    return Family("position_table", axis, names, on(joint, values), (shape,), ridge=RIDGE)

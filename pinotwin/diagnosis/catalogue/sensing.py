@@ -25,7 +25,10 @@ def sensing(context: Context, axis: str, joint: int) -> Iterator[Family]:
         return -np.gradient(s.effort[:, joint], step)
 
     yield Family("delay", axis, ("seconds",), on(joint, late))
-    yield Family("effort_scale", axis, ("share",), on(joint, lambda s, _: s.effort[:, joint]))
+    # Without a twin the scale of one axis shows by its coupling with others alone: a slight witness.
+    doubt = 0.0 if context.base.change else 12.0
+    yield Family("effort_scale", axis, ("share",), on(joint, lambda s, _: s.effort[:, joint]),
+                 price=doubt)  # fmt: skip
     yield _encoder(context, axis, joint, step)
 
 
