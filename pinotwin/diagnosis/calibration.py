@@ -29,6 +29,13 @@ OUTSIDE = 0.25  # share of injections whose own family is taken away
 FORM = 0.02  # share of an effect that the form of its columns may be off by
 MERGED = 3.0  # isolability below which two effects are one
 ALONE = 80  # draws of noise alone, for the threshold
+PARTIAL = 0.75
+"""Confidence of an answer that leaves part of the gap open, over that of one that does not.
+
+Injections cannot tell: their effects have the catalogue's own form, so that among them only those from
+outside it leave anything. On virtual machines 41 of 65 such answers were right, of the others 107 of 118
+(development seed 1).
+"""
 STAYS = 0.15  # share of the gap's power above which an answer is only partial
 WARMTHS = np.geomspace(1e-4, 0.3, 25)
 
@@ -41,7 +48,6 @@ class Calibration:
         warmth: temperature of the evidence per unit of gain.
         sure: confidences before recalibration, ascending, shape (n,).
         right: share of right answers at them, shape (n,).
-        doubtful: share of right answers among those that left part of the gap open.
         ratio: (true, other) -> share of the true effect's gain that the other one reaches.
         predicted: true -> named -> probability at the reference size.
     """
@@ -49,7 +55,6 @@ class Calibration:
     warmth: float
     sure: Floats
     right: Floats
-    doubtful: float
     ratio: Mapping[tuple[Key, Key], float]
     predicted: Mapping[Key, Mapping[Key, float]]
 
@@ -61,7 +66,7 @@ class Calibration:
             partial: the answer leaves part of the gap open.
         """
         full = float(np.interp(p, self.sure, self.right)) if len(self.sure) else p
-        return min(full, self.doubtful) if partial else full
+        return PARTIAL * full if partial else full
 
     def isolability(self, true: Key, other: Key, gain: float) -> float:
         """Return by how much an effect of some gain beats another one [half deviance]."""
@@ -110,11 +115,9 @@ def calibrate(
     G = seen.tops[:, :count].copy()
     for n in np.flatnonzero(outside):
         G[[k for k, key in enumerate(seen.keys) if alike(key, truth[n])], n] = -1e3
-    warmth, sure, right, doubtful = _recalibrated(
-        _Answers(seen, G, truth, outside, sizes, threshold)
-    )
+    warmth, sure, right = _recalibrated(_Answers(seen, G, truth, outside, sizes, threshold))
     ratio, predicted = _isolated(seen, keys, seen.tops[:, count:end])
-    return Calibration(warmth, sure, right, doubtful, ratio, predicted)
+    return Calibration(warmth, sure, right, ratio, predicted)
 
 
 def _with_noise(pushed: Floats, noise: Floats) -> Floats:
@@ -181,8 +184,8 @@ class _Answers:
         return np.array(sure), np.array(right, dtype=bool), np.array(partial, dtype=bool)
 
 
-def _recalibrated(answers: _Answers) -> tuple[float, Floats, Floats, float]:
-    """Return the warmth, confidences before and after recalibration, and that of a partial answer."""
+def _recalibrated(answers: _Answers) -> tuple[float, Floats, Floats]:
+    """Return the warmth, and confidences before and after recalibration, of answers that leave nothing."""
     index = {key: k for k, key in enumerate(answers.seen.keys)}
     own = np.array([index.get(key, -1) for key in answers.truth])
     known = np.flatnonzero(~answers.outside & (own >= 0))
@@ -194,8 +197,7 @@ def _recalibrated(answers: _Answers) -> tuple[float, Floats, Floats, float]:
     sure, right, partial = answers.named(warmth)
     order = np.argsort(sure[~partial])
     x, y = _isotonic(sure[~partial][order], right[~partial][order].astype(float))
-    doubtful = (float(right[partial].sum()) + 1.0) / (int(partial.sum()) + 2.0)
-    return warmth, x, y, doubtful
+    return warmth, x, y
 
 
 def alike(a: Key, b: Key) -> bool:

@@ -77,4 +77,5 @@ def _shrink(x: Shrink) -> dict[str, Any]:
     return {
         "before": x.before, "after": x.after, "share": x.share, "interval90": list(x.interval),
         "promised": x.promised,
+        "promised_interval": None if x.promised_interval is None else list(x.promised_interval),
     }  # fmt: skip

@@ -15,12 +15,20 @@ from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Found, Shrink
 from pinotwin.diagnosis.search import Judged, admit
-from pinotwin.diagnosis.shrinking import held_out, shrink
+from pinotwin.diagnosis.shrinking import held_out, on_fitted, shrink
 from pinotwin.diagnosis.verdict import Left
 from pinotwin.twin.twin import effect_keys
 
 SET = 0.9  # probability that the stated alternatives cover
 WARMTH = 0.01  # temperature per gain that columns of first order ask for, whatever injections say
+CLOSE = 0.4  # of the evidence: a rival is not told from an answer that leaves part of the gap open
+UNKNOWN = (
+    0.6  # weight of a cause in no catalogue beside a rival that explains as much as the answer
+)
+WHY = {
+    "none": "the gap may be chance",
+    "unknown": "part of the gap stays: the cause may be in no catalogue",
+}
 Pairs = list[tuple[str, str, str | None]]
 
 
@@ -43,8 +51,10 @@ def findings(
             [_name(named.judged.key), _name(key)]
             for key in known.like(named.judged.key, named.judged.gain)
         ]
+        if partial:
+            confusable += [[_name(named.judged.key), _name(j.key)] for j in _close(named)]
         for item in others:
-            if item["probability"] > 0.2 and item["effect"] != "none":
+            if item["probability"] > 0.2 and item["effect"] not in WHY:
                 axis = item["axis"]
                 confusable.append([_name(named.judged.key), _name((item["effect"], axis))])
                 pairs.append((named.judged.candidate.effect, str(item["effect"]), axis))
@@ -56,32 +66,48 @@ def findings(
 
 def _options(
     named: Named, calibration: Calibration, *, partial: bool
-) -> list[tuple[Judged | None, float]]:
-    """Return the named effect, its rivals and None (no effect) with probabilities, best first.
+) -> list[tuple[Judged | str, float]]:
+    """Return the named effect, its rivals, ``none`` and ``unknown`` with probabilities, best first.
 
     Options of the named effect's own class and axis count with it. The share of right answers among
     injections that looked as sure replaces the probability of the first; the others share the rest.
+
+    An answer that leaves part of the gap open has not the form of the cause to the letter. Evidence does
+    not tell it then from a rival on its axis that explains nearly as much, nor from a cause that is in no
+    catalogue.
     """
-    every: list[Judged | None] = [named.judged, *named.rivals, None]
+    every: list[Judged | str] = [named.judged, *named.rivals, "none"]
     G = np.array([named.judged.G, *(j.G for j in named.rivals)])
     p = tempered(G, named.threshold, max(calibration.warmth, WARMTH))
-    own = float(sum(x for j, x in zip(every, p, strict=True) if j and _same(j, named.judged)))
-    rest = [
-        (j, float(x)) for j, x in zip(every, p, strict=True) if not (j and _same(j, named.judged))
-    ]
+    own = float(sum(x for j, x in zip(every, p, strict=True) if _same(j, named.judged)))
+    rest = [(j, float(x)) for j, x in zip(every, p, strict=True) if not _same(j, named.judged)]
     sure = calibration.confidence(own, partial=partial)
+    if partial:
+        weight = UNKNOWN / max(sum(x for _, x in rest), 1e-300)
+        close = {id(j): j.G / named.judged.G for j in _close(named)}
+        rest = [(j, close.get(id(j), 0.0) + 0.1 * weight * x) for j, x in rest]
+        rest.append(("unknown", UNKNOWN))
     left = sum(x for _, x in rest)
     scale = (1.0 - sure) / left if left > 0.0 else 0.0
-    out: list[tuple[Judged | None, float]] = [(named.judged, sure)]
+    out: list[tuple[Judged | str, float]] = [(named.judged, sure)]
     out += [(j, x * scale) for j, x in rest]
     return sorted(out, key=lambda x: -x[1])
 
 
-def _same(a: Judged, b: Judged) -> bool:
-    return alike(a.key, b.key)
+def _close(named: Named) -> list[Judged]:
+    """Return the rivals on the named effect's axis that explain nearly as much of the gap."""
+    own = named.judged
+    return [
+        j for j in named.rivals
+        if j.candidate.axis == own.candidate.axis and j.G > CLOSE * own.G and not _same(j, own)
+    ]  # fmt: skip
 
 
-def _covering(options: Sequence[tuple[Judged | None, float]], own: Judged) -> list[dict[str, Any]]:
+def _same(a: Judged | str, b: Judged) -> bool:
+    return not isinstance(a, str) and alike(a.key, b.key)
+
+
+def _covering(options: Sequence[tuple[Judged | str, float]], own: Judged) -> list[dict[str, Any]]:
     """Return the alternatives that, with the named effect, reach the stated probability."""
     out: list[dict[str, Any]] = []
     total = 0.0
@@ -91,15 +117,12 @@ def _covering(options: Sequence[tuple[Judged | None, float]], own: Judged) -> li
         total += p
         if judged is own:
             continue
-        effect = "none" if judged is None else judged.candidate.effect
-        axis = None if judged is None else judged.candidate.axis
-        why = (
-            "the gap may be chance"
-            if judged is None
-            else (
-                f"explains {judged.G / max(own.G, 1e-9):.0%} as much of the gap on data not fitted"
-            )
-        )
+        if isinstance(judged, str):
+            effect, axis, why = judged, None, WHY[judged]
+        else:
+            effect, axis = judged.key
+            share = judged.G / max(own.G, 1e-9)
+            why = f"explains {share:.0%} as much of the gap on data not fitted"
         out.append({"effect": effect, "axis": axis, "probability": p, "why": why})
     kin = next((g for g in CLASSES if own.candidate.effect in g), frozenset())
     for effect in sorted(kin - {own.candidate.effect}):
@@ -133,11 +156,13 @@ def _alone(
 ) -> dict[str, Shrink]:
     """Return the shrink of the effect alone, on the axis where it does most."""
     rows = start.stage.rows
-    after = held_out(gap.plain, [*decision.quiet, judged], start.theta)
+    state = on_fitted if judged.family.local else held_out
+    before = state(gap.plain, decision.quiet, start.theta) if judged.family.local else gap.before
+    after = state(gap.plain, [*decision.quiet, judged], start.theta)
     joints = {joint for joint, _ in judged.candidate.columns[0]} & set(rows.joints)
     found = []
     for joint in joints:
-        x = shrink(gap.before, after, joint, start.stage.noise.rms[joint], rng)
+        x = shrink(before, after, joint, start.stage.noise.rms[joint], rng)
         if x is not None:
             found.append(((x.before**2 - x.after**2) / start.stage.noise.rms[joint] ** 2, joint, x))
     shrinks = {"u": max(found, key=lambda y: y[:2])[2]} if found else {}

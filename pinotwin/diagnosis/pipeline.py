@@ -13,11 +13,11 @@ from pinotwin.diagnosis.confirm import confirmed
 from pinotwin.diagnosis.decide import Decision, decide
 from pinotwin.diagnosis.findings import findings
 from pinotwin.diagnosis.gaps import Gaps, gaps
-from pinotwin.diagnosis.prepare import Ready, ready
+from pinotwin.diagnosis.prepare import Ready, at_rest, ready
 from pinotwin.diagnosis.result import Diagnosis, Region
 from pinotwin.diagnosis.search import Settings
-from pinotwin.diagnosis.servo import servo_findings
-from pinotwin.diagnosis.standstill import look_at_rest
+from pinotwin.diagnosis.servo import broken_laws, servo_findings
+from pinotwin.diagnosis.standstill import look_at_rest, restless, unlike
 from pinotwin.diagnosis.verdict import Left, judge, left_over
 from pinotwin.diagnosis.where import localise
 from pinotwin.log import Log
@@ -26,6 +26,7 @@ from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
 
 Tell = Callable[[str, float], None]
+BROKEN_LAW = "the controller's law leaves {:.0f} times what it left when it was identified"
 
 
 @one_blas_thread
@@ -69,13 +70,18 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     )
     decision = decide(start.context, start.search_stage, start.theta, settings, tell)
     decision = confirmed(start, decision, np.random.default_rng([seed, 96]))
-    moving = start
+    moving, words = start, {}
     if not quick:
-        start, decision = look_at_rest(start, decision, settings, tell)
+        tell("friction at standstill and reversals", 0.82)
+        rest = at_rest(start)
+        words = restless(start, rest)
+        start, decision = look_at_rest(start, rest, decision, settings)
         decision = confirmed(start, decision, np.random.default_rng([seed, 95]))
+        words |= unlike(rest, decision)
     tell("measuring the gap", 0.85)
     gap = gaps(start, decision, np.random.default_rng([seed, 98]))
     left = left_over(moving, replace(decision, searched=moving.search_stage), gap)
+    left = left.beside(words)
     if closed_loop and not quick:
         errors, shrinks = error_gaps(start, decision, tell, np.random.default_rng([seed, 97]))
         gap = gap.with_errors(errors, shrinks)
@@ -97,6 +103,8 @@ def _diagnosis(
         for f in servo_findings(subject, fitted, unseen, effects)
         if f.effect not in settings.leave_out
     ]
+    broken = broken_laws(subject, fitted, effects)
+    left = left.beside({j: BROKEN_LAW.format(x) for j, x in broken.items()})
     verdict = judge(start, decision, gap, left, effects)
     has_command = rows.motions[0].qr is not None
     advice, motions = advise(noise.kind, pairs, has_command=has_command)

@@ -67,7 +67,9 @@ class Shrink:
         share: of the squared gap above the noise that goes.
         interval: 90 % interval of that share.
         promised: the share that the fit itself promised.
-        on: ``validation`` or ``held-out blocks``.
+        on: ``validation``, ``held-out blocks``, or ``fitted logs`` (of an event that no other holds).
+        promised_interval: within which another log's share is promised to lie (90 %): the range of the
+            shares of single blocks that were not fitted. None where there are too few.
     """
 
     before: float
@@ -76,6 +78,7 @@ class Shrink:
     interval: tuple[float, float]
     promised: float
     on: str
+    promised_interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,12 @@ from pinotwin.motion import Motion
 from pinotwin.signals import rms, roughness
 from pinotwin.twin import Twin
 
-MOVED = 0.35  # RMS of what a changed gain does, over what the law leaves anyway
-SIGMAS = 8.0  # the same over its standard error: rows of a law are many and alike
-RELATIVE = 0.01  # change of a gain that is worth a name
-BETTER = 1.15  # by how much the law must hold better with the gains that were found
+MOVED = 0.3  # RMS of what a changed gain does, over what the law leaves anyway
+SIGMAS = 4.2  # the same over its standard error; healthy virtual machines reach 2.8
+RELATIVE = 0.004  # change of a gain that is worth a name
+BETTER = 1.05  # by how much the law must hold better with the gains that were found; healthy: 1.02
+COMMON = 0.9  # of what all gains gain together: what one factor on all of them must gain alone
+BROKEN = 5.0  # times what the law left when it was identified: more than gains differ
 HOLDS = 1.3  # of what the law left when it was identified: beyond, it is not the gains that differ
 LIMITED = 2e-3  # share of rows at the limit that is worth a name
 WORSE = 10.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
@@ -123,11 +125,56 @@ def _changed(
         & (np.abs(now.after - now.before) > SIGMAS * error)
         & (np.abs(now.after - now.before) > RELATIVE * np.abs(now.before))
     )
+    factor = _common(now)
+    if moved.any() and factor is not None:
+        every = list(range(len(now.names)))
+        scale = _found("effort_scale", motions[0].names[joint], now, every, unseen, controller)
+        return [replace(scale, theta={"share": factor})]
     out = []
     for effect, own in (("feedforward", True), ("loop_gain", False)):
         which = [k for k, n in enumerate(now.names) if (n in FORWARD) == own and moved[k]]
         if which:
             out.append(_found(effect, motions[0].names[joint], now, which, unseen, controller))
+    return out
+
+
+def _common(now: Gains) -> float | None:
+    """Return by which share all gains have grown alike, None where they have not.
+
+    One factor on the whole law is no setting of a controller: the effort is logged, or made, at another
+    scale.
+    """
+    before, after = np.square(now.unexplained)
+    share, left = now.common
+    alone = (before - left**2) / max(before - after, 1e-300)
+    return share if alone > COMMON and abs(share) > RELATIVE else None
+
+
+def broken_laws(
+    subject: object, motions: Sequence[Motion], found: Sequence[Found]
+) -> dict[int, float]:
+    """Return joint -> how much more a controller's law leaves than it did, where nothing says why."""
+    if not isinstance(subject, Twin) or any(m.qr is None or m.vr is None for m in motions):
+        return {}
+    motions = [_put_right(m, found) for m in motions]
+    named = {
+        f.axis
+        for f in found
+        if f.effect in ("saturation", "feedforward", "loop_gain", "effort_scale")
+    }
+    out: dict[int, float] = {}
+    for joint, axis in enumerate(motions[0].names if motions else ()):
+        controller = subject.controllers.get(axis)
+        if controller is None or not controller.rms or axis in named:
+            continue
+        try:
+            left = _mean([gains_in(_channels(m, joint), controller) for m in motions]).unexplained[
+                0
+            ]
+        except DataError:
+            continue
+        if left > BROKEN * controller.rms:
+            out[joint] = left / controller.rms
     return out
 
 
@@ -166,6 +213,8 @@ def _mean(each: Sequence[Gains]) -> Gains:
         np.mean([g.covariance for g in each], axis=0) / n,
         tuple(np.sqrt(np.mean([np.square(g.unexplained) for g in each], axis=0)).tolist()),
         np.mean([g.held for g in each], axis=0), float(np.mean([g.limited for g in each])),
+        (float(np.mean([g.common[0] for g in each])),
+         float(np.sqrt(np.mean([g.common[1] ** 2 for g in each])))),
     )  # fmt: skip
 
 

@@ -16,6 +16,9 @@ from pinotwin.diagnosis.stage import Stage, build_stage, scatter_precision, stea
 
 RESAMPLES = 400
 FIRM = 1e8  # times the precision of a twin's coefficients: they do not move
+LEAST_ROWS = 40  # of a block whose share counts
+KNOWN = 0.03  # relative uncertainty of the noise's power
+OTHER = 2.0  # times the part of a gap that stays: what another motion may make of it
 STRETCH = 0.5  # [s] length of the blocks that are resampled
 
 
@@ -35,7 +38,7 @@ class HeldOut:
         delivered: on validation logs; without them, on blocks that were not fitted.
         promised: on blocks of the fitted logs that were not fitted; without validation logs, of the
             fit itself.
-        on: ``validation`` or ``held-out blocks``.
+        on: ``validation``, ``held-out blocks``, or ``fitted logs`` (of an event).
     """
 
     delivered: Errors
@@ -72,8 +75,21 @@ def held_out(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:
     blocks = Errors(some, _rebased(some, under, thetas[:, count:], theta))
     if any(flags):
         return HeldOut(_unseen(stage, effects, ledger.theta, theta), blocks, "validation")
-    own = tuple(_si(some, p, p.y - p.B @ ledger.theta[p.columns]) for p in under.pieces)
-    return HeldOut(blocks, Errors(some, own), "held-out blocks")
+    return HeldOut(blocks, _own(some, under, theta), "held-out blocks")
+
+
+def on_fitted(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:
+    """Return the errors on the fitted logs themselves: of an event that no other log holds."""
+    flags = stage.rows.validation
+    some = replace(stage, pieces=tuple(p for p in stage.pieces if not flags[p.channel.log]))
+    own = _own(some, admit(some, effects), theta)
+    return HeldOut(own, own, "fitted logs")
+
+
+def _own(some: Stage, under: Stage, theta: Floats) -> Errors:
+    found = build_ledger(under, theta).theta
+    values = (_si(some, p, p.y - p.B @ found[p.columns]) for p in under.pieces)
+    return Errors(some, tuple(values))
 
 
 def _unseen(stage: Stage, effects: Sequence[Judged], found: Floats, theta: Floats) -> Errors:
@@ -134,7 +150,30 @@ def shrink(
         interval=(float(np.quantile(share, 0.05)), float(np.quantile(share, 0.95))),
         promised=float(_share(u.sum(), v.sum(), len(u) * noise**2)) if len(u) else 0.0,
         on=before.on,
+        promised_interval=_range_of_blocks(before.promised, after.promised, joint, noise),
     )
+
+
+def _range_of_blocks(
+    before: Errors, after: Errors, joint: int, noise: float
+) -> tuple[float, float] | None:
+    """Return within which the share on another log is promised to lie.
+
+    What stays of the gap differs from block to block with their motion. Another log may hold all of the
+    worst and all of the best of it, and its own motion beyond: the range of what stays, times two to
+    either side. Less than a tenth is not told from nothing.
+    """
+    folds = np.concatenate([p.block for p in before.stage.pieces if p.channel.joint == joint])
+    x, y, _ = _squares(before, after, joint)
+    count = np.bincount(folds)
+    seen = np.flatnonzero(count >= LEAST_ROWS)
+    if len(seen) < 3:
+        return None
+    u, v = (np.asarray(np.bincount(folds, w)[seen], dtype=float) for w in (x, y))
+    level = np.asarray(count[seen] * noise**2, dtype=float)
+    stays = 1.0 - np.concatenate([_share(u, v, level * k) for k in (1.0 - KNOWN, 1.0 + KNOWN)])
+    least, most = float(stays.min()), float(stays.max())
+    return max(1.0 - OTHER * most, -1.0), 1.0 if least < 0.1 else 1.0 - least / OTHER
 
 
 def _share(before: Floats | float, after: Floats | float, noise: Floats | float) -> Floats:

@@ -7,7 +7,7 @@ law of friction is in error, and a search of the whole catalogue would find posi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,33 +19,78 @@ from pinotwin.diagnosis.context import Context, Family
 from pinotwin.diagnosis.decide import MATTERS, Decision, Named, rows_of
 from pinotwin.diagnosis.healthy import healthy_draws
 from pinotwin.diagnosis.ledger import build_ledger
-from pinotwin.diagnosis.prepare import Ready, at_rest, with_rest_of
+from pinotwin.diagnosis.prepare import Ready, with_rest_of
 from pinotwin.diagnosis.search import Judged, Settings, admit, polish, screen
+from pinotwin.diagnosis.verdict import excess
 
-LOWEST = 60.0  # no threshold is lower: at rest the form of the law is in error as well
+LOWEST = 160.0  # no threshold is lower: at rest the form of the law is in error as well
+SLOW = 0.06  # of an axis' top speed: a friction that falls beyond is no effect of standstill
+STAYS = (
+    4.0  # excess at rest, over the noise, that an axis with presliding does not show; healthy: 3.1
+)
+RESTLESS = 1.5  # noise at rest over noise in motion; healthy virtual machines reach 1.2
 MOST = 2  # effects that are sought here
 ELSEWHERE = frozenset({"external_force", "ripple_modulated"})  # not of friction
 
 
 def look_at_rest(
-    start: Ready, decision: Decision, settings: Settings, tell: Callable[[str, float], None]
+    start: Ready, rest: Ready, decision: Decision, settings: Settings
 ) -> tuple[Ready, Decision]:
     """Return the stage and the decision with the friction that shows at standstill and reversals.
 
     Both are as they were where nothing is found.
+
+    Args:
+        start: rows in motion.
+        rest: all rows, from :func:`pinotwin.diagnosis.prepare.at_rest`.
+        decision: what was found in motion.
+        settings: of the search.
     """
-    tell("friction at standstill and reversals", 0.82)
-    wanted = [f for f in families(start.context, leave_out=settings.leave_out)
-              if _is_sought(start.context, f)]  # fmt: skip
+    wanted = _sought(start.context, settings.leave_out)
     room = min(MOST, settings.most - len(decision.named))
     if not wanted or room < 1:
         return start, decision
-    rest = at_rest(start)
     shelves = [shelf(start.context, rest.search_stage, f) for f in wanted]
     named = _steps(rest, decision, shelves, settings, room)
     if not named:
         return start, decision
     return _joined(start, rest, decision, _sure(rest, shelves, settings, named))
+
+
+def restless(start: Ready, rest: Ready) -> dict[int, str]:
+    """Return the joints whose runs of one command differ more at rest than in motion, in words."""
+    moving, still = start.stage.noise, rest.stage.noise
+    if moving.kind != "repeats":
+        return {}
+    ratio = {j: still.rms[j] / x for j, x in moving.rms.items() if j in still.rms}
+    return {j: f"runs of one command differ {x:.1f} times as much with standstill as in motion"
+            for j, x in ratio.items() if x > RESTLESS}  # fmt: skip
+
+
+def unlike(rest: Ready, decision: Decision) -> dict[int, str]:
+    """Return the joints that differ from their own law of friction at rest by more than laws do."""
+    found = {joint for n in decision.named for joint, _ in n.judged.candidate.columns[0]}
+    under = admit(rest.search_stage, [*decision.quiet, *(n.judged for n in decision.named)])
+    names = rest.stage.rows.motions[0].names
+    return {
+        joint: f"{x:.0f} times the noise's power at standstill and reversals"
+        for joint, x in excess(under, rest).items()
+        if x > STAYS and joint not in found and rest.context.has("presliding", names[joint])
+    }
+
+
+def _sought(context: Context, leave_out: frozenset[str]) -> list[Family]:
+    """Return the families of friction with a memory, at the shapes that show at rest."""
+    out = []
+    for family in families(context, leave_out=leave_out):
+        if not _is_sought(context, family):
+            continue
+        if family.effect == "stribeck":
+            joint = context.machine.axis(str(family.axis)).index
+            slow = [s for s in family.shapes if s["v_s"] < SLOW * context.speed(joint)]
+            family = replace(family, shapes=slow)
+        out.append(family)
+    return out
 
 
 def _is_sought(context: Context, family: Family) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -50,10 +50,17 @@ class Left:
     Attributes:
         stays: joint with a gap -> share of its power that stays.
         open: joints of which more than noise and more than a small share stays.
+        words: joint -> what else is open about it, that a model of the plant cannot show.
     """
 
     stays: dict[int, float]
     open: tuple[int, ...]
+    words: dict[int, str] = field(default_factory=dict)
+
+    def beside(self, words: Mapping[int, str]) -> Left:
+        """Return the same with joints that are open for another reason."""
+        stays = {**dict.fromkeys(words, 1.0), **self.stays}
+        return Left(stays, tuple(sorted({*self.open, *words})), {**self.words, **words})
 
 
 def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
@@ -99,16 +106,15 @@ def judge(
     open_, stays = left.open, left.stays
     verdict: Verdict
     if effects:
-        shrinks = all(any(x.share > 0.0 for x in e.shrink.values()) for e in effects)
+        stated = [e.shrink.values() for e in effects if e.shrink]  # a drive's limit states none
+        shrinks = all(any(x.share > 0.0 for x in of) for of in stated)
         verdict = "partly_explained" if open_ or not shrinks else "explained"
     else:
         verdict = "unexplained" if open_ else "none"
-    residuals = list(start.residuals)
-    remains = (
-        {names[j]: describe(start.stage.rows, residuals, j) for j in open_}
-        if not effects
-        else {names[j]: describe(start.stage.rows, _after(start, gap), j) for j in open_}
-    )
+    residuals = _after(start, gap) if effects else list(start.residuals)
+    remains = {
+        names[j]: left.words.get(j) or describe(start.stage.rows, residuals, j) for j in open_
+    }
     unexplained = {names[j]: {"u": share} for j, share in stays.items()}
     advice = [f"{axis}: what stays is {words}" for axis, words in remains.items()]
     return Judgement(

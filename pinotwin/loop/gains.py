@@ -34,6 +34,7 @@ class Gains:
             gains found [N or N·m].
         held: RMS of what each column changes in the effort, per unit of its gain, shape (p,).
         limited: share of rows at the drive's limit.
+        common: share by which all gains together have grown, and the RMS that is left with that alone.
     """
 
     names: tuple[str, ...]
@@ -43,6 +44,7 @@ class Gains:
     unexplained: tuple[float, float]
     held: Floats
     limited: float
+    common: tuple[float, float]
 
 
 def gains_in(data: LoopData, controller: Controller) -> Gains:
@@ -63,10 +65,13 @@ def gains_in(data: LoopData, controller: Controller) -> Gains:
     size = np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-300)
     found = np.linalg.lstsq(X / size, y, rcond=1e-10)[0] / size
     before, left = expected(controller), y - X @ found
+    law = X @ before
+    factor = float(law @ y / max(float(law @ law), 1e-300))
     return Gains(
         names=NAMES[controller.kind], before=before, after=found,
         covariance=block_covariance(X, left)[: len(found), : len(found)],
         unexplained=(rms(y - X @ before), rms(left)), held=size, limited=float(limited.mean()),
+        common=(factor - 1.0, rms(y - factor * law)),
     )  # fmt: skip
 
 

@@ -45,6 +45,8 @@ from pinotwin.report.plain_words import (
     region_words,
 )
 
+OTHERWISE = {"none": "chance: no cause", "unknown": "a cause that is in no catalogue"}
+
 
 def diagnosis_report(
     diagnosis: Diagnosis, logs: Log | Sequence[Log] = (), validate: Sequence[Log] = ()
@@ -145,7 +147,7 @@ def _which(e: Found) -> list[object]:
     others = []
     for item in e.alternatives:
         effect = str(item.get("effect", ""))
-        what = "chance: no cause" if effect == "none" else on_axis(effect, item.get("axis"))
+        what = OTHERWISE.get(effect) or on_axis(effect, item.get("axis"))
         p = item.get("probability", 0.0)
         others.append(f"{what}{f' ({p:.0%})' if p > 0.0 else ''}: {item.get('why', '')}")
     other = Html(

@@ -52,7 +52,7 @@ def _flexibility(context: Context, axis: str, joint: int) -> Family:
     top = min(0.7 / context.rows.row_step, 120.0)
 
     def values(s: Scene, shape: Shape) -> Floats:
-        load = s.inertia[:, joint] * s.motion.a[:, joint]
+        load = s.rigid[:, joint]  # all that the spring carries: gravity and coupling too
         return _resonance(load, shape["frequency"], shape["damping"], step, s.motion) - load
 
     shapes = [
