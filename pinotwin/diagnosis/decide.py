@@ -18,7 +18,7 @@ from pinotwin.diagnosis.bank import Shelf, fill
 from pinotwin.diagnosis.calibration import Calibration, calibrate
 from pinotwin.diagnosis.context import Context
 from pinotwin.diagnosis.healthy import healthy_draws
-from pinotwin.diagnosis.ledger import Ledger, build_ledger, residual_of
+from pinotwin.diagnosis.ledger import Ledger, build_ledger
 from pinotwin.diagnosis.search import (
     Judged,
     Key,
@@ -31,11 +31,8 @@ from pinotwin.diagnosis.search import (
 )
 from pinotwin.diagnosis.shrinking import plain_stage
 from pinotwin.diagnosis.stage import Stage
+from pinotwin.diagnosis.trivial import joints_of, trivial
 
-LATENCY = 3e-4  # [s] a delay below this is every machine's own and gets no name
-MATTERS = 0.01  # gap power over noise power below which an effect is too small to matter
-LEFT_OVER = 0.10  # of an effect's gain: what its linearised column may leave for others on its axis
-LEFT_OVER_ELSEWHERE = 0.03  # the same for other axes, which share the rigid body with it
 LOWEST = 18.0  # no threshold is lower
 LOWEST_CHANGE = 20.0  # the same against a twin, whose own small errors count as well
 PAIRED = 6  # best effects of which all pairs are judged jointly
@@ -115,7 +112,7 @@ class _Search:
     found: list[Judged] = field(default_factory=list)
     quiet: list[Judged] = field(default_factory=list)
     steps: list[tuple[float, float]] = field(default_factory=list)
-    threshold: float = 20.0
+    limits: dict[Key, float] = field(default_factory=dict)
 
     @property
     def lowest(self) -> float:
@@ -137,14 +134,13 @@ class _Search:
                 break
             best = [self._simplest(ledger, seen)]
             best = self._pair(ledger, seen, best[0]) or best
-            self.threshold = self._chance(here, best, taken, step)
-            self.steps.append((self.threshold, best[0].G))
-            if self.threshold > max(j.G for j in best):
+            best = self._significant(here, ledger, best, _heads(seen, best, self.lowest), step)
+            if not best:
                 break
             plain = admit(rough, [*self.quiet, *self.found])
             for j in best:
-                trivial = len(best) == 1 and _trivial(j, here, self.found, plain)
-                (self.quiet if trivial else self.found).append(j)
+                small = len(best) == 1 and trivial(j, here, self.found, plain)
+                (self.quiet if small else self.found).append(j)
         assert first is not None
         return first
 
@@ -163,15 +159,30 @@ class _Search:
     def _screen(self, ledger: Ledger, taken: Sequence[Key]) -> Screened:
         return screen(self.context, self.shelves, ledger, self.settings, taken)
 
+    def _significant(
+        self, here: Stage, ledger: Ledger, best: list[Judged], others: Sequence[Judged], step: int
+    ) -> list[Judged]:
+        """Return the best, or else the best of another axis, that healthy draws do not reach."""
+        limits = self._chance(here, [*best, *others], step)
+        top = max(best, key=lambda j: j.G)
+        self.steps.append((limits[top.key[1]], top.G))
+        if limits[top.key[1]] > top.G:
+            past = [j for j in others if limits[j.key[1]] < j.G]
+            best = [polish(self.context, ledger, past[0])] if past else []
+        self.limits |= {j.key: limits[j.key[1]] for j in best}
+        return best
+
     def _chance(
-        self, here: Stage, best: Sequence[Judged], taken: Sequence[Key], step: int
-    ) -> float:  # fmt: skip
-        """Return the gain that healthy draws reach, drawn from the residual that the best leaves."""
+        self, here: Stage, best: Sequence[Judged], step: int
+    ) -> dict[str | None, float]:  # fmt: skip
+        """Return per axis the gain that healthy draws reach, drawn from what the best ones leave."""
         under = admit(here, best)
         rng = np.random.default_rng([self.settings.seed, step])
         drawn = healthy_draws(under, build_ledger(under, self.theta), self.settings.draws, rng)
+        taken = [j.key for j in (*self.quiet, *self.found)]
         seen = self._screen(build_ledger(here, self.theta, drawn), taken)
-        return max(seen.threshold(self.settings.alpha), self.lowest)
+        found = seen.thresholds(self.settings.alpha)
+        return {axis: max(x, self.lowest) for axis, x in found.items()}
 
     def _pair(self, ledger: Ledger, seen: Screened, best: Judged) -> list[Judged] | None:
         """Return two effects that together beat the best one with its best company, or None.
@@ -203,56 +214,31 @@ class _Search:
                 others = [j for j in self.found if j is not member]
                 ledger = build_ledger(admit(self.stage, [*self.quiet, *others]), self.theta)
                 seen = self._screen(ledger, [j.key for j in (*self.quiet, *others)])
-                best = polish(self.context, ledger, seen.judged[0])
-                own = next((j for j in seen.judged if j.key == member.key), member)
+                like = [j for j in seen.judged if joints_of(j) & joints_of(member)] or [member]
+                best = polish(self.context, ledger, like[0])
+                own = next((j for j in like if j.key == member.key), member)
                 own = best if best.key == own.key else polish(self.context, ledger, own)
-                if self.threshold > max(best.G, own.G):
+                limit = self.limits.get(member.key, self.lowest)
+                if limit > max(best.G, own.G):
                     self.found, changed = others, True
                     break
                 if best.key != member.key and own.G + max(6.0, 0.02 * own.G) < best.G:
                     own, changed = best, True
+                    self.limits[own.key] = limit
                 self.found[k] = own
-                rivals = tuple(j for j in seen.judged if j.key != own.key and j.identifiable)
-                named.append(Named(own, rivals[:12], self.threshold))
+                rivals = tuple(j for j in like if j.key != own.key and j.identifiable)
+                named.append(Named(own, rivals[:12], limit))
             if not changed:
                 break
         named.sort(key=lambda n: -n.judged.G)
         return tuple(named)
 
 
-def _trivial(judged: Judged, stage: Stage, found: Sequence[Judged], plain: Stage) -> bool:
-    """Whether an effect is real but too small to matter, or what a first-order column leaves over."""
-    axis = judged.candidate.axis
-    for other in found:
-        share = LEFT_OVER if other.candidate.axis == axis else LEFT_OVER_ELSEWHERE
-        if share * other.G > judged.G:
-            return True
-    if judged.candidate.effect == "delay" and abs(float(judged.theta[0])) < LATENCY:
-        return True
-    least = MATTERS * rows_of(judged, stage)
-    if least > judged.G:
-        return True
-    if stage.base.change:  # a twin's own parameters absorb a change, at the price of their prior
-        return least > _effort(judged, plain)
-    return least > _power(plain) - _power(admit(plain, [judged]))
-
-
-def _effort(judged: Judged, stage: Stage) -> float:
-    """Return the squared effort of an effect on a plain stage, in units of the noise."""
-    columns = stage.project(judged.candidate.columns)
-    return float(sum(np.sum((x @ judged.theta) ** 2) for x in columns if x is not None))
-
-
-def _power(stage: Stage) -> float:
-    """Return the squared residual of a plain stage in units of the noise."""
-    ledger = build_ledger(stage)
-    return float(sum(np.sum(residual_of(p, ledger.theta) ** 2) for p in stage.pieces))
-
-
-def rows_of(judged: Judged, stage: Stage) -> int:
-    """Return the number of rows that an effect acts on."""
-    joints = {joint for joint, _ in judged.candidate.columns[0]}
-    if judged.candidate.axis is not None:
-        own = stage.rows.motions[0].index(judged.candidate.axis)
-        joints = {own} if own in joints else joints
-    return sum(len(p.y) for p in stage.pieces if p.channel.joint in joints)
+def _heads(seen: Screened, best: Sequence[Judged], lowest: float) -> list[Judged]:
+    """Return the best effect of every axis that the best ones are not on."""
+    out: dict[str | None, Judged] = {}
+    taken = {j.key[1] for j in best}
+    for j in seen.judged:
+        if j.key[1] not in taken and lowest < j.G and j.identifiable:
+            out.setdefault(j.key[1], j)
+    return list(out.values())

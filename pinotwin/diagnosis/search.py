@@ -67,10 +67,23 @@ class Screened:
 
     def threshold(self, alpha: float, columns: slice = slice(None)) -> float:
         """Return the gain that the best of all families exceeds with a probability in healthy draws."""
-        null = self.tops[:, columns].max(axis=0)
-        beta = float(np.std(null)) * np.sqrt(6.0) / np.pi  # a Gumbel law by its moments
-        fitted = float(np.mean(null)) - 0.5772 * beta - beta * np.log(-np.log(1.0 - alpha))
-        return max(fitted, 8.0)
+        return _extreme(self.tops[:, columns].max(axis=0), alpha)
+
+    def thresholds(self, alpha: float) -> dict[str | None, float]:
+        """Return the same per axis, the probability shared out among them.
+
+        What one axis leaves open must not hide the effect of another.
+        """
+        axes = sorted({axis for _, axis in self.keys}, key=str)
+        own = {a: [k for k, (_, axis) in enumerate(self.keys) if axis == a] for a in axes}
+        return {a: _extreme(self.tops[own[a]].max(axis=0), alpha / len(axes)) for a in axes}
+
+
+def _extreme(null: Floats, alpha: float) -> float:
+    """Return what largest gains exceed with a probability: a Gumbel law by its moments."""
+    beta = float(np.std(null)) * np.sqrt(6.0) / np.pi
+    fitted = float(np.mean(null)) - 0.5772 * beta - beta * np.log(-np.log(1.0 - alpha))
+    return max(fitted, 8.0)
 
 
 @dataclass(frozen=True)

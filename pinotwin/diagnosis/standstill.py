@@ -16,11 +16,12 @@ from pinotwin.diagnosis.bank import Shelf, shelf
 from pinotwin.diagnosis.calibration import calibrate
 from pinotwin.diagnosis.catalogue import families
 from pinotwin.diagnosis.context import Context, Family
-from pinotwin.diagnosis.decide import MATTERS, Decision, Named, rows_of
+from pinotwin.diagnosis.decide import Decision, Named
 from pinotwin.diagnosis.healthy import healthy_draws
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready, with_rest_of
 from pinotwin.diagnosis.search import Judged, Settings, admit, polish, screen
+from pinotwin.diagnosis.trivial import MATTERS, rows_of
 from pinotwin.diagnosis.verdict import excess
 
 LOWEST = 160.0  # no threshold is lower: at rest the form of the law is in error as well

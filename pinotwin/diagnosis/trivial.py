@@ -1,0 +1,79 @@
+"""What is real but gets no name: too small to matter, or what a first-order column leaves over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.diagnosis.ledger import build_ledger, residual_of
+from pinotwin.diagnosis.search import Judged, admit
+from pinotwin.diagnosis.stage import Stage
+
+LATENCY = 3e-4  # [s] a delay below this is every machine's own and gets no name
+MATTERS = 0.01  # gap power over noise power below which an effect is too small to matter
+LEFT_OVER = (
+    0.10  # of an effect's gain: what its first-order column may leave to its like on its axis
+)
+LEFT_OVER_OTHERS = 0.01  # the same to effects of another kind
+LEFT_OVER_ELSEWHERE = 0.03  # the same on other axes, where it moves the rigid body of them all
+LEFT_OVER_APART = 0.001  # the same on other axes, where it acts on its own alone
+SHAKING = ("drive_flexibility", "backlash", "delay")  # what they leave shakes the other axes too
+KINDS = (
+    {"ripple", "ripple_modulated", "position_table", "encoder_error"},
+    {"drive_flexibility", "backlash", "delay", "payload", "rotor_inertia", "wrist_coupling",
+     "geometric_error", "gravity", "effort_scale"},
+    {"coulomb", "coulomb_asymmetric", "offset", "viscous", "viscous_asymmetric", "viscous_thermal",
+     "stribeck", "quadratic_drag", "load_friction", "presliding"},
+)  # fmt: skip
+"""Effects that have much in common: what one of them leaves over looks like another."""
+
+
+def trivial(judged: Judged, stage: Stage, found: Sequence[Judged], plain: Stage) -> bool:
+    """Whether an effect is real but too small to matter, or what a first-order column leaves over."""
+    if any(_leaves(other, judged) * other.G > judged.G for other in found):
+        return True
+    if judged.candidate.effect == "delay" and abs(float(judged.theta[0])) < LATENCY:
+        return True
+    least = MATTERS * rows_of(judged, stage)
+    if least > judged.G:
+        return True
+    if stage.base.change:  # a twin's own parameters absorb a change, at the price of their prior
+        return least > _effort(judged, plain)
+    return least > _power(plain) - _power(admit(plain, [judged]))
+
+
+def _leaves(found: Judged, other: Judged) -> float:
+    """Return the share of an effect's gain that its column of first order may leave to another effect."""
+    effect = found.candidate.effect
+    if found.candidate.axis == other.candidate.axis:
+        kin = any({effect, other.candidate.effect} <= kind for kind in KINDS)
+        return LEFT_OVER if kin else LEFT_OVER_OTHERS
+    wide = len(joints_of(found)) > 1 or effect in SHAKING
+    return LEFT_OVER_ELSEWHERE if wide else LEFT_OVER_APART
+
+
+def joints_of(judged: Judged) -> set[int]:
+    """Return the joints that an effect acts on."""
+    return {joint for joint, _ in judged.candidate.columns[0]}
+
+
+def _effort(judged: Judged, stage: Stage) -> float:
+    """Return the squared effort of an effect on a plain stage, in units of the noise."""
+    columns = stage.project(judged.candidate.columns)
+    return float(sum(np.sum((x @ judged.theta) ** 2) for x in columns if x is not None))
+
+
+def _power(stage: Stage) -> float:
+    """Return the squared residual of a plain stage in units of the noise."""
+    ledger = build_ledger(stage)
+    return float(sum(np.sum(residual_of(p, ledger.theta) ** 2) for p in stage.pieces))
+
+
+def rows_of(judged: Judged, stage: Stage) -> int:
+    """Return the number of rows that an effect acts on."""
+    joints = {joint for joint, _ in judged.candidate.columns[0]}
+    if judged.candidate.axis is not None:
+        own = stage.rows.motions[0].index(judged.candidate.axis)
+        joints = {own} if own in joints else joints
+    return sum(len(p.y) for p in stage.pieces if p.channel.joint in joints)
