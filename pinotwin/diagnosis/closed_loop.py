@@ -16,17 +16,17 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.context import Scene
 from pinotwin.diagnosis.decide import Decision
-from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Gap, Shrink
-from pinotwin.diagnosis.rows import SLOWEST
 from pinotwin.diagnosis.search import Judged, admit
+from pinotwin.diagnosis.stage import Piece
 from pinotwin.errors import DataError
 from pinotwin.loop import LoopData, Structure, identify_loop
 from pinotwin.loop.model import LoopModel
 from pinotwin.signals import roughness
 
 TRAINED = 0.7  # of a log that a loop is fitted to where there is no validation log
+MOVING = 0.01  # share of an axis' top speed above which the tracking error is looked at
 SETTLED = 0.2  # [s] at the start of a stretch, in which the loop's own state is not known
 SENSED = ("delay", "effort_scale")  # they are in what is logged of the effort, not in the effort
 RESAMPLES = 400
@@ -41,8 +41,8 @@ def error_gaps(
     if any(m.qr is None for m in motions):
         return {}, {}
     named = [n.judged for n in decision.named if n.judged.candidate.effect not in SENSED]
-    plain = _efforts(start, decision, [])
-    fuller = _efforts(start, decision, named) if named else plain
+    plain = _efforts(start, [])
+    fuller = _efforts(start, named) if named else plain
     table: dict[str, Gap] = {}
     shrinks: dict[str, Shrink] = {}
     joints = start.stage.rows.joints
@@ -62,41 +62,46 @@ def error_gaps(
     return table, shrinks
 
 
-def _efforts(start: Ready, decision: Decision, named: Sequence[Judged]) -> list[Floats]:
+def _efforts(start: Ready, named: Sequence[Judged]) -> list[Floats]:
     """Return the effort of the base with some effects, standstill included, per log of shape (n, nv)."""
     base = start.stage.base
     theta = (base.mean if base.whole is None else base.whole).copy()
     found = np.zeros(0)
     if named:
-        moved, found = _change(start, decision, named)
+        moved, found = _change(start, named)
         theta += moved
     return [_effort(scene, base, theta, named, found) for scene in start.context.scenes]
 
 
-def _change(
-    start: Ready, decision: Decision, named: Sequence[Judged]
-) -> tuple[Floats, Floats]:  # fmt: skip
+def _change(start: Ready, named: Sequence[Judged]) -> tuple[Floats, Floats]:
     """Return by how much the base moves when effects are admitted, and the effects' coefficients.
 
     Only what means the same at rest as in motion may move: rows in motion say nothing about a contact.
     """
     base, p = start.stage.base, start.stage.base.count
     stage = admit(start.search_stage, named)
-    bare = build_ledger(admit(start.search_stage, decision.quiet), start.theta).theta[:p]
+    known = np.zeros(p) if base.whole is None or base.change else base.whole
     free = np.concatenate([_steady(base), np.ones(stage.base.count - p, dtype=bool)])
     A, b = np.zeros((0, len(free))), np.zeros(0)
     for piece in stage.pieces:
         wide = np.zeros((len(piece.y), len(free)))
         wide[:, piece.columns] = piece.B
         own = piece.columns[piece.columns < p]
-        left = piece.y - wide[:, own] @ bare[own]
-        A, b = np.concatenate([A, wide]), np.concatenate([b, left])
+        left = piece.y - wide[:, own] @ known[own]
+        rows = _moving(start, piece)
+        A, b = np.concatenate([A, wide[rows]]), np.concatenate([b, left[rows]])
     held = np.diag(np.sqrt(np.maximum(np.diag(stage.base.precision), 0.0)))
     A, b = np.concatenate([A, held]), np.concatenate([b, np.zeros(len(free))])
     size = np.maximum(np.linalg.norm(A[:, free], axis=0), 1e-300)
     change = np.zeros(len(free))
     change[free] = np.linalg.lstsq(A[:, free] / size, b, rcond=1e-8)[0] / size
     return change[:p], change[p:]
+
+
+def _moving(start: Ready, piece: Piece) -> Mask:
+    """Return which rows of a piece are clearly in motion."""
+    v = np.abs(start.stage.rows.motions[piece.channel.log].v[:, piece.channel.joint])
+    return np.asarray(v[piece.channel.centres[piece.kept]] > MOVING * v.max())
 
 
 def _steady(base: Base) -> Mask:
@@ -136,7 +141,7 @@ def _left(start: Ready, joint: int, efforts: Sequence[Floats]) -> list[tuple[int
     for k, d in enumerate(data):
         if not held or rows.validation[k]:
             moving = np.abs(rows.motions[k].v[:, joint])
-            moving = moving > SLOWEST * moving.max()
+            moving = moving > MOVING * moving.max()
             out += [(k, *x) for x in _errors(model, d if held else _part(d, False), moving)]
     return out
 

@@ -22,9 +22,7 @@ from pinotwin.twin.twin import effect_keys
 SET = 0.9  # probability that the stated alternatives cover
 WARMTH = 0.01  # temperature per gain that columns of first order ask for, whatever injections say
 CLOSE = 0.4  # of the evidence: a rival is not told from an answer that leaves part of the gap open
-UNKNOWN = (
-    0.6  # weight of a cause in no catalogue beside a rival that explains as much as the answer
-)
+UNKNOWN = 0.6  # weight of a cause in no catalogue, beside 1 of a rival as good as the answer
 WHY = {
     "none": "the gap may be chance",
     "unknown": "part of the gap stays: the cause may be in no catalogue",

@@ -98,11 +98,11 @@ def _diagnosis(
     flags = rows.validation
     fitted = [m for m, held in zip(rows.motions, flags, strict=True) if not held]
     unseen = [m for m, held in zip(rows.motions, flags, strict=True) if held]
-    effects += [
-        f
-        for f in servo_findings(subject, fitted, unseen, effects)
-        if f.effect not in settings.leave_out
-    ]
+    servo = servo_findings(subject, fitted, unseen, effects)
+    effects += [f for f in servo if f.effect not in settings.leave_out]
+    effects.sort(
+        key=lambda f: f.effect != "saturation"
+    )  # a drive at its limit comes before all else
     broken = broken_laws(subject, fitted, effects)
     left = left.beside({j: BROKEN_LAW.format(x) for j, x in broken.items()})
     verdict = judge(start, decision, gap, left, effects)

@@ -295,8 +295,5 @@ def admit(stage: Stage, judged: Sequence[Judged]) -> Stage:
 
 
 def _wider(piece: Piece, x: Floats, index: Ints) -> Piece:
-    return replace(
-        piece,
-        B=np.concatenate([piece.B, x], axis=1),
-        columns=np.concatenate([piece.columns, index.astype(int)]),
-    )
+    columns = np.concatenate([piece.columns, index.astype(int)])
+    return replace(piece, B=np.concatenate([piece.B, x], axis=1), columns=columns)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Mask
+from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.result import Found, Shrink
 from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller
@@ -27,10 +27,14 @@ SIGMAS = 4.2  # the same over its standard error; healthy virtual machines reach
 RELATIVE = 0.004  # change of a gain that is worth a name
 BETTER = 1.05  # by how much the law must hold better with the gains that were found; healthy: 1.02
 COMMON = 0.9  # of what all gains gain together: what one factor on all of them must gain alone
+SEEN = 0.02  # change of the effort's scale that inverse dynamics would have found
 BROKEN = 5.0  # times what the law left when it was identified: more than gains differ
 HOLDS = 1.3  # of what the law left when it was identified: beyond, it is not the gains that differ
 LIMITED = 2e-3  # share of rows at the limit that is worth a name
 WORSE = 10.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
+OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
+SPIKE = 25.0  # density of sizes at the limit over that below it, if the error is LEFT_BEHIND too
+LEFT_BEHIND = 1.3  # the same of the tracking error then
 FORWARD = ("ffa", "ffv", "kv ffv")
 
 
@@ -58,9 +62,11 @@ def servo_findings(
     for joint, axis in enumerate(motions[0].names):
         out += _limited(motions, joint, axis)
         controller = subject.controllers.get(axis) if isinstance(subject, Twin) else None
-        if controller is not None and not any(f.axis == axis for f in out):
+        late = any(f.effect == "delay" and f.axis == axis for f in sensing)
+        if controller is not None and not late and not any(f.axis == axis for f in out):
             out += _changed(controller, motions, validation or motions, joint)
-    return out
+    known = {(f.effect, f.axis) for f in sensing}
+    return [f for f in out if (f.effect, f.axis) not in known]
 
 
 def _put_right(m: Motion, found: Sequence[Found]) -> Motion:
@@ -79,28 +85,42 @@ def _put_right(m: Motion, found: Sequence[Found]) -> Motion:
 
 
 def _limited(motions: Sequence[Motion], joint: int, axis: str) -> list[Found]:
-    """Return ``saturation`` where an effort rests at its largest size and the axis is left behind."""
-    rows, worst, level = [], 0.0, 0.0
+    """Return ``saturation`` where an effort rests at a largest size and the axis is left behind."""
+    efforts, errors, near, after = [], [], [], []
     for m in motions:
         assert m.qr is not None
-        u, e = m.u[:, joint], (m.qr - m.q)[:, joint]
+        u = m.u[:, joint]
         if not np.isfinite(u).any():
             return []
-        near = at_limit(u, roughness([u[np.isfinite(u)]]), m.step)
-        rows.append(near)
-        after = _followed(near, round(0.05 / m.step))
-        if near.any() and not after.all():
-            worst = max(worst, rms(e[after]) / max(rms(e[~after]), 1e-300))
-            level = max(level, float(np.median(np.abs(u[near]))))
-    share = float(np.mean(np.concatenate(rows)))
-    if share < LIMITED or worst < WORSE:
+        efforts.append(np.nan_to_num(u))
+        errors.append((m.qr - m.q)[:, joint])
+        near.append(at_limit(u, roughness([u[np.isfinite(u)]]), m.step))
+        after.append(_followed(near[-1], round(0.05 / m.step)))
+    size, e = np.abs(np.concatenate(efforts)), np.concatenate(errors)
+    at, late = np.concatenate(near), np.concatenate(after)
+    share = float(np.mean(at))
+    if share < LIMITED or late.all():
+        return []
+    worst = rms(e[late]) / max(rms(e[~late]), 1e-300)
+    level = float(np.median(size[at]))
+    over, spike = _plateau(size, level, float(np.mean([roughness([u]) for u in efforts])))
+    clear = worst > WORSE or (spike > SPIKE and worst > LEFT_BEHIND)
+    if over > OVER * share or not clear:
         return []
     return [
         Found(
             "saturation", axis, 0.95, {"limit": level}, {"share of time": share}, {}, [],
-            gain=float(sum(map(len, rows)) * share * np.log(worst)),
+            gain=float(len(size) * share * np.log(worst)),
         )
     ]  # fmt: skip
+
+
+def _plateau(size: Floats, level: float, noise: float) -> tuple[float, float]:
+    """Return the share of rows above a level, and how much denser sizes are at it than below it."""
+    width = max(4.0 * noise, 0.01 * level)
+    at = np.count_nonzero(np.abs(size - level) < width)
+    below = np.count_nonzero((size > level - 4.0 * width) & (size < level - 2.0 * width))
+    return float(np.mean(size > level + width)), float(at) / float(max(int(below), 1))
 
 
 def _changed(
@@ -142,12 +162,12 @@ def _common(now: Gains) -> float | None:
     """Return by which share all gains have grown alike, None where they have not.
 
     One factor on the whole law is no setting of a controller: the effort is logged, or made, at another
-    scale.
+    scale. If it were large, the plant would show it too.
     """
     before, after = np.square(now.unexplained)
     share, left = now.common
     alone = (before - left**2) / max(before - after, 1e-300)
-    return share if alone > COMMON and abs(share) > RELATIVE else None
+    return share if alone > COMMON and RELATIVE < abs(share) < SEEN else None
 
 
 def broken_laws(

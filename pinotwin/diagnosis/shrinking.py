@@ -18,7 +18,7 @@ RESAMPLES = 400
 FIRM = 1e8  # times the precision of a twin's coefficients: they do not move
 LEAST_ROWS = 40  # of a block whose share counts
 KNOWN = 0.03  # relative uncertainty of the noise's power
-OTHER = 2.0  # times the part of a gap that stays: what another motion may make of it
+OTHER = 1.25  # times the part of a gap that stays: what another motion may make of it
 STRETCH = 0.5  # [s] length of the blocks that are resampled
 
 
@@ -160,8 +160,8 @@ def _range_of_blocks(
     """Return within which the share on another log is promised to lie.
 
     What stays of the gap differs from block to block with their motion. Another log may hold all of the
-    worst and all of the best of it, and its own motion beyond: the range of what stays, times two to
-    either side. Less than a tenth is not told from nothing.
+    worst and all of the best of it, and its own motion beyond: the range of what stays, a
+    quarter wider to either side. Less than a tenth is not told from nothing.
     """
     folds = np.concatenate([p.block for p in before.stage.pieces if p.channel.joint == joint])
     x, y, _ = _squares(before, after, joint)

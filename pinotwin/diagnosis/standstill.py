@@ -26,9 +26,7 @@ from pinotwin.diagnosis.verdict import excess
 
 LOWEST = 160.0  # no threshold is lower: at rest the form of the law is in error as well
 SLOW = 0.06  # of an axis' top speed: a friction that falls beyond is no effect of standstill
-STAYS = (
-    4.0  # excess at rest, over the noise, that an axis with presliding does not show; healthy: 3.1
-)
+STAYS = 4.0  # excess at rest that a law with presliding does not leave [noise power]; healthy: 3.1
 RESTLESS = 1.5  # noise at rest over noise in motion; healthy virtual machines reach 1.2
 MOST = 2  # effects that are sought here
 ELSEWHERE = frozenset({"external_force", "ripple_modulated"})  # not of friction
@@ -69,14 +67,17 @@ def restless(start: Ready, rest: Ready) -> dict[int, str]:
 
 
 def unlike(rest: Ready, decision: Decision) -> dict[int, str]:
-    """Return the joints that differ from their own law of friction at rest by more than laws do."""
-    found = {joint for n in decision.named for joint, _ in n.judged.candidate.columns[0]}
-    under = admit(rest.search_stage, [*decision.quiet, *(n.judged for n in decision.named)])
+    """Return the joints that differ from their own law of friction at rest by more than laws do.
+
+    Only where nothing was named: what shakes an axis shakes the others too, at rest as well.
+    """
+    if decision.named:
+        return {}
     names = rest.stage.rows.motions[0].names
     return {
         joint: f"{x:.0f} times the noise's power at standstill and reversals"
-        for joint, x in excess(under, rest).items()
-        if x > STAYS and joint not in found and rest.context.has("presliding", names[joint])
+        for joint, x in excess(admit(rest.search_stage, decision.quiet), rest).items()
+        if x > STAYS and rest.context.has("presliding", names[joint])
     }
 
 

@@ -12,9 +12,7 @@ from pinotwin.diagnosis.stage import Stage
 
 LATENCY = 3e-4  # [s] a delay below this is every machine's own and gets no name
 MATTERS = 0.01  # gap power over noise power below which an effect is too small to matter
-LEFT_OVER = (
-    0.10  # of an effect's gain: what its first-order column may leave to its like on its axis
-)
+LEFT_OVER = 0.10  # of an effect's gain: what a first-order column may leave to its like on its axis
 LEFT_OVER_OTHERS = 0.01  # the same to effects of another kind
 LEFT_OVER_ELSEWHERE = 0.03  # the same on other axes, where it moves the rigid body of them all
 LEFT_OVER_APART = 0.001  # the same on other axes, where it acts on its own alone

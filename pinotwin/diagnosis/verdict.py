@@ -107,7 +107,7 @@ def judge(
     verdict: Verdict
     if effects:
         stated = [e.shrink.values() for e in effects if e.shrink]  # a drive's limit states none
-        shrinks = all(any(x.share > 0.0 for x in of) for of in stated)
+        shrinks = not stated or any(x.share > 0.0 for of in stated for x in of)
         verdict = "partly_explained" if open_ or not shrinks else "explained"
     else:
         verdict = "unexplained" if open_ else "none"

@@ -29,7 +29,7 @@ def friction(context: Context, axis: str, joint: int) -> Iterator[Family]:
     if not context.has("viscous_asymmetric", axis):
         yield Family("viscous_asymmetric", axis, ("b_diff",),
                      on(joint, lambda s, _: np.abs(s.motion.v[:, joint])))  # fmt: skip
-    if not (context.has("coulomb", axis) or context.has("coulomb_asymmetric", axis)):
+    if not any(context.has(e, axis) for e in ("coulomb", "coulomb_asymmetric", "offset")):
         yield Family(
             "coulomb_asymmetric", axis, ("c_plus", "c_minus"), on(joint, _both_ways(joint))
         )
