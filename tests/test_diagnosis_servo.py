@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.servo import servo_findings
+from pinotwin.diagnosis.servo import _common, _mean, _plateau, servo_findings
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.gains import at_limit, gains_in
@@ -72,3 +72,36 @@ def test_a_drive_at_its_limit_is_named_and_a_healthy_one_is_not(urdf_dir):
     (found,) = servo_findings(machine, [ill], [])
     assert (found.effect, found.axis) == ("saturation", "X")
     assert found.shape["limit"] == pytest.approx(limit, rel=0.05)
+
+
+def scaled(share: float) -> LoopData:
+    """Return channels whose effort is logged at another scale."""
+    made = channels()
+    e, u = made.outputs.T
+    return LoopData(step=LAW.step, qr=made.qr, d=e, outputs=np.stack([e, (1.0 + share) * u], axis=1),
+                    axis="X")  # fmt: skip
+
+
+@pytest.mark.parametrize("share", [-0.012, 0.008])
+def test_all_gains_alike_are_a_scale_of_the_effort(share):
+    found = gains_in(scaled(share), dataclasses.replace(LAW, velocity_delay=0.0005))
+    assert found.common[0] == pytest.approx(share, abs=1e-3)
+    assert _common(_mean([found])) == pytest.approx(share, abs=1e-3)
+
+
+def test_one_gain_alone_is_no_scale_and_a_large_scale_the_plant_would_show():
+    law = dataclasses.replace(LAW, velocity_delay=0.0005)
+    assert _common(_mean([gains_in(channels(ffa=6.0), law)])) is None
+    assert _common(_mean([gains_in(scaled(0.1), law)])) is None
+
+
+def test_sizes_crowd_at_a_limit_and_nowhere_else():
+    rng = np.random.default_rng(0)
+    size = np.abs(10.0 * np.sin(np.linspace(0.0, 60.0, 20000)))
+    noise = 0.01 * rng.standard_normal(len(size))
+    over, spike = _plateau(np.minimum(size, 7.0) + noise, 7.0, 0.01)
+    assert over < 1e-3
+    assert spike > 5.0
+    over, spike = _plateau(size + noise, 7.0, 0.01)
+    assert over > 0.3
+    assert spike < 2.0

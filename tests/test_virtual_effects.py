@@ -6,6 +6,7 @@ import pytest
 from pinotwin.errors import InputError
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.doses import INJECT, INJECT_MACHINE, OUTSIDE
+from pinotwin.virtual.mass import inertia_at
 from pinotwin.virtual.withholding import WITHHOLD, WITHHOLD_MACHINE
 
 SECONDS = 4.0
@@ -186,3 +187,16 @@ def test_bad_requests_are_named(plain, inject, message):
         VirtualMachine.load(plain, inject=inject)
     with pytest.raises(InputError, match="cannot withhold 'gravity'"):
         VirtualMachine.load(plain, withhold=["gravity"])
+
+
+@pytest.mark.parametrize("effect", ["drive_flexibility", "backlash"])
+def test_an_elastic_drive_adds_no_inertia_and_leaves_the_feed_forward_alone(plain, effect):
+    """Its rotor is a part of the axis' inertia; otherwise it would be a payload as well."""
+    well = VirtualMachine.load(plain)
+    ill = VirtualMachine.load(plain, inject=[f"{effect}:Y=0.05"])
+    j = ill.layout.drive["Y"]
+    rotor = ill.truth.axes["Y"].drive.rotor
+    before, after = (np.diag(inertia_at(m.tree, m.layout.home))[j] for m in (well, ill))
+    assert rotor > 0.05 * before
+    assert after + rotor == pytest.approx(before, rel=1e-9)
+    assert ill.cad_inertia["Y"] == pytest.approx(well.cad_inertia["Y"])

@@ -1,0 +1,33 @@
+"""Friction with a memory on virtual machines: named where an axis stands, and not where it is healthy."""
+
+from __future__ import annotations
+
+import pytest
+
+from pinotwin.bench.cases import Case
+from pinotwin.bench.produce import produce
+from pinotwin.diagnosis import diagnose
+
+
+def said(machine, *effects, seed=21, leave_out=()):
+    sealed = produce(Case(0, machine, "structure", "single", effects, seed)).sealed
+    return diagnose(sealed.machine, sealed.logs, validate=sealed.validation, closed_loop=False,
+                    leave_out=leave_out)  # fmt: skip
+
+
+def test_presliding_is_named_although_rows_in_motion_do_not_show_it():
+    found = said("random:3", ("presliding", "Q3", 0.5))
+    assert (found.effects[0].effect, found.effects[0].axis) == ("presliding", "Q3")
+    assert found.effects[0].shrink["u"].share > 0.3
+
+
+def test_a_healthy_machine_with_presliding_is_not_accused_of_any():
+    found = said("random:3")
+    assert (found.verdict, found.effects) == ("none", [])
+
+
+@pytest.mark.parametrize("size", [0.1])
+def test_friction_that_chatters_at_rest_is_said_to_be_unexplained(size):
+    found = said("random:2", ("chatter", "Q2", size))
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert "standstill" in found.remains["Q2"]
