@@ -109,7 +109,7 @@ class Settings:
 
 RARE = {"geometric_error": 6.0, "position_table": 4.0, "encoder_error": 4.0, "backlash": 6.0,
         "wrist_coupling": 2.0, "viscous_asymmetric": 2.0, "ripple": 6.0, "ripple_modulated": 12.0,
-        "external_force": 30.0, "delay": 15.0, "drive_flexibility": 15.0, "stribeck": 6.0,
+        "external_force": 30.0, "delay": 15.0, "drive_flexibility": 25.0, "stribeck": 6.0,
         "presliding": 6.0}  # fmt: skip
 """Deviance that an effect must bring beyond another one that does the same.
 

@@ -19,7 +19,9 @@ from pinotwin.diagnosis.stage import Stage, scatter_precision, steady
 
 SIGNIFICANT = {"repeats": 0.25, "assumed": 0.35}
 """Whitened power above the noise that counts as a gap, by how the noise is known."""
-STAYS_UNSEEN = 0.4  # the same as STAYS on a log that was not fitted, where travel and speed differ
+STAYS_PUSHED = 0.5  # the same where a push was found, whose course is not known
+FORETOLD = 0.88  # share of a gap that goes on a validation log: the rest is no matter then
+STAYS_UNSEEN = 0.5  # the same as STAYS on a log that was not fitted, where travel and speed differ
 
 
 @dataclass(frozen=True)
@@ -72,11 +74,15 @@ def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
     before = excess(decision.searched, start)
     after = excess(admit(decision.searched, [n.judged for n in decision.named]), start)
     stays = {j: float(np.clip(after[j] / x, 0.0, 1.0)) for j, x in before.items() if x > limit}
-    open_ = {j for j, s in stays.items() if after[j] > limit and s > STAYS}
-    for j in set(stays) - open_ - _local(decision):
-        delivered = _delivered(start, gap, j)
-        if delivered is not None and 1.0 - delivered > STAYS_UNSEEN:
-            stays[j] = max(stays[j], 1.0 - max(delivered, 0.0))
+    pushed = _local(decision)
+    open_ = set()
+    for j, share in stays.items():
+        delivered = None if j in pushed else _delivered(start, gap, j)
+        most = STAYS_PUSHED if j in pushed else STAYS
+        if after[j] > limit and share > most and not (delivered or 0.0) > FORETOLD:
+            open_.add(j)
+        elif delivered is not None and 1.0 - delivered > STAYS_UNSEEN:
+            stays[j] = max(share, 1.0 - max(delivered, 0.0))
             open_.add(j)
     return Left(stays, tuple(sorted(open_)))
 
@@ -88,14 +94,15 @@ def _local(decision: Decision) -> set[int]:
 
 
 def _delivered(start: Ready, gap: Gaps, joint: int) -> float | None:
-    """Return the shrink on validation logs, or None where there is none or nothing left above noise."""
+    """Return the shrink on validation logs: 1 where only noise is left, None where they show no gap."""
     axis = start.stage.rows.motions[0].names[joint]
     found = gap.together.get(axis, {}).get("u")
     if found is None or found.on != "validation":
         return None
-    limit = SIGNIFICANT[start.stage.noise.kind]
-    noise = start.stage.noise.rms[joint]
-    return found.share if found.after**2 > (1.0 + 2.0 * limit) * noise**2 else None
+    noise = (1.0 + 2.0 * SIGNIFICANT[start.stage.noise.kind]) * start.stage.noise.rms[joint] ** 2
+    if found.after**2 > noise:
+        return found.share
+    return 1.0 if found.before**2 > noise else None
 
 
 def judge(
