@@ -100,9 +100,7 @@ def _diagnosis(
     unseen = [m for m, held in zip(rows.motions, flags, strict=True) if held]
     servo = servo_findings(subject, fitted, unseen, effects)
     effects += [f for f in servo if f.effect not in settings.leave_out]
-    effects.sort(
-        key=lambda f: f.effect != "saturation"
-    )  # a drive at its limit comes before all else
+    effects.sort(key=lambda f: f.effect != "saturation")  # a drive at its limit before all else
     broken = broken_laws(subject, fitted, effects)
     left = left.beside({j: BROKEN_LAW.format(x) for j, x in broken.items()})
     verdict = judge(start, decision, gap, left, effects)

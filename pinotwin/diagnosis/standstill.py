@@ -21,10 +21,10 @@ from pinotwin.diagnosis.healthy import healthy_draws
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready, with_rest_of
 from pinotwin.diagnosis.search import Judged, Settings, admit, polish, screen
-from pinotwin.diagnosis.trivial import MATTERS, rows_of
+from pinotwin.diagnosis.trivial import rows_of
 from pinotwin.diagnosis.verdict import excess
 
-LOWEST = 160.0  # no threshold is lower: at rest the form of the law is in error as well
+FORM = 0.08  # deviance per row that the form of a law may be in error by at rest: no threshold is lower
 SLOW = 0.06  # of an axis' top speed: a friction that falls beyond is no effect of standstill
 STAYS = 4.0  # excess at rest that a law with presliding does not leave [noise power]; healthy: 3.1
 RESTLESS = 1.5  # noise at rest over noise in motion; healthy virtual machines reach 1.2
@@ -115,11 +115,11 @@ def _steps(
         taken = [j.key for j in (*given, *found)]
         ledger = build_ledger(here, rest.theta)
         seen = screen(rest.context, shelves, ledger, plain, taken)
-        if not seen.judged or LOWEST > seen.judged[0].G:
+        if not seen.judged or FORM * rows_of(seen.judged[0], here) > seen.judged[0].G:
             break
         best = polish(rest.context, ledger, seen.judged[0])
         threshold = _chance(rest, shelves, plain, best, (here, taken, step))
-        if max(threshold, MATTERS * rows_of(best, here)) > best.G:
+        if threshold > best.G:
             break
         rivals = tuple(j for j in seen.judged if j.key != best.key and j.identifiable)
         named.append(Named(best, rivals, threshold))
@@ -136,7 +136,7 @@ def _chance(
     rng = np.random.default_rng([settings.seed, 50 + step])
     drawn = healthy_draws(under, build_ledger(under, rest.theta), settings.draws, rng)
     seen = screen(rest.context, shelves, build_ledger(here, rest.theta, drawn), settings, taken)
-    return max(seen.threshold(settings.alpha), LOWEST)
+    return max(seen.threshold(settings.alpha), FORM * rows_of(best, here))
 
 
 def _sure(
