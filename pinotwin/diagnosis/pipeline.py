@@ -26,6 +26,7 @@ from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
 
 Tell = Callable[[str, float], None]
+QUICK = 3  # fewer rows of a quick look
 BROKEN_LAW = "the controller's law leaves {:.0f} times what it left when it was identified"
 
 
@@ -60,7 +61,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the logs", 0.02)
-    start = ready(subject, _list(log), _list(validate), lambda stage: tell(stage, 0.1))
+    start = ready(subject, _list(log), _list(validate), lambda stage: tell(stage, 0.1),
+                  coarse=QUICK if quick else 1)  # fmt: skip
     settings = Settings(
         draws=60 if quick else 160,
         injections=60 if quick else 200,

@@ -12,7 +12,7 @@ from pinotwin.diagnosis.base import Base, change_base, is_scattered
 from pinotwin.diagnosis.context import Context, make_context
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.noise import Noise, estimate, white_noise
-from pinotwin.diagnosis.rows import Rows, at_rest_too, take_rows
+from pinotwin.diagnosis.rows import ROW_RATE, Rows, at_rest_too, take_rows
 from pinotwin.diagnosis.shapes import shaped_base
 from pinotwin.diagnosis.stage import Stage, build_stage
 from pinotwin.log import Log
@@ -51,11 +51,21 @@ def ready(
     logs: Sequence[Log],
     validation: Sequence[Log],
     tick: Callable[[str], None],
+    *,
+    coarse: int = 1,
 ) -> Ready:
-    """Return the stage of a diagnosis."""
+    """Return the stage of a diagnosis.
+
+    Args:
+        subject: machine or twin.
+        logs: logs to diagnose.
+        validation: logs that no effect is fitted to.
+        tick: called with each stage.
+        coarse: by how much fewer rows are looked at.
+    """
     machine = subject.machine if isinstance(subject, Twin) else subject
     machine = machine.with_rigid_joints()
-    every = take_rows(machine, logs, validation)
+    every = take_rows(machine, logs, validation, rate=ROW_RATE / coarse)
     rows = every.fitted  # validation logs are sealed: nothing below is fitted to them
     tick("rows")
     if isinstance(subject, Twin):
