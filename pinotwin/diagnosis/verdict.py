@@ -84,7 +84,20 @@ def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
         elif delivered is not None and 1.0 - delivered > STAYS_UNSEEN:
             stays[j] = max(share, 1.0 - max(delivered, 0.0))
             open_.add(j)
+    for j, share in _at_rest(start, decision, gap).items():
+        stays[j] = max(stays.get(j, 0.0), 1.0 - max(share, 0.0))
+        if 1.0 - share > STAYS_UNSEEN:
+            open_.add(j)
     return Left(stays, tuple(sorted(open_)))
+
+
+def _at_rest(start: Ready, decision: Decision, gap: Gaps) -> dict[int, float]:
+    """Return the shrink of the joints whose friction was found at rest: rows in motion do not show it."""
+    names = start.stage.rows.motions[0].names
+    found = [n.judged for n in decision.named if n.calibration is not None]
+    joints = {joint for x in found for joint, _ in x.candidate.columns[0]}
+    shrinks = {j: gap.together.get(names[j], {}).get("u") for j in joints}
+    return {j: x.share for j, x in shrinks.items() if x is not None}
 
 
 def _local(decision: Decision) -> set[int]:
