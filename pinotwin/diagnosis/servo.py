@@ -35,6 +35,7 @@ WORSE = 10.0  # tracking error there over the error elsewhere: hard acceleration
 OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
 SPIKE = 25.0  # density of sizes at the limit over that below it, if the error is LEFT_BEHIND too
 LEFT_BEHIND = 1.3  # the same of the tracking error then
+SERVO = ("saturation", "feedforward", "loop_gain", "effort_scale")  # they say why a law fails
 FORWARD = ("ffa", "ffv", "kv ffv")
 
 
@@ -177,22 +178,17 @@ def broken_laws(
     if not isinstance(subject, Twin) or any(m.qr is None or m.vr is None for m in motions):
         return {}
     motions = [_put_right(m, found) for m in motions]
-    named = {
-        f.axis
-        for f in found
-        if f.effect in ("saturation", "feedforward", "loop_gain", "effort_scale")
-    }
+    named = {f.axis for f in found if f.effect in SERVO}
     out: dict[int, float] = {}
     for joint, axis in enumerate(motions[0].names if motions else ()):
         controller = subject.controllers.get(axis)
         if controller is None or not controller.rms or axis in named:
             continue
         try:
-            left = _mean([gains_in(_channels(m, joint), controller) for m in motions]).unexplained[
-                0
-            ]
+            now = _mean([gains_in(_channels(m, joint), controller) for m in motions])
         except DataError:
             continue
+        left = now.unexplained[0]
         if left > BROKEN * controller.rms:
             out[joint] = left / controller.rms
     return out
