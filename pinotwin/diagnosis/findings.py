@@ -154,9 +154,11 @@ def _alone(
 ) -> dict[str, Shrink]:
     """Return the shrink of the effect alone, on the axis where it does most."""
     rows = start.stage.rows
-    state = on_fitted if judged.family.local else held_out
-    before = state(gap.plain, decision.quiet, start.theta) if judged.family.local else gap.before
-    after = state(gap.plain, [*decision.quiet, judged], start.theta)
+    both = [*decision.quiet, judged]
+    if judged.family.local:
+        before, after = (on_fitted(gap.plain, x, start.theta) for x in (decision.quiet, both))
+    else:
+        before, after = gap.before, held_out(gap.plain, both, start.theta)
     joints = {joint for joint, _ in judged.candidate.columns[0]} & set(rows.joints)
     found = []
     for joint in joints:

@@ -39,11 +39,7 @@ class Ready:
     @property
     def search_stage(self) -> Stage:
         """The stage without validation logs: what effects may be fitted to."""
-        flags = self.stage.rows.validation
-        if not any(flags):
-            return self.stage
-        kept = tuple(p for p in self.stage.pieces if not flags[p.channel.log])
-        return replace(self.stage, pieces=kept)
+        return self.stage.fitted
 
 
 def ready(
@@ -92,9 +88,7 @@ def with_rest_of(start: Ready, rest: Ready, joints: Collection[int]) -> Ready:
     rows = replace(own.rows, channels=tuple(channels))
     noise = own.noise.with_joints(other.noise, joints)
     stage = build_stage(rows, own.base, noise)
-    flags = rows.validation
-    fitted = replace(stage, pieces=tuple(p for p in stage.pieces if not flags[p.channel.log]))
-    theta = _believed(fitted, start.theta)
+    theta = _believed(stage.fitted, start.theta)
     return Ready(start.context, stage, theta, _residuals(rows, own.base, theta))
 
 

@@ -66,28 +66,26 @@ def _firm(base: Base) -> Base:
 
 def held_out(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:
     """Return the errors of the base with some effects on data not used to fit them."""
-    flags = stage.rows.validation
-    some = replace(stage, pieces=tuple(p for p in stage.pieces if not flags[p.channel.log]))
+    some = stage.fitted
     under = admit(some, effects)
     ledger = build_ledger(under, theta)
     count = stage.base.count
     thetas = np.array([ledger.theta, *(_fold_theta(ledger, f) for f in range(under.blocks))])
     blocks = Errors(some, _rebased(some, under, thetas[:, count:], theta))
-    if any(flags):
+    if any(stage.rows.validation):
         return HeldOut(_unseen(stage, effects, ledger.theta, theta), blocks, "validation")
-    return HeldOut(blocks, _own(some, under, theta), "held-out blocks")
+    return HeldOut(blocks, _own(some, under, ledger.theta), "held-out blocks")
 
 
 def on_fitted(stage: Stage, effects: Sequence[Judged], theta: Floats) -> HeldOut:
     """Return the errors on the fitted logs themselves: of an event that no other log holds."""
-    flags = stage.rows.validation
-    some = replace(stage, pieces=tuple(p for p in stage.pieces if not flags[p.channel.log]))
-    own = _own(some, admit(some, effects), theta)
+    under = admit(stage.fitted, effects)
+    own = _own(stage.fitted, under, build_ledger(under, theta).theta)
     return HeldOut(own, own, "fitted logs")
 
 
-def _own(some: Stage, under: Stage, theta: Floats) -> Errors:
-    found = build_ledger(under, theta).theta
+def _own(some: Stage, under: Stage, found: Floats) -> Errors:
+    """Return what coefficients leave on the very rows of a stage."""
     values = (_si(some, p, p.y - p.B @ found[p.columns]) for p in under.pieces)
     return Errors(some, tuple(values))
 

@@ -8,7 +8,7 @@ block: with scatter S ~ N(0, Sigma), V^-1 = I - S (S'S + Sigma^-1)^-1 S' in whit
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,13 @@ class Stage:
     noise: Noise
     pieces: tuple[Piece, ...]
     blocks: int
+
+    @property
+    def fitted(self) -> Stage:
+        """The stage without validation logs: all that may be fitted to."""
+        flags = self.rows.validation
+        kept = tuple(p for p in self.pieces if not flags[p.channel.log])
+        return replace(self, pieces=kept)
 
     def whitened(self, piece: Piece, values: Floats) -> Floats:
         """Return columns (n, k) of the piece's joint as whitened rows, shape (m, k)."""
