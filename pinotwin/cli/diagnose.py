@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pinotwin.twin import Twin
 
 
+OTHERWISE = {"none": "chance", "unknown": "a cause in no catalogue"}
 LIKELY = 0.05  # probability from which another cause is worth a line on the terminal
 
 
@@ -124,7 +125,7 @@ def summary(found: Diagnosis) -> list[str]:
         shrink = e.shrink.get("u")
         share = "" if shrink is None else f", gap {shrink.before:.3g} -> {shrink.after:.3g}"
         others = ", ".join(
-            "chance" if a["effect"] == "none" else f"{a['axis'] or 'machine'}.{a['effect']}"
+            OTHERWISE.get(a["effect"]) or f"{a['axis'] or 'machine'}.{a['effect']}"
             for a in e.alternatives
             if a["probability"] >= LIKELY
         )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pinotwin.diagnosis.calibration import PARTIAL, SUREST
 from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.log import Log
 from pinotwin.report import display
@@ -129,7 +130,8 @@ def which_blocks(d: Diagnosis) -> list[Block]:
                          [_which(e) for e in d.effects]))  # fmt: skip
         out.append(paragraph("Confidence: of simulated faults on this same motion, a quarter of them "
                              "unknown to pinotwin, the share whose cause was named right where the "
-                             "answer looked as sure as here.", "lead"))  # fmt: skip
+                             f"answer looked as sure as here; at most {SUREST:.0%}, and {PARTIAL:.0%} "
+                             "of that where part of the gap stays.", "lead"))  # fmt: skip
     else:
         out.append(paragraph("No cause is named."))
     groups = [joined([label_words(x) for x in group]) for group in d.confusable]
