@@ -51,7 +51,7 @@ def error_gaps(
         tell(f"closed loop of {axis}", 0.9 + 0.09 * k / len(joints))
         try:
             before = _left(start, joint, plain)
-            touched = any(joint in {j for j, _ in n.candidate.columns[0]} for n in named)
+            touched = any(joint in dict(n.candidate.columns[0]) for n in named)
             after = _left(start, joint, fuller) if touched else before
         except DataError:  # the axis hardly moves: its loop is not seen in these logs
             continue
@@ -147,7 +147,7 @@ def _left(start: Ready, joint: int, efforts: Sequence[Floats]) -> list[tuple[int
 
 
 def _data(scene: Scene, joint: int, effort: Floats) -> LoopData:
-    inertia = float(np.median(scene.inertia[:, joint]))
+    inertia = float(np.median(scene.inertia(joint)))
     d = effort[:, joint] - inertia * scene.motion.a[:, joint]
     return LoopData.of_axis(scene.motion, joint, d)
 

@@ -45,7 +45,6 @@ def _delivered(
     plain = plain_stage(start.stage)
     before = held_out(plain, others, start.theta)
     after = held_out(plain, [*others, own], start.theta)
-    joints = {joint for joint, _ in own.candidate.columns[0]}
-    found = (shrink(before, after, j, start.stage.noise.rms[j], rng) for j in joints
+    found = (shrink(before, after, j, start.stage.noise.rms[j], rng) for j in own.joints
              if j in start.stage.noise.rms)  # fmt: skip
     return max((x.share for x in found if x is not None), default=-1.0)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.base import Base
@@ -28,7 +29,7 @@ class Scene:
         effort: effort that the base model predicts (never the measured one) [N or N·m].
         rigid: the rigid-body part of it.
         direction: direction of motion with bristle memory, within [-1, 1].
-        inertia: effective inertia of every joint, others at rest [kg or kg·m²].
+        mass: joint-space inertia matrix, shape (n, nv, nv) [kg, kg·m or kg·m²].
     """
 
     log: int
@@ -36,7 +37,12 @@ class Scene:
     effort: Floats
     rigid: Floats
     direction: Floats
-    inertia: Floats
+    mass: Floats
+
+    def inertia(self, joint: int) -> Floats:
+        """Return the inertia of a joint, others at rest, shape (n,), kept above a thousandth."""
+        own = self.mass[:, joint, joint]
+        return np.asarray(np.maximum(own, 1e-3 * np.abs(own).max() + 1e-12))
 
 
 @dataclass(frozen=True)
@@ -98,6 +104,7 @@ class Family:
             the mean: a table's knots that other blocks hardly visit are not foretold by these.
         local: its columns live in moments of one log; other blocks cannot foretell them, so that it
             is judged by its fit less the price of the search.
+        shakes: it acts on its own axis; others it only shakes.
     """
 
     effect: str
@@ -110,6 +117,7 @@ class Family:
     fine: Mapping[str, float] = field(default_factory=dict)
     ridge: float = 0.0
     local: bool = False
+    shakes: bool = False
 
     @property
     def key(self) -> tuple[str, str | None]:
@@ -156,6 +164,45 @@ def on(joint: int, values: Callable[[Scene, Shape], Floats]) -> Make:
     return make
 
 
+COUPLED = 1e-3  # of the geometric mean of two inertias: a coupling below it moves nothing
+
+
+def shaken(
+    context: Context, joint: int, values: Callable[[Scene, Shape], Floats], load: float = 1.0
+) -> Make:
+    """Return the maker of a family whose load moves otherwise than its encoder says.
+
+    What that does to the other axes goes through the inertia matrix: ``M_ij (a_load - a_measured)``.
+
+    Args:
+        context: for the joints that are coupled.
+        joint: whose load it is.
+        values: effort of that joint, (n,) or (n, k).
+        load: share of its inertia that moves otherwise.
+    """
+    others = _coupled(context, joint)
+
+    def make(scene: Scene, shape: Shape) -> Blocks:
+        own = values(scene, shape).reshape(len(scene.motion), -1)
+        part = scene.mass[:, :, joint] / (load * scene.inertia(joint))[:, None]
+        return [(joint, own), *((k, own * part[:, [k]]) for k in others)]
+
+    return make
+
+
+def _coupled(context: Context, joint: int) -> list[int]:
+    """Return the other joints that feel an acceleration of one."""
+    out = []
+    for k in range(context.machine.nv):
+        size = max(
+            float(np.max(np.abs(s.mass[:, k, joint]) / np.sqrt(s.inertia(k) * s.inertia(joint))))
+            for s in context.scenes
+        )
+        if k != joint and size > COUPLED:
+            out.append(k)
+    return out
+
+
 def make_context(rows: Rows, base: Base, theta: Floats) -> Context:
     """Return the context of a base model with its coefficients."""
     scenes = tuple(_scene(rows, base, theta, k, motion) for k, motion in enumerate(rows.motions))
@@ -172,8 +219,8 @@ def _scene(rows: Rows, base: Base, theta: Floats, log: int, motion: Motion) -> S
     beta = theta[effect_slices(base.effects)[at]]
     own = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)
     rigid = own @ beta
-    direction, inertia = _directions(base, motion), _inertias(machine, motion, beta)
-    return Scene(log, motion, effort, rigid, direction, inertia)
+    direction, mass = _directions(base, motion), _masses(machine, motion, beta)
+    return Scene(log, motion, effort, rigid, direction, mass)
 
 
 def _directions(base: Base, motion: Motion) -> Floats:
@@ -183,17 +230,17 @@ def _directions(base: Base, motion: Motion) -> Floats:
     return out
 
 
-def _inertias(machine: Machine, motion: Motion, beta: Floats) -> Floats:
-    """Return M_jj(q) on a thinned grid, interpolated to all samples."""
-    n = len(motion)
+def _masses(machine: Machine, motion: Motion, beta: Floats) -> Floats:
+    """Return M(q) on a thinned grid, interpolated to all samples, shape (n, nv, nv)."""
+    n, nv = len(motion), machine.nv
     some = np.unique(np.linspace(0, n - 1, min(n, 400)).astype(int))
     q = motion.q[some]
     zero = np.zeros_like(q)
     still = machine.base.regressor(machine.model, q, zero, zero) @ beta
-    out = np.empty(motion.q.shape)
-    for joint in range(machine.nv):
+    columns = []
+    for joint in range(nv):
         a = zero.copy()
         a[:, joint] = 1.0
-        pushed = machine.base.regressor(machine.model, q, zero, a) @ beta
-        out[:, joint] = np.interp(np.arange(n), some, (pushed - still)[:, joint])
-    return out
+        columns.append(machine.base.regressor(machine.model, q, zero, a) @ beta - still)
+    coarse = np.stack(columns, axis=2)
+    return np.asarray(make_interp_spline(some, coarse, k=1)(np.arange(n)))

@@ -31,7 +31,7 @@ from pinotwin.diagnosis.search import (
 )
 from pinotwin.diagnosis.shrinking import plain_stage
 from pinotwin.diagnosis.stage import Stage
-from pinotwin.diagnosis.trivial import joints_of, trivial
+from pinotwin.diagnosis.trivial import trivial
 
 LOWEST = 18.0  # no threshold is lower
 LOWEST_CHANGE = 25.0  # the same against a twin, whose own small errors count as well
@@ -214,7 +214,7 @@ class _Search:
                 others = [j for j in self.found if j is not member]
                 ledger = build_ledger(admit(self.stage, [*self.quiet, *others]), self.theta)
                 seen = self._screen(ledger, [j.key for j in (*self.quiet, *others)])
-                like = [j for j in seen.judged if joints_of(j) & joints_of(member)] or [member]
+                like = [j for j in seen.judged if j.joints & member.joints] or [member]
                 best = polish(self.context, ledger, like[0])
                 own = next((j for j in like if j.key == member.key), member)
                 own = best if best.key == own.key else polish(self.context, ledger, own)

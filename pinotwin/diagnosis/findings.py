@@ -37,8 +37,7 @@ def findings(
     effects, pairs = [], []
     confusable: list[list[str]] = []
     for named in decision.named:
-        joints = {joint for joint, _ in named.judged.candidate.columns[0]}
-        partial = bool(joints & set(left.open))
+        partial = bool(named.judged.joints & set(left.open))
         known = named.calibration or decision.calibration
         options = _options(named, known, partial=partial)
         probability = sum(p for j, p in options if j is named.judged)
@@ -159,9 +158,8 @@ def _alone(
         before, after = (on_fitted(gap.plain, x, start.theta) for x in (decision.quiet, both))
     else:
         before, after = gap.before, held_out(gap.plain, both, start.theta)
-    joints = {joint for joint, _ in judged.candidate.columns[0]} & set(rows.joints)
     found = []
-    for joint in joints:
+    for joint in judged.joints & set(rows.joints):
         x = shrink(before, after, joint, start.stage.noise.rms[joint], rng)
         if x is not None:
             found.append(((x.before**2 - x.after**2) / start.stage.noise.rms[joint] ** 2, joint, x))

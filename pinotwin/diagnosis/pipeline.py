@@ -17,7 +17,7 @@ from pinotwin.diagnosis.prepare import Ready, at_rest, ready
 from pinotwin.diagnosis.result import Diagnosis, Region
 from pinotwin.diagnosis.search import Settings
 from pinotwin.diagnosis.servo import broken_laws, servo_findings
-from pinotwin.diagnosis.standstill import look_at_rest, restless, unlike
+from pinotwin.diagnosis.standstill import look_at_rest, restless
 from pinotwin.diagnosis.verdict import Left, judge, left_over
 from pinotwin.diagnosis.where import localise
 from pinotwin.log import Log
@@ -79,7 +79,6 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         words = restless(start, rest)
         start, decision = look_at_rest(start, rest, decision, settings)
         decision = confirmed(start, decision, np.random.default_rng([seed, 95]))
-        words |= unlike(rest, decision)
     tell("measuring the gap", 0.85)
     gap = gaps(start, decision, np.random.default_rng([seed, 98]))
     left = left_over(moving, replace(decision, searched=moving.search_stage), gap)

@@ -50,6 +50,12 @@ class Judged:
         """Effect and axis."""
         return self.candidate.effect, self.candidate.axis
 
+    @property
+    def joints(self) -> set[int]:
+        """Joints that it acts on, without those that it only shakes."""
+        joints = [joint for joint, _ in self.candidate.columns[0]]
+        return set(joints[:1] if self.family.shakes else joints)
+
 
 @dataclass(frozen=True)
 class Screened:

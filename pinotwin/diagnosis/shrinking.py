@@ -152,6 +152,19 @@ def shrink(
     )
 
 
+def foretold(before: HeldOut, after: HeldOut, joint: int) -> float:
+    """Return the slope of the gap on what effects foretell of it, on data not used to fit them.
+
+    1 where they are right, whatever else is in the gap (a base may foretell another motion badly by
+    itself); 0 where they foretell nothing of it.
+    """
+    pieces = [p.channel.joint == joint for p in before.delivered.stage.pieces]
+    errors = (np.concatenate([e for e, own in zip(x.delivered.values, pieces, strict=True) if own])
+              for x in (before, after))  # fmt: skip
+    gap, left = errors
+    return float(gap @ (gap - left) / max(np.sum((gap - left) ** 2), 1e-300))
+
+
 def _range_of_blocks(
     before: Errors, after: Errors, joint: int, noise: float
 ) -> tuple[float, float] | None:

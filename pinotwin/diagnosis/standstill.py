@@ -22,11 +22,9 @@ from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready, with_rest_of
 from pinotwin.diagnosis.search import Judged, Settings, admit, polish, screen
 from pinotwin.diagnosis.trivial import rows_of
-from pinotwin.diagnosis.verdict import excess
 
 FORM = 0.08  # deviance per row that the form of a law may be in error by at rest: no threshold is lower
 SLOW = 0.06  # of an axis' top speed: a friction that falls beyond is no effect of standstill
-STAYS = 4.0  # excess at rest that a law with presliding does not leave [noise power]; healthy: 3.1
 RESTLESS = 1.5  # noise at rest over noise in motion; healthy virtual machines reach 1.2
 MOST = 2  # effects that are sought here
 ELSEWHERE = frozenset({"external_force", "ripple_modulated"})  # not of friction
@@ -64,21 +62,6 @@ def restless(start: Ready, rest: Ready) -> dict[int, str]:
     ratio = {j: still.rms[j] / x for j, x in moving.rms.items() if j in still.rms}
     return {j: f"runs of one command differ {x:.1f} times as much with standstill as in motion"
             for j, x in ratio.items() if x > RESTLESS}  # fmt: skip
-
-
-def unlike(rest: Ready, decision: Decision) -> dict[int, str]:
-    """Return the joints that differ from their own law of friction at rest by more than laws do.
-
-    Only where nothing was named: what shakes an axis shakes the others too, at rest as well.
-    """
-    if decision.named:
-        return {}
-    names = rest.stage.rows.motions[0].names
-    return {
-        joint: f"{x:.0f} times the noise's power at standstill and reversals"
-        for joint, x in excess(admit(rest.search_stage, decision.quiet), rest).items()
-        if x > STAYS and rest.context.has("presliding", names[joint])
-    }
 
 
 def _sought(context: Context, leave_out: frozenset[str]) -> list[Family]:
@@ -152,7 +135,7 @@ def _joined(
     start: Ready, rest: Ready, decision: Decision, named: Sequence[Named]
 ) -> tuple[Ready, Decision]:
     """Return both with the found effects, their axes with rows at rest."""
-    joints = {joint for n in named for joint, _ in n.judged.candidate.columns[0]}
+    joints = {joint for n in named for joint in n.judged.joints}
     wider = with_rest_of(start, rest, joints)
     every = sorted([*decision.named, *named], key=lambda n: -n.judged.G)
     searched = wider.search_stage

@@ -16,7 +16,8 @@ LEFT_OVER = 0.10  # of an effect's gain: what a first-order column may leave to 
 LEFT_OVER_OTHERS = 0.01  # the same to effects of another kind
 LEFT_OVER_ELSEWHERE = 0.03  # the same on other axes, where it moves the rigid body of them all
 LEFT_OVER_APART = 0.001  # the same on other axes, where it acts on its own alone
-SHAKING = ("drive_flexibility", "backlash", "delay")  # what they leave shakes the other axes too
+LEFT_OVER_SHAKING = 0.25  # the same on other axes, where both shake them
+SHAKING = {"drive_flexibility", "backlash", "delay", "encoder_error"}  # all axes feel them
 KINDS = (
     {"ripple", "ripple_modulated", "position_table", "encoder_error"},
     {"drive_flexibility", "backlash", "delay", "payload", "rotor_inertia", "wrist_coupling",
@@ -47,13 +48,10 @@ def _leaves(found: Judged, other: Judged) -> float:
     if found.candidate.axis == other.candidate.axis:
         kin = any({effect, other.candidate.effect} <= kind for kind in KINDS)
         return LEFT_OVER if kin else LEFT_OVER_OTHERS
-    wide = len(joints_of(found)) > 1 or effect in SHAKING
+    if {effect, other.candidate.effect} <= SHAKING:
+        return LEFT_OVER_SHAKING
+    wide = len(found.joints) > 1 or effect in SHAKING
     return LEFT_OVER_ELSEWHERE if wide else LEFT_OVER_APART
-
-
-def joints_of(judged: Judged) -> set[int]:
-    """Return the joints that an effect acts on."""
-    return {joint for joint, _ in judged.candidate.columns[0]}
 
 
 def _effort(judged: Judged, stage: Stage) -> float:
@@ -70,7 +68,7 @@ def _power(stage: Stage) -> float:
 
 def rows_of(judged: Judged, stage: Stage) -> int:
     """Return the number of rows that an effect acts on."""
-    joints = {joint for joint, _ in judged.candidate.columns[0]}
+    joints = judged.joints
     if judged.candidate.axis is not None:
         own = stage.rows.motions[0].index(judged.candidate.axis)
         joints = {own} if own in joints else joints

@@ -15,6 +15,7 @@ from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.remainder import describe
 from pinotwin.diagnosis.result import Found, Verdict
 from pinotwin.diagnosis.search import admit
+from pinotwin.diagnosis.shrinking import foretold
 from pinotwin.diagnosis.stage import Stage, scatter_precision, steady
 
 SIGNIFICANT = {"repeats": 0.25, "assumed": 0.35}
@@ -22,6 +23,7 @@ SIGNIFICANT = {"repeats": 0.25, "assumed": 0.35}
 STAYS_PUSHED = 0.5  # the same where a push was found, whose course is not known
 FORETOLD = 0.88  # share of a gap that goes on a validation log: the rest is no matter then
 STAYS_UNSEEN = 0.5  # the same as STAYS on a log that was not fitted, where travel and speed differ
+FORETOLD_LEAST = 0.5  # of what effects foretell of such a log that must be there
 
 
 @dataclass(frozen=True)
@@ -81,12 +83,12 @@ def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
         most = STAYS_PUSHED if j in pushed else STAYS
         if after[j] > limit and share > most and not (delivered or 0.0) > FORETOLD:
             open_.add(j)
-        elif delivered is not None and 1.0 - delivered > STAYS_UNSEEN:
+        elif delivered is not None and 1.0 - delivered > STAYS_UNSEEN and _unfulfilled(gap, j):
             stays[j] = max(share, 1.0 - max(delivered, 0.0))
             open_.add(j)
     for j, share in _at_rest(start, decision, gap).items():
         stays[j] = max(stays.get(j, 0.0), 1.0 - max(share, 0.0))
-        if 1.0 - share > STAYS_UNSEEN:
+        if 1.0 - share > STAYS_UNSEEN and _unfulfilled(gap, j):
             open_.add(j)
     return Left(stays, tuple(sorted(open_)))
 
@@ -95,7 +97,7 @@ def _at_rest(start: Ready, decision: Decision, gap: Gaps) -> dict[int, float]:
     """Return the shrink of the joints whose friction was found at rest: rows in motion do not show it."""
     names = start.stage.rows.motions[0].names
     found = [n.judged for n in decision.named if n.calibration is not None]
-    joints = {joint for x in found for joint, _ in x.candidate.columns[0]}
+    joints = {joint for x in found for joint in x.joints}
     shrinks = {j: gap.together.get(names[j], {}).get("u") for j in joints}
     return {j: x.share for j, x in shrinks.items() if x is not None}
 
@@ -103,7 +105,7 @@ def _at_rest(start: Ready, decision: Decision, gap: Gaps) -> dict[int, float]:
 def _local(decision: Decision) -> set[int]:
     """Return the joints that were pushed: another log cannot foretell that."""
     pushed = [n.judged for n in decision.named if n.judged.family.local]
-    return {joint for x in pushed for joint, _ in x.candidate.columns[0]}
+    return {joint for x in pushed for joint in x.joints}
 
 
 def _delivered(start: Ready, gap: Gaps, joint: int) -> float | None:
@@ -116,6 +118,11 @@ def _delivered(start: Ready, gap: Gaps, joint: int) -> float | None:
     if found.after**2 > noise:
         return found.share
     return 1.0 if found.before**2 > noise else None
+
+
+def _unfulfilled(gap: Gaps, joint: int) -> bool:
+    """Whether an unseen log does not hold what the effects foretell of it."""
+    return foretold(gap.before, gap.after, joint) < FORETOLD_LEAST
 
 
 def judge(

@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.virtual.axis_truth import (
+    CONTACT,
     AxisTruth,
     Controller,
     Drive,
@@ -138,7 +139,7 @@ def _friction(given: Friction, scale: Scale) -> Friction:
 def _drive(given: Drive, scale: Scale) -> Drive:
     frequency, rotor = given.frequency, given.rotor or 0.0
     if given.backlash > 0.0 and frequency == 0.0:
-        frequency = 90.0
+        frequency = CONTACT
     if frequency > 0.0 and rotor == 0.0:
         rotor = given.motor_share * scale.inertia
     return replace(given, frequency=frequency, rotor=rotor)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.virtual.axis_truth import AxisTruth, Bend, Cable, Drive, Harmonic
+from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Bend, Cable, Drive, Harmonic
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.truth import Payload, Pulse, Truth
 
@@ -103,7 +103,7 @@ def _with_rotor(drive: Drive, d: Dose) -> Drive:
 
 def _backlash(a: AxisTruth, d: Dose) -> AxisTruth:
     gap = d.of(1e-3 if d.scale.rotary else 1e-4)
-    stiff = a.drive.frequency or 90.0
+    stiff = a.drive.frequency or CONTACT
     return replace(a, drive=replace(_with_rotor(a.drive, d), backlash=gap, frequency=stiff))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.context import Context, Family, Scene, Shape, on
+from pinotwin.diagnosis.context import Context, Family, Scene, Shape, on, shaken
 
 TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)  # errors per turn that are tried
 WAVES = np.geomspace(2.0, 40.0, 31)  # errors per travel that are tried
@@ -41,10 +41,10 @@ def _encoder(context: Context, axis: str, joint: int, step: float) -> Family:
         x = 2.0 * np.pi * s.motion.q[:, joint] / shape["period"]
         e = np.stack([np.cos(x), np.sin(x)], axis=1)
         bend = np.gradient(np.gradient(e, step, axis=0), step, axis=0)
-        return -s.inertia[:, [joint]] * bend
+        return -s.inertia(joint)[:, None] * bend
 
     shapes = [{"period": float(p)} for p in periods]
     return Family(
-        "encoder_error", axis, ("a", "b"), on(joint, values), shapes,
+        "encoder_error", axis, ("a", "b"), shaken(context, joint, values), shapes, shakes=True,
         fine={} if rotary else {"period": 0.05},
     )  # fmt: skip
