@@ -28,10 +28,11 @@ from pinotwin.diagnosis.search import (
     joint_worth,
     polish,
     screen,
+    worth_beside,
 )
 from pinotwin.diagnosis.shrinking import plain_stage
 from pinotwin.diagnosis.stage import Stage
-from pinotwin.diagnosis.trivial import trivial
+from pinotwin.diagnosis.trivial import left_by, trivial
 
 LOWEST = 18.0  # no threshold is lower
 LOWEST_CHANGE = 25.0  # the same against a twin, whose own small errors count as well
@@ -139,10 +140,20 @@ class _Search:
                 break
             plain = admit(rough, [*self.quiet, *self.found])
             for j in best:
-                small = len(best) == 1 and trivial(j, here, self.found, plain)
+                small = len(best) == 1 and (trivial(j, here, plain) or self._left_over(j))
                 (self.quiet if small else self.found).append(j)
         assert first is not None
         return first
+
+    def _left_over(self, judged: Judged) -> bool:
+        """Whether an effect may be what one of the found ones leaves over."""
+        for other in self.found:
+            if left_by(other, other.G, judged):
+                beside = [*self.quiet, *(j for j in self.found if j is not other), judged]
+                gain = worth_beside(self.stage, self.theta, other, beside)
+                if left_by(other, gain, judged):
+                    return True
+        return False
 
     def _simplest(self, ledger: Ledger, seen: Screened) -> Judged:
         """Return the best effect at its best shape; a plain ripple where a modulated one adds little.

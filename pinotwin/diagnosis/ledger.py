@@ -17,6 +17,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.stage import Piece, Stage, scatter_precision
 
 RIDGE = 1e-9
+NOTHING = 1e-14  # whitened length below which a column is not there
 
 
 @dataclass(frozen=True)
@@ -108,8 +109,9 @@ def _factored(
     stage: Stage, groups: tuple[Group, ...], A: Floats, r: Floats, Y: tuple[Floats, ...]
 ) -> Ledger:
     whole, right = A.sum(axis=0) + stage.base.precision, r.sum(axis=0)
-    scale = np.sqrt(np.maximum(np.diag(whole), 1e-30))
-    scale = np.where(scale > 1e-12 * scale.max(), scale, scale.max())
+    # Each column by its own size: beside those of an encoder error, of some 1e6, no other may count as nothing.
+    scale = np.sqrt(np.diag(whole))
+    scale = np.where(scale > NOTHING, scale, 1.0)
     roots = [_root(whole, scale, RIDGE)]
     rights = [right]
     for fold in range(stage.blocks):

@@ -12,7 +12,7 @@ from pinotwin.diagnosis.bank import Batch, Shelf, shelf, stacked
 from pinotwin.diagnosis.catalogue.events import find_events, pushes
 from pinotwin.diagnosis.catalogue.position import modulated
 from pinotwin.diagnosis.context import Candidate, Context, Family, Shape
-from pinotwin.diagnosis.ledger import Ledger, sums
+from pinotwin.diagnosis.ledger import Ledger, build_ledger, sums
 from pinotwin.diagnosis.stage import Piece, Stage
 from pinotwin.diagnosis.worth import Worth, worth
 
@@ -258,6 +258,15 @@ def _measured(ledger: Ledger) -> Ledger:
         ledger, right=ledger.right[:, :, :1], Y=tuple(y[:, :1] for y in ledger.Y),
         groups=tuple(replace(g, Sy=g.Sy[:, :1]) for g in ledger.groups),
     )  # fmt: skip
+
+
+def worth_beside(stage: Stage, theta: Floats, judged: Judged, others: Sequence[Judged]) -> float:
+    """Return the held-out gain of an effect at its shape, given other ones."""
+    ledger = _measured(build_ledger(admit(stage, others), theta))
+    columns = stacked(ledger.stage, [judged.candidate.columns])
+    w = worth(ledger, sums(ledger, columns), judged.family.ridge)
+    price = judged.family.price + RARE.get(judged.family.effect, 0.0)
+    return float((w.gain if judged.family.local else w.G)[0, 0]) - price
 
 
 def joint_worth(ledger: Ledger, a: Judged, b: Judged) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,7 +16,7 @@ LEFT_OVER_OTHERS = 0.01  # the same to effects of another kind
 LEFT_OVER_ELSEWHERE = 0.03  # the same on other axes, where it moves the rigid body of them all
 LEFT_OVER_APART = 0.001  # the same on other axes, where it acts on its own alone
 LEFT_OVER_SHAKING = 0.25  # the same on other axes, where both shake them
-SHAKING = {"drive_flexibility", "backlash", "delay", "encoder_error"}  # all axes feel them
+SHAKING = {"drive_flexibility", "backlash", "encoder_error"}  # all axes feel them
 KINDS = (
     {"ripple", "ripple_modulated", "position_table", "encoder_error"},
     {"drive_flexibility", "backlash", "delay", "payload", "rotor_inertia", "wrist_coupling",
@@ -28,10 +27,19 @@ KINDS = (
 """Effects that have much in common: what one of them leaves over looks like another."""
 
 
-def trivial(judged: Judged, stage: Stage, found: Sequence[Judged], plain: Stage) -> bool:
-    """Whether an effect is real but too small to matter, or what a first-order column leaves over."""
-    if any(_leaves(other, judged) * other.G > judged.G for other in found):
-        return True
+def left_by(found: Judged, gain: float, other: Judged) -> bool:
+    """Whether an effect may be what the first-order column of a found one leaves over.
+
+    Args:
+        found: effect that is named already.
+        gain: of it, given the other one: two that hide each other leave nothing of the kind.
+        other: effect that is asked about.
+    """
+    return _leaves(found, other) * gain > other.G
+
+
+def trivial(judged: Judged, stage: Stage, plain: Stage) -> bool:
+    """Whether an effect is real but too small to matter."""
     if judged.candidate.effect == "delay" and abs(float(judged.theta[0])) < LATENCY:
         return True
     least = MATTERS * rows_of(judged, stage)
