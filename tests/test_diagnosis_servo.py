@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.servo import _common, _mean, _plateau, servo_findings
+from pinotwin.diagnosis.law import _common, mean_gains
+from pinotwin.diagnosis.servo import _plateau, look_at_servo
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.gains import at_limit, gains_in
@@ -67,9 +68,9 @@ def motion(urdf_dir, *inject, seed=3):
 
 def test_a_drive_at_its_limit_is_named_and_a_healthy_one_is_not(urdf_dir):
     machine, well, _ = motion(urdf_dir)
-    assert servo_findings(machine, [well], []) == []
+    assert look_at_servo(machine, [well], []) == ([], {})
     _, ill, limit = motion(urdf_dir, "saturation:X=0.7")
-    (found,) = servo_findings(machine, [ill], [])
+    ((found,), _) = look_at_servo(machine, [ill], [])
     assert (found.effect, found.axis) == ("saturation", "X")
     assert found.shape["limit"] == pytest.approx(limit, rel=0.05)
 
@@ -86,13 +87,13 @@ def scaled(share: float) -> LoopData:
 def test_all_gains_alike_are_a_scale_of_the_effort(share):
     found = gains_in(scaled(share), dataclasses.replace(LAW, velocity_delay=0.0005))
     assert found.common[0] == pytest.approx(share, abs=1e-3)
-    assert _common(_mean([found])) == pytest.approx(share, abs=1e-3)
+    assert _common(mean_gains([found])) == pytest.approx(share, abs=1e-3)
 
 
 def test_one_gain_alone_is_no_scale_and_a_large_scale_the_plant_would_show():
     law = dataclasses.replace(LAW, velocity_delay=0.0005)
-    assert _common(_mean([gains_in(channels(ffa=6.0), law)])) is None
-    assert _common(_mean([gains_in(scaled(0.1), law)])) is None
+    assert _common(mean_gains([gains_in(channels(ffa=6.0), law)])) is None
+    assert _common(mean_gains([gains_in(scaled(0.1), law)])) is None
 
 
 def test_sizes_crowd_at_a_limit_and_nowhere_else():

@@ -109,7 +109,7 @@ def _factored(
     stage: Stage, groups: tuple[Group, ...], A: Floats, r: Floats, Y: tuple[Floats, ...]
 ) -> Ledger:
     whole, right = A.sum(axis=0) + stage.base.precision, r.sum(axis=0)
-    # Each column by its own size: beside those of an encoder error, of some 1e6, no other may count as nothing.
+    # Each column by its own size: beside an encoder error's 1e6 others must not count as nothing.
     scale = np.sqrt(np.diag(whole))
     scale = np.where(scale > NOTHING, scale, 1.0)
     roots = [_root(whole, scale, RIDGE)]

@@ -16,7 +16,7 @@ from pinotwin.diagnosis.gaps import Gaps, gaps
 from pinotwin.diagnosis.prepare import Ready, at_rest, ready
 from pinotwin.diagnosis.result import Diagnosis, Region
 from pinotwin.diagnosis.search import Settings
-from pinotwin.diagnosis.servo import broken_laws, servo_findings
+from pinotwin.diagnosis.servo import look_at_servo
 from pinotwin.diagnosis.standstill import look_at_rest, restless
 from pinotwin.diagnosis.verdict import Left, judge, left_over
 from pinotwin.diagnosis.where import localise
@@ -99,10 +99,9 @@ def _diagnosis(
     flags = rows.validation
     fitted = [m for m, held in zip(rows.motions, flags, strict=True) if not held]
     unseen = [m for m, held in zip(rows.motions, flags, strict=True) if held]
-    servo = servo_findings(subject, fitted, unseen, effects)
-    effects += [f for f in servo if f.effect not in settings.leave_out]
+    servo, broken = look_at_servo(subject, fitted, unseen, effects, settings.leave_out)
+    effects += servo
     effects.sort(key=lambda f: f.effect != "saturation")  # a drive at its limit before all else
-    broken = broken_laws(subject, fitted, effects)
     left = left.beside({j: BROKEN_LAW.format(x) for j, x in broken.items()})
     verdict = judge(start, decision, gap, left, effects)
     has_command = rows.motions[0].qr is not None

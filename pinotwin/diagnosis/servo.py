@@ -7,67 +7,63 @@ what differs there is the servo's alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.result import Found, Shrink
-from pinotwin.errors import DataError
-from pinotwin.loop.controller import Controller
-from pinotwin.loop.data import LoopData
-from pinotwin.loop.gains import Gains, at_limit, expected, gains_in
+from pinotwin.diagnosis.law import broken, changed, law_of
+from pinotwin.diagnosis.result import Found
+from pinotwin.loop.gains import at_limit
 from pinotwin.motion import Motion
 from pinotwin.signals import rms, roughness
 from pinotwin.twin import Twin
 
-MOVED = 0.3  # RMS of what a changed gain does, over what the law leaves anyway
-SIGMAS = 4.2  # the same over its standard error; healthy virtual machines reach 2.8
-RELATIVE = 0.004  # change of a gain that is worth a name
-BETTER = 1.05  # by how much the law must hold better with the gains that were found; healthy: 1.02
-COMMON = 0.9  # of what all gains gain together: what one factor on all of them must gain alone
-SEEN = 0.02  # change of the effort's scale that inverse dynamics would have found
-BROKEN = 5.0  # times what the law left when it was identified: more than gains differ
-HOLDS = 1.3  # of what the law left when it was identified: beyond, it is not the gains that differ
 LIMITED = 2e-3  # share of rows at the limit that is worth a name
 WORSE = 10.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
 OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
 SPIKE = 25.0  # density of sizes at the limit over that below it, if the error is LEFT_BEHIND too
 LEFT_BEHIND = 1.3  # the same of the tracking error then
 SERVO = ("saturation", "feedforward", "loop_gain", "effort_scale")  # they say why a law fails
-FORWARD = ("ffa", "ffv", "kv ffv")
 
 
-def servo_findings(
+def look_at_servo(
     subject: object, motions: Sequence[Motion], validation: Sequence[Motion],
-    sensing: Sequence[Found] = (),
-) -> list[Found]:  # fmt: skip
-    """Return what has changed in the servo of every axis.
+    sensing: Sequence[Found] = (), leave_out: Collection[str] = (),
+) -> tuple[list[Found], dict[int, float]]:  # fmt: skip
+    """Return what has changed in the servo of every axis, and where its law is broken without a reason.
 
     An effort that is logged late or at a wrong scale looks like other gains; what was found of that is
     taken out first.
 
     Args:
-        subject: a twin with controllers, whose gains are compared; anything else only has its drives
+        subject: a twin with controllers, whose laws are compared; anything else only has its drives
             looked at for limits.
         motions: prepared logs with commands.
         validation: logs on which the shrink is stated; the same ones where empty.
         sensing: effects found already.
+        leave_out: effects that are not named.
     """
     motions = [_put_right(m, sensing) for m in motions]
     validation = [_put_right(m, sensing) for m in validation]
+    found: list[Found] = []
+    fails: dict[int, float] = {}
     if not motions or any(m.qr is None or m.vr is None for m in motions):
-        return []
-    out: list[Found] = []
-    for joint, axis in enumerate(motions[0].names):
-        out += _limited(motions, joint, axis)
-        controller = subject.controllers.get(axis) if isinstance(subject, Twin) else None
-        late = any(f.effect == "delay" and f.axis == axis for f in sensing)
-        if controller is not None and not late and not any(f.axis == axis for f in out):
-            out += _changed(controller, motions, validation or motions, joint)
+        return found, fails
     known = {(f.effect, f.axis) for f in sensing}
-    return [f for f in out if (f.effect, f.axis) not in known]
+    for joint, axis in enumerate(motions[0].names):
+        own = [f for f in _limited(motions, joint, axis) if f.effect not in leave_out]
+        controller = subject.controllers.get(axis) if isinstance(subject, Twin) else None
+        law = law_of(controller, motions, validation or motions, joint) if controller else None
+        if law is not None and ("delay", axis) not in known and not own:
+            own = [f for f in changed(law) if f.effect not in leave_out]
+        found += [f for f in own if (f.effect, f.axis) not in known]
+        said = own or any(f.axis == axis and f.effect in SERVO for f in sensing)
+        ratio = None if law is None or said else broken(law)
+        if ratio is not None:
+            fails[joint] = ratio
+    return found, fails
 
 
 def _put_right(m: Motion, found: Sequence[Found]) -> Motion:
@@ -122,132 +118,6 @@ def _plateau(size: Floats, level: float, noise: float) -> tuple[float, float]:
     at = np.count_nonzero(np.abs(size - level) < width)
     below = np.count_nonzero((size > level - 4.0 * width) & (size < level - 2.0 * width))
     return float(np.mean(size > level + width)), float(at) / float(max(int(below), 1))
-
-
-def _changed(
-    controller: Controller, motions: Sequence[Motion], validation: Sequence[Motion], joint: int
-) -> list[Found]:
-    """Return ``feedforward`` or ``loop_gain`` where gains have left what the twin knows."""
-    try:
-        each = [gains_in(_channels(m, joint), controller) for m in motions]
-        unseen = [gains_in(_channels(m, joint), controller) for m in validation]
-    except DataError:  # the axis does not move enough in a log to say anything about its servo
-        return []
-    now = _mean(each)
-    if now.unexplained[0] < BETTER * now.unexplained[1]:
-        return []
-    if controller.rms and now.unexplained[1] > HOLDS * controller.rms:
-        return []
-    size = np.abs(now.after - now.before) * now.held
-    known = np.array([_error(controller, name) for name in now.names])
-    error = np.hypot(np.sqrt(np.maximum(np.diag(now.covariance), 0.0)), known)
-    moved = (
-        (size > MOVED * now.unexplained[1])
-        & (np.abs(now.after - now.before) > SIGMAS * error)
-        & (np.abs(now.after - now.before) > RELATIVE * np.abs(now.before))
-    )
-    factor = _common(now)
-    if moved.any() and factor is not None:
-        every = list(range(len(now.names)))
-        scale = _found("effort_scale", motions[0].names[joint], now, every, unseen, controller)
-        return [replace(scale, theta={"share": factor})]
-    out = []
-    for effect, own in (("feedforward", True), ("loop_gain", False)):
-        which = [k for k, n in enumerate(now.names) if (n in FORWARD) == own and moved[k]]
-        if which:
-            out.append(_found(effect, motions[0].names[joint], now, which, unseen, controller))
-    return out
-
-
-def _common(now: Gains) -> float | None:
-    """Return by which share all gains have grown alike, None where they have not.
-
-    One factor on the whole law is no setting of a controller: the effort is logged, or made, at another
-    scale. If it were large, the plant would show it too.
-    """
-    before, after = np.square(now.unexplained)
-    share, left = now.common
-    alone = (before - left**2) / max(before - after, 1e-300)
-    return share if alone > COMMON and RELATIVE < abs(share) < SEEN else None
-
-
-def broken_laws(
-    subject: object, motions: Sequence[Motion], found: Sequence[Found]
-) -> dict[int, float]:
-    """Return joint -> how much more a controller's law leaves than it did, where nothing says why."""
-    if not isinstance(subject, Twin) or any(m.qr is None or m.vr is None for m in motions):
-        return {}
-    motions = [_put_right(m, found) for m in motions]
-    named = {f.axis for f in found if f.effect in SERVO}
-    out: dict[int, float] = {}
-    for joint, axis in enumerate(motions[0].names if motions else ()):
-        controller = subject.controllers.get(axis)
-        if controller is None or not controller.rms or axis in named:
-            continue
-        try:
-            now = _mean([gains_in(_channels(m, joint), controller) for m in motions])
-        except DataError:
-            continue
-        left = now.unexplained[0]
-        if left > BROKEN * controller.rms:
-            out[joint] = left / controller.rms
-    return out
-
-
-def _found(
-    effect: str, axis: str, now: Gains, which: Sequence[int], unseen: Sequence[Gains],
-    controller: Controller,
-) -> Found:  # fmt: skip
-    """Return the finding; efforts of the law are stated as the error that would cause them."""
-    stiffness = max(abs(float(expected(controller)[0])), 1e-300)
-    before = float(np.sqrt(np.mean([g.unexplained[0] ** 2 for g in unseen]))) / stiffness
-    after = float(np.sqrt(np.mean([g.unexplained[1] ** 2 for g in unseen]))) / stiffness
-    noise = (controller.rms or 0.0) / stiffness
-    share = _share(before, after, noise)
-    each = [_share(g.unexplained[0], g.unexplained[1], controller.rms or 0.0) for g in unseen]
-    promised = _share(now.unexplained[0], now.unexplained[1], controller.rms or 0.0)
-    return Found(
-        effect, axis, 0.95,
-        {}, {now.names[k]: float(now.after[k] - now.before[k]) for k in which},
-        {"e": Shrink(before, after, share, (min([*each, share - 0.05]), min(max([*each, share]), 1.0)),
-                     promised, "validation")},
-        [], {f"{axis}.{now.names[k]}": (float(now.before[k]), float(now.after[k]), float("inf"))
-             for k in which},
-        gain=float((now.unexplained[0] / now.unexplained[1]) ** 2),
-    )  # fmt: skip
-
-
-def _share(before: float, after: float, noise: float) -> float:
-    return float(np.clip((before**2 - after**2) / max(before**2 - noise**2, 1e-300), -1.0, 1.0))
-
-
-def _mean(each: Sequence[Gains]) -> Gains:
-    """Return the mean of what several logs say."""
-    n = len(each)
-    return Gains(
-        each[0].names, each[0].before, np.mean([g.after for g in each], axis=0),
-        np.mean([g.covariance for g in each], axis=0) / n,
-        tuple(np.sqrt(np.mean([np.square(g.unexplained) for g in each], axis=0)).tolist()),
-        np.mean([g.held for g in each], axis=0), float(np.mean([g.limited for g in each])),
-        (float(np.mean([g.common[0] for g in each])),
-         float(np.sqrt(np.mean([g.common[1] ** 2 for g in each])))),
-    )  # fmt: skip
-
-
-def _error(controller: Controller, column: str) -> float:
-    """Return the standard error that the twin states for the gain of a column."""
-    parts = column.split()
-    own = [controller.errors.get(p, 0.0) for p in parts]
-    if len(parts) == 1:
-        return own[0]
-    values = [float(getattr(controller, p)) for p in parts]
-    return float(np.hypot(values[0] * own[1], values[1] * own[0]))
-
-
-def _channels(m: Motion, joint: int) -> LoopData:
-    """Return an axis' servo channels; nothing here depends on a disturbance, e stands in its place."""
-    assert m.qr is not None
-    return LoopData.of_axis(m, joint, (m.qr - m.q)[:, joint])
 
 
 def _followed(mask: Mask, rows: int) -> Mask:

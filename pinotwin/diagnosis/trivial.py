@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 
 from pinotwin.diagnosis.ledger import build_ledger, residual_of

@@ -116,6 +116,8 @@ CONTACTS = ((90.0, 0.1), (90.0, 0.35), (150.0, 0.2))
 Softer and more damped than faces are: the path is not known well enough to foretell each impact, and what
 is left of them in the mean is a slower settling (of 12 virtual machines it explains two to four times more).
 """
+
+
 def _backlash(context: Context, axis: str, joint: int) -> Family:
     usual = 1e-4 if context.machine.rotary[joint] else 1e-5
     step = context.scenes[0].motion.step
