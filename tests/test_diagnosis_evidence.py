@@ -85,7 +85,8 @@ def test_what_one_axis_leaves_open_does_not_hide_the_effect_of_another():
 
 def named(effect, axis, *joints):
     columns = [[(j, None) for j in joints]]
-    return SimpleNamespace(candidate=SimpleNamespace(effect=effect, axis=axis, columns=columns))
+    candidate = SimpleNamespace(effect=effect, axis=axis, columns=columns)
+    return SimpleNamespace(candidate=candidate, joints=set(joints))
 
 
 def test_a_ripple_leaves_more_to_its_like_than_to_friction_or_to_other_axes():

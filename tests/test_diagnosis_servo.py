@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.law import _common, mean_gains
+from pinotwin.diagnosis.law import _common, changed, law_of, mean_gains
 from pinotwin.diagnosis.servo import _plateau, look_at_servo
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
@@ -106,3 +106,27 @@ def test_sizes_crowd_at_a_limit_and_nowhere_else():
     over, spike = _plateau(size + noise, 7.0, 0.01)
     assert over > 0.3
     assert spike < 2.0
+
+
+def late(seconds: float) -> LoopData:
+    """Return channels whose law acts later by so much."""
+    made = channels()
+    e, u = made.outputs.T
+    t = np.arange(len(u)) * LAW.step
+    return LoopData(step=LAW.step, qr=made.qr, d=e, axis="X",
+                    outputs=np.stack([e, np.interp(t - seconds, t, u)], axis=1))  # fmt: skip
+
+
+@pytest.mark.parametrize("seconds", [0.0015, 0.004])
+def test_a_law_that_holds_again_with_another_dead_time_is_late(monkeypatch, seconds):
+    monkeypatch.setattr("pinotwin.diagnosis.law._channels", lambda data, _: data)
+    known = dataclasses.replace(LAW, velocity_delay=0.0005)
+    logs = [late(seconds)]
+    for data in logs:
+        object.__setattr__(data, "names", ("X",))
+    law = law_of(known, logs, logs, 0)
+    assert law is not None
+    (found,) = changed(law)
+    assert (found.effect, found.axis) == ("delay", "X")
+    assert found.theta["seconds"] == pytest.approx(seconds, abs=2e-5)
+    assert found.shrink["e"].share > 0.95

@@ -167,6 +167,15 @@ def test_backlash_leaves_a_gap_between_motor_and_table(plain, trajectory):
     assert 25e-6 < np.ptp(gap) < 300e-6
 
 
+def test_play_brings_no_spring_of_its_own(plain, trajectory):
+    """A rigid drive that gets play of some nanometres makes the efforts it made before."""
+    well, ill = (
+        VirtualMachine.load(plain, inject=inject).record(trajectory, seed=0, noise=False).log["Y.u"]
+        for inject in ([], [{"effect": "backlash", "axis": "Y", "value": 1e-9}])
+    )
+    assert np.std(ill - well) < 0.02 * np.std(well)
+
+
 def test_two_effects_and_strings(plain, trajectory):
     machine = VirtualMachine.load(plain, inject=["stribeck:Y=0.1", "encoder_error:A=0.2"])
     assert machine.truth.axes["A"].encoder.error == pytest.approx(2e-4)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,12 @@ STAYS_PUSHED = 0.5  # the same where a push was found, whose course is not known
 FORETOLD = 0.88  # share of a gap that goes on a validation log: the rest is no matter then
 STAYS_UNSEEN = 0.5  # the same as STAYS on a log that was not fitted, where travel and speed differ
 FORETOLD_LEAST = 0.5  # of what effects foretell of such a log that must be there
+
+
+BEYOND = (
+    "{}: on the validation log the effects hold what they promise, but {:.0%} of its gap is the model's "
+    "own: it foretells that motion badly; identify it on a richer one"
+)
 
 
 @dataclass(frozen=True)
@@ -55,16 +61,20 @@ class Left:
         stays: joint with a gap -> share of its power that stays.
         open: joints of which more than noise and more than a small share stays.
         words: joint -> what else is open about it, that a model of the plant cannot show.
+        beyond: joint -> share of an unseen log's gap that stays though the effects hold what they
+            promise there: the model itself foretells that motion badly.
     """
 
     stays: dict[int, float]
     open: tuple[int, ...]
     words: dict[int, str] = field(default_factory=dict)
+    beyond: dict[int, float] = field(default_factory=dict)
 
     def beside(self, words: Mapping[int, str]) -> Left:
         """Return the same with joints that are open for another reason."""
         stays = {**dict.fromkeys(words, 1.0), **self.stays}
-        return Left(stays, tuple(sorted({*self.open, *words})), {**self.words, **words})
+        return replace(self, stays=stays, open=tuple(sorted({*self.open, *words})),
+                       words={**self.words, **words})  # fmt: skip
 
 
 def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
@@ -77,20 +87,27 @@ def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
     after = excess(admit(decision.searched, [n.judged for n in decision.named]), start)
     stays = {j: float(np.clip(after[j] / x, 0.0, 1.0)) for j, x in before.items() if x > limit}
     pushed = _local(decision)
-    open_ = set()
+    open_: set[int] = set()
+    beyond: dict[int, float] = {}
     for j, share in stays.items():
         delivered = None if j in pushed else _delivered(start, gap, j)
         most = STAYS_PUSHED if j in pushed else STAYS
         if after[j] > limit and share > most and not (delivered or 0.0) > FORETOLD:
             open_.add(j)
-        elif delivered is not None and 1.0 - delivered > STAYS_UNSEEN and _unfulfilled(gap, j):
-            stays[j] = max(share, 1.0 - max(delivered, 0.0))
-            open_.add(j)
+        elif delivered is not None and 1.0 - delivered > STAYS_UNSEEN:
+            if _unfulfilled(gap, j):
+                stays[j] = max(share, 1.0 - max(delivered, 0.0))
+                open_.add(j)
+            else:
+                beyond[j] = 1.0 - max(delivered, 0.0)
     for j, share in _at_rest(start, decision, gap).items():
+        if 1.0 - share > STAYS_UNSEEN and not _unfulfilled(gap, j):
+            beyond[j] = 1.0 - max(share, 0.0)
+            continue
         stays[j] = max(stays.get(j, 0.0), 1.0 - max(share, 0.0))
-        if 1.0 - share > STAYS_UNSEEN and _unfulfilled(gap, j):
+        if 1.0 - share > STAYS_UNSEEN:
             open_.add(j)
-    return Left(stays, tuple(sorted(open_)))
+    return Left(stays, tuple(sorted(open_)), beyond=beyond)
 
 
 def _at_rest(start: Ready, decision: Decision, gap: Gaps) -> dict[int, float]:
@@ -103,9 +120,11 @@ def _at_rest(start: Ready, decision: Decision, gap: Gaps) -> dict[int, float]:
 
 
 def _local(decision: Decision) -> set[int]:
-    """Return the joints that were pushed: another log cannot foretell that."""
-    pushed = [n.judged for n in decision.named if n.judged.family.local]
-    return {joint for x in pushed for joint in x.joints}
+    """Return the joints that were pushed and no more: another log cannot foretell that."""
+    joints: dict[bool, set[int]] = {True: set(), False: set()}
+    for n in decision.named:
+        joints[n.judged.family.local] |= n.judged.joints
+    return joints[True] - joints[False]
 
 
 def _delivered(start: Ready, gap: Gaps, joint: int) -> float | None:
@@ -144,6 +163,7 @@ def judge(
     }
     unexplained = {names[j]: {"u": share} for j, share in stays.items()}
     advice = [f"{axis}: what stays is {words}" for axis, words in remains.items()]
+    advice += [BEYOND.format(names[j], share) for j, share in left.beyond.items() if j not in open_]
     return Judgement(
         verdict, sentence(verdict, effects, remains), unexplained, remains, advice, tuple(stays)
     )
