@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError, nearest
+
+CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external")
 
 
 @dataclass(frozen=True)
@@ -116,10 +119,23 @@ class Motion:
             if s.start < stop and s.stop > start
         ]
         arrays: dict[str, Any] = {
-            name: None if (x := getattr(self, name)) is None else x[rows]
-            for name in ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external")
+            name: None if (x := getattr(self, name)) is None else x[rows] for name in CHANNELS
         }
         return replace(self, segments=tuple(inside), **arrays)
+
+    def every(self, count: int) -> Self:
+        """Return one row in so many of every segment; nothing is filtered here."""
+        rows = [np.arange(s.start, s.stop, count) for s in self.segments]
+        ends = np.cumsum([0, *map(len, rows)])
+        picked = np.concatenate(rows) if rows else np.zeros(0, dtype=int)
+        arrays: dict[str, Any] = {
+            name: None if (x := getattr(self, name)) is None else x[picked] for name in CHANNELS
+        }
+        segments = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+        thinner = max(1, round(self.decimation / count))
+        return replace(
+            self, segments=segments, step=self.step * count, decimation=thinner, **arrays
+        )
 
     @classmethod
     def join(cls, parts: Sequence[Motion]) -> Motion:
@@ -131,7 +147,7 @@ class Motion:
             segments += [slice(s.start + offset, s.stop + offset) for s in part.segments]
             offset += len(part)
         arrays: dict[str, Any] = {}
-        for name in ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external"):
+        for name in CHANNELS:
             values = [getattr(part, name) for part in parts]
             missing = any(x is None for x in values)
             arrays[name] = None if missing else np.concatenate(values)

@@ -318,3 +318,15 @@ def test_a_log_without_rows(rig: Machine) -> None:
     for use in (prepare, check):
         with pytest.raises(LogError, match=r"here\.csv: holds no rows; record or cut it again"):
             use(rig, log)
+
+
+def test_one_row_in_so_many_keeps_segments_apart_and_the_clock_true(rig: Machine) -> None:
+    _, q, _, _ = multisine()
+    one = prepare(rig, log_of(q), cutoff=30.0)
+    both = Motion.join([one, one])
+    few = both.every(3)
+    assert few.step == pytest.approx(3.0 * both.step)
+    assert len(few.segments) == len(both.segments)
+    for old, new in zip(both.segments, few.segments, strict=True):
+        np.testing.assert_array_equal(few.q[new], both.q[old][::3])
+        np.testing.assert_allclose(np.diff(few.t[new]), few.step)

@@ -28,7 +28,7 @@ COMMON = 0.9  # of what all gains gain together: what one factor on all of them 
 SEEN = 0.02  # change of the effort's scale that inverse dynamics would have found
 BROKEN = 5.0  # times what the law left when it was identified: more than gains differ
 HOLDS = 1.3  # of what the law left when it was identified: beyond, it is not the gains that differ
-LATER = 1.5  # by how much the law must hold better with another dead time
+LEAST = 0.1  # of a sample: change of the dead time that is worth a name
 LONGEST = 0.01  # [s] further dead time that is looked for
 FORWARD = ("ffa", "ffv", "kv ffv")
 
@@ -111,7 +111,7 @@ def broken(law: Law) -> float | None:
 def _later(law: Law) -> Found | None:
     """Return ``delay`` where the law holds as it was, all its gains kept, but for its dead time."""
     known = law.controller.rms
-    if not known or law.now.unexplained[0] < LATER * known:
+    if not known or law.now.unexplained[0] < BETTER * known:
         return None
 
     def left(late: float) -> float:
@@ -122,10 +122,10 @@ def _later(law: Law) -> Found | None:
         options={"xatol": 0.02 * law.controller.step},
     )  # fmt: skip
     late, after = float(best.x), float(best.fun)
-    if after > HOLDS * known or LATER * after > law.now.unexplained[0]:
+    if after > HOLDS * known or BETTER * after > law.now.unexplained[0]:
         return None
-    if after > BETTER * law.now.unexplained[1]:  # other gains do it better
-        return None
+    if after > law.now.unexplained[1] or abs(late) < LEAST * law.controller.step:
+        return None  # other gains do it better, or it is but the clock's own
     shrink = _shrink(law, law.gains(law.unseen, late), after, of=0)
     return Found(
         "delay", law.axis, 0.95, {}, {"seconds": late}, {"e": shrink}, [],

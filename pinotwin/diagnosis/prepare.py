@@ -12,7 +12,7 @@ from pinotwin.diagnosis.base import Base, change_base, is_scattered
 from pinotwin.diagnosis.context import Context, make_context
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.noise import Noise, estimate, white_noise
-from pinotwin.diagnosis.rows import ROW_RATE, Rows, at_rest_too, take_rows
+from pinotwin.diagnosis.rows import Rows, at_rest_too, take_rows
 from pinotwin.diagnosis.shapes import shaped_base
 from pinotwin.diagnosis.stage import Stage, build_stage
 from pinotwin.log import Log
@@ -61,13 +61,13 @@ def ready(
     """
     machine = subject.machine if isinstance(subject, Twin) else subject
     machine = machine.with_rigid_joints()
-    every = take_rows(machine, logs, validation, rate=ROW_RATE / coarse)
+    every = take_rows(machine, logs, validation, coarse=coarse)
     rows = every.fitted  # validation logs are sealed: nothing below is fitted to them
     tick("rows")
     if isinstance(subject, Twin):
         base = change_base(subject, every)
     else:
-        base = shaped_base(machine, logs, rows, every.motions, white_noise(rows))
+        base = shaped_base(machine, logs, rows, every.motions, white_noise(rows), coarse)
     tick("base")
     start = _settled(every, base, None)
     tick("noise")

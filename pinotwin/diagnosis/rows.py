@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.ndimage import convolve1d
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.log import Log
@@ -117,7 +118,7 @@ class Rows:
 
 
 def take_rows(
-    machine: Machine, logs: Sequence[Log], validation: Sequence[Log], *, rate: float = ROW_RATE
+    machine: Machine, logs: Sequence[Log], validation: Sequence[Log], *, coarse: int = 1
 ) -> Rows:
     """Prepare logs and choose their rows.
 
@@ -125,16 +126,24 @@ def take_rows(
         machine: whose logs they are.
         logs: logs to diagnose; those with the same command are repeats.
         validation: logs that no effect is fitted to.
-        rate: rows per second [Hz].
+        coarse: by how much fewer samples and rows are looked at.
     """
     every = [*logs, *validation]
     cutoff = machine.data.cutoff or 1e9
-    motions = [sharp(prepare(machine, log, cutoff=cutoff, decimate=1)) for log in every]
-    factor = max(1, round(1.0 / (motions[0].step * rate)))
+    read = (prepare(machine, log, cutoff=cutoff, decimate=1) for log in every)
+    motions = [sharp(_coarser(m, coarse) if coarse > 1 else m) for m in read]
+    factor = max(1, round(coarse / (motions[0].step * ROW_RATE)))
     thinner = Thinner(factor)
     flags = tuple([False] * len(logs) + [True] * len(validation))
     rows = Rows(machine, tuple(motions), thinner, (), _commands(motions), flags)
     return replace(rows, channels=_channels(rows, SLOWEST))
+
+
+def _coarser(motion: Motion, count: int) -> Motion:
+    """Return one sample in so many, positions and efforts as the mean over as many."""
+    window = np.full(count, 1.0 / count)
+    q, u = (convolve1d(x, window, axis=0, mode="nearest") for x in (motion.q, motion.u))
+    return replace(motion, q=q, u=u).every(count)
 
 
 def at_rest_too(rows: Rows) -> Rows:

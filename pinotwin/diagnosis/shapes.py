@@ -23,8 +23,9 @@ from pinotwin.twin.twin import effect_slices
 
 
 def shaped_base(
-    machine: Machine, logs: Sequence[Log], rows: Rows, travel: Sequence[Motion], noise: Noise
-) -> Base:
+    machine: Machine, logs: Sequence[Log], rows: Rows, travel: Sequence[Motion], noise: Noise,
+    coarse: int = 1,
+) -> Base:  # fmt: skip
     """Return the base with every searched shape as identified, and free to first order.
 
     Args:
@@ -33,8 +34,10 @@ def shaped_base(
         rows: their rows.
         travel: motions whose travel tables must cover, validation logs included.
         noise: that weighs the axes.
+        coarse: by how much fewer samples are looked at.
     """
     motion = prepare(machine, list(logs))
+    motion = motion.every(2 * coarse) if coarse > 1 else motion  # a pitch is long and a log too
     every = max(round(rows.thinner.factor / motion.decimation), 1)
     plant = fit_plant(machine, motion, consistent_inertia=False, every=every)
     joined = Motion.join(travel)
