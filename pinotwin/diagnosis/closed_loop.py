@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.context import Scene
 from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Gap, Shrink
-from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.stage import Piece
 from pinotwin.errors import DataError
 from pinotwin.loop import LoopData, Structure, identify_loop

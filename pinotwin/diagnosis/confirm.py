@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.decide import Decision, Named
 from pinotwin.diagnosis.prepare import Ready
-from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.shrinking import held_out, plain_stage, shrink
 
 FORETOLD = 0.1  # share of the gap that an effect must take away on the validation logs

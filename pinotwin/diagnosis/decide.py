@@ -14,22 +14,13 @@ from itertools import combinations
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.admission import Judged, Key, admit, joint_worth, worth_beside
 from pinotwin.diagnosis.bank import Shelf, fill
 from pinotwin.diagnosis.calibration import Calibration, calibrate
 from pinotwin.diagnosis.context import Context
 from pinotwin.diagnosis.healthy import healthy_draws
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
-from pinotwin.diagnosis.search import (
-    Judged,
-    Key,
-    Screened,
-    Settings,
-    admit,
-    joint_worth,
-    polish,
-    screen,
-    worth_beside,
-)
+from pinotwin.diagnosis.search import Screened, Settings, polish, screen
 from pinotwin.diagnosis.shrinking import plain_stage
 from pinotwin.diagnosis.stage import Stage
 from pinotwin.diagnosis.trivial import left_by, trivial

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.advice import CLASSES
 from pinotwin.diagnosis.calibration import Calibration, alike, tempered
 from pinotwin.diagnosis.decide import Decision, Named
@@ -14,7 +15,6 @@ from pinotwin.diagnosis.gaps import Gaps
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Found, Shrink
-from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.shrinking import held_out, on_fitted, shrink
 from pinotwin.diagnosis.verdict import Left
 from pinotwin.twin.twin import effect_keys

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pinotwin.diagnosis.admission import Judged
 from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Gap, Shrink, Traces
-from pinotwin.diagnosis.search import Judged
 from pinotwin.diagnosis.shrinking import Errors, HeldOut, held_out, plain_stage, shrink
 from pinotwin.diagnosis.stage import Stage
 

@@ -7,54 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.admission import RARE, Judged, Key, admit, measured
 from pinotwin.diagnosis.bank import Batch, Shelf, shelf, stacked
 from pinotwin.diagnosis.catalogue.events import find_events, pushes
 from pinotwin.diagnosis.catalogue.position import modulated
-from pinotwin.diagnosis.context import Candidate, Context, Family, Shape
-from pinotwin.diagnosis.ledger import Ledger, build_ledger, sums
-from pinotwin.diagnosis.stage import Piece, Stage
+from pinotwin.diagnosis.context import Context, Family, Shape
+from pinotwin.diagnosis.ledger import Ledger, build_ledger, residual_of, sums
 from pinotwin.diagnosis.worth import Worth, worth
 
 LEAST_SHARE = 2e-4  # of a candidate's columns that the base must leave open
 LEAST_SHARE_OF_POSITION = 0.01  # the same where a table interpolates between its knots
 POSITION = ("ripple", "ripple_modulated", "position_table")
 PEAKS = 2  # pitches of a plain ripple at which a modulated one is tried
-Key = tuple[str, str | None]
-
-
-@dataclass(frozen=True)
-class Judged:
-    """The best candidate of a family.
-
-    Attributes:
-        family: whose best it is.
-        candidate: at its best shape.
-        G: held-out gain less the price of its search [whitened deviance].
-        gain: in-sample gain.
-        theta: coefficients, shape (k,).
-        share: of its columns that the base leaves open.
-        identifiable: whether the log can tell it from the base at all.
-    """
-
-    family: Family
-    candidate: Candidate
-    G: float
-    gain: float
-    theta: Floats
-    share: float
-    identifiable: bool
-
-    @property
-    def key(self) -> Key:
-        """Effect and axis."""
-        return self.candidate.effect, self.candidate.axis
-
-    @property
-    def joints(self) -> set[int]:
-        """Joints that it acts on, without those that it only shakes."""
-        joints = [joint for joint, _ in self.candidate.columns[0]]
-        return set(joints[:1] if self.family.shakes else joints)
 
 
 @dataclass(frozen=True)
@@ -111,19 +76,6 @@ class Settings:
     most: int = 3
     leave_out: frozenset[str] = frozenset()
     seed: int = 0
-
-
-RARE = {"geometric_error": 6.0, "position_table": 4.0, "encoder_error": 4.0, "backlash": 6.0,
-        "wrist_coupling": 2.0, "viscous_asymmetric": 2.0, "ripple": 6.0, "ripple_modulated": 12.0,
-        "external_force": 30.0, "delay": 15.0, "drive_flexibility": 25.0, "stribeck": 6.0,
-        "presliding": 6.0}  # fmt: skip
-"""Deviance that an effect must bring beyond another one that does the same.
-
-Because it is uncommon, or because a healthy machine shows a little of it: the largest gains of healthy
-virtual machines (104, development seed 0) are 50 for ``delay`` (every amplifier has one), 48 for
-``drive_flexibility`` (every filter looks like one), 30 for ``ripple`` and ``stribeck``, and below 20 for
-the rest.
-"""
 
 
 def screen(
@@ -190,10 +142,19 @@ def _pushed(
     if not events:
         return None
     found, _ = judge(
-        context, _measured(ledger), shelf(context, ledger.stage, pushes(axis, joint, events, price))
+        context, measured(ledger), shelf(context, ledger.stage, pushes(axis, joint, events, price))
     )
-    net = sum(e.gain - price for e in events) - RARE["external_force"]
-    return replace(found, G=float(min(net, found.G))), top
+    # A push stands out of what is left elsewhere, once the base is fitted beside it.
+    level = _spread_beside(ledger, found, joint)
+    return replace(found, G=found.G - found.gain * (1.0 - 1.0 / level**2)), top
+
+
+def _spread_beside(ledger: Ledger, found: Judged, joint: int) -> float:
+    """Return the robust size of what is left of a joint beside an effect, in units of the noise."""
+    under = admit(ledger.stage, [found])
+    theta = build_ledger(under).theta
+    left = [np.abs(residual_of(p, theta)) for p in under.pieces if p.channel.joint == joint]
+    return max(1.4826 * float(np.median(np.concatenate(left))), 1.0)
 
 
 def judge(context: Context, ledger: Ledger, s: Shelf) -> tuple[Judged, Floats]:
@@ -234,7 +195,7 @@ def _best(
 def polish(context: Context, ledger: Ledger, judged: Judged) -> Judged:
     """Return an effect with its shapes between the points of its grid."""
     family = judged.family
-    plain = _measured(ledger)
+    plain = measured(ledger)
     for width in (1.0, 0.35):
         for name, half in family.fine.items():
             around = _around(judged.candidate.shape, name, width * half)
@@ -250,65 +211,3 @@ def polish(context: Context, ledger: Ledger, judged: Judged) -> Judged:
 def _around(shape: Shape, name: str, half: float) -> list[Shape]:
     steps = half * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
     return [{**shape, name: float(shape[name] * np.exp(x))} for x in steps]
-
-
-def _measured(ledger: Ledger) -> Ledger:
-    """Return the ledger with the measured effort alone."""
-    return replace(
-        ledger, right=ledger.right[:, :, :1], Y=tuple(y[:, :1] for y in ledger.Y),
-        groups=tuple(replace(g, Sy=g.Sy[:, :1]) for g in ledger.groups),
-    )  # fmt: skip
-
-
-def worth_beside(stage: Stage, theta: Floats, judged: Judged, others: Sequence[Judged]) -> float:
-    """Return the held-out gain of an effect at its shape, given other ones."""
-    ledger = _measured(build_ledger(admit(stage, others), theta))
-    columns = stacked(ledger.stage, [judged.candidate.columns])
-    w = worth(ledger, sums(ledger, columns), judged.family.ridge)
-    price = judged.family.price + RARE.get(judged.family.effect, 0.0)
-    return float((w.gain if judged.family.local else w.G)[0, 0]) - price
-
-
-def joint_worth(ledger: Ledger, a: Judged, b: Judged) -> float:
-    """Return the held-out gain of two effects admitted together."""
-    parts = [ledger.stage.project(x.candidate.columns) for x in (a, b)]
-    both: list[Floats | None] = []
-    widths = [len(a.theta), len(b.theta)]
-    for k, pair in enumerate(zip(*parts, strict=True)):
-        if all(x is None for x in pair):
-            both.append(None)
-            continue
-        m = len(ledger.stage.pieces[k].y)
-        filled = [np.zeros((m, n)) if x is None else x for x, n in zip(pair, widths, strict=True)]
-        both.append(np.concatenate(filled, axis=1)[:, None, :])
-    plain = _measured(ledger)
-    w = worth(plain, sums(plain, both))
-    price = sum(x.family.price + RARE.get(x.family.effect, 0.0) for x in (a, b))
-    return float(w.G[0, 0]) - price
-
-
-def admit(stage: Stage, judged: Sequence[Judged]) -> Stage:
-    """Return the stage with the columns of candidates added to its base."""
-    p = stage.base.count
-    pieces = list(stage.pieces)
-    held: list[float] = []
-    for item in judged:
-        width = len(item.theta)
-        values = stage.project(item.candidate.columns)
-        size = 0.0
-        for n, x in enumerate(values):
-            if x is not None:
-                pieces[n] = _wider(pieces[n], x, np.arange(p, p + width))
-                size += float(np.sum(x**2)) / width
-        held += [item.family.ridge * size] * width
-        p += width
-    mean = np.concatenate([stage.base.mean, np.zeros(p - stage.base.count)])
-    precision = np.diag(np.concatenate([np.zeros(stage.base.count), held]))
-    precision[: stage.base.count, : stage.base.count] = stage.base.precision
-    base = replace(stage.base, mean=mean, precision=precision)
-    return replace(stage, base=base, pieces=tuple(pieces))
-
-
-def _wider(piece: Piece, x: Floats, index: Ints) -> Piece:
-    columns = np.concatenate([piece.columns, index.astype(int)])
-    return replace(piece, B=np.concatenate([piece.B, x], axis=1), columns=columns)

@@ -21,9 +21,9 @@ from pinotwin.signals import rms, roughness
 from pinotwin.twin import Twin
 
 LIMITED = 2e-3  # share of rows at the limit that is worth a name
-WORSE = 10.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
+WORSE = 8.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
 OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
-SPIKE = 25.0  # density of sizes at the limit over that below it, if the error is LEFT_BEHIND too
+SPIKE = 60.0  # density of sizes at the limit over that below it, if the error is LEFT_BEHIND too
 LEFT_BEHIND = 1.3  # the same of the tracking error then
 SERVO = ("saturation", "feedforward", "loop_gain", "effort_scale")  # they say why a law fails
 

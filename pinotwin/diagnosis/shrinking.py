@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
 from pinotwin.diagnosis.result import Shrink
-from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.stage import Stage, build_stage, scatter_precision, steady
 
 RESAMPLES = 400

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.bank import Shelf, shelf
 from pinotwin.diagnosis.calibration import calibrate
 from pinotwin.diagnosis.catalogue import families
@@ -20,7 +21,7 @@ from pinotwin.diagnosis.decide import Decision, Named
 from pinotwin.diagnosis.healthy import healthy_draws
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready, with_rest_of
-from pinotwin.diagnosis.search import Judged, Settings, admit, polish, screen
+from pinotwin.diagnosis.search import Settings, polish, screen
 from pinotwin.diagnosis.trivial import rows_of
 
 FORM = 0.08  # deviance per row that the form of a law may be in error by at rest: no threshold is lower

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.ledger import build_ledger, residual_of
-from pinotwin.diagnosis.search import Judged, admit
 from pinotwin.diagnosis.stage import Stage
 
 LATENCY = 3e-4  # [s] a delay below this is every machine's own and gets no name

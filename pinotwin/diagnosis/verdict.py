@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pinotwin.diagnosis.admission import admit
 from pinotwin.diagnosis.calibration import STAYS
 from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.gaps import Gaps
@@ -14,11 +15,10 @@ from pinotwin.diagnosis.ledger import build_ledger, residual_of
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.remainder import describe
 from pinotwin.diagnosis.result import Found, Verdict
-from pinotwin.diagnosis.search import admit
 from pinotwin.diagnosis.shrinking import foretold
 from pinotwin.diagnosis.stage import Stage, scatter_precision, steady
 
-SIGNIFICANT = {"repeats": 0.25, "assumed": 0.35}
+SIGNIFICANT = {"repeats": 0.35, "assumed": 0.45}
 """Whitened power above the noise that counts as a gap, by how the noise is known."""
 STAYS_PUSHED = 0.5  # the same where a push was found, whose course is not known
 FORETOLD = 0.88  # share of a gap that goes on a validation log: the rest is no matter then
