@@ -26,7 +26,6 @@ from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
 
 Tell = Callable[[str, float], None]
-QUICK = 3  # fewer rows of a quick look
 BROKEN_LAW = "the controller's law leaves {:.0f} times what it left when it was identified"
 
 
@@ -62,7 +61,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell = report or _silent
     tell("preparing the logs", 0.02)
     start = ready(subject, _list(log), _list(validate), lambda stage: tell(stage, 0.1),
-                  coarse=QUICK if quick else 1)  # fmt: skip
+                  quick=quick)  # fmt: skip
     settings = Settings(
         draws=60 if quick else 160,
         injections=60 if quick else 200,

@@ -12,12 +12,14 @@ from pinotwin.diagnosis.base import Base, change_base, is_scattered
 from pinotwin.diagnosis.context import Context, make_context
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.noise import Noise, estimate, white_noise
-from pinotwin.diagnosis.rows import Rows, at_rest_too, take_rows
+from pinotwin.diagnosis.rows import Rows, at_rest_too, coarsest, take_rows
 from pinotwin.diagnosis.shapes import shaped_base
 from pinotwin.diagnosis.stage import Stage, build_stage
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.twin.twin import Twin, effect_slices
+
+QUICK = 3  # by how much fewer samples and rows a quick look takes at most
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def ready(
     validation: Sequence[Log],
     tick: Callable[[str], None],
     *,
-    coarse: int = 1,
+    quick: bool = False,
 ) -> Ready:
     """Return the stage of a diagnosis.
 
@@ -57,8 +59,9 @@ def ready(
         logs: logs to diagnose.
         validation: logs that no effect is fitted to.
         tick: called with each stage.
-        coarse: by how much fewer rows are looked at.
+        quick: look at fewer samples and rows of long logs.
     """
+    coarse = coarsest(logs, QUICK) if quick else 1
     machine = subject.machine if isinstance(subject, Twin) else subject
     machine = machine.with_rigid_joints()
     every = take_rows(machine, logs, validation, coarse=coarse)

@@ -16,12 +16,15 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.preparation import prepare
 
 ROW_RATE = 125.0  # [Hz] rows per second that are looked at
+LEAST_RUN = 12  # rows in one go that are worth looking at
+QUICK_ROWS = 1500  # of every axis that a quick look wants
 SLOWEST = 0.001  # share of an axis' top speed below which its rows are left out
 
 
@@ -136,7 +139,19 @@ def take_rows(
     thinner = Thinner(factor)
     flags = tuple([False] * len(logs) + [True] * len(validation))
     rows = Rows(machine, tuple(motions), thinner, (), _commands(motions), flags)
-    return replace(rows, channels=_channels(rows, SLOWEST))
+    rows = replace(rows, channels=_channels(rows, SLOWEST))
+    if not rows.fitted.channels:
+        raise DataError(
+            f"{machine.name}: no axis moves for long enough in {', '.join(x.source for x in logs)} to say "
+            f"anything (for {1e3 * LEAST_RUN * rows.row_step:.0f} ms in one go); give a log of longer moves"
+        )
+    return rows
+
+
+def coarsest(logs: Sequence[Log], most: int) -> int:
+    """Return by how much fewer samples are enough for a quick look: short logs are kept whole."""
+    seconds = sum(float(np.ptp(log.t)) for log in logs)
+    return int(np.clip(seconds * ROW_RATE // QUICK_ROWS, 1, most))
 
 
 def _coarser(motion: Motion, count: int) -> Motion:
@@ -192,7 +207,7 @@ def _channel(
         at = thinner.centres(part)
         keep = inside[at - part.start]
         for a, b in _stretches(keep):
-            if b - a >= 12:
+            if b - a >= LEAST_RUN:
                 centres.append(at[a:b])
                 runs.append(slice(count, count + b - a))
                 count += b - a

@@ -21,6 +21,8 @@ from pinotwin.motion import Motion
 from pinotwin.preparation import prepare
 from pinotwin.twin.twin import effect_slices
 
+ENOUGH = 0.35  # of a joint's travel, for its pitches to be found
+
 
 def shaped_base(
     machine: Machine, logs: Sequence[Log], rows: Rows, travel: Sequence[Motion], noise: Noise,
@@ -34,10 +36,11 @@ def shaped_base(
         rows: their rows.
         travel: motions whose travel tables must cover, validation logs included.
         noise: that weighs the axes.
-        coarse: by how much fewer samples are looked at.
+        coarse: above 1, the shapes are sought in a part of one log per command.
     """
-    motion = prepare(machine, list(logs))
-    motion = motion.every(2 * coarse) if coarse > 1 else motion  # a pitch is long and a log too
+    chosen = list(logs) if coarse == 1 else _one_of_each(logs, rows.commands)
+    motion = prepare(machine, chosen)
+    motion = motion if coarse == 1 else _first_part(motion)
     every = max(round(rows.thinner.factor / motion.decimation), 1)
     plant = fit_plant(machine, motion, consistent_inertia=False, every=every)
     joined = Motion.join(travel)
@@ -49,6 +52,24 @@ def shaped_base(
     sloped = with_slopes(base, build_ledger(build_stage(rows, base, noise)).theta)
     whole = np.concatenate([_carried(plant, effects), np.zeros(len(sloped.slopes))])
     return replace(sloped, whole=whole)
+
+
+def _one_of_each(logs: Sequence[Log], commands: Sequence[int]) -> list[Log]:
+    """Return one log of every command: a repeat says little more of a pitch."""
+    return [log for k, log in enumerate(logs) if commands[k] not in commands[:k]]
+
+
+def _first_part(motion: Motion) -> Motion:
+    """Return the first part of a log that holds most of every joint's travel.
+
+    Sampled less often, presliding would lead the pitches astray; in less time they are found as well.
+    """
+    whole = np.ptp(motion.q, axis=0)
+    for share in (3, 2):
+        part = motion.cut(0, len(motion) // share)
+        if part.segments and np.all(np.ptp(part.q, axis=0) >= ENOUGH * whole):
+            return part
+    return motion
 
 
 def _carried(plant: Plant, effects: Sequence[Effect]) -> Floats:

@@ -35,7 +35,8 @@ def friction(context: Context, axis: str, joint: int) -> Iterator[Family]:
         )
     if not (structure and context.has("stribeck", axis)):
         yield _stribeck(context, axis, joint)
-    yield _presliding(context, axis, joint)
+    if not (structure and context.has("presliding", axis)):  # its own form was found in this log
+        yield _presliding(context, axis, joint)
     yield _thermal(axis, joint)
 
 
