@@ -11,6 +11,8 @@ import pytest
 import pinotwin as pt
 from pinotwin.cli.main import main
 from pinotwin.diagnosis import diagnose
+from pinotwin.errors import PinotwinError
+from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.recording import write_log
@@ -172,3 +174,11 @@ def test_emps_with_symmetric_friction(data_dir):
     found = diagnose(*emps(data_dir, "coulomb", "viscous"), quick=True)
     assert found.effects[0].effect in ("coulomb_asymmetric", "viscous_asymmetric")
     assert np.isfinite(found.gap["X"]["u"].rms)
+
+
+def test_a_log_that_hardly_moves_is_refused_in_one_line(machine, urdf_dir):
+    (log,) = record(urdf_dir, paths=(7,), repeats=1)
+    still = Log({k: v if k == "t" else v[:1] + 1e-7 * np.sin(40.0 * log["t"]) if k.endswith("q") else v
+                 for k, v in log.channels.items()}, source="still.csv")  # fmt: skip
+    with pytest.raises(PinotwinError, match=r"still\.csv"):
+        diagnose(machine, still, quick=True)

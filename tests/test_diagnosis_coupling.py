@@ -98,7 +98,12 @@ def test_columns_of_any_size_count():
 
 def left(before, after):
     """Return errors of one joint, before and after, as a gap holds them."""
-    stage = SimpleNamespace(pieces=(SimpleNamespace(channel=SimpleNamespace(joint=0)),))
+    rows = np.arange(len(before))
+    channel = SimpleNamespace(joint=0, log=0, centres=rows)
+    pieces = (SimpleNamespace(channel=channel, kept=rows),)
+    stage = SimpleNamespace(
+        pieces=pieces, rows=SimpleNamespace(motions=[SimpleNamespace(step=0.01)])
+    )
     return [
         SimpleNamespace(delivered=SimpleNamespace(stage=stage, values=(x,)))
         for x in (before, after)
@@ -110,7 +115,9 @@ def test_what_effects_foretell_counts_whatever_else_is_in_the_gap(part):
     rng = np.random.default_rng(3)
     own, other = rng.standard_normal((2, 20000))
     gap = part * own + 8.0 * other
-    assert foretold(*left(gap, gap - own), 0) == pytest.approx(part, abs=0.2)
+    slope, error = foretold(*left(gap, gap - own), 0)
+    assert error == pytest.approx(8.0 / np.sqrt(20000), rel=0.3)
+    assert abs(slope - part) < 3.0 * error
 
 
 def test_two_that_hide_each_other_are_not_left_over():

@@ -31,3 +31,9 @@ def test_friction_that_chatters_at_rest_is_said_to_be_unexplained(size):
     found = said("random:2", ("chatter", "Q2", size))
     assert found.verdict in ("unexplained", "partly_explained")
     assert "standstill" in found.remains["Q2"]
+
+
+def test_a_law_that_is_listed_is_not_missing():
+    """The driller lists presliding on every axis: its form was found in this very log."""
+    found = said("laser_driller", ("stribeck", "C", 0.04))
+    assert ("presliding", "C") not in {(e.effect, e.axis) for e in found.effects}

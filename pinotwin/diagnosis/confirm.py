@@ -6,18 +6,21 @@ repeats in all of them and looks like an effect. Another command does not repeat
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.diagnosis.admission import Judged, admit
+from pinotwin.diagnosis.admission import admit
 from pinotwin.diagnosis.decide import Decision, Named
 from pinotwin.diagnosis.prepare import Ready
-from pinotwin.diagnosis.shrinking import held_out, plain_stage, shrink
+from pinotwin.diagnosis.shrinking import HeldOut, foretold, held_out, plain_stage, shrink
 
 FORETOLD = 0.1  # share of the gap that an effect must take away on the validation logs
 MORE = 5.0  # times the threshold, the evidence that names an effect all the same
+TWICE = 2.0  # the same where the logs do not say that it is wrong
+LEAST = (
+    0.5  # of what an effect foretells of a validation log: below, by a standard error, it is wrong
+)
 
 
 def confirmed(start: Ready, decision: Decision, rng: np.random.Generator) -> Decision:
@@ -34,17 +37,19 @@ def _stands(start: Ready, decision: Decision, named: Named, rng: np.random.Gener
     own = named.judged
     if own.family.local or MORE * named.threshold < own.G:
         return True
-    others = [n.judged for n in decision.named if n is not named]
-    return _delivered(start, [*decision.quiet, *others], own, rng) > FORETOLD
-
-
-def _delivered(
-    start: Ready, others: Sequence[Judged], own: Judged, rng: np.random.Generator
-) -> float:  # fmt: skip
-    """Return the largest share of a joint's gap that the effect takes away on validation logs."""
+    others = [*decision.quiet, *(n.judged for n in decision.named if n is not named)]
     plain = plain_stage(start.stage)
     before = held_out(plain, others, start.theta)
     after = held_out(plain, [*others, own], start.theta)
-    found = (shrink(before, after, j, start.stage.noise.rms[j], rng) for j in own.joints
-             if j in start.stage.noise.rms)  # fmt: skip
-    return max((x.share for x in found if x is not None), default=-1.0)
+    noise = {j: start.stage.noise.rms[j] for j in own.joints if j in start.stage.noise.rms}
+    shrinks = (shrink(before, after, j, rms, rng) for j, rms in noise.items())
+    if max((x.share for x in shrinks if x is not None), default=-1.0) > FORETOLD:
+        return True
+    # A base that foretells another motion badly leaves a gap there beside which no effect shows.
+    return TWICE * named.threshold < own.G and not any(_wrong(before, after, j) for j in noise)
+
+
+def _wrong(before: HeldOut, after: HeldOut, joint: int) -> bool:
+    """Whether a validation log does not hold what an effect foretells of it."""
+    slope, error = foretold(before, after, joint)
+    return slope + error < LEAST

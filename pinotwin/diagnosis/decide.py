@@ -26,7 +26,7 @@ from pinotwin.diagnosis.stage import Stage
 from pinotwin.diagnosis.trivial import left_by, trivial
 
 LOWEST = 18.0  # no threshold is lower
-LOWEST_CHANGE = 25.0  # the same against a twin, whose own small errors count as well
+LOWEST_CHANGE = 22.0  # the same against a twin, whose own small errors count as well
 PAIRED = 6  # best effects of which all pairs are judged jointly
 
 

@@ -12,7 +12,7 @@ from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
 from pinotwin.diagnosis.result import Shrink
-from pinotwin.diagnosis.stage import Stage, build_stage, scatter_precision, steady
+from pinotwin.diagnosis.stage import Piece, Stage, build_stage, scatter_precision, steady
 
 RESAMPLES = 400
 FIRM = 1e8  # times the precision of a twin's coefficients: they do not move
@@ -152,17 +152,29 @@ def shrink(
     )
 
 
-def foretold(before: HeldOut, after: HeldOut, joint: int) -> float:
+def foretold(before: HeldOut, after: HeldOut, joint: int) -> tuple[float, float]:
     """Return the slope of the gap on what effects foretell of it, on data not used to fit them.
 
     1 where they are right, whatever else is in the gap (a base may foretell another motion badly by
-    itself); 0 where they foretell nothing of it.
+    itself); 0 where they foretell nothing of it. Beside it its standard error, stretches of time apart.
     """
-    pieces = [p.channel.joint == joint for p in before.delivered.stage.pieces]
-    errors = (np.concatenate([e for e, own in zip(x.delivered.values, pieces, strict=True) if own])
-              for x in (before, after))  # fmt: skip
-    gap, left = errors
-    return float(gap @ (gap - left) / max(np.sum((gap - left) ** 2), 1e-300))
+    stage = before.delivered.stage
+    own = [k for k, p in enumerate(stage.pieces) if p.channel.joint == joint]
+    if not own:
+        return 0.0, np.inf
+    gap, left = (np.concatenate([x.delivered.values[k] for k in own]) for x in (before, after))
+    said = gap - left
+    size = max(float(said @ said), 1e-300)
+    slope = float(gap @ said) / size
+    stretch = np.concatenate([_stretch(stage, stage.pieces[k]) for k in own])
+    parts = np.bincount(np.unique(stretch, return_inverse=True)[1], (gap - slope * said) * said)
+    return slope, float(np.sqrt(np.sum(parts**2))) / size
+
+
+def _stretch(stage: Stage, piece: Piece) -> Floats:
+    """Return the stretch of time of every row of a piece, another number in every log."""
+    t = piece.channel.centres[piece.kept] * stage.rows.motions[0].step
+    return np.asarray(np.floor(t / STRETCH) + 4096.0 * piece.channel.log)
 
 
 def _range_of_blocks(
@@ -196,12 +208,10 @@ def _share(before: Floats | float, after: Floats | float, noise: Floats | float)
 def _squares(before: Errors, after: Errors, joint: int) -> tuple[Floats, Floats, Ints]:
     """Return squared errors before and after on one joint, and the stretch of time of each."""
     x, y, block = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
-    step = before.stage.rows.motions[0].step
     for k, piece in enumerate(before.stage.pieces):
         if piece.channel.joint == joint:
-            t = piece.channel.centres[piece.kept] * step
             x.append(before.values[k] ** 2)
             y.append(after.values[k] ** 2)
-            block.append((t / STRETCH).astype(int) + 4096.0 * piece.channel.log)
+            block.append(_stretch(before.stage, piece))
     number = np.unique(np.concatenate(block), return_inverse=True)[1]
     return np.concatenate(x), np.concatenate(y), number

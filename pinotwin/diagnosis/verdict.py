@@ -141,7 +141,7 @@ def _delivered(start: Ready, gap: Gaps, joint: int) -> float | None:
 
 def _unfulfilled(gap: Gaps, joint: int) -> bool:
     """Whether an unseen log does not hold what the effects foretell of it."""
-    return foretold(gap.before, gap.after, joint) < FORETOLD_LEAST
+    return foretold(gap.before, gap.after, joint)[0] < FORETOLD_LEAST
 
 
 def judge(
