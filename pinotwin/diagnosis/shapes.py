@@ -60,7 +60,7 @@ def _one_of_each(logs: Sequence[Log], commands: Sequence[int]) -> list[Log]:
 
 
 def _first_part(motion: Motion) -> Motion:
-    """Return the first part of a log that holds most of every joint's travel.
+    """Return the first part of a log that holds enough of every joint's travel.
 
     Sampled less often, presliding would lead the pitches astray; in less time they are found as well.
     """

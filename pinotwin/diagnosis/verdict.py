@@ -27,8 +27,8 @@ FORETOLD_LEAST = 0.5  # of what effects foretell of such a log that must be ther
 
 
 BEYOND = (
-    "{}: on the validation log the effects hold what they promise, but {:.0%} of its gap is the model's "
-    "own: it foretells that motion badly; identify it on a richer one"
+    "{}: on data that were not fitted the effects hold what they promise, but {:.0%} of the gap there is "
+    "the model's own: it foretells that motion badly; identify it on a richer one"
 )
 
 
