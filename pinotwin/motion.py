@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
 
 CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external")
@@ -118,24 +118,22 @@ class Motion:
             for s in self.segments
             if s.start < stop and s.stop > start
         ]
-        arrays: dict[str, Any] = {
-            name: None if (x := getattr(self, name)) is None else x[rows] for name in CHANNELS
-        }
-        return replace(self, segments=tuple(inside), **arrays)
+        return replace(self, segments=tuple(inside), **self._at(rows))
 
     def every(self, count: int) -> Self:
         """Return one row in so many of every segment; nothing is filtered here."""
         rows = [np.arange(s.start, s.stop, count) for s in self.segments]
         ends = np.cumsum([0, *map(len, rows)])
         picked = np.concatenate(rows) if rows else np.zeros(0, dtype=int)
-        arrays: dict[str, Any] = {
-            name: None if (x := getattr(self, name)) is None else x[picked] for name in CHANNELS
-        }
         segments = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
         thinner = max(1, round(self.decimation / count))
-        return replace(
-            self, segments=segments, step=self.step * count, decimation=thinner, **arrays
-        )
+        return replace(self, segments=segments, step=self.step * count, decimation=thinner,
+                       **self._at(picked))  # fmt: skip
+
+    def _at(self, rows: slice | Ints) -> dict[str, Any]:
+        """Return some rows of every channel that there is."""
+        every = {name: getattr(self, name) for name in CHANNELS}
+        return {name: None if x is None else x[rows] for name, x in every.items()}
 
     @classmethod
     def join(cls, parts: Sequence[Motion]) -> Motion:

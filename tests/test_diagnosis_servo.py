@@ -9,6 +9,7 @@ import pytest
 
 from pinotwin.diagnosis.law import _common, changed, law_of, mean_gains
 from pinotwin.diagnosis.servo import _plateau, look_at_servo
+from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.gains import at_limit, gains_in
@@ -122,11 +123,23 @@ def test_a_law_that_holds_again_with_another_dead_time_is_late(monkeypatch, seco
     monkeypatch.setattr("pinotwin.diagnosis.law._channels", lambda data, _: data)
     known = dataclasses.replace(LAW, velocity_delay=0.0005)
     logs = [late(seconds)]
-    for data in logs:
-        object.__setattr__(data, "names", ("X",))
+    object.__setattr__(logs[0], "names", ("X",))
     law = law_of(known, logs, logs, 0)
     assert law is not None
     (found,) = changed(law)
     assert (found.effect, found.axis) == ("delay", "X")
     assert found.theta["seconds"] == pytest.approx(seconds, abs=2e-5)
     assert found.shrink["e"].share > 0.95
+
+
+def test_an_axis_that_rests_in_a_validation_log_is_left_out_not_fatal(monkeypatch):
+    def gains(data, controller):
+        if data == "still":
+            raise DataError("X hardly moves")
+        return gains_in(data, controller)
+
+    monkeypatch.setattr("pinotwin.diagnosis.law._channels", lambda data, _: data)
+    monkeypatch.setattr("pinotwin.diagnosis.law.gains_in", gains)
+    assert (
+        law_of(LAW, [channels()], ["still"], 0) is None
+    )  # it was an error that ended the diagnosis

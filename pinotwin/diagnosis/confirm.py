@@ -18,9 +18,7 @@ from pinotwin.diagnosis.shrinking import HeldOut, foretold, held_out, plain_stag
 FORETOLD = 0.1  # share of the gap that an effect must take away on the validation logs
 MORE = 5.0  # times the threshold, the evidence that names an effect all the same
 TWICE = 2.0  # the same where the logs do not say that it is wrong
-LEAST = (
-    0.5  # of what an effect foretells of a validation log: below, by a standard error, it is wrong
-)
+LEAST = 0.5  # of what an effect foretells of such a log; below by a standard error, it is wrong
 
 
 def confirmed(start: Ready, decision: Decision, rng: np.random.Generator) -> Decision:

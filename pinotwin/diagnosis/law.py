@@ -44,6 +44,7 @@ class Law:
         motions: logs it is held against.
         unseen: logs on which a shrink is stated.
         now: gains over all of ``motions``.
+        there: gains in each of ``unseen``.
     """
 
     axis: str
@@ -52,22 +53,28 @@ class Law:
     motions: Sequence[Motion]
     unseen: Sequence[Motion]
     now: Gains
+    there: Sequence[Gains]
 
-    def gains(self, motions: Sequence[Motion], late: float = 0.0) -> list[Gains]:
+    def later(self, motions: Sequence[Motion], late: float) -> list[Gains]:
         """Return the gains in each of some logs, the law's dead time longer by ``late`` [s]."""
         shifted = replace(self.controller, delay=self.controller.delay + late)
-        return [gains_in(_channels(m, self.joint), shifted) for m in motions]
+        return _each(shifted, motions, self.joint)
 
 
 def law_of(
     controller: Controller, motions: Sequence[Motion], unseen: Sequence[Motion], joint: int
 ) -> Law | None:
-    """Return the law of one axis, None where it does not move enough to say anything about its servo."""
+    """Return the law of one axis, None where a log says nothing about its servo: it hardly moves."""
     try:
-        now = mean_gains([gains_in(_channels(m, joint), controller) for m in motions])
+        now, there = (_each(controller, x, joint) for x in (motions, unseen))
     except DataError:
         return None
-    return Law(motions[0].names[joint], joint, controller, motions, unseen, now)
+    axis = motions[0].names[joint]
+    return Law(axis, joint, controller, motions, unseen, mean_gains(now), there)
+
+
+def _each(controller: Controller, motions: Sequence[Motion], joint: int) -> list[Gains]:
+    return [gains_in(_channels(m, joint), controller) for m in motions]
 
 
 def changed(law: Law) -> list[Found]:
@@ -115,7 +122,7 @@ def _later(law: Law) -> Found | None:
         return None
 
     def left(late: float) -> float:
-        return mean_gains(law.gains(law.motions, late)).unexplained[0]
+        return mean_gains(law.later(law.motions, late)).unexplained[0]
 
     best = minimize_scalar(
         left, bounds=(-law.controller.delay, LONGEST), method="bounded",
@@ -126,7 +133,7 @@ def _later(law: Law) -> Found | None:
         return None
     if after > law.now.unexplained[1] or abs(late) < LEAST * law.controller.step:
         return None  # other gains do it better, or it is but the clock's own
-    shrink = _shrink(law, law.gains(law.unseen, late), after, of=0)
+    shrink = _shrink(law, [g.unexplained[0] for g in law.later(law.unseen, late)], after)
     return Found(
         "delay", law.axis, 0.95, {}, {"seconds": late}, {"e": shrink}, [],
         {f"{law.axis}.delay": (law.controller.delay, law.controller.delay + late, float("inf"))},
@@ -148,7 +155,7 @@ def _common(now: Gains) -> float | None:
 
 def _found(effect: str, law: Law, which: Sequence[int]) -> Found:
     now = law.now
-    shrink = _shrink(law, law.gains(law.unseen), now.unexplained[1], of=1)
+    shrink = _shrink(law, [g.unexplained[1] for g in law.there], now.unexplained[1])
     return Found(
         effect, law.axis, 0.95,
         {}, {now.names[k]: float(now.after[k] - now.before[k]) for k in which},
@@ -159,19 +166,17 @@ def _found(effect: str, law: Law, which: Sequence[int]) -> Found:
     )  # fmt: skip
 
 
-def _shrink(law: Law, mended: Sequence[Gains], left: float, *, of: int) -> Shrink:
+def _shrink(law: Law, better: Sequence[float], left: float) -> Shrink:
     """Return how far a gap shrinks; efforts of the law are stated as the error that would cause them.
 
     Args:
         law: as it was.
-        mended: the same on the unseen logs with what was found.
-        left: what that leaves on the logs looked at [N or N·m].
-        of: 0 if the expected gains are kept, 1 if those found are taken.
+        better: what it leaves on each of the unseen logs with what was found [N or N·m].
+        left: the same on the logs looked at.
     """
     stiffness = max(abs(float(expected(law.controller)[0])), 1e-300)
     noise = law.controller.rms or 0.0
-    plain = [g.unexplained[0] for g in law.gains(law.unseen)]
-    better = [g.unexplained[of] for g in mended]
+    plain = [g.unexplained[0] for g in law.there]
     before, after = (float(np.sqrt(np.mean(np.square(x)))) for x in (plain, better))
     share = _share(before, after, noise)
     each = [_share(x, y, noise) for x, y in zip(plain, better, strict=True)]
