@@ -105,7 +105,7 @@ def judged(effect, G, axis="X"):
 
 
 def test_an_answer_that_leaves_part_of_the_gap_open_shares_with_close_rivals_and_the_unknown():
-    known = Calibration(0.01, np.zeros(0), np.zeros(0), {}, {})
+    known = Calibration(0.01, np.zeros(0), np.zeros(0), {})
     answer, close, far = (
         judged("backlash", 900.0),
         judged("drive_flexibility", 420.0),

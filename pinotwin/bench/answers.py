@@ -42,6 +42,7 @@ class Answer:
         floors: peer -> (effect, axis, score).
         seconds: stage -> time it took [s].
         form: what the model's laws cannot follow of a healthy machine, over the noise.
+        oracle: deviance that the true course of a single effect would gain; see bench.oracle.
         error: what went wrong, if anything did.
     """
 
@@ -62,6 +63,7 @@ class Answer:
     floors: Mapping[str, tuple[str, str | None, float]] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     form: float = 0.0
+    oracle: float | None = None
     error: str = ""
 
     @property
@@ -111,7 +113,7 @@ def label(key: Key) -> str:
 
 
 def noted(case: Case, found: Diagnosis, made: Produced, seconds: Mapping[str, float],
-          floors: Mapping[str, Any]) -> Answer:  # fmt: skip
+          floors: Mapping[str, Any], oracle: float | None = None) -> Answer:  # fmt: skip
     """Return what a diagnosis said about a case."""
     return Answer(
         case.number, case.machine, case.situation, case.kind, truth_of(case), case.effects,
@@ -119,7 +121,7 @@ def noted(case: Case, found: Diagnosis, made: Produced, seconds: Mapping[str, fl
         named=tuple((e.effect, e.axis, float(e.confidence)) for e in found.effects),
         stated=_stated(found), confusable=tuple(tuple(g) for g in found.confusable),
         shrink=_shrink(found), predicted=_predicted(case, found), floors=floors, seconds=seconds,
-        form=made.form,
+        form=made.form, oracle=oracle,
     )  # fmt: skip
 
 

@@ -87,11 +87,16 @@ EXACT: tuple[frozenset[str], ...] = (
 )
 """Classes that no motion of one axis can split (METHODS A4): always merged, never in the strict row."""
 
+CONTAINED_IN: dict[str, frozenset[str]] = {
+    "coulomb": frozenset({"coulomb_asymmetric"}), "viscous": frozenset({"viscous_asymmetric"}),
+}  # fmt: skip
+"""Effect -> entries of which it is a case: a catalogue that has one of them has not lost the effect."""
+
 
 def left_out_with(effect: str) -> tuple[str, ...]:
     """Return what a catalogue must lose so that an effect is unknown to it."""
     kin = next((g for g in IMITATORS if effect in g), frozenset({effect}))
-    return tuple(sorted(kin | {effect}))
+    return tuple(sorted(kin | {effect} | CONTAINED_IN.get(effect, frozenset())))
 
 
 def true_name(effect: str) -> str:

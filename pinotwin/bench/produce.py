@@ -50,6 +50,8 @@ class Produced:
         form: of a healthy machine in situation ``structure``: power that the model's laws, fitted at
             their true shapes, cannot follow, over the noise. Its friction is the model's by name, but
             not to the last micrometre by its equation.
+        course: of a single effect of the plant: its run without noise, each effort what the effect
+            adds to it.
     """
 
     sealed: Sealed
@@ -57,6 +59,7 @@ class Produced:
     sizes: tuple[float, ...]
     raw: tuple[float, ...]
     form: float = 0.0
+    course: Log | None = None
 
 
 def produce(case: Case, *, seconds: float = SECONDS) -> Produced:
@@ -127,7 +130,17 @@ def _measured(
     pairs = [_sizes(one[0], r, clean, noise, (machine, well))
              for one, r in zip(case.effects, alone, strict=True)]  # fmt: skip
     rho = over(powers(seen.minus(clean)), noise)
-    return Produced(sealed, rho, tuple(p[0] for p in pairs), tuple(p[1] for p in pairs))
+    one = len(case.effects) == 1 and case.effects[0][0] not in LOOP_ONLY
+    course = _course(seen, clean) if one else None
+    return Produced(
+        sealed, rho, tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), course=course
+    )
+
+
+def _course(ill: Run, clean: Run) -> Log:
+    """Return the run with, for its efforts, what they are more than without the effect."""
+    added = {f"{a}.u": of["u"] for a, of in ill.minus(clean).items()}
+    return Log({k: np.asarray(x) for k, x in {**ill.log, **added}.items()}, source="course")
 
 
 def _is_noise(case: Case) -> bool:

@@ -20,6 +20,7 @@ from pinotwin.bench.answers import Answer, failed, noted, read_answer
 from pinotwin.bench.cases import Case
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.floors import floors
+from pinotwin.bench.oracle import evidence
 from pinotwin.bench.produce import SECONDS, Sealed, produce
 from pinotwin.bench.twins import healthy_twin, make_twin
 from pinotwin.diagnosis import Diagnosis, diagnose
@@ -75,9 +76,12 @@ def answer(case: Case, plan: Plan) -> Answer:
     found = blindly(made.sealed, twin, case, plan.quick)
     said = time.perf_counter()
     peers = floors(case, made.sealed, twin)
+    scored = time.perf_counter()
+    best = evidence(made, twin)
     end = time.perf_counter()
-    spent = {"produce": ready - start, "diagnose": said - ready, "floors": end - said}
-    return noted(case, found, made, spent, peers)
+    spent = {"produce": ready - start, "diagnose": said - ready, "floors": scored - said,
+             "oracle": end - scored}  # fmt: skip
+    return noted(case, found, made, spent, peers, best)
 
 
 def blindly(sealed: Sealed, twin: Twin | None, case: Case, quick: bool) -> Diagnosis:

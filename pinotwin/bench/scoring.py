@@ -13,6 +13,8 @@ from pinotwin.bench.statistics import Calibration, Share, calibration
 
 VISIBLE, FAINT, STRONG = 0.1, 0.02, 0.5
 """rho above which an effect must be named; may be missed; must also shrink the gap."""
+ORACLE = 25.0
+"""Deviance below which not even the true course of an effect stands out (METHODS A2)."""
 
 
 @dataclass(frozen=True)
@@ -108,12 +110,16 @@ def top_rows(single: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
     """Return how often the first answer is right, by size of the gap."""
     visible = [a for a in single if a.size >= VISIBLE]
     faint = [a for a in single if FAINT <= a.size < VISIBLE]
+    seen = [a for a in visible if a.oracle is None or a.oracle >= ORACLE]
     wider = [a for a in single if max(a.raw, default=0.0) >= VISIBLE]
     out = [
         _line("top-1 effect and axis, rho ≥ 0.1", _right(visible), Bound(0.85), Bound(0.95),
               "classes merged as physics and isolability say"),
         _line("… unmerged, rho ≥ 0.1", [a.right(strict=True) for a in visible]),
         _line("… rho ≥ 0.1 before the model took up its part", _right(wider)),
+        _line("… of those that an oracle sees while the axis moves", _right(seen),
+              note=f"their true course would gain a deviance of {ORACLE:g} or more"),
+        _line("… of the others", _right([a for a in visible if a not in seen])),
         _line("… among the first two", [a.right() or a.right(1) for a in visible]),
         _line("… axis right", [_axis(a) for a in visible if a.named],
               note="of those named; a load on any axis"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from pathlib import Path
 
@@ -29,6 +30,8 @@ def extended(diagnosis: Diagnosis) -> Machine:
     if not isinstance(machine, Machine):
         raise DataError("this diagnosis does not hold its machine; diagnose again")
     for found in diagnosis.effects:
+        if found.axis in machine.passive:
+            machine = _sprung(machine, found)
         if found.axis is None or found.axis not in machine.axes:
             continue
         old = machine.axis(found.axis).effects
@@ -38,6 +41,15 @@ def extended(diagnosis: Diagnosis) -> Machine:
         ):
             machine = machine.with_effects(found.axis, (*old, effect))
     return machine
+
+
+def _sprung(machine: Machine, found: Found) -> Machine:
+    """Return the machine with the stiffness and damping that were found of a passive joint."""
+    name, k, c = str(found.axis), found.theta["k"], found.theta["c"]
+    spec = copy.deepcopy(dict(machine.spec))
+    spec["passive"][name] |= {"stiffness": k, "damping": c}
+    part = dataclasses.replace(machine.passive[name], stiffness=k, damping=c)
+    return dataclasses.replace(machine, spec=spec, passive={**machine.passive, name: part})
 
 
 def unknown_to_yaml(diagnosis: Diagnosis) -> list[str]:

@@ -1,10 +1,9 @@
 """What this log can tell apart, and how sure an answer is: known before the data are looked at.
 
 Effects of the catalogue are put into healthy noise on the log's own motion, and the same screen is run
-on them. Noise-free injections give the isolability of every pair (Eriksson, Frisk & Krysander 2013,
-doi:10.1016/j.automatica.2013.02.008: half the deviance by which the true effect beats another one); noisy
-ones, a quarter of them with their own family taken away, give the temperature of the evidence and the
-share of right answers among those that look equally sure.
+on them. Noise-free injections give the confusion that is to be expected; noisy ones, a quarter of them
+with their own family taken away, give the temperature of the evidence and the share of right answers
+among those that look equally sure.
 """
 
 from __future__ import annotations
@@ -27,8 +26,6 @@ from pinotwin.diagnosis.stage import Stage
 SIZES = (8.0, 3000.0)  # whitened deviance that an injection brings beyond the base, log-uniform
 REFERENCE = 200.0  # the same of the noise-free ones
 OUTSIDE = 0.25  # share of injections whose own family is taken away
-FORM = 0.02  # share of an effect that the form of its columns may be off by
-MERGED = 3.0  # isolability below which two effects are one
 ALONE = 80  # draws of noise alone, for the threshold
 SUREST = 0.92
 """No answer is surer. Of 64 that injections called surer than 0.95, 86 % were right (development seed 3):
@@ -52,14 +49,12 @@ class Calibration:
         warmth: temperature of the evidence per unit of gain.
         sure: confidences before recalibration, ascending, shape (n,).
         right: share of right answers at them, shape (n,).
-        ratio: (true, other) -> share of the true effect's gain that the other one reaches.
         predicted: true -> named -> probability at the reference size.
     """
 
     warmth: float
     sure: Floats
     right: Floats
-    ratio: Mapping[tuple[Key, Key], float]
     predicted: Mapping[Key, Mapping[Key, float]]
 
     def confidence(self, p: float, *, partial: bool) -> float:
@@ -71,20 +66,6 @@ class Calibration:
         """
         full = min(float(np.interp(p, self.sure, self.right)) if len(self.sure) else p, SUREST)
         return PARTIAL * full if partial else full
-
-    def isolability(self, true: Key, other: Key, gain: float) -> float:
-        """Return by how much an effect of some gain beats another one [half deviance]."""
-        loss = 1.0 - self.ratio.get((true, other), 0.0)
-        return 0.5 * gain * max(loss, 0.0)
-
-    def like(self, true: Key, gain: float) -> list[Key]:
-        """Return the effects that this motion cannot tell from an effect of some gain."""
-        others = [b for a, b in self.ratio if a == true]
-        return [
-            o
-            for o in others
-            if self.isolability(true, o, gain) < MERGED or 1.0 - self.ratio[true, o] < FORM
-        ]
 
 
 def tempered(G: Floats, threshold: float, warmth: float) -> Floats:
@@ -120,8 +101,7 @@ def calibrate(
     for n in np.flatnonzero(outside):
         G[[k for k, key in enumerate(seen.keys) if alike(key, truth[n])], n] = -1e3
     warmth, sure, right = _recalibrated(_Answers(seen, G, truth, outside, sizes, threshold))
-    ratio, predicted = _isolated(seen, keys, seen.tops[:, count:end])
-    return Calibration(warmth, sure, right, ratio, predicted)
+    return Calibration(warmth, sure, right, _predicted(seen, keys, seen.tops[:, count:end]))
 
 
 def _with_noise(pushed: Floats, noise: Floats) -> Floats:
@@ -223,18 +203,14 @@ def _isotonic(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return middle, (levels * count + 1.0) / (count + 2.0)
 
 
-def _isolated(seen: Screened, keys: Sequence[Key], tops: Floats):  # type: ignore[no-untyped-def]
-    """Return the gain ratios and the predicted confusion of noise-free injections."""
-    ratio: dict[tuple[Key, Key], float] = {}
+def _predicted(
+    seen: Screened, keys: Sequence[Key], tops: Floats
+) -> dict[Key, dict[Key, float]]:  # fmt: skip
+    """Return the predicted confusion of noise-free injections."""
     predicted: dict[Key, dict[Key, float]] = {}
     index = {key: k for k, key in enumerate(seen.keys)}
     for n, true in enumerate(keys):
-        if true not in index or tops[index[true], n] < 0.2 * REFERENCE:
-            continue
-        top = tops[index[true], n]
-        for other, k in index.items():
-            if other != true and tops[k, n] > 0.5 * top:
-                ratio[true, other] = float(min(tops[k, n] / top, 1.0))
-        p = tempered(tops[:, n], -1e3, 0.0)
-        predicted[true] = {o: float(p[k]) for o, k in index.items() if p[k] > 0.01}
-    return ratio, predicted
+        if true in index and tops[index[true], n] > 0.2 * REFERENCE:
+            p = tempered(tops[:, n], -1e3, 0.0)
+            predicted[true] = {o: float(p[k]) for o, k in index.items() if p[k] > 0.01}
+    return predicted

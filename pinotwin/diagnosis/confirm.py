@@ -16,8 +16,8 @@ from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.shrinking import HeldOut, foretold, held_out, plain_stage, shrink
 
 FORETOLD = 0.1  # share of the gap that an effect must take away on the validation logs
-MORE = 5.0  # times the threshold, the evidence that names an effect all the same
-TWICE = 2.0  # the same where the logs do not say that it is wrong
+MORE = 3.0  # times the threshold, the evidence that names an effect all the same
+TWICE = 1.6  # the same where the logs do not say that it is wrong
 LEAST = 0.5  # of what an effect foretells of such a log; below by a standard error, it is wrong
 
 

@@ -7,8 +7,8 @@ judged again given the others, and replaced where another effect does its work b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -17,8 +17,10 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.admission import Judged, Key, admit, joint_worth, worth_beside
 from pinotwin.diagnosis.bank import Shelf, fill
 from pinotwin.diagnosis.calibration import Calibration, calibrate
+from pinotwin.diagnosis.confidence_set import rejected
 from pinotwin.diagnosis.context import Context
 from pinotwin.diagnosis.healthy import healthy_draws
+from pinotwin.diagnosis.isolability import not_isolable
 from pinotwin.diagnosis.ledger import Ledger, build_ledger
 from pinotwin.diagnosis.search import Screened, Settings, polish, screen
 from pinotwin.diagnosis.shrinking import plain_stage
@@ -26,7 +28,7 @@ from pinotwin.diagnosis.stage import Stage
 from pinotwin.diagnosis.trivial import left_by, trivial
 
 LOWEST = 18.0  # no threshold is lower
-LOWEST_CHANGE = 22.0  # the same against a twin, whose own small errors count as well
+LOWEST_CHANGE = 20.0  # the same against a twin, whose own small errors count as well
 PAIRED = 6  # best effects of which all pairs are judged jointly
 
 
@@ -39,12 +41,16 @@ class Named:
         rivals: other effects given the other ones, best first.
         threshold: held-out gain that a healthy machine reaches.
         calibration: of its own search, where that was not the one of the decision.
+        alike: other effects that this motion cannot tell from it.
+        rejected: rivals that the data reject: their p-values in the model confidence set.
     """
 
     judged: Judged
     rivals: tuple[Judged, ...]
     threshold: float
     calibration: Calibration | None = None
+    alike: tuple[Key, ...] = ()
+    rejected: Mapping[Key, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -53,7 +59,8 @@ class Decision:
 
     Attributes:
         named: effects, largest gain first.
-        quiet: effects admitted without a name.
+        quiet: effects admitted without a name: too small to matter.
+        leavings: what the columns of named effects leave over, which looked like effects of their own.
         searched: the stage that was searched.
         stage: with all of them in its base.
         first: the first screen, of the base alone.
@@ -70,6 +77,7 @@ class Decision:
     unseen: tuple[Key, ...]
     calibration: Calibration
     steps: tuple[tuple[float, float], ...] = field(default=())
+    leavings: tuple[Judged, ...] = field(default=())
 
 
 def decide(
@@ -84,11 +92,20 @@ def decide(
     search = _Search(context, shelves, stage, theta, settings)
     first = search.run(tell)
     tell("checking the found effects against each other", 0.8)
-    named = search.rechecked()
+    named = tuple(search.compared(n) for n in search.rechecked())
     unseen = tuple(j.key for j in first.judged if not j.identifiable)
     final = admit(stage, [*search.quiet, *(n.judged for n in named)])
+    left = tuple(j for j, _ in search.leavings)
     return Decision(
-        named, tuple(search.quiet), stage, final, first, unseen, calibration, tuple(search.steps)
+        named,
+        tuple(search.quiet),
+        stage,
+        final,
+        first,
+        unseen,
+        calibration,
+        tuple(search.steps),
+        left,
     )
 
 
@@ -104,7 +121,18 @@ class _Search:
     found: list[Judged] = field(default_factory=list)
     quiet: list[Judged] = field(default_factory=list)
     steps: list[tuple[float, float]] = field(default_factory=list)
+    leavings: list[tuple[Judged, Key]] = field(default_factory=list)
     limits: dict[Key, float] = field(default_factory=dict)
+
+    @property
+    def admitted(self) -> list[Judged]:
+        """All that is in the base by now, named or not."""
+        return [*self.quiet, *(j for j, _ in self.leavings), *self.found]
+
+    def beside(self, member: Judged) -> list[Judged]:
+        """Return what a member is judged beside: all but itself and what it leaves over."""
+        left = (j for j, owner in self.leavings if owner != member.key)
+        return [*self.quiet, *left, *(j for j in self.found if j is not member)]
 
     @property
     def lowest(self) -> float:
@@ -116,8 +144,8 @@ class _Search:
         first: Screened | None = None
         for step in range(self.settings.most + 3):
             tell(f"screening, step {step + 1}", 0.3 + 0.08 * step)
-            taken = [j.key for j in (*self.quiet, *self.found)]
-            here = admit(self.stage, [*self.quiet, *self.found])
+            taken = [j.key for j in self.admitted]
+            here = admit(self.stage, self.admitted)
             ledger = build_ledger(here, self.theta)
             seen = self._screen(ledger, taken)
             first = first or seen
@@ -129,22 +157,30 @@ class _Search:
             best = self._significant(here, ledger, best, _heads(seen, best, self.lowest), step)
             if not best:
                 break
-            plain = admit(rough, [*self.quiet, *self.found])
-            for j in best:
-                small = len(best) == 1 and (trivial(j, here, plain) or self._left_over(j))
-                (self.quiet if small else self.found).append(j)
+            self._take(best, here, admit(rough, self.admitted))
         assert first is not None
         return first
 
-    def _left_over(self, judged: Judged) -> bool:
-        """Whether an effect may be what one of the found ones leaves over."""
+    def _take(self, best: Sequence[Judged], here: Stage, plain: Stage) -> None:
+        """Admit one effect, by name or without, or a pair."""
+        for j in best:
+            owner = self._owner(j) if len(best) == 1 else None
+            if owner is not None:
+                self.leavings.append((j, owner))
+            elif len(best) == 1 and trivial(j, here, plain):
+                self.quiet.append(j)
+            else:
+                self.found.append(j)
+
+    def _owner(self, judged: Judged) -> Key | None:
+        """Return the found effect that leaves something over that looks like an effect, or None."""
         for other in self.found:
             if left_by(other, other.G, judged):
-                beside = [*self.quiet, *(j for j in self.found if j is not other), judged]
+                beside = [*self.beside(other), judged]
                 gain = worth_beside(self.stage, self.theta, other, beside)
                 if left_by(other, gain, judged):
-                    return True
-        return False
+                    return other.key
+        return None
 
     def _simplest(self, ledger: Ledger, seen: Screened) -> Judged:
         """Return the best effect at its best shape; a plain ripple where a modulated one adds little.
@@ -181,7 +217,7 @@ class _Search:
         under = admit(here, best)
         rng = np.random.default_rng([self.settings.seed, step])
         drawn = healthy_draws(under, build_ledger(under, self.theta), self.settings.draws, rng)
-        taken = [j.key for j in (*self.quiet, *self.found)]
+        taken = [j.key for j in self.admitted]
         seen = self._screen(build_ledger(here, self.theta, drawn), taken)
         found = seen.thresholds(self.settings.alpha)
         return {axis: max(x, self.lowest) for axis, x in found.items()}
@@ -213,20 +249,23 @@ class _Search:
         for _ in range(2):
             named, changed = [], False
             for k, member in enumerate(list(self.found)):
-                others = [j for j in self.found if j is not member]
-                ledger = build_ledger(admit(self.stage, [*self.quiet, *others]), self.theta)
-                seen = self._screen(ledger, [j.key for j in (*self.quiet, *others)])
+                others = self.beside(member)
+                ledger = build_ledger(admit(self.stage, others), self.theta)
+                seen = self._screen(ledger, [j.key for j in others])
                 like = [j for j in seen.judged if j.joints & member.joints] or [member]
                 best = polish(self.context, ledger, like[0])
                 own = next((j for j in like if j.key == member.key), member)
                 own = best if best.key == own.key else polish(self.context, ledger, own)
                 limit = self.limits.get(member.key, self.lowest)
                 if limit > max(best.G, own.G):
-                    self.found, changed = others, True
+                    self.found, changed = [j for j in self.found if j is not member], True
                     break
                 if best.key != member.key and own.G + max(6.0, 0.02 * own.G) < best.G:
                     own, changed = best, True
                     self.limits[own.key] = limit
+                    self.leavings = [
+                        (j, own.key if o == member.key else o) for j, o in self.leavings
+                    ]
                 self.found[k] = own
                 rivals = tuple(j for j in like if j.key != own.key and j.identifiable)
                 named.append(Named(own, rivals[:12], limit))
@@ -234,6 +273,14 @@ class _Search:
                 break
         named.sort(key=lambda n: -n.judged.G)
         return tuple(named)
+
+    def compared(self, named: Named) -> Named:
+        """Return a found effect with what else it may be, and what it can not."""
+        beside = self.beside(next(j for j in self.found if j.key == named.judged.key))
+        under, rng = admit(self.stage, beside), np.random.default_rng([self.settings.seed, 40])
+        same = not_isolable(self.context, self.shelves, under, named.judged, self.settings)
+        out = rejected(self.stage, self.theta, beside, [named.judged, *named.rivals], rng)
+        return replace(named, alike=same, rejected=out)
 
 
 def _heads(seen: Screened, best: Sequence[Judged], lowest: float) -> list[Judged]:

@@ -41,13 +41,10 @@ def findings(
         known = named.calibration or decision.calibration
         options = _options(named, known, partial=partial)
         probability = sum(p for j, p in options if j is named.judged)
-        others = _covering(options, named.judged)
+        others = _covering(options, named)
         moves = _moves(start, decision, named.judged)
         effects.append(_found(start, decision, gap, named, probability, others, moves, rng))
-        confusable += [
-            [_name(named.judged.key), _name(key)]
-            for key in known.like(named.judged.key, named.judged.gain)
-        ]
+        confusable += [[_name(named.judged.key), _name(key)] for key in named.alike]
         if partial:
             confusable += [[_name(named.judged.key), _name(j.key)] for j in _close(named)]
         for item in others:
@@ -57,7 +54,7 @@ def findings(
                 pairs.append((named.judged.candidate.effect, str(item["effect"]), axis))
     confusable += _exact(decision)
     confusable = [list(x) for x in dict.fromkeys(tuple(g) for g in confusable)]
-    effects.sort(key=lambda e: -max((x.share * x.before for x in e.shrink.values()), default=0.0))
+    effects.sort(key=lambda e: -e.gain)
     return effects, confusable, pairs
 
 
@@ -104,8 +101,14 @@ def _same(a: Judged | str, b: Judged) -> bool:
     return not isinstance(a, str) and alike(a.key, b.key)
 
 
-def _covering(options: Sequence[tuple[Judged | str, float]], own: Judged) -> list[dict[str, Any]]:
-    """Return the alternatives that, with the named effect, reach the stated probability."""
+def _covering(
+    options: Sequence[tuple[Judged | str, float]], named: Named
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return the alternatives that, with the named effect, reach the stated probability.
+
+    Without those that the model confidence set rejects.
+    """
+    own = named.judged
     out: list[dict[str, Any]] = []
     total = 0.0
     for judged, p in options:
@@ -113,6 +116,8 @@ def _covering(options: Sequence[tuple[Judged | str, float]], own: Judged) -> lis
             break
         total += p
         if judged is own:
+            continue
+        if not isinstance(judged, str) and judged.key in named.rejected:
             continue
         if isinstance(judged, str):
             effect, axis, why = judged, None, WHY[judged]

@@ -35,6 +35,12 @@ class Gaps:
     after: HeldOut
     traces: tuple[Traces, ...]
 
+    def beside(self, vibrations: Mapping[str, Gap], shrinks: Mapping[str, Shrink]) -> Gaps:
+        """Return the gaps with those of the vibration of passive joints beside."""
+        table = {**self.table, **{joint: {"v": g} for joint, g in vibrations.items()}}
+        together = {**self.together, **{joint: {"v": x} for joint, x in shrinks.items()}}
+        return replace(self, table=table, together=together)
+
     def with_errors(self, errors: Mapping[str, Gap], shrinks: Mapping[str, Shrink]) -> Gaps:
         """Return the gaps with those of the tracking error beside."""
         table = {

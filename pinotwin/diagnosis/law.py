@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.result import Found, Shrink
 from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller
@@ -93,7 +94,7 @@ def changed(law: Law) -> list[Found]:
     moved = (
         (size > MOVED * now.unexplained[1])
         & (np.abs(now.after - now.before) > SIGMAS * error)
-        & (np.abs(now.after - now.before) > RELATIVE * np.abs(now.before))
+        & (np.abs(now.after - now.before) > RELATIVE * _scale(now))
     )
     factor = _common(now)
     if moved.any() and factor is not None:
@@ -105,6 +106,16 @@ def changed(law: Law) -> list[Found]:
         if which:
             out.append(_found(effect, law, which))
     return out
+
+
+def _scale(now: Gains) -> Floats:
+    """Return what a change of every gain is measured by: its own size, of one on a velocity the largest.
+
+    A speed that a filter passes at 99.9 % looks like a feed-forward of a thousandth of the speed's gain.
+    """
+    speed = np.array([n in ("kd", "kv", "ffv", "kv ffv") for n in now.names])
+    own = np.abs(now.before)
+    return np.where(speed, np.max(own[speed], initial=0.0), own)
 
 
 def broken(law: Law) -> float | None:

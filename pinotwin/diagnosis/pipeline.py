@@ -19,6 +19,7 @@ from pinotwin.diagnosis.search import Settings
 from pinotwin.diagnosis.servo import look_at_servo
 from pinotwin.diagnosis.standstill import look_at_rest, restless
 from pinotwin.diagnosis.verdict import Left, judge, left_over
+from pinotwin.diagnosis.vibration import Vibrations, look_at_vibration
 from pinotwin.diagnosis.where import localise
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -69,15 +70,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         leave_out=frozenset(leave_out),
         seed=seed,
     )
-    decision = decide(start.context, start.search_stage, start.theta, settings, tell)
-    decision = confirmed(start, decision, np.random.default_rng([seed, 96]))
-    moving, words = start, {}
-    if not quick:
-        tell("friction at standstill and reversals", 0.82)
-        rest = at_rest(start)
-        words = restless(start, rest)
-        start, decision = look_at_rest(start, rest, decision, settings)
-        decision = confirmed(start, decision, np.random.default_rng([seed, 95]))
+    moving = start
+    start, decision, words = _searched(start, settings, tell, quick=quick)
     tell("measuring the gap", 0.85)
     gap = gaps(start, decision, np.random.default_rng([seed, 98]))
     left = left_over(moving, replace(decision, searched=moving.search_stage), gap)
@@ -85,12 +79,35 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     if closed_loop and not quick:
         errors, shrinks = error_gaps(start, decision, tell, np.random.default_rng([seed, 97]))
         gap = gap.with_errors(errors, shrinks)
-    return _diagnosis(subject, start, decision, gap, left, settings, quick)
+    rows = start.stage.rows
+    vibrations = look_at_vibration(
+        subject, [*_list(log), *_list(validate)], rows.validation, rows.commands,
+        np.random.default_rng([seed, 94]),
+    )  # fmt: skip
+    left = replace(left.beside(vibrations.open), stays={**left.stays, **vibrations.stays})
+    gap = gap.beside(vibrations.gaps, vibrations.shrinks)
+    return _diagnosis(subject, start, decision, gap, left, settings, quick, vibrations)
 
 
-def _diagnosis(
+def _searched(
+    start: Ready, settings: Settings, tell: Tell, *, quick: bool
+) -> tuple[Ready, Decision, dict[int, str]]:
+    """Return the stage, what was found in motion and at rest, and what is odd about joints at rest."""
+    seed = settings.seed
+    decision = decide(start.context, start.search_stage, start.theta, settings, tell)
+    decision = confirmed(start, decision, np.random.default_rng([seed, 96]))
+    if quick:
+        return start, decision, {}
+    tell("friction at standstill and reversals", 0.82)
+    rest = at_rest(start)
+    words = restless(start, rest)
+    start, decision = look_at_rest(start, rest, decision, settings)
+    return start, confirmed(start, decision, np.random.default_rng([seed, 95])), words
+
+
+def _diagnosis(  # noqa: PLR0913, what one call has found out
     subject: Machine | Twin, start: Ready, decision: Decision, gap: Gaps, left: Left,
-    settings: Settings, quick: bool,
+    settings: Settings, quick: bool, vibrations: Vibrations,
 ) -> Diagnosis:  # fmt: skip
     rows, noise = start.stage.rows, start.stage.noise
     rng = np.random.default_rng([settings.seed, 99])
@@ -99,7 +116,7 @@ def _diagnosis(
     fitted = [m for m, held in zip(rows.motions, flags, strict=True) if not held]
     unseen = [m for m, held in zip(rows.motions, flags, strict=True) if held]
     servo, broken = look_at_servo(subject, fitted, unseen, effects, settings.leave_out)
-    effects += servo
+    effects += [*servo, *vibrations.effects]
     effects.sort(key=lambda f: f.effect != "saturation")  # a drive at its limit before all else
     left = left.beside({j: BROKEN_LAW.format(x) for j, x in broken.items()})
     verdict = judge(start, decision, gap, left, effects)
@@ -113,7 +130,7 @@ def _diagnosis(
         verdict=verdict.verdict,
         sentence=verdict.sentence,
         gap=gap.table,
-        where=_where(start, verdict.joints, rng),
+        where=_ranked([*_where(start, verdict.joints, rng), *vibrations.where]),
         effects=effects,
         confusable=confusable,
         unexplained=verdict.unexplained,
@@ -135,8 +152,14 @@ def _where(start: Ready, joints: Sequence[int], rng: np.random.Generator) -> lis
     """Return the regions of the axes whose gap is more than noise."""
     out: list[Region] = []
     for joint in joints:
-        out += localise(start.stage.rows, list(start.residuals), joint, rng)
-    return sorted(out, key=lambda r: -(r.share - r.time_share))
+        if joint in start.stage.rows.joints:
+            out += localise(start.stage.rows, list(start.residuals), joint, rng)
+    return out
+
+
+def _ranked(regions: Sequence[Region]) -> list[Region]:
+    """Return the regions, the one that holds most beyond its share of the time first."""
+    return sorted(regions, key=lambda r: -(r.share - r.time_share))
 
 
 def _list(logs: Log | Sequence[Log] | None) -> list[Log]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -10,9 +11,10 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.base import Base, change_base, is_scattered
 from pinotwin.diagnosis.context import Context, make_context
+from pinotwin.diagnosis.deflection import bent
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.noise import Noise, estimate, white_noise
-from pinotwin.diagnosis.rows import Rows, at_rest_too, coarsest, take_rows
+from pinotwin.diagnosis.rows import Bend, Rows, at_rest_too, coarsest, take_rows
 from pinotwin.diagnosis.shapes import shaped_base
 from pinotwin.diagnosis.stage import Stage, build_stage
 from pinotwin.log import Log
@@ -62,9 +64,8 @@ def ready(
         quick: look at fewer samples and rows of long logs.
     """
     coarse = coarsest(logs, QUICK) if quick else 1
-    machine = subject.machine if isinstance(subject, Twin) else subject
-    machine = machine.with_rigid_joints()
-    every = take_rows(machine, logs, validation, coarse=coarse)
+    machine, bend = _machine(subject)
+    every = take_rows(machine, logs, validation, coarse=coarse, bend=bend)
     rows = every.fitted  # validation logs are sealed: nothing below is fitted to them
     tick("rows")
     if isinstance(subject, Twin):
@@ -75,6 +76,14 @@ def ready(
     start = _settled(every, base, None)
     tick("noise")
     return start
+
+
+def _machine(subject: Machine | Twin) -> tuple[Machine, Bend | None]:
+    """Return the machine, and how its passive joints bend: only a twin knows their springs."""
+    if isinstance(subject, Twin):
+        bends = functools.partial(bent, subject) if subject.machine.passive else None
+        return subject.machine, bends
+    return subject.with_rigid_joints(), None
 
 
 def at_rest(start: Ready) -> Ready:

@@ -8,7 +8,7 @@ with a memory (:mod:`pinotwin.diagnosis.standstill`) takes all rows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -22,6 +22,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.preparation import prepare
 
+Bend = Callable[[Motion, Motion], Motion]
 ROW_RATE = 125.0  # [Hz] rows per second that are looked at
 LEAST_RUN = 12  # rows in one go that are worth looking at
 QUICK_ROWS = 1500  # of every axis that a quick look wants
@@ -121,8 +122,9 @@ class Rows:
 
 
 def take_rows(
-    machine: Machine, logs: Sequence[Log], validation: Sequence[Log], *, coarse: int = 1
-) -> Rows:
+    machine: Machine, logs: Sequence[Log], validation: Sequence[Log], *, coarse: int = 1,
+    bend: Bend | None = None,
+) -> Rows:  # fmt: skip
     """Prepare logs and choose their rows.
 
     Args:
@@ -130,11 +132,13 @@ def take_rows(
         logs: logs to diagnose; those with the same command are repeats.
         validation: logs that no effect is fitted to.
         coarse: by how much fewer samples and rows are looked at.
+        bend: puts the deflection of passive joints into a motion, beside what was measured of it.
     """
     every = [*logs, *validation]
     cutoff = machine.data.cutoff or 1e9
-    read = (prepare(machine, log, cutoff=cutoff, decimate=1) for log in every)
-    motions = [sharp(_coarser(m, coarse) if coarse > 1 else m) for m in read]
+    read = [prepare(machine, log, cutoff=cutoff, decimate=1) for log in every]
+    read = [_coarser(m, coarse) if coarse > 1 else m for m in read]
+    motions = [sharp(m) if bend is None else bend(sharp(m), m) for m in read]
     factor = max(1, round(coarse / (motions[0].step * ROW_RATE)))
     thinner = Thinner(factor)
     flags = tuple([False] * len(logs) + [True] * len(validation))

@@ -16,9 +16,11 @@ from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.bank import Shelf, shelf
 from pinotwin.diagnosis.calibration import calibrate
 from pinotwin.diagnosis.catalogue import families
+from pinotwin.diagnosis.confidence_set import rejected
 from pinotwin.diagnosis.context import Context, Family
 from pinotwin.diagnosis.decide import Decision, Named
 from pinotwin.diagnosis.healthy import healthy_draws
+from pinotwin.diagnosis.isolability import not_isolable
 from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready, with_rest_of
 from pinotwin.diagnosis.search import Settings, polish, screen
@@ -52,7 +54,8 @@ def look_at_rest(
     named = _steps(rest, decision, shelves, settings, room)
     if not named:
         return start, decision
-    return _joined(start, rest, decision, _sure(rest, shelves, settings, named))
+    given = [*decision.quiet, *decision.leavings, *(n.judged for n in decision.named)]
+    return _joined(start, rest, decision, _sure(rest, shelves, settings, given, named))
 
 
 def restless(start: Ready, rest: Ready) -> dict[int, str]:
@@ -124,12 +127,20 @@ def _chance(
 
 
 def _sure(
-    rest: Ready, shelves: Sequence[Shelf], settings: Settings, named: Sequence[Named]
-) -> list[Named]:
+    rest: Ready, shelves: Sequence[Shelf], settings: Settings, given: Sequence[Judged],
+    named: Sequence[Named],
+) -> list[Named]:  # fmt: skip
     """Return them with what this motion's rows at rest can tell apart."""
     plain = replace(settings, leave_out=settings.leave_out | ELSEWHERE)
     known = calibrate(rest.context, rest.search_stage, rest.theta, shelves, plain)
-    return [replace(n, calibration=known) for n in named]
+    out = []
+    for n in named:
+        beside = [*given, *(m.judged for m in named if m is not n)]
+        under, rng = admit(rest.search_stage, beside), np.random.default_rng([settings.seed, 41])
+        same = not_isolable(rest.context, shelves, under, n.judged, plain)
+        off = rejected(rest.search_stage, rest.theta, beside, [n.judged, *n.rivals], rng)
+        out.append(replace(n, calibration=known, alike=same, rejected=off))
+    return out
 
 
 def _joined(

@@ -161,7 +161,8 @@ def judge(
     remains = {
         names[j]: left.words.get(j) or describe(start.stage.rows, residuals, j) for j in open_
     }
-    unexplained = {names[j]: {"u": share} for j, share in stays.items()}
+    driven = start.stage.rows.joints
+    unexplained = {names[j]: {"u" if j in driven else "v": x} for j, x in stays.items()}
     advice = [f"{axis}: what stays is {words}" for axis, words in remains.items()]
     advice += [BEYOND.format(names[j], share) for j, share in left.beyond.items() if j not in open_]
     return Judgement(

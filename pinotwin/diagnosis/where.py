@@ -6,6 +6,7 @@ reach anywhere (maximum over all regions, so that looking everywhere is paid for
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -49,6 +50,17 @@ def localise(
     cells = _cells(rows, [rows.channels[k] for k in at], joint)
     if not cells or power.sum() <= 0.0:
         return []
+    axis = rows.motions[0].names[joint]
+    found = concentrated(cells, power, axis, "u", rng)
+    found.extend(_bands(rows, residuals, at, axis))
+    found.sort(key=lambda r: -(r.share - r.time_share))
+    return found[:most]
+
+
+def concentrated(
+    cells: Sequence[Cell], power: Floats, axis: str, signal: str, rng: np.random.Generator
+) -> list[Region]:
+    """Return the cells in which a squared gap (n,) concentrates, tested against circular shifts."""
     inside = np.stack([c.mask for c in cells]).astype(float)
     share_of_time = inside.mean(axis=1)
     spread = np.sqrt(share_of_time * (1.0 - share_of_time))
@@ -57,20 +69,14 @@ def localise(
     for k in range(SHIFTS):
         moved = np.roll(power, int(rng.integers(len(power) // 20, len(power))))
         top[k] = ((inside @ moved / power.sum() - share_of_time) / spread).max()
-    axis = rows.motions[0].names[joint]
     found = []
     for cell, s, when in zip(cells, score, share_of_time, strict=True):
         p = (1.0 + float((top >= s).sum())) / (SHIFTS + 1.0)
         share = float(power[cell.mask].sum() / power.sum())
         if p <= 0.05 and share > 1.3 * when:
-            found.append(
-                Region(
-                    axis, "u", cell.kind, cell.range, cell.unit, share, float(when), p, cell.other
-                )
-            )
-    found.extend(_bands(rows, residuals, at, axis))
-    found.sort(key=lambda r: -(r.share - r.time_share))
-    return found[:most]
+            found.append(Region(axis, signal, cell.kind, cell.range, cell.unit, share, float(when),
+                                p, cell.other))  # fmt: skip
+    return found
 
 
 def _cells(rows: Rows, channels: list[Channel], joint: int) -> list[Cell]:
@@ -84,16 +90,14 @@ def _cells(rows: Rows, channels: list[Channel], joint: int) -> list[Cell]:
     q, v, a = pick("q"), pick("v"), pick("a")
     t = np.concatenate([rows.motions[c.log].t[c.centres] for c in channels])
     out = (
-        _bins("time", t, "s", 8)
-        + _bins("position", q, x, 8)
-        + _bins("acceleration", a, f"{x}/s²", 6)
+        bins("time", t, "s", 8) + bins("position", q, x, 8) + bins("acceleration", a, f"{x}/s²", 6)
     )
     top = float(np.abs(v).max())
     slow = REVERSAL * top
     out += [Cell("velocity", (-slow, slow), f"{x}/s", np.abs(v) <= slow)]
-    out += _bins("velocity", v, f"{x}/s", 6)
+    out += bins("velocity", v, f"{x}/s", 6)
     u = np.abs(np.concatenate([c.y for c in channels]))
-    out += _bins("load", u, "N·m" if rotary else "N", 5)
+    out += bins("load", u, "N·m" if rotary else "N", 5)
     for other, name in enumerate(rows.motions[0].names):
         if other != joint:
             w = np.abs(pick("v", other))
@@ -103,7 +107,8 @@ def _cells(rows: Rows, channels: list[Channel], joint: int) -> list[Cell]:
     return [c for c in out if 0.01 < c.mask.mean() < 0.95]
 
 
-def _bins(kind: str, x: Floats, unit: str, count: int) -> list[Cell]:
+def bins(kind: str, x: Floats, unit: str, count: int) -> list[Cell]:
+    """Return cells of equal width over the range of a quantity."""
     edges = np.linspace(float(x.min()), float(x.max()) + 1e-12, count + 1)
     return [Cell(kind, (float(a), float(b)), unit, (x >= a) & (x < b)) for a, b in pairwise(edges)]
 

@@ -17,20 +17,19 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import body_count, parameters
 from pinotwin.fit.consistency import Bodies, Evidence, consistent
 from pinotwin.imu.statistics import long_run
 from pinotwin.motion import Motion
+from pinotwin.signals.band import vibration_band
 from pinotwin.twin import Twin
 from pinotwin.twin.parameters import Parameter, verdict
 
 _DOUBT = 0.5  # a CAD value that the motors do not see may be off by this share of itself,
 _LEAST = 0.02  # and by this share of the largest of its unit
 _LAG = 0.25  # correlation time of the residuals [s]
-_BAND = (1.0, 60.0)  # of the joint's row [Hz]
 
 
 def with_springs(twin: Twin, motion: Motion) -> Twin:
@@ -80,7 +79,7 @@ def _with_spring(twin: Twin, motion: Motion, joint: str) -> Twin:
     rows = []
     for part in motion.segments:
         spring = np.stack([_angle(motion, part, index), motion.v[part, index]], axis=1)
-        rows.append(_band(np.hstack([W[part], spring]), 1.0 / motion.step))
+        rows.append(vibration_band(np.hstack([W[part], spring]), 1.0 / motion.step))
     X = np.concatenate(rows)
     mean, precision = _prior(twin)
     theta, cov, left = _Row(X, mean, precision).solve(max(1, round(_LAG / motion.step)))
@@ -97,15 +96,6 @@ def _angle(motion: Motion, part: slice, index: int) -> Floats:
         return q
     spline = CubicSpline(motion.step * np.arange(len(q)), motion.v[part, index])
     return np.asarray(spline.antiderivative()(spline.x), dtype=float)
-
-
-def _band(x: Floats, rate: float) -> Floats:
-    """Return signals (n, k) within the band, zero phase, ends cut."""
-    low, high = _BAND
-    sos = butter(2, (low, min(high, 0.4 * rate)), "bandpass", fs=rate, output="sos")
-    edge = min(round(0.5 * rate / low), len(x) // 8)
-    y: Floats = sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, 3 * edge))[edge : len(x) - edge]
-    return y
 
 
 def _prior(twin: Twin) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ from pinotwin.report.diagnosis_plots import signal_scale
 from pinotwin.report.plain_words import effect_words, joined, on_axis
 from pinotwin.twin import Twin
 
-SIGNALS = {"u": "motor effort", "e": "tracking error"}
+SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration"}
 
 
 def headline(d: Diagnosis) -> str:
@@ -32,7 +32,8 @@ def headline(d: Diagnosis) -> str:
 
 
 def _gone(d: Diagnosis) -> str:
-    found = d.effects[0].shrink.get("u") if d.effects else None
+    shrink = d.effects[0].shrink if d.effects else {}
+    found = shrink.get("u") or shrink.get("v")
     if found is None:
         return ""
     if found.share <= 0.0:
@@ -73,7 +74,7 @@ def ground(d: Diagnosis) -> list[str]:
     noise = {"repeats": "The noise floor was measured: it is what differs between repeated runs.",
              "assumed": "The noise floor had to be assumed, since no motion was recorded twice: small "
                         "gaps may go unnoticed."}  # fmt: skip
-    out = ["Large print: usual size of log minus model over the usual size of the motor effort."]
+    out = ["Large print: usual size of log minus model over the usual size of the signal itself."]
     if d.noise in noise:
         out.append(noise[d.noise])
     if d.quick:

@@ -1,0 +1,58 @@
+"""What an oracle could see of an effect: the evidence of its true course on the diagnosis' own rows.
+
+The gap that an effect makes, taken from two runs without noise, is put into the place of a candidate: no
+catalogue can hold a better one. What it would gain in the mean, with the base model, its prior and the
+run-to-run scatter of friction fitted beside it, is its deviance. Below about 25 (METHODS A2: what the best of
+a catalogue reaches by chance) nobody who looks at an axis in motion can name it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.bench.produce import Produced
+from pinotwin.diagnosis.bank import stacked
+from pinotwin.diagnosis.ledger import build_ledger, moments
+from pinotwin.diagnosis.prepare import Ready, ready
+from pinotwin.errors import DataError
+from pinotwin.log import Log
+from pinotwin.preparation import prepare
+from pinotwin.twin import Twin
+
+
+def evidence(made: Produced, twin: Twin | None) -> float | None:
+    """Return the expected deviance of the true course of the one effect of a case; None without one.
+
+    Args:
+        made: the case.
+        twin: what a change is seen against.
+    """
+    if made.course is None:
+        return None
+    sealed = made.sealed
+    try:
+        start = ready(twin or sealed.machine, sealed.logs, sealed.validation, _silent)
+    except DataError:
+        return None
+    stage = start.search_stage
+    columns = stacked(stage, [_columns(start, made.course)])
+    return float(moments(build_ledger(stage, start.theta), columns).S[0, 0, 0, 0])
+
+
+def _columns(start: Ready, log: Log) -> list[list[tuple[int, Floats]]]:
+    """Return the course as columns of a candidate: (joint, values) per log."""
+    machine = start.context.machine
+    course = prepare(machine, log, cutoff=machine.data.cutoff or 1e9, decimate=1)
+    out = []
+    for scene in start.context.scenes:
+        values = np.zeros((len(scene.motion), machine.nv))
+        count = min(len(values), len(course))
+        if not start.stage.rows.validation[scene.log]:
+            values[:count] = np.nan_to_num(course.u[:count])
+        out.append([(joint, values[:, [joint]]) for joint in range(machine.nv)])
+    return out
+
+
+def _silent(stage: str) -> None:
+    del stage

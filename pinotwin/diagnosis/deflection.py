@@ -1,0 +1,120 @@
+r"""The deflection of passive joints that a twin foretells from the motion of the axes (thesis Eq. 5.4).
+
+With the posture nearly that of the undeflected machine, a passive joint is a mode that its own load drives:
+
+    M_pp(q) q_d'' + c q_d' + k q_d = -h_p(q, v, a),        h: the rigid body's effort without q_d
+
+The mean inertia makes the mode, and what the posture adds to it goes with the load. A twin that was
+identified with its springs is diagnosed with the joints bent so, or as they were measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.imu.mode import respond
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+
+PASSES = 3  # in which the inertia's change with the posture settles
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A passive joint of a twin.
+
+    Attributes:
+        name: of the joint.
+        index: its column in the machine's arrays.
+        stiffness: [N/m or N·m/rad].
+        damping: [N·s/m or N·m·s/rad].
+    """
+
+    name: str
+    index: int
+    stiffness: float
+    damping: float
+
+    def mode(self, inertia: float) -> tuple[float, float]:
+        """Return the natural frequency [rad/s] and the damping ratio with an inertia on it."""
+        wn = np.sqrt(self.stiffness / inertia)
+        return float(wn), float(0.5 * self.damping / np.sqrt(self.stiffness * inertia))
+
+
+@dataclass(frozen=True)
+class Load:
+    """What drives a passive joint along a motion.
+
+    Attributes:
+        torque: effort that the axes' motion puts on it, shape (n,) [N or N·m].
+        inertia: M_pp, shape (n,).
+        motion: along which.
+    """
+
+    torque: Floats
+    inertia: Floats
+    motion: Motion
+
+    def response(self, spring: Spring) -> tuple[Floats, Floats, Floats]:
+        """Return deflection, velocity and acceleration of the joint, shape (n,) each."""
+        mean = float(self.inertia.mean())
+        wn, zeta = spring.mode(mean)
+        x, v, a = np.zeros((3, len(self.torque)))
+        for part in self.motion.segments:
+            for _ in range(PASSES):
+                load = (self.torque[part] + (mean - self.inertia[part]) * a[part]) / mean
+                found = respond(load[:, None], self.motion.step, wn, zeta)
+                x[part], v[part], a[part] = found.x[:, 0], found.v[:, 0], found.a[:, 0]
+        return x, v, a
+
+
+def springs(twin: Twin) -> tuple[Spring, ...]:
+    """Return the passive joints of a twin whose stiffness it knows."""
+    out = []
+    for name, part in twin.machine.passive.items():
+        key = f"{name}.spring"
+        if key in twin.keys:
+            k, c = (float(x) for x in twin.theta[twin.slices[twin.keys.index(key)]])
+            if k > 0.0:
+                out.append(Spring(name, part.index, k, c))
+    return tuple(out)
+
+
+def load_on(twin: Twin, motion: Motion, joint: int) -> Load:
+    """Return what the axes' motion puts on a passive joint that does not move itself."""
+    machine = twin.machine
+    beta = twin.theta[twin.slices[twin.keys.index("rigid_body")]]
+    still = [x.copy() for x in (motion.q, motion.v, motion.a)]
+    for x in still:
+        x[:, joint] = 0.0
+    torque = machine.base.regressor(machine.model, *still)[:, joint] @ beta
+    alone = [still[0], np.zeros_like(still[1]), np.zeros_like(still[2])]
+    weight = machine.base.regressor(machine.model, *alone)[:, joint] @ beta
+    alone[2][:, joint] = 1.0
+    inertia = machine.base.regressor(machine.model, *alone)[:, joint] @ beta - weight
+    return Load(-torque, inertia, motion)
+
+
+def bent(twin: Twin, motion: Motion, measured: Motion) -> Motion:
+    """Return the motion with its passive joints as they were measured, else as the twin foretells.
+
+    Args:
+        twin: with its springs.
+        motion: of the axes.
+        measured: the same log with whatever it holds of the passive joints.
+    """
+    q, v, a = (x.copy() for x in (motion.q, motion.v, motion.a))
+    for spring in springs(twin):
+        p = spring.index
+        q[:, p], v[:, p], a[:, p] = load_on(twin, motion, p).response(spring)
+        if is_measured(measured, p):
+            v[:, p], a[:, p] = measured.v[:, p], measured.a[:, p]
+    return replace(motion, q=q, v=v, a=a)
+
+
+def is_measured(motion: Motion, joint: int) -> bool:
+    """Whether a log holds the velocity of a passive joint."""
+    return bool(np.ptp(motion.v[:, joint]) > 0.0)

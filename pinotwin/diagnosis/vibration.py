@@ -1,0 +1,266 @@
+"""The gap of the vibration of passive joints, where the logs hold it: the twin's springs against the log.
+
+What the axes' motion does to a passive joint is known (:mod:`pinotwin.diagnosis.deflection`); its own
+stiffness and damping are what can have changed of it. They are fitted anew, and judged on logs, or
+every other part of them, that were not fitted. Only the band of the vibration counts: no IMU knows the
+slow angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.deflection import Load, Spring, is_measured, load_on, springs
+from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
+from pinotwin.diagnosis.where import Cell, bins, concentrated
+from pinotwin.log import Log
+from pinotwin.motion import Motion
+from pinotwin.preparation import prepare
+from pinotwin.signals import rms
+from pinotwin.signals.band import edge_rows, vibration_band
+from pinotwin.twin import Twin
+
+GAP = 0.35  # power above the noise, over that of the noise, that counts as a gap
+FORM = 0.1  # of the vibration's RMS that a twin may be off by without a name: healthy virtual rigs reach 0.06
+WORTH = 0.2  # of the gap's power above the noise that other springs must take away to be named
+STAYS = 0.15  # of the same that may stay
+SIGMAS = 4.0  # by which stiffness or damping must have moved
+BLOCK = (
+    0.5  # [s] of data that count as one; every other one is fitted where there is no validation log
+)
+QUIET = 0.25  # of the blocks, that leave least: noise where there are no repeats
+SURE = 0.9  # stated: by judgement, not recalibrated on injections
+RESAMPLES = 400
+LEFT = "a vibration that no stiffness or damping of the joint brings about ({:.0%} of it)"
+
+
+@dataclass(frozen=True)
+class Vibrations:
+    """What a diagnosis says of passive joints.
+
+    Attributes:
+        gaps: joint -> gap of its velocity [m/s or rad/s].
+        effects: springs that have changed.
+        where: regions in which the gaps lie.
+        shrinks: joint -> how far its gap shrinks with the spring that was found.
+        stays: column of a joint with a gap -> share of its power that stays.
+        open: column of a joint -> what stays of its gap, in words.
+    """
+
+    gaps: dict[str, Gap]
+    effects: list[Found]
+    where: list[Region]
+    shrinks: dict[str, Shrink]
+    stays: dict[int, float]
+    open: dict[int, str]
+
+
+def look_at_vibration(
+    subject: object, logs: Sequence[Log], validation: Sequence[bool], commands: Sequence[int],
+    rng: np.random.Generator,
+) -> Vibrations:  # fmt: skip
+    """Return the gap of every passive joint whose velocity the logs hold, and why it is there.
+
+    Args:
+        subject: a twin with springs; of anything else nothing is said.
+        logs: servo logs, with ``<joint>.v`` where it was measured.
+        validation: which of them nothing is fitted to.
+        commands: a label per log, the same for repeats.
+        rng: of resampling.
+    """
+    out = Vibrations({}, [], [], {}, {}, {})
+    if not isinstance(subject, Twin) or not springs(subject):
+        return out
+    motions = [prepare(subject.machine, log, decimate=1) for log in logs]
+    for spring in springs(subject):
+        runs = [_Run.of(subject, m, spring.index, label, k)
+                for k, (m, label) in enumerate(zip(motions, commands, strict=True))
+                if is_measured(m, spring.index)]  # fmt: skip
+        sealed = [validation[r.log] for r in runs]
+        if runs and not all(sealed):
+            _judge(spring, _Split(runs, sealed), rng, out)
+    return out
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One joint in one log; rows within the band.
+
+    Attributes:
+        log: number of the log. command: label of its command.
+        load: what drives the joint.
+        measured: velocity, shape (m,).
+        rows: rows of the motion that they belong to, shape (m,).
+    """
+
+    log: int
+    command: int
+    load: Load
+    measured: Floats
+    rows: Ints
+
+    @classmethod
+    def of(cls, twin: Twin, motion: Motion, joint: int, command: int, log: int) -> _Run:
+        """Return the run of one log."""
+        rate, rows = 1.0 / motion.step, []
+        for s in motion.segments:
+            edge = edge_rows(s.stop - s.start, rate)
+            rows.append(np.arange(s.start + edge, s.stop - edge))
+        load = load_on(twin, motion, joint)
+        return cls(log, command, load, _banded(motion, motion.v[:, joint]), np.concatenate(rows))
+
+    def left(self, spring: Spring) -> Floats:
+        """Return measured minus foretold velocity, shape (m,)."""
+        return self.measured - _banded(self.load.motion, self.load.response(spring)[1])
+
+
+def _banded(motion: Motion, x: Floats) -> Floats:
+    rate = 1.0 / motion.step
+    return np.concatenate([vibration_band(x[s, None], rate)[:, 0] for s in motion.segments])
+
+
+@dataclass(frozen=True)
+class _Split:
+    """Runs of one joint: what may be fitted, and what is judged on."""
+
+    runs: Sequence[_Run]
+    sealed: Sequence[bool]
+
+    def parts(self, values: Sequence[Floats], *, fitted: bool) -> list[Floats]:
+        """Return the rows that are fitted, or those that are not."""
+        if any(self.sealed):
+            return [x for x, s in zip(values, self.sealed, strict=True) if s != fitted]
+        turns = [np.arange(len(x)) // max(round(BLOCK / self.step), 1) % 2 == 0 for x in values]
+        return [x[turn == fitted] for x, turn in zip(values, turns, strict=True)]
+
+    def left(self, spring: Spring, *, fitted: bool) -> list[Floats]:
+        """Return measured minus foretold velocity of the rows that are fitted, or of the others."""
+        return self.parts([r.left(spring) for r in self.runs], fitted=fitted)
+
+    @property
+    def step(self) -> float:
+        """Time between rows [s]."""
+        return self.runs[0].load.motion.step
+
+    def noise(self, spring: Spring) -> float:
+        """Return the RMS by which repeats differ, over sqrt(2); without repeats, of the quietest blocks.
+
+        Args:
+            spring: as it was refitted.
+        """
+        for a, b in combinations(self.runs, 2):
+            if a.command == b.command:
+                n = min(len(a.measured), len(b.measured))
+                return rms(a.measured[:n] - b.measured[:n]) / float(np.sqrt(2.0))
+        left = np.concatenate([r.left(spring) for r in self.runs])
+        rows = max(round(BLOCK / self.step), 1)
+        blocks = np.array_split(left, max(len(left) // rows, 1))
+        return float(np.quantile([rms(x) for x in blocks], QUIET))
+
+
+def _judge(spring: Spring, runs: _Split, rng: np.random.Generator, out: Vibrations) -> None:
+    """Fill in what is said of one joint."""
+    found, moved = _refitted(spring, runs)
+    noise = runs.noise(found)
+    before = np.concatenate(runs.left(spring, fitted=False))
+    size = rms(np.concatenate(runs.parts([r.measured for r in runs.runs], fitted=False)))
+    after = np.concatenate(runs.left(found, fitted=False))
+    shrink = _shrink(before, after, noise, runs, rng)
+    least = max((1.0 + GAP) * noise**2, noise**2 + (FORM * size) ** 2)
+    there = rms(before) ** 2 > least
+    named = there and shrink.share > WORTH and max(abs(x[2]) for x in moved.values()) > SIGMAS
+    rest = rms(after) if named else rms(before)
+    out.gaps[spring.name] = Gap(rms(before), rms(before) / max(size, 1e-300), noise, rest)
+    if not there:
+        return
+    stays = (rest**2 - noise**2) / (rms(before) ** 2 - noise**2)
+    out.stays[spring.index] = float(np.clip(stays, 0.0, 1.0))
+    if rest**2 > least and stays > STAYS:
+        out.open[spring.index] = LEFT.format(stays)
+    out.where.extend(_where(spring, runs, rng))
+    if named:
+        out.shrinks[spring.name] = shrink
+        out.effects.append(_named(spring, found, runs, shrink, moved))
+
+
+Moves = dict[str, tuple[float, float, float]]
+
+
+def _refitted(spring: Spring, runs: _Split) -> tuple[Spring, Moves]:
+    """Return the spring that the rows to be fitted ask for, and by how many errors it moved.
+
+    Errors by the sandwich over blocks of time: what is left is coloured.
+    """
+
+    def shaped(x: Floats) -> Spring:
+        k, c = np.exp(x) * [spring.stiffness, max(spring.damping, 1e-9)]
+        return replace(spring, stiffness=float(k), damping=float(c))
+
+    def left(x: Floats) -> Floats:
+        return np.concatenate(runs.left(shaped(x), fitted=True))
+
+    scale = max(rms(left(np.zeros(2))), 1e-300)
+    best = least_squares(lambda x: left(x) / scale, np.zeros(2), bounds=([-2.0, -4.0], [2.0, 4.0]))
+    J, e = best.jac, best.fun
+    block = np.arange(len(e)) // max(round(BLOCK / runs.step), 1)
+    scores = np.stack([np.bincount(block, e * j) for j in J.T])
+    inverse = np.linalg.pinv(J.T @ J)
+    error = np.sqrt(np.maximum(np.diag(inverse @ scores @ scores.T @ inverse), 1e-18))
+    found = shaped(best.x)
+    moved = {
+        f"{spring.name}.spring.{name}": (a, b, float(x / s))
+        for name, a, b, x, s in zip("kc", (spring.stiffness, spring.damping),
+                                    (found.stiffness, found.damping), best.x, error, strict=True)
+    }  # fmt: skip
+    return found, moved
+
+
+def _shrink(
+    before: Floats, after: Floats, noise: float, runs: _Split, rng: np.random.Generator
+) -> Shrink:
+    """Return how far other springs shrink the gap, on rows that were not fitted."""
+    block = np.arange(len(before)) // max(round(BLOCK / runs.step), 1)
+    sums = np.stack([np.bincount(block, w) for w in (before**2, after**2, np.ones(len(before)))])
+    picks = rng.integers(0, sums.shape[1], (RESAMPLES, sums.shape[1]))
+    x, y, n = np.concatenate([sums[:, picks].sum(axis=2), sums.sum(axis=1)[:, None]], axis=1)
+    excess = np.maximum(x - n * noise**2, 0.02 * x + 1e-300)
+    share = np.clip((x - y) / excess, -1.0, 1.0)
+    low, high = (float(np.quantile(share[:-1], q)) for q in (0.05, 0.95))
+    on = "validation" if any(runs.sealed) else "held-out blocks"
+    whole = float(share[-1])
+    return Shrink(rms(before), rms(after), whole, (low, high), whole, on)
+
+
+def _where(spring: Spring, runs: _Split, rng: np.random.Generator) -> list[Region]:
+    """Return when the gap is there, and while which axes accelerate."""
+    left = [r.left(spring) for r in runs.runs]
+    t = np.concatenate([r.load.motion.t[r.rows] for r in runs.runs])
+    cells = bins("time", t, "s", 8)
+    motion = runs.runs[0].load.motion
+    for joint, name in enumerate(motion.names):
+        a = np.concatenate([np.abs(r.load.motion.a[r.rows, joint]) for r in runs.runs])
+        top = float(a.max())
+        if joint != spring.index and top > 0.0:
+            unit = ("rad" if motion.rotary[joint] else "m") + "/s²"
+            cells.append(Cell("other_axis", (0.1 * top, top), unit, a > 0.1 * top, name))
+    cells = [c for c in cells if 0.01 < c.mask.mean() < 0.95]
+    power = np.concatenate(left) ** 2
+    return concentrated(cells, power, spring.name, "v", rng) if cells else []
+
+
+def _named(
+    old: Spring, new: Spring, runs: _Split, shrink: Shrink, moved: Moves
+) -> Found:  # fmt: skip
+    inertia = float(np.mean([r.load.inertia.mean() for r in runs.runs]))
+    wn, zeta = new.mode(inertia)
+    return Found(
+        "joint_flexibility", old.name, SURE, {"frequency": wn / (2.0 * np.pi), "damping": zeta},
+        {"k": new.stiffness, "c": new.damping}, {"v": shrink}, [], moved,
+        gain=float(len(runs.runs[0].measured) * np.log(shrink.before / max(shrink.after, 1e-300))),
+    )  # fmt: skip
