@@ -7,7 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
 
+from pinotwin.diagnosis.catalogue.dynamics import _carried, _sprung
 from pinotwin.diagnosis.catalogue.sensing import _encoder
 from pinotwin.diagnosis.context import Scene, shaken
 from pinotwin.diagnosis.ledger import build_ledger, residual_of
@@ -128,3 +130,33 @@ def test_two_that_hide_each_other_are_not_left_over():
     )
     assert left_by(first, first.G, second)
     assert not left_by(first, 3000.0, second)
+
+
+def test_a_spring_passes_on_what_scipy_says_while_the_posture_changes_the_inertia():
+    rng = np.random.default_rng(8)
+    t = 2e-3 * np.arange(1500)
+    load = np.interp(t, np.arange(0.0, 3.1, 0.05), rng.standard_normal(62))
+    ratio = 1.0 + 0.5 * np.sin(3.0 * t)  # of the mean inertia over that of the posture
+    w, zeta = 2.0 * np.pi * 22.0, 0.08
+
+    def slope(now, s):
+        r = np.interp(now, t, ratio)
+        return [s[1], r * (np.interp(now, t, load) - w**2 * s[0] - 2.0 * zeta * w * s[1])]
+
+    exact = solve_ivp(slope, (0.0, t[-1]), [load[0] / w**2, 0.0], t_eval=t, rtol=1e-9, atol=1e-12,
+                      max_step=2e-3)  # fmt: skip
+    effort = w**2 * exact.y[0] + 2.0 * zeta * w * exact.y[1]
+    np.testing.assert_allclose(_sprung(load, ratio, w, zeta, 2e-3), effort, atol=5e-5)
+    constant = _sprung(load, np.ones(1500), w, zeta, 2e-3)
+    assert np.std(constant - effort) > 0.2 * np.std(effort - load)  # one frequency does not do
+
+
+def test_play_without_a_gap_is_a_spring():
+    t = 2e-3 * np.arange(2000)
+    q = 0.1 * np.sin(2.0 * np.pi * 1.5 * t) + 0.01 * np.sin(2.0 * np.pi * 6.0 * t)
+    a = np.gradient(np.gradient(q, 2e-3), 2e-3)
+    ratio, w, zeta = 1.0 + 0.4 * np.sin(2.0 * t), 2.0 * np.pi * 25.0, 0.1
+    carried = _carried(q, np.zeros(2000), ratio, 0.0, w, zeta, 2e-3)  # per inertia
+    sprung = ratio * _sprung(a / ratio, ratio, w, zeta, 2e-3)
+    inner = slice(300, -10)
+    assert np.std((carried - sprung)[inner]) < 0.1 * np.std((sprung - a)[inner])

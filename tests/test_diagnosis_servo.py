@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.law import _common, changed, law_of, mean_gains
+from pinotwin.diagnosis.law import Law, _common, _scale, broken, changed, law_of, mean_gains
 from pinotwin.diagnosis.servo import _plateau, look_at_servo
 from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller
@@ -143,3 +144,19 @@ def test_an_axis_that_rests_in_a_validation_log_is_left_out_not_fatal(monkeypatc
     assert (
         law_of(LAW, [channels()], ["still"], 0) is None
     )  # it was an error that ended the diagnosis
+
+
+@pytest.mark.parametrize(
+    ("left", "best", "broken_by"),
+    [(1.1, 1.0, None), (2.6, 2.6, None), (2.0, 1.0, 2.0), (6.0, 4.0, 6.0)],
+)
+def test_a_law_is_broken_where_other_gains_bring_it_back_or_nothing_does(left, best, broken_by):
+    """Two and a half times is as much as a law that never held quite leaves of a healthy drive."""
+    now = SimpleNamespace(unexplained=(0.01 * left, 0.01 * best))
+    law = Law("X", 0, LAW, (), (), now, ())
+    assert broken(law) == (None if broken_by is None else pytest.approx(broken_by))
+
+
+def test_a_speed_that_a_filter_passes_a_little_less_is_no_feed_forward():
+    names, before = ("kp", "kd", "ffv"), np.array([1e5, 1e4, 20.0])
+    assert _scale(SimpleNamespace(names=names, before=before)).tolist() == [1e5, 1e4, 1e4]
