@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import pinotwin as pt
 from pinotwin.cli.main import main
 from pinotwin.diagnosis import diagnose
+from pinotwin.diagnosis.closed_loop import _where
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -182,3 +184,17 @@ def test_a_log_that_hardly_moves_is_refused_in_one_line(machine, urdf_dir):
                  for k, v in log.channels.items()}, source="still.csv")  # fmt: skip
     with pytest.raises(PinotwinError, match=r"still\.csv"):
         diagnose(machine, still, quick=True)
+
+
+def test_a_tracking_error_is_localised_where_it_lies():
+    t = 2e-3 * np.arange(4000)
+    q = np.stack([0.3 * np.sin(2.0 * t), np.sin(0.7 * t)], axis=1)
+    v, a = np.gradient(q, 2e-3, axis=0), np.zeros_like(q)
+    motion = SimpleNamespace(t=t, step=2e-3, q=q, v=v, a=a, names=("X", "C"), rotary=(False, True))
+    rng = np.random.default_rng(3)
+    slow = np.abs(v[:, 0]) < 0.05 * np.abs(v[:, 0]).max()
+    left = [(0, t, rng.standard_normal(4000) * np.where(slow, 3.0, 0.3))]
+    first = _where([motion], 0, left, rng)[0]
+    assert (first.axis, first.signal, first.kind) == ("X", "e", "velocity")
+    assert first.share == pytest.approx(9.0 * slow.mean() / (9.0 * slow.mean() + 0.09), rel=0.1)
+    assert _where([motion], 0, [(0, t, rng.standard_normal(4000))], rng) == []

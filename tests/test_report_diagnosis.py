@@ -101,7 +101,9 @@ def test_the_bars_turn_shares_of_the_square_into_rms() -> None:
 
 def test_the_map_shows_the_densest_region_of_each_kind() -> None:
     denser = replace(SPEED, range=(0.2, 0.3), share=0.5, time_share=0.05)
-    drawn = where_figure([SPEED, denser, TILT], ["Y", "A"]).data[0]
+    error = replace(SPEED, signal="e", share=0.9)  # another signal, another row
+    drawn = where_figure([SPEED, denser, TILT, error], [("Y", "u"), ("A", "u"), ("Y", "e")]).data[0]
+    assert list(drawn.y) == ["Y effort", "A effort", "Y error"]
     column = list(drawn.x).index("speed")
     assert drawn.z[0][column] == pytest.approx(1.0)  # ten times denser than even
     assert drawn.z[1][column] is None

@@ -117,12 +117,12 @@ def summary(found: Diagnosis) -> list[str]:
         low, high = region.range
         whole = "band" if region.kind == "frequency" else "time"
         lines.append(
-            f"where: {region.share:.0%} of the squared gap of {region.axis} lies in "
+            f"where: {region.share:.0%} of the squared gap of {region.axis}.{region.signal} lies in "
             f"{region.time_share:.0%} of the {whole}: {region.kind} {low:.3g} to {high:.3g} "
             f"{region.unit}"
         )
     for e in found.effects:
-        shrink = e.shrink.get("u")
+        shrink = e.shrink.get("u") or e.shrink.get("v")
         share = "" if shrink is None else f", gap {shrink.before:.3g} -> {shrink.after:.3g}"
         others = ", ".join(
             OTHERWISE.get(a["effect"]) or f"{a['axis'] or 'machine'}.{a['effect']}"

@@ -18,11 +18,13 @@ from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.context import Scene
 from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.prepare import Ready
-from pinotwin.diagnosis.result import Gap, Shrink
+from pinotwin.diagnosis.result import Gap, Region, Shrink
 from pinotwin.diagnosis.stage import Piece
+from pinotwin.diagnosis.where import concentrated, regimes
 from pinotwin.errors import DataError
 from pinotwin.loop import LoopData, Structure, identify_loop
 from pinotwin.loop.model import LoopModel
+from pinotwin.motion import Motion
 from pinotwin.signals import roughness
 
 TRAINED = 0.7  # of a log that a loop is fitted to where there is no validation log
@@ -30,16 +32,19 @@ MOVING = 0.01  # share of an axis' top speed above which the tracking error is l
 SETTLED = 0.2  # [s] at the start of a stretch, in which the loop's own state is not known
 SENSED = ("delay", "effort_scale")  # they are in what is logged of the effort, not in the effort
 RESAMPLES = 400
+THERE = 0.35  # power above the noise, over that of the noise, from which a gap is localised
+MOST = 3  # regions of one axis
 STRETCH = 0.5  # [s]
 
 
 def error_gaps(
     start: Ready, decision: Decision, tell: Callable[[str, float], None], rng: np.random.Generator
-) -> tuple[dict[str, Gap], dict[str, Shrink]]:
-    """Return the gap of the tracking error per axis, and how far the named effects shrink it."""
+) -> tuple[dict[str, Gap], dict[str, Shrink], list[Region]]:
+    """Return the gap of the tracking error per axis, how far named effects shrink it, where it lies."""
     motions = start.stage.rows.motions
+    where: list[Region] = []
     if any(m.qr is None for m in motions):
-        return {}, {}
+        return {}, {}, where
     named = [n.judged for n in decision.named if n.judged.candidate.effect not in SENSED]
     plain = _efforts(start, [])
     fuller = _efforts(start, named) if named else plain
@@ -59,7 +64,9 @@ def error_gaps(
         table[axis] = _gap(start, joint, before, after if better else before)
         if better:  # else the effect's share of dry friction could not be carried to standstill
             shrinks[axis] = _shrink(start, before, after, rng)
-    return table, shrinks
+        if table[axis].rms ** 2 > (1.0 + THERE) * table[axis].noise ** 2:
+            where += _where(motions, joint, before, rng)
+    return table, shrinks, where
 
 
 def _efforts(start: Ready, named: Sequence[Judged]) -> list[Floats]:
@@ -215,6 +222,19 @@ def _shrink(start: Ready, before: Left, after: Left, rng: np.random.Generator) -
     low, high = (float(np.clip(np.quantile(share, q), -1.0, 1.0)) for q in (0.05, 0.95))
     on = "validation" if any(start.stage.rows.validation) else "held-out blocks"
     return Shrink(_rms(before), _rms(after), max(whole, -1.0), (low, high), max(whole, -1.0), on)
+
+
+def _where(
+    motions: Sequence[Motion], joint: int, before: Left, rng: np.random.Generator
+) -> list[Region]:  # fmt: skip
+    """Return the regimes of its motion in which the tracking error is not foretold."""
+    seen = [(motions[k], np.round(t / motions[k].step).astype(np.intp)) for k, t, _ in before]
+    power = np.concatenate([x for _, _, x in before]) ** 2
+    cells = regimes(seen, joint)
+    if not cells or power.sum() <= 0.0:
+        return []
+    found = concentrated(cells, power, motions[0].names[joint], "e", rng)
+    return sorted(found, key=lambda r: r.time_share - r.share)[:MOST]
 
 
 def _rms(left: Left) -> float:

@@ -14,12 +14,12 @@ from pinotwin.diagnosis.decide import Decision, decide
 from pinotwin.diagnosis.findings import findings
 from pinotwin.diagnosis.gaps import Gaps, gaps
 from pinotwin.diagnosis.prepare import Ready, at_rest, ready
-from pinotwin.diagnosis.result import Diagnosis, Region
+from pinotwin.diagnosis.result import Diagnosis, Found, Region
 from pinotwin.diagnosis.search import Settings
 from pinotwin.diagnosis.servo import look_at_servo
 from pinotwin.diagnosis.standstill import look_at_rest, restless
 from pinotwin.diagnosis.verdict import Left, judge, left_over
-from pinotwin.diagnosis.vibration import Vibrations, look_at_vibration
+from pinotwin.diagnosis.vibration import look_at_vibration
 from pinotwin.diagnosis.where import localise
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -76,8 +76,11 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     gap = gaps(start, decision, np.random.default_rng([seed, 98]))
     left = left_over(moving, replace(decision, searched=moving.search_stage), gap)
     left = left.beside(words)
+    regions: list[Region] = []
     if closed_loop and not quick:
-        errors, shrinks = error_gaps(start, decision, tell, np.random.default_rng([seed, 97]))
+        errors, shrinks, regions = error_gaps(
+            start, decision, tell, np.random.default_rng([seed, 97])
+        )
         gap = gap.with_errors(errors, shrinks)
     rows = start.stage.rows
     vibrations = look_at_vibration(
@@ -86,7 +89,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     )  # fmt: skip
     left = replace(left.beside(vibrations.open), stays={**left.stays, **vibrations.stays})
     gap = gap.beside(vibrations.gaps, vibrations.shrinks)
-    return _diagnosis(subject, start, decision, gap, left, settings, quick, vibrations)
+    others = vibrations.effects, [*regions, *vibrations.where]
+    return _diagnosis(subject, start, decision, gap, left, settings, quick, others)
 
 
 def _searched(
@@ -107,7 +111,7 @@ def _searched(
 
 def _diagnosis(  # noqa: PLR0913, what one call has found out
     subject: Machine | Twin, start: Ready, decision: Decision, gap: Gaps, left: Left,
-    settings: Settings, quick: bool, vibrations: Vibrations,
+    settings: Settings, quick: bool, others: tuple[list[Found], list[Region]],
 ) -> Diagnosis:  # fmt: skip
     rows, noise = start.stage.rows, start.stage.noise
     rng = np.random.default_rng([settings.seed, 99])
@@ -116,7 +120,7 @@ def _diagnosis(  # noqa: PLR0913, what one call has found out
     fitted = [m for m, held in zip(rows.motions, flags, strict=True) if not held]
     unseen = [m for m, held in zip(rows.motions, flags, strict=True) if held]
     servo, broken = look_at_servo(subject, fitted, unseen, effects, settings.leave_out)
-    effects += [*servo, *vibrations.effects]
+    effects += [*servo, *others[0]]
     effects.sort(key=lambda f: f.effect != "saturation")  # a drive at its limit before all else
     left = left.beside({j: BROKEN_LAW.format(x) for j, x in broken.items()})
     verdict = judge(start, decision, gap, left, effects)
@@ -130,7 +134,7 @@ def _diagnosis(  # noqa: PLR0913, what one call has found out
         verdict=verdict.verdict,
         sentence=verdict.sentence,
         gap=gap.table,
-        where=_ranked([*_where(start, verdict.joints, rng), *vibrations.where]),
+        where=_ranked([*_where(start, verdict.joints, rng), *others[1]]),
         effects=effects,
         confusable=confusable,
         unexplained=verdict.unexplained,

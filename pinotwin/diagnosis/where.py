@@ -12,9 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.result import Region
-from pinotwin.diagnosis.rows import Channel, Rows
+from pinotwin.diagnosis.rows import Rows
+from pinotwin.motion import Motion
 
 SHIFTS = 99
 REVERSAL = 0.05  # share of the top speed that counts as reversal
@@ -47,7 +48,9 @@ def localise(
     if not at:
         return []
     power = np.concatenate([residuals[k] ** 2 for k in at])
-    cells = _cells(rows, [rows.channels[k] for k in at], joint)
+    seen = [(rows.motions[rows.channels[k].log], rows.channels[k].centres) for k in at]
+    load = np.abs(np.concatenate([rows.channels[k].y for k in at]))
+    cells = regimes(seen, joint, load)
     if not cells or power.sum() <= 0.0:
         return []
     axis = rows.motions[0].names[joint]
@@ -79,29 +82,36 @@ def concentrated(
     return found
 
 
-def _cells(rows: Rows, channels: list[Channel], joint: int) -> list[Cell]:
-    rotary = rows.machine.rotary[joint]
-    x = "rad" if rotary else "m"
+def regimes(
+    seen: Sequence[tuple[Motion, Ints]], joint: int, load: Floats | None = None
+) -> list[Cell]:
+    """Return the regimes of a joint's motion: time, position, speed, standstill, acceleration, others.
+
+    Args:
+        seen: motions, and the rows of each that are looked at.
+        joint: whose motion.
+        load: size of its effort at these rows, one after the other.
+    """
+    first = seen[0][0]
+    x = "rad" if first.rotary[joint] else "m"
 
     def pick(name: str, k: int = joint) -> Floats:
-        parts = [getattr(rows.motions[c.log], name)[c.centres, k] for c in channels]
-        return np.concatenate(parts)
+        return np.concatenate([getattr(m, name)[rows, k] for m, rows in seen])
 
     q, v, a = pick("q"), pick("v"), pick("a")
-    t = np.concatenate([rows.motions[c.log].t[c.centres] for c in channels])
+    t = np.concatenate([m.t[rows] for m, rows in seen])
     out = (
         bins("time", t, "s", 8) + bins("position", q, x, 8) + bins("acceleration", a, f"{x}/s²", 6)
     )
-    top = float(np.abs(v).max())
-    slow = REVERSAL * top
+    slow = REVERSAL * float(np.abs(v).max())
     out += [Cell("velocity", (-slow, slow), f"{x}/s", np.abs(v) <= slow)]
     out += bins("velocity", v, f"{x}/s", 6)
-    u = np.abs(np.concatenate([c.y for c in channels]))
-    out += bins("load", u, "N·m" if rotary else "N", 5)
-    for other, name in enumerate(rows.motions[0].names):
+    if load is not None:
+        out += bins("load", load, "N·m" if first.rotary[joint] else "N", 5)
+    for other, name in enumerate(first.names):
         if other != joint:
             w = np.abs(pick("v", other))
-            unit = ("rad" if rows.machine.rotary[other] else "m") + "/s"
+            unit = ("rad" if first.rotary[other] else "m") + "/s"
             fast = max(float(w.max()), 1e-12)
             out.append(Cell("other_axis", (0.05 * fast, fast), unit, w > 0.05 * fast, name))
     return [c for c in out if 0.01 < c.mask.mean() < 0.95]

@@ -31,6 +31,7 @@ from pinotwin.report.diagnosis_plots import (
     bars,
     density,
     shrink_figure,
+    signal_name,
     signal_scale,
     where_figure,
 )
@@ -104,17 +105,18 @@ def subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
 
 def where_blocks(d: Diagnosis) -> list[Block]:
     """Return the map of the regions and their table."""
-    axes = list(dict.fromkeys([*d.gap, *(r.axis for r in d.where)]))
+    known = [(axis, signal) for axis, row in d.gap.items() for signal in row]
+    signals = list(dict.fromkeys([*known, *((r.axis, r.signal) for r in d.where)]))
     rows = [
-        [r.axis, KINDS.get(r.kind, r.kind), region_words(r), f"{r.share:.0%}",
+        [signal_name(r.axis, r.signal), KINDS.get(r.kind, r.kind), region_words(r), f"{r.share:.0%}",
          f"{r.time_share:.0%}" if r.time_share >= 0.01 else "< 1%", f"{density(r):.1f} ×",
          "–" if r.p_value is None else f"{100 * r.p_value:.2g} %"]
         for r in d.where
     ]  # fmt: skip
-    header = ("axis", "by", "where", "share of the gap", "of the time (band)", "denser than even",
+    header = ("signal", "by", "where", "share of the gap", "of the time (band)", "denser than even",
               "chance")  # fmt: skip
     return [
-        Plot(where_figure(d.where, axes), "Share of the squared gap against share of time",
+        Plot(where_figure(d.where, signals), "Share of the squared gap against share of time",
              "Empty: the gap lies there no denser than elsewhere."),
         table(header, rows, numeric=(3, 4, 5, 6)),
         paragraph("Chance: how often pure noise would show such a concentration somewhere.",

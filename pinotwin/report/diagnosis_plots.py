@@ -38,15 +38,19 @@ class Bar:
     high: float | None = None
 
 
-def where_figure(regions: Sequence[Region], axes: Sequence[str]) -> go.Figure:
-    """Return axis against kind of regime; the colour says how much denser than even the gap is."""
+SHORT = {"u": "effort", "e": "error", "v": "vibration"}
+
+
+def where_figure(regions: Sequence[Region], signals: Sequence[tuple[str, str]]) -> go.Figure:
+    """Return signals of axes against kinds of regime; the colour says how much denser a gap is than even."""
     kinds = list(KINDS)
-    best: dict[tuple[str, str], Region] = {}
+    best: dict[tuple[str, str, str], Region] = {}
     for r in regions:
-        old = best.get((r.axis, r.kind))
+        old = best.get((r.axis, r.signal, r.kind))
         if old is None or density(r) > density(old):
-            best[(r.axis, r.kind)] = r
-    grid = [[best.get((axis, kind)) for kind in kinds] for axis in axes]
+            best[(r.axis, r.signal, r.kind)] = r
+    axes = [signal_name(*x) for x in signals]
+    grid = [[best.get((*x, kind)) for kind in kinds] for x in signals]
     figure = go.Figure(
         go.Heatmap(
             x=[KINDS[k] for k in kinds], y=list(axes),
@@ -62,10 +66,15 @@ def where_figure(regions: Sequence[Region], axes: Sequence[str]) -> go.Figure:
                       "ticktext": ["1×", "2×", "5×", "10×"]},
         )
     )  # fmt: skip
-    style(figure, 90 + 74 * len(axes), legend=False)
+    style(figure, 90 + 58 * len(axes), legend=False)
     figure.update_xaxes(side="top", showgrid=False)
     figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False, type="category")
     return figure.update_layout(margin_t=34, margin_b=14)
+
+
+def signal_name(axis: str, signal: str) -> str:
+    """Return a signal of an axis in two words."""
+    return f"{axis} {SHORT.get(signal, signal)}"
 
 
 def density(r: Region) -> float:

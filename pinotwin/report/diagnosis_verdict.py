@@ -10,6 +10,8 @@ from pinotwin.report.diagnosis_plots import signal_scale
 from pinotwin.report.plain_words import effect_words, joined, on_axis
 from pinotwin.twin import Twin
 
+OFF = 2.0  # times the noise, the gap of a tracking error from which it is said to differ,
+LOOP = 0.1  # and of its size: what a loop foretells of it is no better on a healthy machine
 SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration"}
 
 
@@ -57,16 +59,20 @@ def axis_tiles(d: Diagnosis) -> list[Tile]:
                 f"{SIGNALS.get(signal, signal)}: gap {gap.rms * scale.factor:.3g} {scale.unit} RMS, "
                 f"noise {gap.noise * scale.factor:.3g} {scale.unit}"
             )
-            word, kind = _grade(d, axis)
+            word, kind = _grade(d, axis, signal)
             out.append(Tile(f"Axis {axis}", display.percent(gap.nrmse), note, word, kind))
     return out
 
 
-def _grade(d: Diagnosis, axis: str) -> tuple[str, str]:
+def _grade(d: Diagnosis, axis: str, signal: str) -> tuple[str, str]:
     if axis in d.remains:
         named = any(e.axis == axis for e in d.effects)
         return ("partly explained", "fair") if named else ("not explained", "bad")
-    return ("gap explained", "fair") if axis in d.unexplained else ("agrees", "good")
+    if axis in d.unexplained:
+        return "gap explained", "fair"
+    gap = d.gap[axis][signal]
+    differs = signal == "e" and gap.rms > OFF * gap.noise and gap.nrmse > LOOP
+    return ("differs", "fair") if differs else ("agrees", "good")
 
 
 def ground(d: Diagnosis) -> list[str]:
@@ -75,6 +81,9 @@ def ground(d: Diagnosis) -> list[str]:
              "assumed": "The noise floor had to be assumed, since no motion was recorded twice: small "
                         "gaps may go unnoticed."}  # fmt: skip
     out = ["Large print: usual size of log minus model over the usual size of the signal itself."]
+    if any("e" in row for row in d.gap.values()):
+        out.append("The tracking error is foretold through each axis' loop. It is stated beside the motor "
+                   "effort, which decides.")  # fmt: skip
     if d.noise in noise:
         out.append(noise[d.noise])
     if d.quick:
