@@ -82,24 +82,8 @@ def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
 
     What joined the base without a name may be what a named effect's columns leave over: it counts here.
     """
-    limit = SIGNIFICANT[start.stage.noise.kind]
-    before = excess(decision.searched, start)
-    after = excess(admit(decision.searched, [n.judged for n in decision.named]), start)
-    stays = {j: float(np.clip(after[j] / x, 0.0, 1.0)) for j, x in before.items() if x > limit}
-    pushed = _local(decision)
-    open_: set[int] = set()
-    beyond: dict[int, float] = {}
-    for j, share in stays.items():
-        delivered = None if j in pushed else _delivered(start, gap, j)
-        most = STAYS_PUSHED if j in pushed else STAYS
-        if after[j] > limit and share > most and not (delivered or 0.0) > FORETOLD:
-            open_.add(j)
-        elif delivered is not None and 1.0 - delivered > STAYS_UNSEEN:
-            if _unfulfilled(gap, j):
-                stays[j] = max(share, 1.0 - max(delivered, 0.0))
-                open_.add(j)
-            else:
-                beyond[j] = 1.0 - max(delivered, 0.0)
+    found = _in_motion(start, decision, gap)
+    stays, open_, beyond = dict(found.stays), set(found.open), dict(found.beyond)
     for j, share in _at_rest(start, decision, gap).items():
         if 1.0 - share > STAYS_UNSEEN and not _unfulfilled(gap, j):
             beyond[j] = 1.0 - max(share, 0.0)
@@ -108,6 +92,29 @@ def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
         if 1.0 - share > STAYS_UNSEEN:
             open_.add(j)
     return Left(stays, tuple(sorted(open_)), beyond=beyond)
+
+
+def _in_motion(start: Ready, decision: Decision, gap: Gaps) -> Left:
+    """Return what stays of the gaps that rows in motion show."""
+    limit = SIGNIFICANT[start.stage.noise.kind]
+    before = excess(decision.searched, start)
+    after = excess(admit(decision.searched, [n.judged for n in decision.named]), start)
+    stays = {j: float(np.clip(after[j] / x, 0.0, 1.0)) for j, x in before.items() if x > limit}
+    pushed = _local(decision)
+    open_: list[int] = []
+    beyond: dict[int, float] = {}
+    for j, share in stays.items():
+        delivered = None if j in pushed else _delivered(start, gap, j)
+        most = STAYS_PUSHED if j in pushed else STAYS
+        if after[j] > limit and share > most and not (delivered or 0.0) > FORETOLD:
+            open_.append(j)
+        elif delivered is not None and 1.0 - delivered > STAYS_UNSEEN:
+            if _unfulfilled(gap, j):
+                stays[j] = max(share, 1.0 - max(delivered, 0.0))
+                open_.append(j)
+            else:
+                beyond[j] = 1.0 - max(delivered, 0.0)
+    return Left(stays, tuple(open_), beyond=beyond)
 
 
 def _at_rest(start: Ready, decision: Decision, gap: Gaps) -> dict[int, float]:
