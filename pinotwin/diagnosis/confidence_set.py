@@ -15,9 +15,9 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.admission import Judged, Key, admit
 from pinotwin.diagnosis.ledger import build_ledger
+from pinotwin.diagnosis.shrinking import stretches
 from pinotwin.diagnosis.stage import Stage
 
-STRETCH = 0.5  # [s] length of the blocks that are resampled
 RESAMPLES = 1000
 LEVEL = 0.1  # a model with a lower p-value is rejected
 MOST = 6  # best models that are compared
@@ -73,13 +73,12 @@ def _losses(stage: Stage, theta: Floats, given: Sequence[Judged], model: Judged)
     under = admit(stage, [*given, model])
     ledger = build_ledger(under, theta)
     folds = [ledger.solve(f + 1, ledger.right[f + 1][:, :1])[:, 0] for f in range(under.blocks)]
-    squares, stretches = [], []
+    squares, labels = [], []
     for piece in under.pieces:
         own = np.array(folds)[piece.block][:, piece.columns]
         squares.append((piece.y - np.einsum("nk,nk->n", piece.B, own)) ** 2)
-        t = piece.channel.centres[piece.kept] * stage.rows.motions[0].step
-        stretches.append(np.floor(t / STRETCH) + 4096.0 * piece.channel.log)
-    place = np.unique(np.concatenate(stretches), return_inverse=True)[1]
+        labels.append(stretches(stage, piece))
+    place = np.unique(np.concatenate(labels), return_inverse=True)[1]
     blocks = np.bincount(place, np.concatenate(squares))
     # What is not in the errors (the price of a search, a twin's strained belief) counts everywhere alike.
     return np.asarray(blocks - (model.G + blocks.sum()) / len(blocks))

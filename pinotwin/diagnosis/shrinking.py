@@ -166,12 +166,12 @@ def foretold(before: HeldOut, after: HeldOut, joint: int) -> tuple[float, float]
     said = gap - left
     size = max(float(said @ said), 1e-300)
     slope = float(gap @ said) / size
-    stretch = np.concatenate([_stretch(stage, stage.pieces[k]) for k in own])
+    stretch = np.concatenate([stretches(stage, stage.pieces[k]) for k in own])
     parts = np.bincount(np.unique(stretch, return_inverse=True)[1], (gap - slope * said) * said)
     return slope, float(np.sqrt(np.sum(parts**2))) / size
 
 
-def _stretch(stage: Stage, piece: Piece) -> Floats:
+def stretches(stage: Stage, piece: Piece) -> Floats:
     """Return the stretch of time of every row of a piece, another number in every log."""
     t = piece.channel.centres[piece.kept] * stage.rows.motions[0].step
     return np.asarray(np.floor(t / STRETCH) + 4096.0 * piece.channel.log)
@@ -212,6 +212,6 @@ def _squares(before: Errors, after: Errors, joint: int) -> tuple[Floats, Floats,
         if piece.channel.joint == joint:
             x.append(before.values[k] ** 2)
             y.append(after.values[k] ** 2)
-            block.append(_stretch(before.stage, piece))
+            block.append(stretches(before.stage, piece))
     number = np.unique(np.concatenate(block), return_inverse=True)[1]
     return np.concatenate(x), np.concatenate(y), number
