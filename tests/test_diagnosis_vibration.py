@@ -11,7 +11,7 @@ import pytest
 from pinotwin.diagnosis.apply import extended
 from pinotwin.diagnosis.deflection import Spring, load_on, springs
 from pinotwin.diagnosis.result import Diagnosis
-from pinotwin.diagnosis.vibration import look_at_vibration
+from pinotwin.diagnosis.vibration import look_at_vibration, unused
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.preparation import prepare
@@ -124,7 +124,10 @@ def test_without_a_twin_or_without_the_channel_nothing_is_said() -> None:
     log = recorded(2)
     plain = Log({k: x for k, x in log.channels.items() if k != "delta.v"})
     assert look(plain).gaps == {}
-    assert look(log, subject=Machine.load("flexure_rig")).gaps == {}
+    machine = Machine.load("flexure_rig")
+    assert look(log, subject=machine).gaps == {}
+    assert "identify a twin" in unused(machine, [log])[0]
+    assert unused(machine, [plain]) == unused(twin(), [log]) == []
 
 
 def test_the_machine_gets_the_spring_that_was_found() -> None:

@@ -19,7 +19,7 @@ from pinotwin.diagnosis.search import Settings
 from pinotwin.diagnosis.servo import look_at_servo
 from pinotwin.diagnosis.standstill import look_at_rest, restless
 from pinotwin.diagnosis.verdict import Left, judge, left_over
-from pinotwin.diagnosis.vibration import look_at_vibration
+from pinotwin.diagnosis.vibration import look_at_vibration, unused
 from pinotwin.diagnosis.where import localise
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -90,7 +90,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     left = replace(left.beside(vibrations.open), stays={**left.stays, **vibrations.stays})
     gap = gap.beside(vibrations.gaps, vibrations.shrinks)
     others = vibrations.effects, [*regions, *vibrations.where]
-    return _diagnosis(subject, start, decision, gap, left, settings, quick, others)
+    found = _diagnosis(subject, start, decision, gap, left, settings, quick, others)
+    return replace(found, advice=[*found.advice, *unused(subject, _list(log))])
 
 
 def _searched(

@@ -20,6 +20,7 @@ from pinotwin.diagnosis.deflection import Load, Spring, is_measured, load_on, sp
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.where import Cell, bins, concentrated
 from pinotwin.log import Log
+from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.preparation import prepare
 from pinotwin.signals import rms
@@ -62,7 +63,7 @@ class Vibrations:
 
 
 def look_at_vibration(
-    subject: object, logs: Sequence[Log], validation: Sequence[bool], commands: Sequence[int],
+    subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[bool], commands: Sequence[int],
     rng: np.random.Generator,
 ) -> Vibrations:  # fmt: skip
     """Return the gap of every passive joint whose velocity the logs hold, and why it is there.
@@ -86,6 +87,15 @@ def look_at_vibration(
         if runs and not all(sealed):
             _judge(spring, _Split(runs, sealed), rng, out)
     return out
+
+
+def unused(subject: Machine | Twin, logs: Sequence[Log]) -> list[str]:
+    """Return what to do about vibrations that the logs hold and nothing is compared with."""
+    if isinstance(subject, Twin):
+        return []
+    names = [p for p in subject.passive if any(f"{p}.v" in log for log in logs)]
+    return [f"the vibration of {p} is in the log, but a machine does not know its spring: identify a twin "
+            "with this log and diagnose that" for p in names]  # fmt: skip
 
 
 @dataclass(frozen=True)
