@@ -72,16 +72,10 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     )
     moving = start
     start, decision, words = _searched(start, settings, tell, quick=quick)
-    tell("measuring the gap", 0.85)
-    gap = gaps(start, decision, np.random.default_rng([seed, 98]))
-    left = left_over(moving, replace(decision, searched=moving.search_stage), gap)
+    gap, left, regions = _measured(
+        start, moving, decision, tell, seed, loops=closed_loop and not quick
+    )
     left = left.beside(words)
-    regions: list[Region] = []
-    if closed_loop and not quick:
-        errors, shrinks, regions = error_gaps(
-            start, decision, tell, np.random.default_rng([seed, 97])
-        )
-        gap = gap.with_errors(errors, shrinks)
     rows = start.stage.rows
     vibrations = look_at_vibration(
         subject, [*_list(log), *_list(validate)], rows.validation, rows.commands,
@@ -108,6 +102,19 @@ def _searched(
     words = restless(start, rest)
     start, decision = look_at_rest(start, rest, decision, settings)
     return start, confirmed(start, decision, np.random.default_rng([seed, 95])), words
+
+
+def _measured(
+    start: Ready, moving: Ready, decision: Decision, tell: Tell, seed: int, *, loops: bool
+) -> tuple[Gaps, Left, list[Region]]:  # fmt: skip
+    """Return the gaps before and after, what stays, and where the tracking error has its gap."""
+    tell("measuring the gap", 0.85)
+    gap = gaps(start, decision, np.random.default_rng([seed, 98]))
+    left = left_over(moving, replace(decision, searched=moving.search_stage), gap)
+    if not loops:
+        return gap, left, []
+    errors, shrinks, regions = error_gaps(start, decision, tell, np.random.default_rng([seed, 97]))
+    return gap.with_errors(errors, shrinks), left, regions
 
 
 def _diagnosis(  # noqa: PLR0913, what one call has found out
