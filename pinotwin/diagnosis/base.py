@@ -42,6 +42,7 @@ class Base:
         change: True if the mean is a twin's belief, False if the base is refitted.
         whole: coefficients that hold at standstill and reversals too, which the rows of a diagnosis
             leave out, shape (p,); the mean where None.
+        unknown: effects, as (name, axis), of which a twin's own logs told nothing, their shape included.
     """
 
     effects: tuple[Effect, ...]
@@ -51,6 +52,7 @@ class Base:
     slopes: tuple[tuple[int, int, Floats], ...] = ()
     change: bool = False
     whole: Floats | None = None
+    unknown: frozenset[tuple[str, str | None]] = frozenset()
 
     @property
     def count(self) -> int:
@@ -172,6 +174,7 @@ WIDER = 1.5  # of a twin's covariance: what its model leaves out of its standard
 DOUBT = 0.002  # of any other coefficient, beyond its standard error
 TABLE_DOUBT = 0.2  # of a table's RMS: what its knots may be off by, interpolation included
 SLOW_DOUBT = 0.2  # of dry friction that its Stribeck part, found at standstill, may be off by
+UNKNOWN = 2.0  # standard errors below which a coefficient is not known
 SHAPE_DOUBT = 0.25  # relative change of a shape that is not worth a name
 PITCH_DOUBT = 1e-3  # the same for a pitch
 
@@ -195,7 +198,7 @@ def change_base(twin: Twin, rows: Rows, *, scatter: float = 0.015) -> Base:
     precision[np.ix_(known, known)] = np.linalg.inv(normal) / np.outer(scale, scale)
     weak = _weak(effects, rows.fitted, count)
     precision[open_, open_] = weak[open_]
-    plain = Base(effects, distance, theta, precision, (), True)
+    plain = Base(effects, distance, theta, precision, (), True, unknown=_unknown(twin))
     sloped = with_slopes(plain, theta)
     for k, (i, shape, _) in enumerate(sloped.slopes):
         name = effects[i].shapes()[shape].name
@@ -203,6 +206,23 @@ def change_base(twin: Twin, rows: Rows, *, scatter: float = 0.015) -> Base:
         sloped.precision[at, at] = 1.0 / (PITCH_DOUBT if name == "period" else SHAPE_DOUBT) ** 2
     mean = np.concatenate([theta, np.zeros(len(sloped.slopes))])
     return replace(sloped, mean=mean)
+
+
+def _unknown(twin: Twin) -> frozenset[tuple[str, str | None]]:
+    """Return the effects whose size the twin's own logs did not determine: their shape is nothing then.
+
+    A Stribeck speed that was found for no Stribeck friction hides none; where a log then shows some, it is
+    not a change.
+    """
+    out: set[tuple[str, str | None]] = set()
+    error = np.sqrt(np.maximum(np.diag(twin.covariance), 0.0))
+    for effect, where in zip(twin.effects, effect_slices(twin.effects), strict=True):
+        names = [c.name for c in effect.coefficients()]
+        own = np.array([n == "s" for n in names]) if "s" in names else np.ones(len(names), bool)
+        small = np.abs(twin.theta[where])[own] < UNKNOWN * error[where][own]
+        if effect.shapes() and small.all():
+            out.add(("stribeck" if "s" in names else effect.name, effect.axis))
+    return frozenset(out)
 
 
 def _relaid(twin: Twin, rows: Rows) -> tuple[tuple[Effect, ...], Ints]:

@@ -27,8 +27,7 @@ from pinotwin.diagnosis.shrinking import plain_stage
 from pinotwin.diagnosis.stage import Stage
 from pinotwin.diagnosis.trivial import left_by, trivial
 
-LOWEST = 18.0  # no threshold is lower
-LOWEST_CHANGE = 20.0  # the same against a twin, whose own small errors count as well
+LOWEST = 20.0  # no threshold is lower
 PAIRED = 6  # best effects of which all pairs are judged jointly
 
 
@@ -59,7 +58,7 @@ class Decision:
 
     Attributes:
         named: effects, largest gain first.
-        quiet: effects admitted without a name: too small to matter.
+        quiet: effects admitted without a name: too small to matter, or never known to the twin.
         leavings: what the columns of named effects leave over, which looked like effects of their own.
         searched: the stage that was searched.
         stage: with all of them in its base.
@@ -134,10 +133,6 @@ class _Search:
         left = (j for j, owner in self.leavings if owner != member.key)
         return [*self.quiet, *left, *(j for j in self.found if j is not member)]
 
-    @property
-    def lowest(self) -> float:
-        return LOWEST_CHANGE if self.stage.base.change else LOWEST
-
     def run(self, tell: Callable[[str, float], None]) -> Screened:
         """Admit one effect (or a pair) after the other; return the first screen."""
         rough = plain_stage(self.stage)
@@ -150,11 +145,11 @@ class _Search:
             seen = self._screen(ledger, taken)
             first = first or seen
             full = len(self.found) >= self.settings.most
-            if not seen.judged or self.lowest > seen.judged[0].G or full:
+            if not seen.judged or LOWEST > seen.judged[0].G or full:
                 break
             best = [self._simplest(ledger, seen)]
             best = self._pair(ledger, seen, best[0]) or best
-            best = self._significant(here, ledger, best, _heads(seen, best, self.lowest), step)
+            best = self._significant(here, ledger, best, _heads(seen, best), step)
             if not best:
                 break
             self._take(best, here, admit(rough, self.admitted))
@@ -167,7 +162,7 @@ class _Search:
             owner = self._owner(j) if len(best) == 1 else None
             if owner is not None:
                 self.leavings.append((j, owner))
-            elif len(best) == 1 and trivial(j, here, plain):
+            elif len(best) == 1 and (j.key in here.base.unknown or trivial(j, here, plain)):
                 self.quiet.append(j)
             else:
                 self.found.append(j)
@@ -220,7 +215,7 @@ class _Search:
         taken = [j.key for j in self.admitted]
         seen = self._screen(build_ledger(here, self.theta, drawn), taken)
         found = seen.thresholds(self.settings.alpha)
-        return {axis: max(x, self.lowest) for axis, x in found.items()}
+        return {axis: max(x, LOWEST) for axis, x in found.items()}
 
     def _pair(self, ledger: Ledger, seen: Screened, best: Judged) -> list[Judged] | None:
         """Return two effects that together beat the best one with its best company, or None.
@@ -229,9 +224,7 @@ class _Search:
         """
         if len(self.found) + 2 > self.settings.most:
             return None
-        some = [best, *(j for j in seen.judged[1:] if j.identifiable and self.lowest < j.G)][
-            :PAIRED
-        ]
+        some = [best, *(j for j in seen.judged[1:] if j.identifiable and LOWEST < j.G)][:PAIRED]
         gains = {(a, b): joint_worth(ledger, some[a], some[b])
                  for a, b in combinations(range(len(some)), 2)}  # fmt: skip
         with_best = [g for (a, _), g in gains.items() if a == 0]
@@ -256,7 +249,7 @@ class _Search:
                 best = polish(self.context, ledger, like[0])
                 own = next((j for j in like if j.key == member.key), member)
                 own = best if best.key == own.key else polish(self.context, ledger, own)
-                limit = self.limits.get(member.key, self.lowest)
+                limit = self.limits.get(member.key, LOWEST)
                 if limit > max(best.G, own.G):
                     self.found, changed = [j for j in self.found if j is not member], True
                     break
@@ -283,11 +276,11 @@ class _Search:
         return replace(named, alike=same, rejected=out)
 
 
-def _heads(seen: Screened, best: Sequence[Judged], lowest: float) -> list[Judged]:
+def _heads(seen: Screened, best: Sequence[Judged]) -> list[Judged]:
     """Return the best effect of every axis that the best ones are not on."""
     out: dict[str | None, Judged] = {}
     taken = {j.key[1] for j in best}
     for j in seen.judged:
-        if j.key[1] not in taken and lowest < j.G and j.identifiable:
+        if j.key[1] not in taken and LOWEST < j.G and j.identifiable:
             out.setdefault(j.key[1], j)
     return list(out.values())

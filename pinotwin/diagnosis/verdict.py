@@ -32,6 +32,12 @@ BEYOND = (
 )
 
 
+NEVER = (
+    "{}: these logs show {}, of which the twin's own logs told nothing: not a change, but identify it again "
+    "with these"
+)
+
+
 @dataclass(frozen=True)
 class Judgement:
     """The verdict and what it rests on.
@@ -80,7 +86,8 @@ class Left:
 def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
     """Return what the named effects leave, on the fitted logs and on validation logs if there are any.
 
-    What joined the base without a name may be what a named effect's columns leave over: it counts here.
+    What the columns of a named effect leave over counts here; what is too small to matter, or was never
+    known to a twin, is part of the base.
     """
     found = _in_motion(start, decision, gap)
     stays, open_, beyond = dict(found.stays), set(found.open), dict(found.beyond)
@@ -97,8 +104,9 @@ def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
 def _in_motion(start: Ready, decision: Decision, gap: Gaps) -> Left:
     """Return what stays of the gaps that rows in motion show."""
     limit = SIGNIFICANT[start.stage.noise.kind]
-    before = excess(decision.searched, start)
-    after = excess(admit(decision.searched, [n.judged for n in decision.named]), start)
+    plain = admit(decision.searched, decision.quiet)
+    before = excess(plain, start)
+    after = excess(admit(plain, [n.judged for n in decision.named]), start)
     stays = {j: float(np.clip(after[j] / x, 0.0, 1.0)) for j, x in before.items() if x > limit}
     pushed = _local(decision)
     open_: list[int] = []
@@ -172,6 +180,9 @@ def judge(
     unexplained = {names[j]: {"u" if j in driven else "v": x} for j, x in stays.items()}
     advice = [f"{axis}: what stays is {words}" for axis, words in remains.items()]
     advice += [BEYOND.format(names[j], share) for j, share in left.beyond.items() if j not in open_]
+    advice += [
+        NEVER.format(*q.key[::-1]) for q in decision.quiet if q.key in start.stage.base.unknown
+    ]
     return Judgement(
         verdict, sentence(verdict, effects, remains), unexplained, remains, advice, tuple(stays)
     )
