@@ -9,7 +9,7 @@ import pytest
 
 from pinotwin.diagnosis.admission import Judged
 from pinotwin.diagnosis.bank import Batch, Shelf
-from pinotwin.diagnosis.base import Base
+from pinotwin.diagnosis.base import Base, _unknown
 from pinotwin.diagnosis.catalogue.sensing import _late
 from pinotwin.diagnosis.confidence_set import LEVEL, confidence_set, rejected
 from pinotwin.diagnosis.context import Family
@@ -17,6 +17,7 @@ from pinotwin.diagnosis.decide import _Search
 from pinotwin.diagnosis.isolability import not_isolable
 from pinotwin.diagnosis.search import Settings
 from pinotwin.diagnosis.stage import Piece, Stage
+from pinotwin.effects import Ripple, Stribeck, Viscous
 
 ROWS = 600
 STEP = 0.01
@@ -155,3 +156,12 @@ def test_a_delay_as_long_as_the_span_leaves_nothing():
     np.testing.assert_allclose(6e-3 * _late(motion, effort, 6e-3), late - effort, atol=1e-12)
     slope = -np.gradient(effort, 2e-3)
     assert np.std(late - effort - 6e-3 * slope) > 0.2 * np.std(late - effort)
+
+
+@pytest.mark.parametrize(("s", "error", "unknown"), [(0.2, 2.0, True), (2.4, 0.2, False)])
+def test_a_twin_that_never_saw_an_effect_does_not_know_its_shape(s, error, unknown):
+    effects = (Viscous(axis="X"), Stribeck(axis="X", v_s=1.0), Ripple(axis="Y", period=0.1))
+    theta, sd = np.array([3.0, s, 0.5, 0.5]), np.array([9.0, error, 0.1, 0.1])
+    twin = SimpleNamespace(effects=effects, theta=theta, covariance=np.diag(sd**2))
+    assert (("stribeck", "X") in _unknown(twin)) == unknown
+    assert not _unknown(twin) & {("viscous", "X"), ("ripple", "Y")}  # no shape; well known

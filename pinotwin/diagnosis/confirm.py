@@ -17,7 +17,7 @@ from pinotwin.diagnosis.shrinking import HeldOut, foretold, held_out, plain_stag
 
 FORETOLD = 0.1  # share of the gap that an effect must take away on the validation logs
 MORE = 3.0  # times the threshold, the evidence that names an effect all the same
-TWICE = 1.6  # the same where the logs do not say that it is wrong
+UNREFUTED = 1.6  # the same where the logs do not say that it is wrong
 LEAST = 0.5  # of what an effect foretells of such a log; below by a standard error, it is wrong
 
 
@@ -44,7 +44,7 @@ def _stands(start: Ready, decision: Decision, named: Named, rng: np.random.Gener
     if max((x.share for x in shrinks if x is not None), default=-1.0) > FORETOLD:
         return True
     # A base that foretells another motion badly leaves a gap there beside which no effect shows.
-    return TWICE * named.threshold < own.G and not any(_wrong(before, after, j) for j in noise)
+    return UNREFUTED * named.threshold < own.G and not any(_wrong(before, after, j) for j in noise)
 
 
 def _wrong(before: HeldOut, after: HeldOut, joint: int) -> bool:

@@ -95,17 +95,8 @@ def decide(
     unseen = tuple(j.key for j in first.judged if not j.identifiable)
     final = admit(stage, [*search.quiet, *(n.judged for n in named)])
     left = tuple(j for j, _ in search.leavings)
-    return Decision(
-        named,
-        tuple(search.quiet),
-        stage,
-        final,
-        first,
-        unseen,
-        calibration,
-        tuple(search.steps),
-        left,
-    )
+    return Decision(named, tuple(search.quiet), stage, final, first, unseen, calibration,
+                    tuple(search.steps), left)  # fmt: skip
 
 
 @dataclass
