@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import yaml
 
 from pinotwin.arrays import Floats
@@ -23,6 +24,8 @@ from pinotwin.virtual.machine import VirtualMachine
 STEEL = 3500.0
 """Density of a ribbed machine part, hollow as castings are [kg/m³]."""
 DIRECTIONS = np.eye(3)
+SPARE = 1.5
+"""Effort of a drive over the most that its axis needs while all axes move."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +86,34 @@ def write_random_machine(folder: Path, seed: int) -> Path:
     _write(folder, machine, sealed)
     # Friction is set against the effort that an axis needs, which the whole tree decides.
     scales = VirtualMachine.load(folder).scales
+    needed = _needed(folder / f"{name}.urdf", {k: x["limits"] for k, x in truths.items()}, seed)
     for part in parts:
-        truths[part.name] |= _friction(scales[part.name], rng)
+        scale, most = scales[part.name], needed[part.name]
+        if most > 3.0 * scale.rated + 2.0 * scale.hold:  # the usual drive would be at its limit
+            truths[part.name]["controller"]["effort_limit"] = most
+        truths[part.name] |= _friction(scale, rng)
         listed[part.name]["effects"] = _listing(truths[part.name])
     _write(folder, machine, sealed)
     return folder
+
+
+def _needed(urdf: Path, limits: Mapping[str, Mapping[str, Any]], seed: int) -> dict[str, float]:
+    """Return the effort that the drive of every axis must have while all axes move at once [N or N·m].
+
+    A light axis at the end of a chain is thrown about by the others far beyond its own inertia.
+    """
+    rng = np.random.default_rng([seed, 2030])
+    model = pin.buildModelFromUrdf(str(urdf))
+    data, most = model.createData(), np.zeros(model.nv)
+    names = sorted(limits, key=lambda x: model.idx_vs[model.getJointId(x)])
+    travel, speed, push = (
+        np.array([limits[x][k] for x in names]) for k in ("travel", "speed", "acceleration")
+    )
+    for _ in range(400):
+        q = rng.uniform(travel[:, 0], travel[:, 1])
+        v, a = (x * rng.choice([-1.0, 1.0], len(x)) for x in (speed, push))
+        most = np.maximum(most, np.abs(pin.rnea(model, data, q, v, a)))
+    return {x: SPARE * float(m) for x, m in zip(names, most, strict=True)}
 
 
 def _write(folder: Path, machine: dict[str, Any], sealed: dict[str, Any]) -> None:
