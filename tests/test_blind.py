@@ -8,6 +8,8 @@ from dataclasses import replace
 import pytest
 
 from pinotwin.bench.cases import Case, draw_cases
+from pinotwin.bench.oracle import evidence
+from pinotwin.bench.produce import produce
 from pinotwin.bench.run import Plan, answer, run_bench, written
 from pinotwin.cli.main import main
 
@@ -37,8 +39,19 @@ def test_a_small_bench_answers_every_case(cases, answers):
     for a in answers:
         assert a.verdict in ("none", "explained", "partly_explained", "unexplained")
         assert set(a.floors) == {"stepwise_bic", "pursuit"}
-        assert set(a.seconds) == {"produce", "diagnose", "floors"}
+        assert set(a.seconds) == {"produce", "diagnose", "floors", "oracle"}
         assert len(a.sizes) == len(a.truth)
+        assert (a.oracle is None) == (a.kind == "healthy")
+
+
+def test_an_oracle_sees_four_times_as_much_of_an_effect_twice_as_large():
+    small, large = (
+        evidence(produce(Case(0, "emps", "structure", "single", (("quadratic_drag", "X", size),), 11),
+                         seconds=4.0), None)
+        for size in (0.02, 0.04)
+    )  # fmt: skip
+    assert small > 25.0
+    assert large / small == pytest.approx(4.0, rel=0.15)  # the twin runs differ in their noise
 
 
 def test_a_bench_goes_on_where_it_stopped(cases, plan, answers, tmp_path):
