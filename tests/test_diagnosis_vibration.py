@@ -99,7 +99,11 @@ def test_another_spring_is_named_and_shrinks_the_gap_on_a_log_that_was_not_fitte
     ratio = damping / TRUE_DAMPING * frequency / 20.0
     assert found.theta["c"] / c == pytest.approx(ratio, rel=0.12)
     assert found.shrink["v"].on == "validation"
-    assert found.shrink["v"].share > 0.8
+    shrink = found.shrink["v"]
+    assert shrink.share > 0.8
+    assert shrink.interval[0] < shrink.share < shrink.interval[1]
+    assert abs(shrink.promised - shrink.share) < 0.15
+    assert shrink.promised != shrink.share  # of the logs that were fitted
     assert said.gaps["delta"].after < said.gaps["delta"].rms
 
 

@@ -178,10 +178,10 @@ def _judge(spring: Spring, runs: _Split, rng: np.random.Generator, out: Vibratio
     """Fill in what is said of one joint."""
     found, moved = _refitted(spring, runs)
     noise = runs.noise(found)
-    before = np.concatenate(runs.left(spring, fitted=False))
+    before, after = (np.concatenate(runs.left(x, fitted=False)) for x in (spring, found))
+    x, y = (np.concatenate(runs.left(k, fitted=True)) for k in (spring, found))
     size = rms(np.concatenate(runs.parts([r.measured for r in runs.runs], fitted=False)))
-    after = np.concatenate(runs.left(found, fitted=False))
-    shrink = _shrink(before, after, noise, runs, rng)
+    shrink = _shrink((before, after), _share(x, y, noise), noise, runs, rng)
     least = max((1.0 + GAP) * noise**2, noise**2 + (FORM * size) ** 2)
     there = rms(before) ** 2 > least
     named = there and shrink.share > WORTH and max(abs(x[2]) for x in moved.values()) > SIGMAS
@@ -231,20 +231,28 @@ def _refitted(spring: Spring, runs: _Split) -> tuple[Spring, Moves]:
     return found, moved
 
 
+def _share(before: Floats, after: Floats, noise: float) -> float:
+    """Return the share of the squared gap above the noise that goes."""
+    x, y = rms(before) ** 2, rms(after) ** 2
+    return float(np.clip((x - y) / max(x - noise**2, 0.02 * x + 1e-300), -1.0, 1.0))
+
+
 def _shrink(
-    before: Floats, after: Floats, noise: float, runs: _Split, rng: np.random.Generator
-) -> Shrink:
-    """Return how far other springs shrink the gap, on rows that were not fitted."""
-    block = np.arange(len(before)) // max(round(BLOCK / runs.step), 1)
-    sums = np.stack([np.bincount(block, w) for w in (before**2, after**2, np.ones(len(before)))])
-    picks = rng.integers(0, sums.shape[1], (RESAMPLES, sums.shape[1]))
-    x, y, n = np.concatenate([sums[:, picks].sum(axis=2), sums.sum(axis=1)[:, None]], axis=1)
-    excess = np.maximum(x - n * noise**2, 0.02 * x + 1e-300)
-    share = np.clip((x - y) / excess, -1.0, 1.0)
-    low, high = (float(np.quantile(share[:-1], q)) for q in (0.05, 0.95))
+    unseen: tuple[Floats, Floats], promised: float, noise: float, runs: _Split,
+    rng: np.random.Generator,
+) -> Shrink:  # fmt: skip
+    """Return how far other springs shrink the gap on rows that were not fitted, blocks resampled."""
+    blocks = max(len(unseen[0]) // max(round(BLOCK / runs.step), 1), 1)
+    parts = [np.array_split(x, blocks) for x in unseen]
+    share = []
+    for _ in range(RESAMPLES):
+        pick = rng.integers(0, blocks, blocks)
+        x, y = (np.concatenate([p[k] for k in pick]) for p in parts)
+        share.append(_share(x, y, noise))
+    interval = float(np.quantile(share, 0.05)), float(np.quantile(share, 0.95))
     on = "validation" if any(runs.sealed) else "held-out blocks"
-    whole = float(share[-1])
-    return Shrink(rms(before), rms(after), whole, (low, high), whole, on)
+    before, after = unseen
+    return Shrink(rms(before), rms(after), _share(before, after, noise), interval, promised, on)
 
 
 def _where(spring: Spring, runs: _Split, rng: np.random.Generator) -> list[Region]:
