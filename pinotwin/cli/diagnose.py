@@ -116,9 +116,10 @@ def summary(found: Diagnosis) -> list[str]:
     for region in found.where[:3]:
         low, high = region.range
         whole = "band" if region.kind == "frequency" else "time"
+        kind = region.kind if region.other is None else f"{region.kind} {region.other}"
         lines.append(
             f"where: {region.share:.0%} of the squared gap of {region.axis}.{region.signal} lies in "
-            f"{region.time_share:.0%} of the {whole}: {region.kind} {low:.3g} to {high:.3g} "
+            f"{region.time_share:.0%} of the {whole}: {kind} {low:.3g} to {high:.3g} "
             f"{region.unit}"
         )
     for e in found.effects:

@@ -17,6 +17,7 @@ from pinotwin.diagnosis.admission import Judged, admit
 from pinotwin.diagnosis.base import Base
 from pinotwin.diagnosis.context import Scene
 from pinotwin.diagnosis.decide import Decision
+from pinotwin.diagnosis.noise import between_repeats
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Gap, Region, Shrink
 from pinotwin.diagnosis.stage import Piece
@@ -200,12 +201,8 @@ def _noise(start: Ready, joint: int) -> float:
     """Return the RMS difference of repeats over sqrt(2); without repeats the encoder's roughness."""
     rows = start.stage.rows
     errors = [(m.qr - m.q)[:, joint] for m in rows.motions if m.qr is not None]
-    for a in range(len(errors)):
-        for b in range(a + 1, len(errors)):
-            n = min(len(errors[a]), len(errors[b]))
-            if rows.commands[a] == rows.commands[b]:
-                return float(np.std(errors[a][:n] - errors[b][:n]) / np.sqrt(2.0))
-    return roughness([errors[0]])
+    noise = between_repeats(errors, rows.commands)
+    return roughness([errors[0]]) if noise is None else noise
 
 
 def _shrink(start: Ready, before: Left, after: Left, rng: np.random.Generator) -> Shrink:

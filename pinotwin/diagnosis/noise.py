@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Literal
 
 import numpy as np
@@ -72,6 +72,20 @@ def white_noise(rows: Rows) -> Noise:
 
 def _all(rows: Rows, joint: int) -> Floats:
     return np.concatenate([c.y for c in rows.channels if c.joint == joint])
+
+
+def between_repeats(values: Sequence[Floats], commands: Sequence[int]) -> float | None:
+    """Return by how much two runs of one command differ, over sqrt(2); None without repeats.
+
+    Args:
+        values: a signal in every run, each of shape (n,).
+        commands: a label per run, the same for repeats.
+    """
+    for a, b in combinations(range(len(values)), 2):
+        if commands[a] == commands[b]:
+            n = min(len(values[a]), len(values[b]))
+            return float(np.std(values[a][:n] - values[b][:n]) / np.sqrt(2.0))
+    return None
 
 
 def estimate(

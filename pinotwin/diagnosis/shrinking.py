@@ -140,13 +140,13 @@ def shrink(
     sums = np.stack([np.bincount(block, w, count) for w in (x, y, np.ones(len(x)))])
     draws = rng.integers(0, count, (RESAMPLES, count))
     picked = sums[:, draws].sum(axis=2)
-    share = _share(picked[0], picked[1], picked[2] * noise**2)
+    share = share_gone(picked[0], picked[1], picked[2] * noise**2)
     return Shrink(
         before=float(np.sqrt(x.mean())),
         after=float(np.sqrt(y.mean())),
-        share=float(_share(x.sum(), y.sum(), len(x) * noise**2)),
+        share=float(share_gone(x.sum(), y.sum(), len(x) * noise**2)),
         interval=(float(np.quantile(share, 0.05)), float(np.quantile(share, 0.95))),
-        promised=float(_share(u.sum(), v.sum(), len(u) * noise**2)) if len(u) else 0.0,
+        promised=float(share_gone(u.sum(), v.sum(), len(u) * noise**2)) if len(u) else 0.0,
         on=before.on,
         promised_interval=_range_of_blocks(before.promised, after.promised, joint, noise),
     )
@@ -194,12 +194,12 @@ def _range_of_blocks(
         return None
     u, v = (np.asarray(np.bincount(folds, w)[seen], dtype=float) for w in (x, y))
     level = np.asarray(count[seen] * noise**2, dtype=float)
-    stays = 1.0 - np.concatenate([_share(u, v, level * k) for k in (1.0 - KNOWN, 1.0 + KNOWN)])
+    stays = 1.0 - np.concatenate([share_gone(u, v, level * k) for k in (1.0 - KNOWN, 1.0 + KNOWN)])
     least, most = float(stays.min()), float(stays.max())
     return max(1.0 - OTHER * most, -1.0), 1.0 if least < 0.1 else 1.0 - least / OTHER
 
 
-def _share(before: Floats | float, after: Floats | float, noise: Floats | float) -> Floats:
+def share_gone(before: Floats | float, after: Floats | float, noise: Floats | float) -> Floats:
     """Return the share of the squared gap above the noise that goes, at most 1."""
     excess = np.maximum(before - noise, 0.02 * before + 1e-300)
     return np.asarray(np.clip((before - after) / excess, -1.0, 1.0))

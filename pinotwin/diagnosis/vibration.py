@@ -10,14 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.deflection import Load, Spring, is_measured, load_on, springs
+from pinotwin.diagnosis.noise import between_repeats
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
+from pinotwin.diagnosis.shrinking import share_gone
 from pinotwin.diagnosis.where import Cell, bins, concentrated
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -164,10 +165,9 @@ class _Split:
         Args:
             spring: as it was refitted.
         """
-        for a, b in combinations(self.runs, 2):
-            if a.command == b.command:
-                n = min(len(a.measured), len(b.measured))
-                return rms(a.measured[:n] - b.measured[:n]) / float(np.sqrt(2.0))
+        noise = between_repeats([r.measured for r in self.runs], [r.command for r in self.runs])
+        if noise is not None:
+            return noise
         left = np.concatenate([r.left(spring) for r in self.runs])
         rows = max(round(BLOCK / self.step), 1)
         blocks = np.array_split(left, max(len(left) // rows, 1))
@@ -232,9 +232,7 @@ def _refitted(spring: Spring, runs: _Split) -> tuple[Spring, Moves]:
 
 
 def _share(before: Floats, after: Floats, noise: float) -> float:
-    """Return the share of the squared gap above the noise that goes."""
-    x, y = rms(before) ** 2, rms(after) ** 2
-    return float(np.clip((x - y) / max(x - noise**2, 0.02 * x + 1e-300), -1.0, 1.0))
+    return float(share_gone(rms(before) ** 2, rms(after) ** 2, noise**2))
 
 
 def _shrink(
