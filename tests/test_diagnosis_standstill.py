@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from pinotwin.bench.cases import Case
@@ -37,3 +38,13 @@ def test_a_law_that_is_listed_is_not_missing():
     """The driller lists presliding on every axis: its form was found in this very log."""
     found = said("laser_driller", ("stribeck", "C", 0.04))
     assert ("presliding", "C") not in {(e.effect, e.axis) for e in found.effects}
+
+
+def test_a_machine_is_diagnosed_though_one_of_its_axes_rests():
+    """Its rotor inertia is a candidate that acts on no row at all."""
+    made = produce(Case(0, "random:2", "structure", "healthy", (), 5), seconds=4.0).sealed
+    rest = {
+        f"Q2.{k}": np.full(len(made.logs[0]), made.logs[0][f"Q2.{k}"][0]) for k in ("q", "qr", "u")
+    }
+    logs = [log.with_channels({**log.channels, **rest}) for log in made.logs]
+    assert set(diagnose(made.machine, logs, quick=True).gap) == {"Q1"}

@@ -60,8 +60,9 @@ class Shelf:
 
 
 def fill(context: Context, stage: Stage, leave_out: frozenset[str]) -> list[Shelf]:
-    """Return the shelves of every family."""
-    return [shelf(context, stage, family) for family in families(context, leave_out=leave_out)]
+    """Return the shelves of every family that acts on some row: an axis at rest has none."""
+    every = (shelf(context, stage, family) for family in families(context, leave_out=leave_out))
+    return [s for s in every if any(x is not None for b in s.batches for x in b.columns)]
 
 
 def shelf(context: Context, stage: Stage, family: Family) -> Shelf:
