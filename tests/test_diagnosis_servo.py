@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pinotwin.diagnosis.law import Law, _common, _scale, broken, changed, law_of, mean_gains
-from pinotwin.diagnosis.servo import _plateau, look_at_servo
+from pinotwin.diagnosis.limits import _plateau
+from pinotwin.diagnosis.servo import look_at_servo
 from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData

@@ -47,4 +47,6 @@ def test_a_machine_is_diagnosed_though_one_of_its_axes_rests():
         f"Q2.{k}": np.full(len(made.logs[0]), made.logs[0][f"Q2.{k}"][0]) for k in ("q", "qr", "u")
     }
     logs = [log.with_channels({**log.channels, **rest}) for log in made.logs]
-    assert set(diagnose(made.machine, logs, quick=True).gap) == {"Q1"}
+    found = diagnose(made.machine, logs, quick=True)
+    assert set(found.gap) == {"Q1"}
+    assert any(x.startswith("Q2 hardly moves") for x in found.advice)

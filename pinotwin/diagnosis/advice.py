@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -61,6 +61,18 @@ def advise(
                 motions.append((kind, axis))
                 break
     return words, motions
+
+
+def resting(machine: Machine, seen: Collection[str]) -> list[str]:
+    """Return what to do about axes that these logs tell nothing of.
+
+    Args:
+        machine: whose axes.
+        seen: axes that have a gap.
+    """
+    silent = [name for name in machine.axes if name not in seen]
+    return [f"{x} hardly moves in these logs, or its effort is not in them: nothing is said of it"
+            for x in silent]  # fmt: skip
 
 
 def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> dict[str, Floats]:

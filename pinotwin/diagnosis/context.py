@@ -18,6 +18,10 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin.twin import effect_slices
 
+LIGHTEST = 0.05
+"""Of the largest inertia of a joint: below it is an error of the base model (it may even be negative), and
+the contact of a play, stepped at the pace of the mean inertia, would not be stable."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -40,9 +44,9 @@ class Scene:
     mass: Floats
 
     def inertia(self, joint: int) -> Floats:
-        """Return the inertia of a joint, others at rest, shape (n,), kept above a thousandth."""
+        """Return the inertia of a joint, others at rest, shape (n,), kept above LIGHTEST of its largest."""
         own = self.mass[:, joint, joint]
-        return np.asarray(np.maximum(own, 1e-3 * np.abs(own).max() + 1e-12))
+        return np.asarray(np.maximum(own, LIGHTEST * np.abs(own).max() + 1e-12))
 
 
 @dataclass(frozen=True)

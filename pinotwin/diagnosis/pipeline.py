@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.diagnosis.advice import advise, command
+from pinotwin.diagnosis.advice import advise, command, resting
 from pinotwin.diagnosis.closed_loop import error_gaps
 from pinotwin.diagnosis.confirm import confirmed
 from pinotwin.diagnosis.decide import Decision, decide
 from pinotwin.diagnosis.findings import findings
 from pinotwin.diagnosis.gaps import Gaps, gaps
+from pinotwin.diagnosis.patterns import patterns
 from pinotwin.diagnosis.prepare import Ready, at_rest, ready
 from pinotwin.diagnosis.result import Diagnosis, Found, Region
 from pinotwin.diagnosis.search import Settings
@@ -27,7 +28,7 @@ from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
 
 Tell = Callable[[str, float], None]
-BROKEN_LAW = "the controller's law leaves {:.0f} times what it left when it was identified"
+BROKEN_LAW = "the controller's law leaves {:.3g} times what it left when it was identified"
 
 
 @one_blas_thread
@@ -75,7 +76,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     gap, left, regions = _measured(
         start, moving, decision, tell, seed, loops=closed_loop and not quick
     )
-    left = left.beside(words)
+    left = left.beside(words) if quick else left.beside(words).following(patterns(moving, decision))
     rows = start.stage.rows
     vibrations = look_at_vibration(
         subject, [*_list(log), *_list(validate)], rows.validation, rows.commands,
@@ -148,7 +149,7 @@ def _diagnosis(  # noqa: PLR0913, what one call has found out
         unexplained=verdict.unexplained,
         remains=verdict.remains,
         noise=noise.kind,
-        advice=[*advice, *verdict.advice],
+        advice=[*advice, *resting(rows.machine, gap.table), *verdict.advice],
         situation="change" if start.stage.base.change else "structure",
         shrink=gap.together,
         quick=quick,

@@ -3,19 +3,21 @@
 The columns of the model and the effort go through the same short low-pass before they are thinned
 (the parallel filter of Gautier 1997), and a row counts only if the axis moves throughout the filter's
 span: below that, dry friction is not a function of what the log shows. Only the search for friction
-with a memory (:mod:`pinotwin.diagnosis.standstill`) takes all rows.
+with a memory (:mod:`pinotwin.diagnosis.standstill`) takes all rows. Where a drive is at its limit, effort
+and acceleration leap faster than either channel follows: such rows tell of the limit and of nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 from scipy.ndimage import convolve1d
 
 from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.diagnosis.limits import reached
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -90,6 +92,7 @@ class Rows:
         channels: per log and joint.
         commands: which logs repeat one command: a label per log.
         validation: which logs are for validation only.
+        limited: (log, joint) -> samples at which a drive is at its limit, where one is.
     """
 
     machine: Machine
@@ -98,6 +101,7 @@ class Rows:
     channels: tuple[Channel, ...]
     commands: tuple[int, ...]
     validation: tuple[bool, ...]
+    limited: Mapping[tuple[int, int], Mask] = field(default_factory=dict)
 
     @property
     def joints(self) -> tuple[int, ...]:
@@ -142,7 +146,8 @@ def take_rows(
     factor = max(1, round(coarse / (motions[0].step * ROW_RATE)))
     thinner = Thinner(factor)
     flags = tuple([False] * len(logs) + [True] * len(validation))
-    rows = Rows(machine, tuple(motions), thinner, (), _commands(motions), flags)
+    rows = Rows(machine, tuple(motions), thinner, (), _commands(motions), flags,
+                _limited(motions, flags))  # fmt: skip
     rows = replace(rows, channels=_channels(rows, SLOWEST))
     if not rows.fitted.channels:
         raise DataError(
@@ -172,8 +177,20 @@ def at_rest_too(rows: Rows) -> Rows:
 
 def _channels(rows: Rows, slowest: float) -> tuple[Channel, ...]:
     places = product(range(len(rows.motions)), range(rows.machine.nv))
-    found = (_channel(rows.motions[k], rows.thinner, k, joint, slowest) for k, joint in places)
+    found = (_channel(rows, k, joint, slowest) for k, joint in places)
     return tuple(c for c in found if c is not None)
+
+
+def _limited(motions: Sequence[Motion], flags: Sequence[bool]) -> dict[tuple[int, int], Mask]:
+    """Return the samples at which drives are at their limits; logs that are sealed on their own."""
+    out = {}
+    for flag in (False, True):
+        logs = [k for k, x in enumerate(flags) if x == flag]
+        for joint in range(motions[0].q.shape[1]):
+            limit = reached([motions[k] for k in logs], joint)
+            if limit is not None:
+                out.update({(k, joint): x for k, x in zip(logs, limit.samples, strict=True)})
+    return out
 
 
 def sharp(motion: Motion) -> Motion:
@@ -197,12 +214,13 @@ def sharp(motion: Motion) -> Motion:
     return replace(motion, v=v, a=a, vr=vr, ar=ar)
 
 
-def _channel(
-    motion: Motion, thinner: Thinner, log: int, joint: int, slowest: float
-) -> Channel | None:
+def _channel(rows: Rows, log: int, joint: int, slowest: float) -> Channel | None:
+    motion, thinner = rows.motions[log], rows.thinner
     u = motion.u[:, joint]
     v = np.abs(motion.v[:, joint])
     good = (v >= slowest * v.max(initial=0.0)) & np.isfinite(u)
+    if (log, joint) in rows.limited:
+        good &= ~rows.limited[log, joint]
     half = len(thinner.weights) // 2
     kernel = np.ones(2 * half + 1)
     centres, runs, count = [], [], 0

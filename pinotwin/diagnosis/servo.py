@@ -12,19 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.law import broken, changed, law_of
+from pinotwin.diagnosis.limits import reached
 from pinotwin.diagnosis.result import Found
-from pinotwin.loop.gains import at_limit
 from pinotwin.motion import Motion
-from pinotwin.signals import rms, roughness
 from pinotwin.twin import Twin
 
-LIMITED = 2e-3  # share of rows at the limit that is worth a name
-WORSE = 8.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
-OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
-SPIKE = 60.0  # density of sizes at the limit over that below it, if the error is LEFT_BEHIND too
-LEFT_BEHIND = 1.3  # the same of the tracking error then
 SERVO = ("saturation", "feedforward", "loop_gain", "effort_scale")  # they say why a law fails
 
 
@@ -82,47 +75,14 @@ def _put_right(m: Motion, found: Sequence[Found]) -> Motion:
 
 
 def _limited(motions: Sequence[Motion], joint: int, axis: str) -> list[Found]:
-    """Return ``saturation`` where an effort rests at a largest size and the axis is left behind."""
-    efforts, errors, near, after = [], [], [], []
-    for m in motions:
-        assert m.qr is not None
-        u = m.u[:, joint]
-        if not np.isfinite(u).any():
-            return []
-        efforts.append(np.nan_to_num(u))
-        errors.append((m.qr - m.q)[:, joint])
-        near.append(at_limit(u, roughness([u[np.isfinite(u)]]), m.step))
-        after.append(_followed(near[-1], round(0.05 / m.step)))
-    size, e = np.abs(np.concatenate(efforts)), np.concatenate(errors)
-    at, late = np.concatenate(near), np.concatenate(after)
-    share = float(np.mean(at))
-    if share < LIMITED or late.all():
+    """Return ``saturation`` where a drive reached its limit."""
+    limit = reached(motions, joint)
+    if limit is None:
         return []
-    worst = rms(e[late]) / max(rms(e[~late]), 1e-300)
-    level = float(np.median(size[at]))
-    over, spike = _plateau(size, level, float(np.mean([roughness([u]) for u in efforts])))
-    clear = worst > WORSE or (spike > SPIKE and worst > LEFT_BEHIND)
-    if over > OVER * share or not clear:
-        return []
+    samples = sum(len(m.t) for m in motions)
     return [
         Found(
-            "saturation", axis, 0.95, {"limit": level}, {"share of time": share}, {}, [],
-            gain=float(len(size) * share * np.log(worst)),
+            "saturation", axis, 0.95, {"limit": limit.level}, {"share of time": limit.share}, {}, [],
+            gain=float(samples * limit.share * np.log(limit.worst)),
         )
     ]  # fmt: skip
-
-
-def _plateau(size: Floats, level: float, noise: float) -> tuple[float, float]:
-    """Return the share of rows above a level, and how much denser sizes are at it than below it."""
-    width = max(4.0 * noise, 0.01 * level)
-    at = np.count_nonzero(np.abs(size - level) < width)
-    below = np.count_nonzero((size > level - 4.0 * width) & (size < level - 2.0 * width))
-    return float(np.mean(size > level + width)), float(at) / float(max(int(below), 1))
-
-
-def _followed(mask: Mask, rows: int) -> Mask:
-    """Return the mask with the rows that follow each true one."""
-    out = mask.copy()
-    for k in range(1, rows + 1):
-        out[k:] |= mask[:-k]
-    return out

@@ -12,6 +12,7 @@ from pinotwin.diagnosis.calibration import STAYS
 from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.gaps import Gaps
 from pinotwin.diagnosis.ledger import build_ledger, residual_of
+from pinotwin.diagnosis.patterns import Pattern
 from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.remainder import describe
 from pinotwin.diagnosis.result import Found, Verdict
@@ -75,6 +76,12 @@ class Left:
     open: tuple[int, ...]
     words: dict[int, str] = field(default_factory=dict)
     beyond: dict[int, float] = field(default_factory=dict)
+
+    def following(self, patterns: Mapping[int, Pattern]) -> Left:
+        """Return the same with joints whose rest follows a pattern, however small it is."""
+        words = {j: p.words for j, p in patterns.items()}
+        share = {j: max(p.share, self.stays.get(j, 0.0)) for j, p in patterns.items()}
+        return replace(self.beside(words), stays={**self.stays, **share})
 
     def beside(self, words: Mapping[int, str]) -> Left:
         """Return the same with joints that are open for another reason."""
@@ -228,7 +235,9 @@ def sentence(verdict: Verdict, effects: Sequence[Found], remains: dict[str, str]
 
 def _words(e: Found) -> str:
     where = "" if e.axis is None else f" on axis {e.axis}"
-    share = max((x.share for x in e.shrink.values()), default=0.0)
+    if not e.shrink:  # a drive's limit leaves no gap of effort
+        return f"{e.effect}{where} (confidence {e.confidence:.0%})"
+    share = max(x.share for x in e.shrink.values())
     how_far = (
         f"{share:.0%} of the gap" if share > 0.0 else "the held-out gap does not shrink by it yet"
     )
