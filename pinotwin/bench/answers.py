@@ -42,7 +42,7 @@ class Answer:
         floors: peer -> (effect, axis, score).
         seconds: stage -> time it took [s].
         form: what the model's laws cannot follow of a healthy machine, over the noise.
-        oracle: deviance that the true course of a single effect would gain; see bench.oracle.
+        oracle: deviance that the true course of the weakest effect would gain; see bench.oracle.
         error: what went wrong, if anything did.
     """
 

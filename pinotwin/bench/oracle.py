@@ -8,13 +8,15 @@ a catalogue reaches by chance) nobody who looks at an axis in motion can name it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from pinotwin.arrays import Floats
 from pinotwin.bench.produce import Produced
 from pinotwin.diagnosis.bank import stacked
 from pinotwin.diagnosis.ledger import build_ledger, moments
 from pinotwin.diagnosis.prepare import Ready, ready
+from pinotwin.diagnosis.stage import Blocks
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.preparation import prepare
@@ -22,13 +24,15 @@ from pinotwin.twin import Twin
 
 
 def evidence(made: Produced, twin: Twin | None) -> float | None:
-    """Return the expected deviance of the true course of the one effect of a case; None without one.
+    """Return the expected deviance of the true course of the weakest effect, the others' beside it.
+
+    None without effects, and where one is the controller's.
 
     Args:
         made: the case.
         twin: what a change is seen against.
     """
-    if made.course is None:
+    if not made.courses:
         return None
     sealed = made.sealed
     try:
@@ -36,21 +40,26 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
     except DataError:
         return None
     stage = start.search_stage
-    columns = stacked(stage, [_columns(start, made.course)])
-    return float(moments(build_ledger(stage, start.theta), columns).S[0, 0, 0, 0])
+    columns = stacked(stage, [_columns(start, made.courses)])
+    S = moments(build_ledger(stage, start.theta), columns).S[0, 0]
+    scale = np.sqrt(np.maximum(np.diag(S), 1e-300))
+    given = np.diag(np.linalg.inv(S / np.outer(scale, scale) + 1e-9 * np.eye(len(S))))
+    return float(np.min(scale**2 / given))
 
 
-def _columns(start: Ready, log: Log) -> list[list[tuple[int, Floats]]]:
-    """Return the course as columns of a candidate: (joint, values) per log."""
+def _columns(start: Ready, courses: Sequence[Log]) -> list[Blocks]:
+    """Return the courses as the columns of one candidate."""
     machine = start.context.machine
-    course = prepare(machine, log, cutoff=machine.data.cutoff or 1e9, decimate=1)
-    out = []
+    cutoff = machine.data.cutoff or 1e9
+    read = [prepare(machine, log, cutoff=cutoff, decimate=1) for log in courses]
+    out: list[Blocks] = []
     for scene in start.context.scenes:
-        values = np.zeros((len(scene.motion), machine.nv))
-        count = min(len(values), len(course))
-        if not start.stage.rows.validation[scene.log]:
-            values[:count] = np.nan_to_num(course.u[:count])
-        out.append([(joint, values[:, [joint]]) for joint in range(machine.nv)])
+        values = np.zeros((len(scene.motion), machine.nv, len(read)))
+        for k, course in enumerate(read):
+            count = min(len(values), len(course))
+            if not start.stage.rows.validation[scene.log]:
+                values[:count, :, k] = np.nan_to_num(course.u[:count])
+        out.append([(joint, values[:, joint]) for joint in range(machine.nv)])
     return out
 
 

@@ -50,8 +50,8 @@ class Produced:
         form: of a healthy machine in situation ``structure``: power that the model's laws, fitted at
             their true shapes, cannot follow, over the noise. Its friction is the model's by name, but
             not to the last micrometre by its equation.
-        course: of a single effect of the plant: its run without noise, each effort what the effect
-            adds to it.
+        courses: of every effect, if all are of the plant: a run with it alone, without noise, each effort
+            what it adds; empty otherwise.
     """
 
     sealed: Sealed
@@ -59,7 +59,7 @@ class Produced:
     sizes: tuple[float, ...]
     raw: tuple[float, ...]
     form: float = 0.0
-    course: Log | None = None
+    courses: tuple[Log, ...] = ()
 
 
 def produce(case: Case, *, seconds: float = SECONDS) -> Produced:
@@ -130,10 +130,10 @@ def _measured(
     pairs = [_sizes(one[0], r, clean, noise, (machine, well))
              for one, r in zip(case.effects, alone, strict=True)]  # fmt: skip
     rho = over(powers(seen.minus(clean)), noise)
-    one = len(case.effects) == 1 and case.effects[0][0] not in LOOP_ONLY
-    course = _course(seen, clean) if one else None
+    plant = not any(effect in LOOP_ONLY for effect, _, _ in case.effects)
+    courses = tuple(_course(one, clean) for one in alone) if plant else ()
     return Produced(
-        sealed, rho, tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), course=course
+        sealed, rho, tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), courses=courses
     )
 
 

@@ -110,7 +110,7 @@ def top_rows(single: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
     """Return how often the first answer is right, by size of the gap."""
     visible = [a for a in single if a.size >= VISIBLE]
     faint = [a for a in single if FAINT <= a.size < VISIBLE]
-    seen = [a for a in visible if a.oracle is None or a.oracle >= ORACLE]
+    seen = [a for a in visible if _seen(a)]
     wider = [a for a in single if max(a.raw, default=0.0) >= VISIBLE]
     out = [
         _line("top-1 effect and axis, rho ≥ 0.1", _right(visible), Bound(0.85), Bound(0.95),
@@ -124,6 +124,7 @@ def top_rows(single: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
         _line("… axis right", [_axis(a) for a in visible if a.named],
               note="of those named; a load on any axis"),
         _line("top-1, 0.02 ≤ rho < 0.1", _right(faint), Bound(0.60), Bound(0.75)),
+        _line("… of those that an oracle sees", _right([a for a in faint if _seen(a)])),
     ]  # fmt: skip
     for low, high in ((0.1, 0.5), (0.5, 3.0), (3.0, np.inf)):
         name = f"… {low:g} ≤ rho < {high:g}" if np.isfinite(high) else f"… rho ≥ {low:g}"
@@ -133,6 +134,11 @@ def top_rows(single: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
 
 def _right(answers: Sequence[Answer]) -> list[bool]:
     return [a.right() for a in answers]
+
+
+def _seen(a: Answer) -> bool:
+    """Whether an oracle sees every effect of a case (of the controller's own: it does not look)."""
+    return a.oracle is None or a.oracle >= ORACLE
 
 
 def _axis(a: Answer) -> bool:
@@ -160,6 +166,8 @@ def several_rows(double: Sequence[Answer], visible: Sequence[Answer]) -> list[Ro
     return [
         _line("both of two, weaker rho ≥ 0.1", [_found(a) == 2 for a in strong], Bound(0.65),
               Bound(0.80)),
+        _line("… of those of which an oracle sees both",
+              [_found(a) == 2 for a in strong if _seen(a)]),
         _line("… at least one of them", [_found(a) >= 1 for a in strong]),
         _line("a spurious extra effect beside the right one", extra, Bound(high=0.15),
               Bound(high=0.05)),
@@ -177,6 +185,7 @@ def unknown_rows(outside: Sequence[Answer], visible: Sequence[Answer]) -> list[R
     return [
         _line("outside the catalogue recognised", [a.flagged for a in seen], Bound(0.85),
               Bound(0.95), "rho ≥ 0.1; verdict unexplained or partly explained"),
+        _line("… of those that an oracle sees", [a.flagged for a in seen if _seen(a)]),
         _line("… nobody's effect", [a.flagged for a in of["outside"]]),
         _line("… effect taken out of the catalogue", [a.flagged for a in of["left_out"]]),
         _line("… and nothing named", [a.flagged and not a.named for a in seen]),
