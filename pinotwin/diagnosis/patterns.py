@@ -172,9 +172,7 @@ def _loudness(context: Context, joint: int) -> Iterator[tuple[str, Curve]]:
     yield "speed", lambda s: np.abs(s.motion.v[:, joint]) / top
     yield "speed", lambda s: (s.motion.v[:, joint] / top) ** 2
     yield "speed", lambda s: 1.0 / (np.abs(s.motion.v[:, joint]) / top + 0.1)
-    yield "direction", lambda s: s.motion.v[:, joint] / top
     yield "acceleration", lambda s: np.abs(s.motion.a[:, joint]) / hard
-    yield "acceleration", lambda s: s.motion.a[:, joint] / hard
     yield "position", place
     yield "position", lambda s: place(s) ** 2
     yield "time", lambda s: np.linspace(-1.0, 1.0, len(s.motion))

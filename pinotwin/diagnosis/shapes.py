@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.bank import stacked
 from pinotwin.diagnosis.base import Base, plain_base, with_slopes
-from pinotwin.diagnosis.ledger import build_ledger
+from pinotwin.diagnosis.ledger import build_ledger, residual_of, sums
 from pinotwin.diagnosis.noise import Noise
 from pinotwin.diagnosis.rows import Rows
-from pinotwin.diagnosis.stage import build_stage
-from pinotwin.effects import Effect, PositionTable
+from pinotwin.diagnosis.stage import Blocks, Piece, Stage, build_stage
+from pinotwin.diagnosis.worth import worth
+from pinotwin.effects import Effect, PositionTable, Presliding, Stribeck
 from pinotwin.identification.plant import Plant, fit_plant
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -22,6 +24,12 @@ from pinotwin.preparation import prepare
 from pinotwin.twin.twin import effect_slices
 
 ENOUGH = 0.35  # of a joint's travel, for its pitches to be found
+FADES = (
+    0.004,
+    0.4,
+    14,
+)  # of an axis' top speed: speeds at which its friction may fade, and how many
+MUCH_BETTER = 0.97  # of the squared error in motion that another speed may leave to be taken
 
 
 def shaped_base(
@@ -48,10 +56,63 @@ def shaped_base(
         replace(e, start=None, stop=None).fitted_to(joined) if isinstance(e, PositionTable) else e
         for e in plant.effects
     )
+    effects = faded(effects, rows, noise)
     base = plain_base(rows, effects)
     sloped = with_slopes(base, build_ledger(build_stage(rows, base, noise)).theta)
     whole = np.concatenate([_carried(plant, effects), np.zeros(len(sloped.slopes))])
     return replace(sloped, whole=whole)
+
+
+def faded(effects: tuple[Effect, ...], rows: Rows, noise: Noise) -> tuple[Effect, ...]:
+    """Return the effects with the speeds at which friction fades as rows in motion tell them.
+
+    ``identify`` fits a friction with a memory at standstill too, where the form of any law is in error by far
+    more than the noise: a speed that one axis passes quickly is decided there by what is not of it.
+    """
+    stage = build_stage(rows, plain_base(rows, effects), noise)
+    out = list(effects)
+    for k, where in enumerate(effect_slices(effects)):
+        effect = effects[k]
+        names = [c.name for c in effect.coefficients()]
+        if isinstance(effect, (Presliding, Stribeck)) and "s" in names:
+            out[k] = _faded(stage, effect, names.index("s"), where.start + names.index("s"))
+    return tuple(out)
+
+
+def _faded(stage: Stage, effect: Presliding | Stribeck, own: int, column: int) -> Effect:
+    """Return one effect at the best of some speeds, if that is much better than its own.
+
+    Args:
+        stage: rows in motion with the base.
+        effect: whose speed is sought.
+        own: its coefficient that fades.
+        column: the same among the base's columns.
+    """
+    motions = stage.rows.motions
+    joint = motions[0].index(effect.axis)
+    top = max(float(np.abs(m.v[:, joint]).max()) for m in motions)
+    speeds = np.array([effect.v_s, *(top * np.geomspace(*FADES))])
+    columns: list[list[Blocks]] = [
+        [[(joint, replace(effect, v_s=float(x)).axis_columns(m.axis(effect.axis))[:, [own]])]
+         for m in motions]
+        for x in speeds
+    ]  # fmt: skip
+    without = replace(stage, pieces=tuple(_without(p, column) for p in stage.pieces))
+    ledger = build_ledger(without)
+    gain = worth(ledger, sums(ledger, stacked(without, columns))).gain[:, 0]
+    left = sum(
+        float(np.sum(residual_of(p, ledger.theta) ** 2))
+        for p in without.pieces
+        if p.channel.joint == joint
+    )
+    best = int(np.argmax(gain))
+    better = left - gain[best] < MUCH_BETTER * (left - gain[0])
+    return replace(effect, v_s=float(speeds[best])) if better else effect
+
+
+def _without(piece: Piece, column: int) -> Piece:
+    kept = piece.columns != column
+    return replace(piece, B=piece.B[:, kept], columns=piece.columns[kept])
 
 
 def _one_of_each(logs: Sequence[Log], commands: Sequence[int]) -> list[Log]:

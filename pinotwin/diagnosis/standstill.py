@@ -36,7 +36,8 @@ ROUGH = (
     1.4  # the same from row to row, at rest alone; 302 axes of healthy virtual machines reach 1.28
 )
 STILL = 0.01  # of an axis' top speed: rest
-FEW = 20  # rows that are not worth comparing
+FEW = 200  # rows that are not enough to be compared
+USUAL = 0.97  # of the differences from row to row: the others hold the moments at which friction gives way
 MOST = 2  # effects that are sought here
 ELSEWHERE = frozenset({"external_force", "ripple_modulated"})  # not of friction
 
@@ -100,7 +101,10 @@ def roughness_at_rest(rest: Ready, joint: int) -> float:
         jumps[0].append(jump[near & still[1:] & still[:-1]])
         jumps[1].append(jump[near & ~still[1:] & ~still[:-1]])
     sizes = [np.concatenate(x) if x else np.zeros(0) for x in jumps]
-    return 0.0 if min(map(len, sizes)) < FEW else rms(sizes[0]) / max(rms(sizes[1]), 1e-300)
+    if min(map(len, sizes)) < FEW:
+        return 0.0
+    still, going = (rms(np.minimum(np.abs(x), np.quantile(np.abs(x), USUAL))) for x in sizes)
+    return still / max(going, 1e-300)
 
 
 def _sought(context: Context, leave_out: frozenset[str]) -> list[Family]:
