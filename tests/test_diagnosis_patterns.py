@@ -60,15 +60,21 @@ def test_a_hum_of_no_axis_is_unexplained_and_said_with_its_frequency():
 
 
 def test_a_ripple_that_grows_with_speed_is_only_partly_its_cousin():
-    found = said("emps", ("ripple_speed", "X", 0.0076))
+    found = said("random:3", ("ripple_speed", "Q3", 0.02))
     assert found.verdict == "partly_explained"
-    assert "that varies with" in found.remains["X"]  # encoder_error or ripple, of another form
+    assert "varies with speed" in found.remains["Q3"]
     assert found.effects[0].confidence < 0.6
 
 
 def test_the_right_effect_leaves_no_pattern():
     found = said("emps", ("ripple", "X", 0.0076))
     assert (found.effects[0].effect, found.verdict) == ("ripple", "explained")
+
+
+def test_a_dry_friction_that_differs_along_the_travel_is_said_to_go_with_position():
+    found = said("emps", ("coulomb_position", "X", 0.03))
+    assert (found.verdict, found.effects) == ("unexplained", [])
+    assert "position" in found.remains["X"]
 
 
 def test_a_curve_of_speed_is_seen_where_the_catalogue_has_none():

@@ -38,6 +38,10 @@ outside it leave anything. On virtual machines 41 of 74 such answers were right,
 (development seeds 3 and 8).
 """
 STAYS = 0.15  # share of the gap's power above which an answer is only partial
+PATTERN, PATTERN_OF_GAIN = (
+    60.0,
+    0.02,
+)  # deviance that a cousin must leave to be seen as one, and its share
 WARMTHS = np.geomspace(1e-4, 0.3, 25)
 
 
@@ -164,8 +168,18 @@ class _Answers:
                 same = [k for k, other in enumerate(self.seen.keys) if alike(other, key)]
                 sure.append(float(p[same].sum()))
                 right.append(not self.outside[n] and alike(key, self.truth[n]))
-                partial.append(self.G[best, n] < (1.0 - STAYS) * self.gains[n])
+                partial.append(self._leaves(n, float(self.G[best, n])))
         return np.array(sure), np.array(right, dtype=bool), np.array(partial, dtype=bool)
+
+    def _leaves(self, n: int, found: float) -> bool:
+        """Whether the answer to an injection would be seen to leave something over.
+
+        A cousin of an effect that is in no catalogue leaves a pattern (:mod:`pinotwin.diagnosis.patterns`).
+        """
+        left = float(self.gains[n]) - found
+        if self.outside[n] and left > max(PATTERN, PATTERN_OF_GAIN * float(self.gains[n])):
+            return True
+        return left > STAYS * float(self.gains[n])
 
 
 def _recalibrated(answers: _Answers) -> tuple[float, Floats, Floats]:
@@ -192,7 +206,10 @@ def alike(a: Key, b: Key) -> bool:
 
 
 def _isotonic(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Return pooled x and the non-decreasing fit of y (Zadrozny & Elkan 2002), shrunk by two answers."""
+    """Return pooled x and the non-decreasing fit of y (Zadrozny & Elkan 2002).
+
+    It is shrunk to the share of right answers among all by as much as two answers weigh.
+    """
     from scipy.optimize import isotonic_regression
 
     if len(x) < 20:
@@ -200,7 +217,7 @@ def _isotonic(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     fit = np.asarray(isotonic_regression(y).x)
     levels, first, count = np.unique(fit, return_index=True, return_counts=True)
     middle = np.array([x[f : f + c].mean() for f, c in zip(first, count, strict=True)])
-    return middle, (levels * count + 1.0) / (count + 2.0)
+    return middle, (levels * count + 2.0 * y.mean()) / (count + 2.0)
 
 
 def _predicted(

@@ -33,7 +33,8 @@ from pinotwin.diagnosis.worth import worth
 LEAST = {"form": 20.0, "curve": 45.0, "hum": 80.0}
 """Deviance that a pattern must bring: a base leaves some of each in health (virtual machines of development
 seeds 11 and 12: at most 34 of a curve, 39 of a hum; beside a right name mostly below 20, 47 and 70)."""
-LEAST_OF_NAMED = 0.01  # of what was named on the axis: a first-order column leaves some of itself
+LEAST_OF_NAMED = {"form": 0.01, "curve": 0.01, "hum": 0.02}
+"""The same over what was named on the axis: a first-order column leaves some of itself."""
 LEAST_OF_PUSH = 0.1  # the same of a push, whose course is known by its start and length alone
 SLOWEST_HUM = 4.0  # [Hz] below it a hum is not told from slow motion
 FORMLESS = ("backlash",)  # play that rattles: any factor makes some impacts fit better
@@ -70,15 +71,19 @@ def patterns(moving: Ready, decision: Decision) -> dict[int, Pattern]:
     for joint in stage.rows.joints:
         mine = [j for j in named if joint in j.joints]
         explained = sum(max(j.G, 0.0) for j in mine)
-        small = LEAST_OF_PUSH if any(j.family.local for j in mine) else LEAST_OF_NAMED
-        least = max(MATTERS * _rows(ledger, joint), small * explained)
-        seen = [
-            x for x in _every(moving.context, ledger, joint, mine) if x[0] > max(LEAST[x[2]], least)
-        ]
+        seen = [x for x in _every(moving.context, ledger, joint, mine) if x[0] > _least(x[2], mine)]
+        seen = [x for x in seen if x[0] > MATTERS * _rows(ledger, joint)]
         if seen:
             deviance, words, _ = max(seen)
             out[joint] = Pattern(words, deviance / (deviance + explained))
     return out
+
+
+def _least(kind: str, named: Sequence[Judged]) -> float:
+    """Return the deviance that a kind of pattern must bring beside what was named."""
+    pushed = any(j.family.local for j in named)
+    share = LEAST_OF_PUSH if pushed else LEAST_OF_NAMED[kind]
+    return max(LEAST[kind], share * sum(max(j.G, 0.0) for j in named))
 
 
 def _rows(ledger: Ledger, joint: int) -> int:

@@ -90,6 +90,8 @@ def _faded(stage: Stage, effect: Presliding | Stribeck, own: int, column: int) -
     """
     motions = stage.rows.motions
     joint = motions[0].index(effect.axis)
+    if joint not in stage.rows.joints:
+        return effect
     top = max(float(np.abs(m.v[:, joint]).max()) for m in motions)
     speeds = np.array([effect.v_s, *(top * np.geomspace(*FADES))])
     columns: list[list[Blocks]] = [
