@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pinotwin.bench.cases import Case
 from pinotwin.bench.produce import produce
 from pinotwin.diagnosis import diagnose
+from pinotwin.diagnosis.standstill import roughness_at_rest
 
 
 def said(machine, *effects, seed=21, leave_out=()):
@@ -50,3 +53,23 @@ def test_a_machine_is_diagnosed_though_one_of_its_axes_rests():
     found = diagnose(made.machine, logs, quick=True)
     assert set(found.gap) == {"Q1"}
     assert any(x.startswith("Q2 hardly moves") for x in found.advice)
+
+
+def test_what_repeats_differ_by_from_row_to_row_is_told_apart_at_rest():
+    """Two runs whose noise is twice as large where the axis stands."""
+    rng = np.random.default_rng(3)
+    v = np.repeat([0.0, 1.0, 0.0, 1.0], 500)
+    size = np.where(v == 0.0, 2.0, 1.0)
+    rows = SimpleNamespace(
+        channels=[SimpleNamespace(joint=0, log=k, centres=4 * np.arange(2000)) for k in (0, 1)],
+        validation=(False, False), commands=(0, 0), thinner=SimpleNamespace(factor=4),
+        motions=[SimpleNamespace(v=np.repeat(v, 4)[:, None])] * 2,
+    )  # fmt: skip
+    residuals = tuple(size * rng.standard_normal(2000) for _ in range(2))
+    rest = SimpleNamespace(stage=SimpleNamespace(rows=rows), residuals=residuals)
+    assert roughness_at_rest(rest, 0) == pytest.approx(2.0, rel=0.1)
+    sags = tuple(rng.standard_normal(2000) + 50.0 * k * (v == 0.0) for k in range(2))
+    still = SimpleNamespace(stage=SimpleNamespace(rows=rows), residuals=sags)
+    assert roughness_at_rest(still, 0) == pytest.approx(
+        1.0, rel=0.1
+    )  # it is held otherwise, and stays

@@ -108,7 +108,7 @@ def _every(
                 columns = _modulated(context, judged, louder)
                 yield (
                     _deviance(ledger, columns),
-                    f"{judged.key[0]} that varies with {words}",
+                    f"{judged.key[0]} of another form: it varies with {words}",
                     "form",
                 )
     deviance, frequency = hum(ledger, joint)

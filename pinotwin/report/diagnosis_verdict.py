@@ -7,11 +7,12 @@ from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Tile
 from pinotwin.report.diagnosis_plots import signal_scale
-from pinotwin.report.plain_words import effect_words, joined, on_axis
+from pinotwin.report.plain_words import effect_words, joined, on_axis, plain_sentence
 from pinotwin.twin import Twin
 
 OFF = 2.0  # times the noise, the gap of a tracking error from which it is said to differ,
 LOOP = 0.1  # and of its size: what a loop foretells of it is no better on a healthy machine
+MOST = 2  # axes of which the headline says what stays
 SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration"}
 
 
@@ -24,13 +25,20 @@ def headline(d: Diagnosis) -> str:
         )
     if d.verdict == "unexplained":
         where = joined([f"axis {a}" for a in d.remains or d.unexplained] or ["this machine"])
-        return f"Log and model differ on {where}, and none of the causes that pinotwin knows explains it."
+        return (f"Log and model differ on {where}, and none of the causes that pinotwin knows explains it. "
+                f"{_stays(d)}").strip()  # fmt: skip
     named = joined([on_axis(e.effect, e.axis) for e in d.effects])
     text = f"Log and model differ, and the cause is most likely {named}. {_gone(d)}".strip()
     if d.verdict == "partly_explained":
         left = joined([f"axis {a}" for a in d.remains] or ["some axis"])
-        text += f" Part of the gap on {left} stays without a cause."
-    return text
+        text += f" Part of the gap on {left} stays without a cause. {_stays(d)}"
+    return text.strip()
+
+
+def _stays(d: Diagnosis) -> str:
+    """Return what is left looks like, for the first axes of which something is."""
+    seen = list(d.remains.items())[:MOST]
+    return " ".join(f"What stays on axis {a}: {plain_sentence(words)}." for a, words in seen)
 
 
 def _gone(d: Diagnosis) -> str:
