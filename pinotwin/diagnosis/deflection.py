@@ -23,7 +23,7 @@ PASSES = 3  # in which the inertia's change with the posture settles
 
 
 @dataclass(frozen=True)
-class Spring:
+class PassiveSpring:
     """A passive joint of a twin.
 
     Attributes:
@@ -58,7 +58,7 @@ class Load:
     inertia: Floats
     motion: Motion
 
-    def response(self, spring: Spring) -> tuple[Floats, Floats, Floats]:
+    def response(self, spring: PassiveSpring) -> tuple[Floats, Floats, Floats]:
         """Return deflection, velocity and acceleration of the joint, shape (n,) each."""
         mean = float(self.inertia.mean())
         wn, zeta = spring.mode(mean)
@@ -71,7 +71,7 @@ class Load:
         return x, v, a
 
 
-def springs(twin: Twin) -> tuple[Spring, ...]:
+def springs(twin: Twin) -> tuple[PassiveSpring, ...]:
     """Return the passive joints of a twin whose stiffness it knows."""
     out = []
     for name, part in twin.machine.passive.items():
@@ -79,7 +79,7 @@ def springs(twin: Twin) -> tuple[Spring, ...]:
         if key in twin.keys:
             k, c = (float(x) for x in twin.theta[twin.slices[twin.keys.index(key)]])
             if k > 0.0:
-                out.append(Spring(name, part.index, k, c))
+                out.append(PassiveSpring(name, part.index, k, c))
     return tuple(out)
 
 

@@ -13,15 +13,17 @@ They name nothing; they say that something is left and what it goes with (METHOD
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.admission import Judged, admit, measured
 from pinotwin.diagnosis.bank import stacked
-from pinotwin.diagnosis.context import Context, Scene
+from pinotwin.diagnosis.context import Context
+from pinotwin.diagnosis.curves import Curve, Span, curves, factors
 from pinotwin.diagnosis.decide import Decision
 from pinotwin.diagnosis.ledger import Ledger, build_ledger, residual_of, sums
 from pinotwin.diagnosis.prepare import Ready
@@ -40,8 +42,6 @@ SLOWEST_HUM = 4.0  # [Hz] below it a hum is not told from slow motion
 FORMLESS = ("backlash",)  # play that rattles: any factor makes some impacts fit better
 RIDGE = 1e-3  # knots that other blocks hardly visit are not foretold by these
 
-Curve = Callable[[Scene], Floats]
-
 
 @dataclass(frozen=True)
 class Pattern:
@@ -54,6 +54,14 @@ class Pattern:
 
     words: str
     share: float
+
+
+class Seen(NamedTuple):
+    """A pattern that was asked for: what it brings, in words, and its kind."""
+
+    deviance: float
+    words: str
+    kind: str
 
 
 def patterns(moving: Ready, decision: Decision) -> dict[int, Pattern]:
@@ -70,49 +78,45 @@ def patterns(moving: Ready, decision: Decision) -> dict[int, Pattern]:
     out = {}
     for joint in stage.rows.joints:
         mine = [j for j in named if joint in j.joints]
-        explained = sum(max(j.G, 0.0) for j in mine)
-        seen = [x for x in _every(moving.context, ledger, joint, mine) if x[0] > _least(x[2], mine)]
-        seen = [x for x in seen if x[0] > MATTERS * _rows(ledger, joint)]
+        rows = sum(len(p.y) for p in ledger.stage.pieces if p.channel.joint == joint)
+        every = asked(moving.context, ledger, joint, mine)
+        seen = [x for x in every if x.deviance > max(least(x.kind, mine), MATTERS * rows)]
         if seen:
-            deviance, words, _ = max(seen)
-            out[joint] = Pattern(words, deviance / (deviance + explained))
+            best, explained = max(seen), sum(max(j.G, 0.0) for j in mine)
+            out[joint] = Pattern(best.words, best.deviance / (best.deviance + explained))
     return out
 
 
-def _least(kind: str, named: Sequence[Judged]) -> float:
-    """Return the deviance that a kind of pattern must bring beside what was named."""
+def least(kind: str, named: Sequence[Judged]) -> float:
+    """Return the deviance that a kind of pattern must bring beside what was named on its joint."""
     pushed = any(j.family.local for j in named)
     share = LEAST_OF_PUSH if pushed else LEAST_OF_NAMED[kind]
     return max(LEAST[kind], share * sum(max(j.G, 0.0) for j in named))
 
 
-def _rows(ledger: Ledger, joint: int) -> int:
-    return sum(len(p.y) for p in ledger.stage.pieces if p.channel.joint == joint)
-
-
-def _every(
-    context: Context, ledger: Ledger, joint: int, named: Sequence[Judged]
-) -> Iterator[tuple[float, str, str]]:
-    """Yield (deviance, words, kind) of every pattern of a joint."""
+def asked(context: Context, ledger: Ledger, joint: int, named: Sequence[Judged]) -> Iterator[Seen]:
+    """Yield every pattern of a joint."""
+    axis = Span.of(context, joint)
     placed = any(j.key[0] in POSITION for j in named)
-    for words, curve in _curves(context, joint):
-        if words == "position" and placed:
-            continue
-        columns: list[Blocks] = [[(joint, curve(s))] for s in context.scenes]
-        yield _deviance(ledger, columns), f"a function of {words}", "curve"
+    for words, curve in curves(axis):
+        if words != "position" or not placed:
+            columns: list[Blocks] = [[(joint, curve(s))] for s in context.scenes]
+            yield Seen(_deviance(ledger, columns), f"a function of {words}", "curve")
     for judged in named:
-        if judged.key[0] in FORMLESS or judged.family.local:
-            continue
-        for words, louder in _loudness(context, joint):
-            if words != "position" or judged.key[0] not in POSITION:
-                columns = _modulated(context, judged, louder)
-                yield (
-                    _deviance(ledger, columns),
-                    f"{judged.key[0]} of another form: it varies with {words}",
-                    "form",
-                )
+        yield from _forms(context, ledger, axis, judged)
     deviance, frequency = hum(ledger, joint)
-    yield deviance, f"time-periodic at {frequency:.3g} Hz", "hum"
+    yield Seen(deviance, f"time-periodic at {frequency:.3g} Hz", "hum")
+
+
+def _forms(context: Context, ledger: Ledger, axis: Span, judged: Judged) -> Iterator[Seen]:
+    """Yield the other forms of a named effect."""
+    effect = judged.key[0]
+    if effect in FORMLESS or judged.family.local:
+        return
+    for words, factor in factors(axis):
+        if words != "position" or effect not in POSITION:
+            deviance = _deviance(ledger, _times(context, judged, factor))
+            yield Seen(deviance, f"{effect} of another form: it varies with {words}", "form")
 
 
 def _deviance(ledger: Ledger, columns: list[Blocks]) -> float:
@@ -120,75 +124,12 @@ def _deviance(ledger: Ledger, columns: list[Blocks]) -> float:
     return float(worth(ledger, sums(ledger, batch), RIDGE).G[0, 0])
 
 
-def _curves(context: Context, joint: int) -> Iterator[tuple[str, Curve]]:
-    """Yield the curves of one axis, in words and as columns of a scene."""
-    low, high = context.travel(joint)
-    top, hard = context.speed(joint), _hardest(context, joint)
-    others = [k for k in range(context.machine.nv) if k != joint]
-
-    def place(s: Scene) -> Floats:
-        return np.asarray(2.0 * (s.motion.q[:, joint] - low) / max(high - low, 1e-12) - 1.0)
-
-    yield "speed", lambda s: _hats(s.motion.v[:, joint] / top, 9)
-    yield "position", lambda s: _hats(place(s), 12)
-    yield "position and direction", lambda s: _hats(place(s), 5) * s.direction[:, [joint]]
-    yield "acceleration", lambda s: _hats(s.motion.a[:, joint] / hard, 7)
-    yield "load and direction", lambda s: _load(s, joint)
-    yield "time", lambda s: _drift(s, joint, top)
-    if others:
-        yield "other axes' motion", lambda s: _elsewhere(s, others)
-
-
-def _load(s: Scene, joint: int) -> Floats:
-    effort, rigid = np.abs(s.effort[:, joint]), np.abs(s.rigid[:, joint])
-    turns = s.direction[:, joint]
-    return np.column_stack([effort * turns, rigid * turns, rigid * s.motion.v[:, joint]])
-
-
-def _drift(s: Scene, joint: int, top: float) -> Floats:
-    t = np.linspace(-1.0, 1.0, len(s.motion))
-    return np.column_stack([t * s.motion.v[:, joint] / top, t * s.direction[:, joint], t])
-
-
-def _elsewhere(s: Scene, others: list[int]) -> Floats:
-    v, a = s.motion.v[:, others], s.motion.a[:, others]
-    sizes = [np.maximum(np.abs(x).max(axis=0), 1e-12) for x in (v, a)]
-    return np.column_stack([v / sizes[0], a / sizes[1], s.direction[:, others]])
-
-
-def _hats(x: Floats, count: int) -> Floats:
-    """Return hat functions on evenly spaced knots over [-1, 1], shape (n, count)."""
-    knots = np.linspace(-1.0, 1.0, count)
-    return np.asarray(np.maximum(0.0, 1.0 - np.abs(x[:, None] - knots) * (count - 1) / 2.0))
-
-
-def _hardest(context: Context, joint: int) -> float:
-    return max(float(np.abs(s.motion.a[:, joint]).max()) for s in context.scenes)
-
-
-def _loudness(context: Context, joint: int) -> Iterator[tuple[str, Curve]]:
-    """Yield by what an effect may be louder, in words and as a factor (n,) of a scene."""
-    low, high = context.travel(joint)
-    top, hard = context.speed(joint), _hardest(context, joint)
-
-    def place(s: Scene) -> Floats:
-        return np.asarray(2.0 * (s.motion.q[:, joint] - low) / max(high - low, 1e-12) - 1.0)
-
-    yield "speed", lambda s: np.abs(s.motion.v[:, joint]) / top
-    yield "speed", lambda s: (s.motion.v[:, joint] / top) ** 2
-    yield "speed", lambda s: 1.0 / (np.abs(s.motion.v[:, joint]) / top + 0.1)
-    yield "acceleration", lambda s: np.abs(s.motion.a[:, joint]) / hard
-    yield "position", place
-    yield "position", lambda s: place(s) ** 2
-    yield "time", lambda s: np.linspace(-1.0, 1.0, len(s.motion))
-
-
-def _modulated(context: Context, judged: Judged, louder: Curve) -> list[Blocks]:
+def _times(context: Context, judged: Judged, factor: Curve) -> list[Blocks]:
     """Return the course of a named effect (a ripple's two waves) times a factor."""
     out: list[Blocks] = []
     for scene, blocks in zip(context.scenes, judged.candidate.columns, strict=True):
-        factor = louder(scene)[:, None]
-        out.append([(k, _course(x, judged.theta) * factor) for k, x in blocks])
+        by = factor(scene)[:, None]
+        out.append([(k, _course(x, judged.theta) * by) for k, x in blocks])
     return out
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.diagnosis.deflection import Load, Spring, is_measured, load_on, springs
+from pinotwin.diagnosis.deflection import Load, PassiveSpring, is_measured, load_on, springs
 from pinotwin.diagnosis.noise import between_repeats
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.shrinking import share_gone
@@ -126,7 +126,7 @@ class _Run:
         load = load_on(twin, motion, joint)
         return cls(log, command, load, _banded(motion, motion.v[:, joint]), np.concatenate(rows))
 
-    def left(self, spring: Spring) -> Floats:
+    def left(self, spring: PassiveSpring) -> Floats:
         """Return measured minus foretold velocity, shape (m,)."""
         return self.measured - _banded(self.load.motion, self.load.response(spring)[1])
 
@@ -150,7 +150,7 @@ class _Split:
         turns = [np.arange(len(x)) // max(round(BLOCK / self.step), 1) % 2 == 0 for x in values]
         return [x[turn == fitted] for x, turn in zip(values, turns, strict=True)]
 
-    def left(self, spring: Spring, *, fitted: bool) -> list[Floats]:
+    def left(self, spring: PassiveSpring, *, fitted: bool) -> list[Floats]:
         """Return measured minus foretold velocity of the rows that are fitted, or of the others."""
         return self.parts([r.left(spring) for r in self.runs], fitted=fitted)
 
@@ -159,7 +159,7 @@ class _Split:
         """Time between rows [s]."""
         return self.runs[0].load.motion.step
 
-    def noise(self, spring: Spring) -> float:
+    def noise(self, spring: PassiveSpring) -> float:
         """Return the RMS by which repeats differ, over sqrt(2); without repeats, of the quietest blocks.
 
         Args:
@@ -174,7 +174,7 @@ class _Split:
         return float(np.quantile([rms(x) for x in blocks], QUIET))
 
 
-def _judge(spring: Spring, runs: _Split, rng: np.random.Generator, out: Vibrations) -> None:
+def _judge(spring: PassiveSpring, runs: _Split, rng: np.random.Generator, out: Vibrations) -> None:
     """Fill in what is said of one joint."""
     found, moved = _refitted(spring, runs)
     noise = runs.noise(found)
@@ -202,13 +202,13 @@ def _judge(spring: Spring, runs: _Split, rng: np.random.Generator, out: Vibratio
 Moves = dict[str, tuple[float, float, float]]
 
 
-def _refitted(spring: Spring, runs: _Split) -> tuple[Spring, Moves]:
+def _refitted(spring: PassiveSpring, runs: _Split) -> tuple[PassiveSpring, Moves]:
     """Return the spring that the rows to be fitted ask for, and by how many errors it moved.
 
     Errors by the sandwich over blocks of time: what is left is coloured.
     """
 
-    def shaped(x: Floats) -> Spring:
+    def shaped(x: Floats) -> PassiveSpring:
         k, c = np.exp(x) * [spring.stiffness, max(spring.damping, 1e-9)]
         return replace(spring, stiffness=float(k), damping=float(c))
 
@@ -253,7 +253,7 @@ def _shrink(
     return Shrink(rms(before), rms(after), _share(before, after, noise), interval, promised, on)
 
 
-def _where(spring: Spring, runs: _Split, rng: np.random.Generator) -> list[Region]:
+def _where(spring: PassiveSpring, runs: _Split, rng: np.random.Generator) -> list[Region]:
     """Return when the gap is there, and while which axes accelerate."""
     left = [r.left(spring) for r in runs.runs]
     t = np.concatenate([r.load.motion.t[r.rows] for r in runs.runs])
@@ -271,7 +271,7 @@ def _where(spring: Spring, runs: _Split, rng: np.random.Generator) -> list[Regio
 
 
 def _named(
-    old: Spring, new: Spring, runs: _Split, shrink: Shrink, moved: Moves
+    old: PassiveSpring, new: PassiveSpring, runs: _Split, shrink: Shrink, moved: Moves
 ) -> Found:  # fmt: skip
     inertia = float(np.mean([r.load.inertia.mean() for r in runs.runs]))
     wn, zeta = new.mode(inertia)
