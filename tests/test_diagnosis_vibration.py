@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pinotwin.diagnosis.apply import extended
-from pinotwin.diagnosis.deflection import Spring, load_on, springs
+from pinotwin.diagnosis.deflection import PassiveSpring, load_on, springs
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.diagnosis.vibration import look_at_vibration, unused
 from pinotwin.log import Log
@@ -71,7 +71,7 @@ def test_the_deflection_is_the_one_that_the_virtual_rig_makes() -> None:
 
 
 def test_a_mode_follows_from_stiffness_damping_and_inertia() -> None:
-    wn, zeta = Spring("delta", 0, 4.0e4, 80.0).mode(4.0)
+    wn, zeta = PassiveSpring("delta", 0, 4.0e4, 80.0).mode(4.0)
     assert wn == pytest.approx(100.0)
     assert zeta == pytest.approx(80.0 / (2.0 * 4.0 * 100.0))
 
