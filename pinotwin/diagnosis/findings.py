@@ -54,8 +54,21 @@ def findings(
                 pairs.append((named.judged.candidate.effect, str(item["effect"]), axis))
     confusable += _exact(decision)
     confusable = [list(x) for x in dict.fromkeys(tuple(g) for g in confusable)]
-    effects.sort(key=lambda e: -e.gain)
-    return effects, confusable, pairs
+    return _in_order(effects, decision), confusable, pairs
+
+
+def _in_order(effects: Sequence[Found], decision: Decision) -> list[Found]:
+    """Return the effects by what they explain; what was found at rest after what its axis shows in motion.
+
+    At rest there is more to explain than any law of friction does: what another effect leaves there looks like
+    presliding, and may be more than the effect itself.
+    """
+    rest = {n.judged.key for n in decision.named if n.calibration is not None}
+    gain = {(e.effect, e.axis): e.gain for e in effects}
+    for key in rest:
+        moving = [g for other, g in gain.items() if other[1] == key[1] and other not in rest]
+        gain[key] = min([gain[key], *(0.999 * g for g in moving)])
+    return sorted(effects, key=lambda e: -gain[e.effect, e.axis])
 
 
 def _options(

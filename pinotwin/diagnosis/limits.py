@@ -15,9 +15,11 @@ from pinotwin.signals import rms, roughness
 LIMITED = 2e-3  # share of rows at the limit that is worth a name
 WORSE = 8.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
 OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
-SPIKE = 25.0  # density of sizes at the limit over that below it, if it is FLAT and the error LEFT_BEHIND
+SPIKE = 40.0  # density of sizes at the limit over that below it, if it is FLAT and the error LEFT_BEHIND
 LEFT_BEHIND = 1.3  # the tracking error there over that elsewhere then
-FLAT = 1.5  # spread of the effort there over its roughness then: steady acceleration reaches 2.8
+FLAT = (
+    1.1  # spread of the effort there over its roughness then: steady acceleration leaves 1.4 to 2.8
+)
 STANDING = 0.01  # of the top speed: below it an axis stands
 AFTER = 0.05  # [s] that a limit is felt in the tracking error once it is left
 
