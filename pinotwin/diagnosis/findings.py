@@ -60,8 +60,8 @@ def findings(
 def _in_order(effects: Sequence[Found], decision: Decision) -> list[Found]:
     """Return the effects by what they explain; what was found at rest after what its axis shows in motion.
 
-    At rest there is more to explain than any law of friction does: what another effect leaves there looks like
-    presliding, and may be more than the effect itself.
+    At rest there is more to explain than any law of friction does: what another effect leaves there looks
+    like presliding, and may be more than the effect itself.
     """
     rest = {n.judged.key for n in decision.named if n.calibration is not None}
     gain = {(e.effect, e.axis): e.gain for e in effects}
