@@ -124,7 +124,7 @@ def top_rows(single: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
         _line("… axis right", [_axis(a) for a in visible if a.named],
               note="of those named; a load on any axis"),
         _line("top-1, 0.02 ≤ rho < 0.1", _right(faint), Bound(0.60), Bound(0.75)),
-        _line("… of those that an oracle sees", _right([a for a in faint if _seen(a)])),
+        _line("… of those faint ones that an oracle sees", _right([a for a in faint if _seen(a)])),
     ]  # fmt: skip
     for low, high in ((0.1, 0.5), (0.5, 3.0), (3.0, np.inf)):
         name = f"… {low:g} ≤ rho < {high:g}" if np.isfinite(high) else f"… rho ≥ {low:g}"
@@ -185,7 +185,7 @@ def unknown_rows(outside: Sequence[Answer], visible: Sequence[Answer]) -> list[R
     return [
         _line("outside the catalogue recognised", [a.flagged for a in seen], Bound(0.85),
               Bound(0.95), "rho ≥ 0.1; verdict unexplained or partly explained"),
-        _line("… of those that an oracle sees", [a.flagged for a in seen if _seen(a)]),
+        _line("… of those unknown ones that an oracle sees", [a.flagged for a in seen if _seen(a)]),
         _line("… nobody's effect", [a.flagged for a in of["outside"]]),
         _line("… effect taken out of the catalogue", [a.flagged for a in of["left_out"]]),
         _line("… and nothing named", [a.flagged and not a.named for a in seen]),
