@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,8 +13,9 @@ from pinotwin.diagnosis.bank import Batch, Shelf
 from pinotwin.diagnosis.base import Base, _unknown
 from pinotwin.diagnosis.catalogue.sensing import _late
 from pinotwin.diagnosis.confidence_set import LEVEL, confidence_set, rejected
+from pinotwin.diagnosis.confirm import confirmed
 from pinotwin.diagnosis.context import Family
-from pinotwin.diagnosis.decide import _Search
+from pinotwin.diagnosis.decide import Decision, Named, _Search
 from pinotwin.diagnosis.isolability import not_isolable
 from pinotwin.diagnosis.search import Settings
 from pinotwin.diagnosis.stage import Piece, Stage
@@ -165,3 +167,17 @@ def test_a_twin_that_never_saw_an_effect_does_not_know_its_shape(s, error, unkno
     twin = SimpleNamespace(effects=effects, theta=theta, covariance=np.diag(sd**2))
     assert (("stribeck", "X") in _unknown(twin)) == unknown
     assert not _unknown(twin) & {("viscous", "X"), ("ripple", "Y")}  # no shape; well known
+
+
+@pytest.mark.parametrize(
+    ("kind", "kept"), [("assumed", ["gravity"]), ("repeats", ["gravity", "ripple_like"])]
+)
+def test_one_log_without_repeats_needs_more_than_a_healthy_machine_comes_near(kind, kept):
+    context, stage = world()
+    strong, weak = found(context, "gravity", [1.0]), found(context, "ripple_like", [1.0])
+    named = tuple(Named(replace(j, G=gain), (), 20.0) for j, gain in ((strong, 40.0), (weak, 25.0)))
+    decision = Decision(named, (), stage, stage, None, (), None, ())
+    rows = SimpleNamespace(validation=(False,))
+    start = SimpleNamespace(stage=SimpleNamespace(rows=rows, noise=SimpleNamespace(kind=kind)))
+    left = confirmed(start, decision, np.random.default_rng(0))
+    assert [n.judged.key[0] for n in left.named] == kept

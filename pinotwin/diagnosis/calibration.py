@@ -38,10 +38,8 @@ outside it leave anything. On virtual machines 41 of 74 such answers were right,
 (development seeds 3 and 8).
 """
 STAYS = 0.15  # share of the gap's power above which an answer is only partial
-PATTERN, PATTERN_OF_GAIN = (
-    60.0,
-    0.02,
-)  # deviance that a cousin must leave to be seen as one, and its share
+PATTERN = 60.0  # deviance that a cousin must leave to be seen as one,
+PATTERN_OF_GAIN = 0.02  # and its share of what there was
 WARMTHS = np.geomspace(1e-4, 0.3, 25)
 
 

@@ -1,7 +1,8 @@
 """What validation logs object to: an effect that does not foretell them needs more evidence to be named.
 
 The fitted blocks share their commands with each other, so that an error in the form of the base model
-repeats in all of them and looks like an effect. Another command does not repeat it.
+repeats in all of them and looks like an effect. Another command does not repeat it. Where there is none,
+and no repeat either that tells the noise, effects need more evidence as well.
 """
 
 from __future__ import annotations
@@ -17,15 +18,21 @@ from pinotwin.diagnosis.shrinking import HeldOut, foretold, held_out, plain_stag
 
 FORETOLD = 0.1  # share of the gap that an effect must take away on the validation logs
 MORE = 3.0  # times the threshold, the evidence that names an effect all the same
-UNREFUTED = 1.6  # the same where the logs do not say that it is wrong
+UNREFUTED = 1.6  # the same where the logs do not say that it is wrong, or are not there
 LEAST = 0.5  # of what an effect foretells of such a log; below by a standard error, it is wrong
 
 
 def confirmed(start: Ready, decision: Decision, rng: np.random.Generator) -> Decision:
-    """Return the decision without the effects that validation logs do not bear out."""
-    if not any(start.stage.rows.validation):
+    """Return the decision without the effects that validation logs do not bear out.
+
+    Of a single log without repeats, without those that a healthy machine comes near.
+    """
+    if any(start.stage.rows.validation):
+        kept = tuple(n for n in decision.named if _stands(start, decision, n, rng))
+    elif start.stage.noise.kind == "assumed":
+        kept = tuple(n for n in decision.named if UNREFUTED * n.threshold < n.judged.G)
+    else:
         return decision
-    kept = tuple(n for n in decision.named if _stands(start, decision, n, rng))
     final = admit(decision.searched, [*decision.quiet, *(n.judged for n in kept)])
     return replace(decision, named=kept, stage=final)
 

@@ -28,6 +28,7 @@ Bend = Callable[[Motion, Motion], Motion]
 ROW_RATE = 125.0  # [Hz] rows per second that are looked at
 LEAST_RUN = 12  # rows in one go that are worth looking at
 QUICK_ROWS = 1500  # of every axis that a quick look wants
+MOST_LIMITED = 0.7  # of a log: a drive that is at its limit for longer leaves no other rows
 SLOWEST = 0.001  # share of an axis' top speed below which its rows are left out
 
 
@@ -188,7 +189,7 @@ def _limited(motions: Sequence[Motion], flags: Sequence[bool]) -> dict[tuple[int
         logs = [k for k, x in enumerate(flags) if x == flag]
         for joint in range(motions[0].q.shape[1]):
             limit = reached([motions[k] for k in logs], joint)
-            if limit is not None:
+            if limit is not None and max(np.mean(x) for x in limit.samples) < MOST_LIMITED:
                 out.update({(k, joint): x for k, x in zip(logs, limit.samples, strict=True)})
     return out
 

@@ -33,7 +33,7 @@ FORM = 0.08  # deviance per row that the form of a law may be in error by at res
 SLOW = 0.06  # of an axis' top speed: a friction that falls beyond is no effect of standstill
 RESTLESS = 1.5  # noise with standstill over noise in motion; healthy virtual machines reach 1.3
 ROUGH = (
-    1.4  # the same from row to row, at rest alone; 302 axes of healthy virtual machines reach 1.28
+    1.4  # the same from row to row, at rest alone; 300 axes of healthy virtual machines reach 1.33
 )
 STILL = 0.01  # of an axis' top speed: rest
 FEW = 200  # rows that are not enough to be compared
