@@ -13,7 +13,7 @@ from pinotwin.diagnosis.bank import Batch, Shelf
 from pinotwin.diagnosis.base import Base, _unknown
 from pinotwin.diagnosis.catalogue.sensing import _late
 from pinotwin.diagnosis.confidence_set import LEVEL, confidence_set, rejected
-from pinotwin.diagnosis.confirm import confirmed
+from pinotwin.diagnosis.confirm import beyond_doubt
 from pinotwin.diagnosis.context import Family
 from pinotwin.diagnosis.decide import Decision, Named, _Search
 from pinotwin.diagnosis.isolability import not_isolable
@@ -179,5 +179,5 @@ def test_one_log_without_repeats_needs_more_than_a_healthy_machine_comes_near(ki
     decision = Decision(named, (), stage, stage, None, (), None, ())
     rows = SimpleNamespace(validation=(False,))
     start = SimpleNamespace(stage=SimpleNamespace(rows=rows, noise=SimpleNamespace(kind=kind)))
-    left = confirmed(start, decision, np.random.default_rng(0))
+    left = beyond_doubt(start, decision)
     assert [n.judged.key[0] for n in left.named] == kept

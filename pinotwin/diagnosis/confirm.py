@@ -7,6 +7,7 @@ and no repeat either that tells the noise, effects need more evidence as well.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,18 +24,23 @@ LEAST = 0.5  # of what an effect foretells of such a log; below by a standard er
 
 
 def confirmed(start: Ready, decision: Decision, rng: np.random.Generator) -> Decision:
-    """Return the decision without the effects that validation logs do not bear out.
-
-    Of a single log without repeats, without those that a healthy machine comes near.
-    """
-    if any(start.stage.rows.validation):
-        kept = tuple(n for n in decision.named if _stands(start, decision, n, rng))
-    elif start.stage.noise.kind == "assumed":
-        kept = tuple(n for n in decision.named if UNREFUTED * n.threshold < n.judged.G)
-    else:
+    """Return the decision without the effects that validation logs do not bear out."""
+    if not any(start.stage.rows.validation):
         return decision
+    return _of(decision, [n for n in decision.named if _stands(start, decision, n, rng)])
+
+
+def beyond_doubt(start: Ready, decision: Decision) -> Decision:
+    """Return the decision without the effects that a healthy machine comes near, of a single log alone."""
+    if any(start.stage.rows.validation) or start.stage.noise.kind == "repeats":
+        return decision
+    return _of(decision, [n for n in decision.named if UNREFUTED * n.threshold < n.judged.G])
+
+
+def _of(decision: Decision, kept: Sequence[Named]) -> Decision:
+    """Return the decision with some of its effects."""
     final = admit(decision.searched, [*decision.quiet, *(n.judged for n in kept)])
-    return replace(decision, named=kept, stage=final)
+    return replace(decision, named=tuple(kept), stage=final)
 
 
 def _stands(start: Ready, decision: Decision, named: Named, rng: np.random.Generator) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.diagnosis.advice import advise, command, resting
 from pinotwin.diagnosis.closed_loop import error_gaps
-from pinotwin.diagnosis.confirm import confirmed
+from pinotwin.diagnosis.confirm import beyond_doubt, confirmed
 from pinotwin.diagnosis.decide import Decision, decide
 from pinotwin.diagnosis.findings import findings
 from pinotwin.diagnosis.gaps import Gaps, gaps
@@ -97,12 +97,13 @@ def _searched(
     decision = decide(start.context, start.search_stage, start.theta, settings, tell)
     decision = confirmed(start, decision, np.random.default_rng([seed, 96]))
     if quick:
-        return start, decision, {}
+        return start, beyond_doubt(start, decision), {}
     tell("friction at standstill and reversals", 0.82)
     rest = at_rest(start)
     words = restless(start, rest)
     start, decision = look_at_rest(start, rest, decision, settings)
-    return start, confirmed(start, decision, np.random.default_rng([seed, 95])), words
+    decision = confirmed(start, decision, np.random.default_rng([seed, 95]))
+    return start, beyond_doubt(start, decision), words
 
 
 def _measured(
