@@ -12,6 +12,7 @@ from pinotwin.arrays import Floats
 from pinotwin.effects import Effect, Presliding
 from pinotwin.machine import Machine
 from pinotwin.motion import AxisMotion, Motion
+from pinotwin.signals import hats
 from pinotwin.twin import Twin
 
 
@@ -149,7 +150,7 @@ def _forms(own: Sequence[_Own]):  # type: ignore[no-untyped-def]
         ("drive_flexibility", lambda x: _stack(x.jerk)),
         ("backlash", lambda x: _stack(np.tanh(x.model / (0.05 * np.abs(x.model).max() + 1e-12)))),
         ("geometric_error", lambda x: _stack(np.sin(x.q), np.cos(x.q))),
-        ("position_table", lambda x: _hats(x.q, low, span, 24)),
+        ("position_table", lambda x: hats(x.q, low, low + span, 24)),
     )
     for effect, make in plain:
         yield effect, 0, make
@@ -171,11 +172,6 @@ def _forms(own: Sequence[_Own]):  # type: ignore[no-untyped-def]
 
 def _sign(x: _Own) -> Floats:
     return np.asarray(np.tanh(x.v / x.width))
-
-
-def _hats(q: Floats, low: float, span: float, count: int) -> Floats:
-    place = (q - low) / span * (count - 1)
-    return np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count)))
 
 
 def _on(values: Floats, joint: int, nv: int) -> Floats:

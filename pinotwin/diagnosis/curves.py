@@ -9,6 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.context import Context, Scene
+from pinotwin.signals import hats
 
 Curve = Callable[[Scene], Floats]
 """A scene -> columns (n, k), or a factor (n,)."""
@@ -62,10 +63,10 @@ class Span:
 
 def curves(axis: Span) -> Iterator[tuple[str, Curve]]:
     """Yield what an effort may be a function of, in words and as columns (n, k) of a scene."""
-    yield "speed", lambda s: _hats(axis.speed(s), 9)
-    yield "position", lambda s: _hats(axis.position(s), 12)
-    yield "position and direction", lambda s: _hats(axis.position(s), 5) * axis.turns(s)[:, None]
-    yield "acceleration", lambda s: _hats(axis.push(s), 7)
+    yield "speed", lambda s: hats(axis.speed(s), -1.0, 1.0, 9)
+    yield "position", lambda s: hats(axis.position(s), -1.0, 1.0, 12)
+    yield "position and direction", lambda s: _both_ways(s, axis)
+    yield "acceleration", lambda s: hats(axis.push(s), -1.0, 1.0, 7)
     yield "load and direction", lambda s: _load(s, axis)
     yield "time", lambda s: _drift(s, axis)
     if axis.others:
@@ -83,15 +84,13 @@ def factors(axis: Span) -> Iterator[tuple[str, Curve]]:
     yield "time", _time
 
 
+def _both_ways(s: Scene, axis: Span) -> Floats:
+    return hats(axis.position(s), -1.0, 1.0, 5) * axis.turns(s)[:, None]
+
+
 def _time(s: Scene) -> Floats:
     """Return -1 at the start of a log to 1 at its end, shape (n,)."""
     return np.linspace(-1.0, 1.0, len(s.motion))
-
-
-def _hats(x: Floats, count: int) -> Floats:
-    """Return hat functions on evenly spaced knots over [-1, 1], shape (n, count)."""
-    knots = np.linspace(-1.0, 1.0, count)
-    return np.asarray(np.maximum(0.0, 1.0 - np.abs(x[:, None] - knots) * (count - 1) / 2.0))
 
 
 def _load(s: Scene, axis: Span) -> Floats:

@@ -16,8 +16,10 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.rows import Channel, Rows
 from pinotwin.fit.autoregression import burg
+from pinotwin.signals import clipped_rms
 
 ORDER = 6
+USUAL = 0.999  # of the samples: the others are an event's, not noise
 SCATTER = 0.015  # relative run-to-run scatter of friction that is assumed
 
 
@@ -110,15 +112,9 @@ def estimate(
         white = np.concatenate([_filtered(x, a) for x in stretches if len(x) > len(a)])
         size = np.concatenate(stretches)
         floor = 1e-6 * max(float(np.std(_all(rows, joint))), 1e-9)
-        level[joint] = max(_size(white), floor)
-        rms[joint] = max(_size(size), floor)
+        level[joint] = max(clipped_rms(white, USUAL), floor)
+        rms[joint] = max(clipped_rms(size, USUAL), floor)
     return Noise("repeats" if rows.repeated else "assumed", models, level, rms)
-
-
-def _size(x: Floats) -> float:
-    """Return the RMS, the largest thousandth clipped so that one event does not set it."""
-    limit = np.quantile(np.abs(x), 0.999)
-    return float(np.sqrt(np.mean(np.minimum(np.abs(x), limit) ** 2)))
 
 
 def _filtered(x: Floats, a: Floats) -> Floats:

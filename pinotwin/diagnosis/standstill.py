@@ -27,7 +27,7 @@ from pinotwin.diagnosis.ledger import build_ledger
 from pinotwin.diagnosis.prepare import Ready, with_rest_of
 from pinotwin.diagnosis.search import Settings, polish, screen
 from pinotwin.diagnosis.trivial import rows_of
-from pinotwin.signals import rms
+from pinotwin.signals import clipped_rms
 
 FORM = 0.08  # deviance per row that the form of a law may be in error by at rest: no threshold is lower
 SLOW = 0.06  # of an axis' top speed: a friction that falls beyond is no effect of standstill
@@ -103,7 +103,7 @@ def roughness_at_rest(rest: Ready, joint: int) -> float:
     sizes = [np.concatenate(x) if x else np.zeros(0) for x in jumps]
     if min(map(len, sizes)) < FEW:
         return 0.0
-    still, going = (rms(np.minimum(np.abs(x), np.quantile(np.abs(x), USUAL))) for x in sizes)
+    still, going = (clipped_rms(x, USUAL) for x in sizes)
     return still / max(going, 1e-300)
 
 

@@ -24,6 +24,7 @@ from pinotwin.imu import rotation as rot
 from pinotwin.imu.mode import Response, decay, respond
 from pinotwin.imu.runs import FineRun, ImuRun, Priors, ServoRun, interpolate
 from pinotwin.imu.sensor import low_pass
+from pinotwin.signals import hats
 
 _PAIRS = ((0, 1), (0, 2), (1, 2))  # N is symmetric: its antisymmetric part is in R_ST
 
@@ -74,7 +75,7 @@ class RunModel:
         self.pivot = float(np.mean(self.base))
         self.centred = self.base - self.pivot
         self.knots = max(2, 1 + round(np.ptp(self.base) / priors.knots))
-        self.hat = _hats(self.base, self.knots)
+        self.hat = hats(self.base, self.base[0], self.base[-1], self.knots)
         self.interval = float(np.median(np.diff(self.base)))
         self.delay = float(np.sqrt(2.0) / (2.0 * np.pi * priors.gyro_cutoff))
         up = np.einsum("nji->nij", f.R)
@@ -92,7 +93,7 @@ class RunModel:
     def set_knots(self, knots: int) -> None:
         """Use so many bias knots (all runs of a fit have as many)."""
         self.knots = knots
-        self.hat = _hats(self.base, knots)
+        self.hat = hats(self.base, self.base[0], self.base[-1], knots)
 
     def seen(self, x: Floats, at: Floats) -> Floats:
         """Return signals (n, k) of the fine clock as the gyro sees them at fractional indices."""
@@ -262,9 +263,3 @@ def _spin_terms(axis: Floats, w: Floats, p: Floats) -> Floats:
         + np.cross(axis, np.cross(w, p))
         + np.cross(w, np.cross(axis, p))
     )
-
-
-def _hats(t: Floats, knots: int) -> Floats:
-    """Return the weights of linear interpolation between evenly spaced knots, (m, knots)."""
-    u = (t - t[0]) / (t[-1] - t[0]) * (knots - 1)
-    return np.maximum(0.0, 1.0 - np.abs(u[:, None] - np.arange(knots)))

@@ -6,10 +6,12 @@ from pinotwin.signals.filters import differentiate as differentiate
 from pinotwin.signals.filters import edge_samples as edge_samples
 from pinotwin.signals.filters import interior as interior
 from pinotwin.signals.filters import low_pass as low_pass
+from pinotwin.signals.hats import hats as hats
 from pinotwin.signals.sampling import Clock as Clock
 from pinotwin.signals.sampling import clock as clock
 from pinotwin.signals.sampling import segments as segments
 from pinotwin.signals.sampling import uniform as uniform
+from pinotwin.signals.size import clipped_rms as clipped_rms
 from pinotwin.signals.size import rms as rms
 from pinotwin.signals.size import roughness as roughness
 from pinotwin.signals.spectra import Spectrum as Spectrum
@@ -20,7 +22,7 @@ from pinotwin.signals.spectra import welch as welch
 from pinotwin.signals.spectra import whiten as whiten
 
 __all__ = [
-    "Clock", "Spectrum", "autocorrelation", "clock", "decimate_zero_phase", "derivatives",
-    "differentiate", "edge_samples", "fit_ar", "interior", "low_pass", "rms", "roughness", "segments",
-    "suggest_cutoff", "uniform", "welch", "whiten",
+    "Clock", "Spectrum", "autocorrelation", "clipped_rms", "clock", "decimate_zero_phase",
+    "derivatives", "differentiate", "edge_samples", "fit_ar", "hats", "interior", "low_pass", "rms",
+    "roughness", "segments", "suggest_cutoff", "uniform", "welch", "whiten",
 ]  # fmt: skip
