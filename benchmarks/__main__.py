@@ -12,9 +12,7 @@ SLOW = ("blind",)
 def main() -> None:
     here = Path(__file__).parent
     names = sys.argv[1:] or [
-        p.stem
-        for p in sorted(here.glob("*.py"))
-        if not p.stem.startswith("_") and p.stem not in SLOW
+        p.stem for p in sorted(here.glob("*.py")) if not p.stem.startswith("_") and p.stem not in SLOW
     ]
     for name in names:
         print(f"\n=== {name}")

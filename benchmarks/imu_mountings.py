@@ -40,13 +40,16 @@ LINK = "C_link"
 FAULTS = {"drop": 0.01, "holes": ((8.0, 8.2),)}
 TILT = 3.0 * DEG
 SILENT: Mapping[str, tuple[str, ...]] = {
-    "nothing turns": ("Y",), "only the vertical axis turns": ("C",), "it stands": (),
-}  # fmt: skip
+    "nothing turns": ("Y",),
+    "only the vertical axis turns": ("C",),
+    "it stands": (),
+}
 """Logs that do not say how the IMU sits, and the axes that move in them."""
 
 COMMANDS: Mapping[str, Any] = {
-    "lively": {"synchronised": 0.0, "dwell": (0.02, 0.1)}, "drilling": {},
-}  # fmt: skip
+    "lively": {"synchronised": 0.0, "dwell": (0.02, 0.1)},
+    "drilling": {},
+}
 
 LIMITS = {"clock": 0.05, "skew": 3.0, "scale": 2e-4, "mounting": 0.05, "upward": 0.05}
 UNITS = {"clock": "ms", "skew": "ppm", "scale": "-", "mounting": "deg", "upward": "deg"}
@@ -119,10 +122,12 @@ def study(
         "upward": (g - own.gravity)[:2] / size / DEG,
     }
     sd = {
-        "clock": 1e3 * np.array([s.se]), "skew": 1e6 * np.array([run.clock.se_skew]),
-        "scale": run.scale_se, "mounting": np.sqrt(np.diag(batch.R_ST_cov)) / DEG,
+        "clock": 1e3 * np.array([s.se]),
+        "skew": 1e6 * np.array([run.clock.se_skew]),
+        "scale": run.scale_se,
+        "mounting": np.sqrt(np.diag(batch.R_ST_cov)) / DEG,
         "upward": g_se[:2] / size / DEG,
-    }  # fmt: skip
+    }
     return Outcome(error, sd)
 
 
@@ -148,12 +153,16 @@ def refusal(case: int, kind: str) -> str | None:
 
 def table(outcomes: Sequence[Outcome]) -> str:
     """Return worst and RMS error, their limit, and the share of 95 % intervals with the truth."""
-    lines = [
-        f"{'':<10}{'worst':>11}{'RMS':>11}{'limit':>9}      failed   in 95 %   RMS z   worst z"
-    ]
+    lines = [f"{'':<10}{'worst':>11}{'RMS':>11}{'limit':>9}      failed   in 95 %   RMS z   worst z"]
     for name, limit in LIMITS.items():
-        each = np.array([np.linalg.norm(o.error[name]) if name in ("mounting", "upward")
-                         else np.abs(o.error[name]).max() for o in outcomes])  # fmt: skip
+        each = np.array(
+            [
+                np.linalg.norm(o.error[name])
+                if name in ("mounting", "upward")
+                else np.abs(o.error[name]).max()
+                for o in outcomes
+            ]
+        )
         z = np.concatenate([o.error[name] / o.sd[name] for o in outcomes])
         every = np.concatenate([o.error[name] for o in outcomes])
         lines.append(

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pinotwin as pt
-from pinotwin.disturbance import generalised_disturbance
+from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.errors import DataError
 from pinotwin.identification.loops import errors, loop_data
 

@@ -103,8 +103,10 @@ def identification() -> None:
                 abs(row["value"] / value - 1.0)
                 for row, value in zip(found.pole_table(), POLES[pairs], strict=False)
             )
-            print(f"  order {structure.order}, {n:6d} samples: {whole:6.2f} s, "
-                  f"{1e3 * one:6.1f} ms, poles within {100 * off:.2g} %")  # fmt: skip
+            print(
+                f"  order {structure.order}, {n:6d} samples: {whole:6.2f} s, "
+                f"{1e3 * one:6.1f} ms, poles within {100 * off:.2g} %"
+            )
             if pairs == 1 and n == 5_000:
                 _evolution(data, layout, whole)
 

@@ -90,9 +90,7 @@ def main() -> None:
     driller = laser_driller()
     zero = np.zeros((1, driller.nv))
     regressor(driller, zero, zero, zero)
-    print(
-        f"first call (import of numba, compilation or cache): {time.perf_counter() - start:.2f} s"
-    )
+    print(f"first call (import of numba, compilation or cache): {time.perf_counter() - start:.2f} s")
     for model in (driller, ur10()):
         if model is None:
             print("ur10: example-robot-data is not installed")

@@ -47,8 +47,7 @@ def controllers(machine: VirtualMachine, trajectory: Trajectory, n: int):
 
     def efforts(k: int, q: np.ndarray) -> list[float]:
         return [
-            control_step(P, i, state, (qr[k, i], vr[k, i], ar[k, i]), q[i], PERIOD)
-            for i in range(len(q))
+            control_step(P, i, state, (qr[k, i], vr[k, i], ar[k, i]), q[i], PERIOD) for i in range(len(q))
         ]
 
     return efforts, qr[0], P[:, c.VISCOUS].copy()

@@ -39,9 +39,7 @@ def best(run: Callable[[], object], repeats: int = 3) -> float:
 def gains(twin):  # type: ignore[no-untyped-def]
     """Return kp, kv, 1/ti of every joint."""
     laws = {twin.machine.axes[n].index: c for n, c in twin.controllers.items()}
-    return (
-        np.array([getattr(laws[j], k) for j in range(len(laws))]) for k in ("kp", "kv", "integral")
-    )
+    return (np.array([getattr(laws[j], k) for j in range(len(laws))]) for k in ("kp", "kv", "integral"))
 
 
 def pinocchio_loop(twin, qr, step):  # type: ignore[no-untyped-def]
@@ -73,8 +71,10 @@ def mujoco_loop(twin, qr, step):  # type: ignore[no-untyped-def]
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.timestep = step
     data = mujoco.MjData(model)
-    order = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, twin.machine.model.names[j + 1])
-             for j in range(twin.machine.nv)]  # fmt: skip
+    order = [
+        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, twin.machine.model.names[j + 1])
+        for j in range(twin.machine.nv)
+    ]
     kp, kv, ki = gains(twin)
 
     def run() -> None:
@@ -109,21 +109,23 @@ def main() -> None:
     rows = [(f"twin, {1.0 / steps:.3g} ms steps", best(lambda: simulate(twin, log)), float(steps))]
     share = max(len(qr) // 5, 10)  # the loops in Python run a fifth of the log
     pieces = qr[:share]
-    rows.append(
-        ("pin.aba in Python, 1 ms", best(pinocchio_loop(twin, pieces, 1e-3)) * len(qr) / share, 1.0)
-    )
+    rows.append(("pin.aba in Python, 1 ms", best(pinocchio_loop(twin, pieces, 1e-3)) * len(qr) / share, 1.0))
     mujoco = mujoco_loop(twin, pieces, 1e-3)
     if mujoco is not None:
         rows.append(("mj_step in Python, 1 ms", best(mujoco) * len(qr) / share, 1.0))
     for name, seconds, count in rows:
-        say(f"{name:<26}{args.seconds / seconds:8.0f} x real time"
-            f"{seconds / (len(qr) * count) * 1e6:9.2f} us a step\n")  # fmt: skip
+        say(
+            f"{name:<26}{args.seconds / seconds:8.0f} x real time"
+            f"{seconds / (len(qr) * count) * 1e6:9.2f} us a step\n"
+        )
     for length in (args.long / 16, args.long / 4, args.long):
         long = smooth_command(twin.machine, length, 1000.0)
         seconds = best(lambda log=long: simulate(twin, log), 1)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        say(f"{length:7.0f} s of log: {seconds:7.2f} s, {seconds / length * 1e3:.2f} ms a second, "
-            f"peak memory {peak:.0f} MB\n")  # fmt: skip
+        say(
+            f"{length:7.0f} s of log: {seconds:7.2f} s, {seconds / length * 1e3:.2f} ms a second, "
+            f"peak memory {peak:.0f} MB\n"
+        )
 
 
 if __name__ == "__main__":

@@ -32,20 +32,17 @@ def rig(hysteresis: float = 0.0, hardening: float = 0.0) -> VirtualMachine:
     folder = read_folder("urdf/flexure_rig")
     peak, k = 0.03 / DEG, 61490.0
     spring = replace(
-        folder.truth.passive["delta"], hardening=hardening * k / peak**2,
-        hysteresis=hysteresis * k * peak, hysteresis_width=0.2 * peak,
-    )  # fmt: skip
-    return VirtualMachine.build(
-        replace(folder, truth=replace(folder.truth, passive={"delta": spring}))
+        folder.truth.passive["delta"],
+        hardening=hardening * k / peak**2,
+        hysteresis=hysteresis * k * peak,
+        hysteresis_width=0.2 * peak,
     )
+    return VirtualMachine.build(replace(folder, truth=replace(folder.truth, passive={"delta": spring})))
 
 
 def run(vm, command: int, seed: int, seconds: float, imus: int = 1):
     recording = vm.record(random_trajectory(vm, seconds, command), seed=seed, truth_rate=4000.0)
-    imu = [
-        record_imu(recording.truth, "C_link", vm.truth.seed, seed, k + 1, **FAULTS)
-        for k in range(imus)
-    ]
+    imu = [record_imu(recording.truth, "C_link", vm.truth.seed, seed, k + 1, **FAULTS) for k in range(imus)]
     true = np.stack([x[::10] for x in recording.truth.joint("delta")])
     return recording.to_log(), imu, true
 
@@ -57,10 +54,13 @@ def errors(found: Vibration, true: np.ndarray) -> dict[str, float]:
     fast = [high_passed(m.t, x, 0.5) for x in (m.q, true[0])]
     slow = [x - x.mean() - f for x, f in zip((m.q, true[0]), fast, strict=True)]
     return {
-        "angle": rms(fast[0] - fast[1]) * DEG, "of": rms(fast[1]) * DEG,
-        "velocity": rms(m.v - true[1]) * DEG, "acceleration": rms(m.a - true[2]) * DEG,
-        "slow": rms(slow[0] - slow[1]) * DEG, "slow_of": rms(slow[1]) * DEG,
-    }  # fmt: skip
+        "angle": rms(fast[0] - fast[1]) * DEG,
+        "of": rms(fast[1]) * DEG,
+        "velocity": rms(m.v - true[1]) * DEG,
+        "acceleration": rms(m.a - true[2]) * DEG,
+        "slow": rms(slow[0] - slow[1]) * DEG,
+        "slow_of": rms(slow[1]) * DEG,
+    }
 
 
 def show(name: str, e: dict[str, float], extra: str = "") -> None:
@@ -80,13 +80,14 @@ def single(machine: Machine, vm, name: str, seed: int, seconds: float) -> None:
     s = part.clock.segments[0]
     at = own.clock.offset + (1 + own.clock.skew) * s.pivot
     show(
-        f"{name} {seed}", e,
+        f"{name} {seed}",
+        e,
         f"f {found.frequency[0]:.2f} zeta {found.damping[0]:.4f} slow sd "
         f"{part.quasi_static_sd * DEG:.5f} scale {np.abs(part.scale - own.gyro.scale).max():.1e} "
         f"(z {np.abs(z_scale).max():.1f}) clock {1e6 * (s.at_pivot - at):+.0f} us (se "
         f"{1e6 * s.se:.0f}) skew {1e6 * (part.clock.skew - own.clock.skew):+.1f} ppm (se "
         f"{1e6 * part.clock.se_skew:.1f})",
-    )  # fmt: skip
+    )
 
 
 def main() -> None:
@@ -115,9 +116,7 @@ def main() -> None:
         for u in found.unused:
             print("   ", u)
         for m in found.methods:
-            print(
-                f"    {m.method:<12} IMUs differ by", " ".join(f"{x * DEG:.4g}" for x in m.differ)
-            )
+            print(f"    {m.method:<12} IMUs differ by", " ".join(f"{x * DEG:.4g}" for x in m.differ))
 
 
 if __name__ == "__main__":

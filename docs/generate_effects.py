@@ -28,12 +28,8 @@ def _section(name: str) -> str:
     (effect,) = make_effects([spec], "X", False, "effects")
     text = (type(effect).__doc__ or "").split("\n\n    Attributes")[0]
     lines = [line.strip() for line in text.strip().splitlines()]
-    coefficients = (
-        ", ".join(f"`{c.name}` [{c.unit}]" for c in effect.coefficients()) or "from the log"
-    )
-    shapes = ", ".join(
-        f"`{s.name}` [{s.unit}], {s.lower:.3g} to {s.upper:.3g}" for s in effect.shapes()
-    )
+    coefficients = ", ".join(f"`{c.name}` [{c.unit}]" for c in effect.coefficients()) or "from the log"
+    shapes = ", ".join(f"`{s.name}` [{s.unit}], {s.lower:.3g} to {s.upper:.3g}" for s in effect.shapes())
     settings = ", ".join(f"`{key}`" for key in settings_of(type(effect)))
     rows = [f"## {name}", "", *lines, "", f"- coefficients: {coefficients}"]
     rows += [f"- shapes searched: {shapes}"] if shapes else []

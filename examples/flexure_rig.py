@@ -12,10 +12,10 @@ import argparse
 
 import numpy as np
 
+from pinotwin.analysis.modal import modes
 from pinotwin.identification import identify
 from pinotwin.imu.reconstruct import high_passed
 from pinotwin.machine import Machine
-from pinotwin.modal import modes
 from pinotwin.reconstruction import Settings, Vibration, identify_flexible, reconstruct_vibration
 from pinotwin.reconstruction.virtual_imu import record_imu
 from pinotwin.virtual import VirtualMachine
@@ -29,10 +29,7 @@ def record(seconds: float, repeats: int):
     vm = VirtualMachine.load("urdf/flexure_rig")
     command = random_trajectory(vm, seconds, seed=11)
     runs = [vm.record(command, seed=k, truth_rate=2000.0) for k in range(1, repeats + 1)]
-    imus = [
-        [record_imu(r.truth, "C_link", vm.truth.seed, r.seed, number) for r in runs]
-        for number in (1, 2)
-    ]
+    imus = [[record_imu(r.truth, "C_link", vm.truth.seed, r.seed, number) for r in runs] for number in (1, 2)]
     truth = np.mean([[x[::5] for x in r.truth.joint("delta")] for r in runs], axis=0)
     return [r.to_log() for r in runs], imus, truth, vm.tables().springs[0, :2]
 
@@ -73,8 +70,9 @@ def main(seconds: float = 20.0, repeats: int = 4, effects: Machine | None = None
     flexible = identify_flexible(rig, logs[0], one)
     effort = [{n: q["rms"] for n, q in t.quality["axes"].items()} for t in (rigid, flexible.twin)]
     print("Table 7-2, effort error        Y [N]   A [N·m]      source: Y [N]   A [N·m]")
-    for name, e, source in zip(("rigid", "flexible"), effort, ((8.786, 0.1314), (2.771, 0.1050)),
-                               strict=True):  # fmt: skip
+    for name, e, source in zip(
+        ("rigid", "flexible"), effort, ((8.786, 0.1314), (2.771, 0.1050)), strict=True
+    ):
         print(f"  {name:<24}{e['Y']:>10.3f}{e['A']:>10.4f}{source[0]:>19.3f}{source[1]:>10.4f}")
     k, c = flexible.stiffness, flexible.damping
     print("The spring, which the source leaves implicit (truth in brackets)")
@@ -85,8 +83,15 @@ def main(seconds: float = 20.0, repeats: int = 4, effects: Machine | None = None
         f"  modes: motors held {held.frequency:.2f} Hz, damping {held.damping:.3f} (tap test 20 Hz; "
         f"Table 7-3: 19.5 Hz, 0.054); Y free {free.frequency:.2f} Hz (34.6 Hz)"
     )
-    return {"rows": rows, "differ": differ, "effort": effort, "k": k.value / k_true,
-            "c": c.value / c_true, "held": held.frequency, "free": free.frequency}  # fmt: skip
+    return {
+        "rows": rows,
+        "differ": differ,
+        "effort": effort,
+        "k": k.value / k_true,
+        "c": c.value / c_true,
+        "held": held.frequency,
+        "free": free.frequency,
+    }
 
 
 if __name__ == "__main__":

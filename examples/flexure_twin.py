@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pinotwin.analysis.modal import servo_modes
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.modal import servo_modes
 from pinotwin.reconstruction import Settings, reconstruct_vibration, with_vibration
 from pinotwin.reconstruction.virtual_imu import record_imu
 from pinotwin.report import identification_report

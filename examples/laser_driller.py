@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 import pinotwin as pt
-from pinotwin.identification.studies import coupled_against_decoupled
+from pinotwin.studies.studies import coupled_against_decoupled
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 SOURCE = {"X": (8, 26), "Y": (8, 26), "Z": (4, 22), "B": (7, 27), "C": (7, 26)}
@@ -65,9 +65,7 @@ def without_coupling(machine: pt.Machine, log: pt.Log, unseen: pt.Log) -> dict[s
 def print_counts(twin: pt.Twin) -> None:
     """Print how many numbers were searched and solved, beside Table 4-3 (sums to 161)."""
     shared = sum(row.effect == "rigid_body" for row in twin.parameters)
-    print(
-        f"\nparameters searched + solved (source); {shared} rigid-body ones are shared by the axes"
-    )
+    print(f"\nparameters searched + solved (source); {shared} rigid-body ones are shared by the axes")
     total = shared
     for axis, loop in twin.loops.items():
         own = [row for row in twin.parameters if row.effect.startswith(f"{axis}.")]

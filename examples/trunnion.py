@@ -11,12 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 import pinotwin as pt
-from pinotwin.decomposition import decompose
+from pinotwin.analysis.decomposition import decompose
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 SOURCE = {"Y": {"e": 0.0712, "u": 0.0512}, "A": {"e": 0.0615, "u": 0.0263}}  # Table 4-5
-POLES = {"Y": {"p1": 62.96, "wn1": 10.86, "zeta1": 0.6739},
-         "A": {"p1": 52.15, "wn1": 7.61, "zeta1": 0.8471}}  # Table 4-4  # fmt: skip
+POLES = {
+    "Y": {"p1": 62.96, "wn1": 10.86, "zeta1": 0.6739},
+    "A": {"p1": 52.15, "wn1": 7.61, "zeta1": 0.8471},
+}  # Table 4-4
 SIZES = {
     "Y": "1.49e-6 m of 2.09e-5, 2.63 N of 51.4",
     "A": "3.89e-5 rad of 6.32e-4, 0.113 N·m of 4.29",

@@ -25,37 +25,37 @@ _HOME = {
     "Motion": "pinotwin.motion",
     "PinotwinError": "pinotwin.errors",
     "Twin": "pinotwin.twin",
-    "check": "pinotwin.checking",
-    "decompose": "pinotwin.decomposition",
+    "check": "pinotwin.logs.check",
+    "decompose": "pinotwin.analysis.decomposition",
     "diagnose": "pinotwin.diagnosis",
     "identify": "pinotwin.identification",
     "machines": "pinotwin.machine",
-    "prepare": "pinotwin.preparation",
-    "read": "pinotwin.files",
+    "prepare": "pinotwin.logs.prepare",
+    "read": "pinotwin.logs.files",
     "reconstruct_vibration": "pinotwin.reconstruction",
-    "resample": "pinotwin.quality",
+    "resample": "pinotwin.logs.quality",
     "simulate": "pinotwin.simulation",
 }
 
 __all__ = sorted([*_HOME, "__version__"])
 
 if TYPE_CHECKING:
-    from pinotwin.checking import check as check
-    from pinotwin.decomposition import decompose as decompose
+    from pinotwin.analysis.decomposition import decompose as decompose
     from pinotwin.diagnosis import diagnose as diagnose
     from pinotwin.effects import EFFECTS as EFFECTS
     from pinotwin.effects import Effect as Effect
     from pinotwin.errors import InputError as InputError
     from pinotwin.errors import PinotwinError as PinotwinError
-    from pinotwin.files import read as read
     from pinotwin.identification import identify as identify
     from pinotwin.log import Log as Log
+    from pinotwin.logs.check import check as check
+    from pinotwin.logs.files import read as read
+    from pinotwin.logs.prepare import prepare as prepare
+    from pinotwin.logs.quality import resample as resample
     from pinotwin.machine import Axis as Axis
     from pinotwin.machine import Machine as Machine
     from pinotwin.machine import machines as machines
     from pinotwin.motion import Motion as Motion
-    from pinotwin.preparation import prepare as prepare
-    from pinotwin.quality import resample as resample
     from pinotwin.reconstruction import reconstruct_vibration as reconstruct_vibration
     from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin

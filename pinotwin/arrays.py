@@ -1,4 +1,4 @@
-"""Names for arrays, so that a signature says what kind of number it takes.
+"""Names for arrays, so that a signature says what kind of number it takes; and their plain form for JSON.
 
 Times run down the rows. Shapes are given in the docstrings: ``n`` samples, ``nv`` joints of the model,
 ``p`` parameters.
@@ -6,9 +6,30 @@ Times run down the rows. Shapes are given in the docstrings: ``n`` samples, ``nv
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` with arrays as lists and numbers that JSON has no word for as None."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value

@@ -1,6 +1,6 @@
 """What was recorded: named channels of equal length on one clock, frozen.
 
-A log as read keeps the names and units of its file. :func:`pinotwin.columns.bind` gives the
+A log as read keeps the names and units of its file. :func:`pinotwin.logs.columns.bind` gives the
 channels the names and SI units of the contract: ``t``, ``<axis>.q``, ``<axis>.u``,
 ``<axis>.qr``...
 
@@ -82,9 +82,7 @@ class Log:
         try:
             return self.channels[name]
         except KeyError:
-            raise LogError(
-                f"{self.source}: no channel {name!r}; {nearest(name, self.channels)}"
-            ) from None
+            raise LogError(f"{self.source}: no channel {name!r}; {nearest(name, self.channels)}") from None
 
     def __contains__(self, name: object) -> bool:
         return name in self.channels
@@ -108,9 +106,7 @@ class Log:
 
     def with_channels(self, channels: Mapping[str, Floats], notes: Iterable[str] = ()) -> Log:
         """Return this log with other channels and further notes."""
-        return Log(
-            channels, self.source, self.scalars, (*self.notes, *notes), self.units, self.scale
-        )
+        return Log(channels, self.source, self.scalars, (*self.notes, *notes), self.units, self.scale)
 
     def fingerprint(self) -> str:
         """Return a hash of names and numbers that tells two recordings apart."""

@@ -98,17 +98,22 @@ class Motion:
         try:
             return self.names.index(name)
         except ValueError:
-            raise DataError(
-                f"no joint {name!r} in this motion; {nearest(name, self.names)}"
-            ) from None
+            raise DataError(f"no joint {name!r} in this motion; {nearest(name, self.names)}") from None
 
     def axis(self, name: str) -> AxisMotion:
         """Return the motion of one joint."""
         i = self.index(name)
         return AxisMotion(
-            name, i, self.rotary[i], self.t, self.q[:, i], self.v[:, i], self.a[:, i],
-            self.segments, self.step,
-        )  # fmt: skip
+            name,
+            i,
+            self.rotary[i],
+            self.t,
+            self.q[:, i],
+            self.v[:, i],
+            self.a[:, i],
+            self.segments,
+            self.step,
+        )
 
     def cut(self, start: int, stop: int) -> Self:
         """Return rows ``start:stop`` as a motion of their own."""
@@ -127,8 +132,9 @@ class Motion:
         picked = np.concatenate(rows) if rows else np.zeros(0, dtype=int)
         segments = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
         thinner = max(1, round(self.decimation / count))
-        return replace(self, segments=segments, step=self.step * count, decimation=thinner,
-                       **self._at(picked))  # fmt: skip
+        return replace(
+            self, segments=segments, step=self.step * count, decimation=thinner, **self._at(picked)
+        )
 
     def _at(self, rows: slice | Ints) -> dict[str, Any]:
         """Return some rows of every channel that there is."""

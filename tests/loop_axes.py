@@ -159,9 +159,7 @@ def record(truth, seed=0, seconds=8.0, step=1e-3, fine=10, straight=False):
     rng = np.random.default_rng(seed)
     h = step / fine
     qr, vr, ar = command(seconds, h, rng)
-    d = np.column_stack(
-        [disturbance(vr, qr + 0.005 * j, rng, h) for j in range(truth.disturbances)]
-    )
+    d = np.column_stack([disturbance(vr, qr + 0.005 * j, rng, h) for j in range(truth.disturbances)])
     w = np.column_stack([d, vr, ar])
     thin = slice(None, None, fine)
     if straight:

@@ -60,9 +60,13 @@ def _channels() -> Mapping[str, np.ndarray]:
     u += np.random.default_rng(1).normal(size=u.shape) * [0.5, 0.02]
     return {
         "t": t,
-        "X.q": x, "X.u": u[:, 0], "X.qr": x + 1e-4 * v[:, 0],
-        "B.q": b, "B.u": u[:, 1], "B.qr": b + 1e-4 * v[:, 1],
-    }  # fmt: skip
+        "X.q": x,
+        "X.u": u[:, 0],
+        "X.qr": x + 1e-4 * v[:, 0],
+        "B.q": b,
+        "B.u": u[:, 1],
+        "B.qr": b + 1e-4 * v[:, 1],
+    }
 
 
 def good_log() -> dict[str, np.ndarray]:
@@ -78,9 +82,7 @@ def write_log(path: Path, channels: Mapping[str, np.ndarray]) -> Path:
     return path
 
 
-def write_machine(
-    folder: Path, urdf: str | bytes | None = URDF, yaml: str | bytes | None = YAML
-) -> Path:
+def write_machine(folder: Path, urdf: str | bytes | None = URDF, yaml: str | bytes | None = YAML) -> Path:
     folder.mkdir()
     for name, content in (("rig.urdf", urdf), ("machine.yaml", yaml)):
         if content is not None:

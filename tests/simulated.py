@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 
-from pinotwin.disturbance import diagonal_inertia, halton
+from pinotwin.analysis.disturbance import diagonal_inertia, halton
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import Coulomb, Offset, Ripple, Stribeck, Viscous
 from pinotwin.identification.pipeline import nominal_twin
@@ -47,9 +47,7 @@ def known_twin(machine: Machine, *, bandwidth: float = 20.0, scale: float = 1.0)
     for key, effect, s in zip(twin.keys, twin.effects, twin.slices, strict=True):
         if effect.axis in machine.axes:
             b, c, slow, wave = SIZES[machine.axes[effect.axis].rotary]
-            size = {"viscous": b, "coulomb": c, "stribeck": slow, "ripple": wave}.get(
-                effect.name, 0.0
-            )
+            size = {"viscous": b, "coulomb": c, "stribeck": slow, "ripple": wave}.get(effect.name, 0.0)
             theta[s] = scale * size
         elif key != "rigid_body":  # the spring of a passive joint
             part = machine.passive[effect.axis]
@@ -68,8 +66,7 @@ def known_twin(machine: Machine, *, bandwidth: float = 20.0, scale: float = 1.0)
     for name, axis in machine.axes.items():
         rate = 2 * np.pi * bandwidth
         M = inertia[axis.index]
-        laws[name] = Controller("p_pi", kp=0.3 * rate, kv=M * rate, integral=0.1 * rate,
-                                ffv=0.9, ffa=0.8 * M)  # fmt: skip
+        laws[name] = Controller("p_pi", kp=0.3 * rate, kv=M * rate, integral=0.1 * rate, ffv=0.9, ffa=0.8 * M)
     loops = {
         name: couple(
             law,
@@ -88,9 +85,7 @@ def smooth_command(machine: Machine, seconds: float, rate: float, seed: int = 3)
     """A command of sums of sines that starts and ends at rest, with all axes moving."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate) + 1) / rate
-    ramp = np.clip(t / 0.2, 0, 1) ** 3 * (
-        10 - 15 * np.clip(t / 0.2, 0, 1) + 6 * np.clip(t / 0.2, 0, 1) ** 2
-    )
+    ramp = np.clip(t / 0.2, 0, 1) ** 3 * (10 - 15 * np.clip(t / 0.2, 0, 1) + 6 * np.clip(t / 0.2, 0, 1) ** 2)
     channels = {"t": t}
     for name, axis in machine.axes.items():
         size = 0.5 if axis.rotary else 0.05
@@ -126,9 +121,11 @@ class Integrator:
             a1, b1 = self.coefficient(j, "ripple")
             phase = 2 * np.pi * q[j] / period
             tau[j] = (
-                b * v[j] + turn[j] * (c + s * np.exp(-abs(v[j] / v_s)))
-                + a1 * np.cos(phase) + b1 * np.sin(phase)
-            )  # fmt: skip
+                b * v[j]
+                + turn[j] * (c + s * np.exp(-abs(v[j] / v_s)))
+                + a1 * np.cos(phase)
+                + b1 * np.sin(phase)
+            )
         return tau
 
     def motor(self, q: np.ndarray, v: np.ndarray, I: np.ndarray, r: np.ndarray) -> np.ndarray:
@@ -138,9 +135,7 @@ class Integrator:
             u[j] = law.kv * (w + law.integral * I[j]) + law.ffa * r[2, j]
         return u
 
-    def rate(
-        self, x: np.ndarray, r: np.ndarray, turn: np.ndarray, wrench: np.ndarray | None
-    ) -> np.ndarray:
+    def rate(self, x: np.ndarray, r: np.ndarray, turn: np.ndarray, wrench: np.ndarray | None) -> np.ndarray:
         q, v, integral = x
         u = self.motor(q, v, integral, r)
         tau = u - self.passive_effort(q, v, turn)

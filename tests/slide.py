@@ -24,10 +24,13 @@ def slide(folder: Path, *, ripple: bool = False, bend: bool = False) -> Path:
         "limits": {"speed": 0.5, "acceleration": 6.0, "jerk": 300.0, "travel": [-0.25, 0.25]},
         "controller": {"kind": "p_pi", "bandwidth": 14.0},
         "friction": {
-            "coulomb": 20.0, "static": 1.3, "stribeck_speed": 0.006, "viscous": 60.0,
+            "coulomb": 20.0,
+            "static": 1.3,
+            "stribeck_speed": 0.006,
+            "viscous": 60.0,
             "presliding": 6.0e-6,
         },
-    }  # fmt: skip
+    }
     if ripple:
         truth["ripple"] = [{"amplitude": 12.0, "period": 0.0172, "phase": 0.4}]
     if bend:

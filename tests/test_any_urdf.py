@@ -12,10 +12,10 @@ from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 import pinotwin as pt
-from pinotwin.checking import check
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import MachineError
 from pinotwin.log import Log
+from pinotwin.logs.check import check
 from pinotwin.machine import Machine
 from tests.rig import run
 
@@ -112,9 +112,7 @@ def test_base_parameters_give_the_efforts(name: str) -> None:
 @pytest.mark.parametrize(
     "name", ["ur_description/urdf/ur10_robot.urdf", "so_arm_description/urdf/so100.urdf"]
 )
-def test_view_finds_the_meshes_of_packages_even_from_a_saved_copy(
-    name: str, tmp_path: Path
-) -> None:
+def test_view_finds_the_meshes_of_packages_even_from_a_saved_copy(name: str, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert run("view", ROBOTS / name, "--html", page) == 0
     size = page.stat().st_size
@@ -136,9 +134,7 @@ def test_a_finger_that_follows_is_held_and_said(capfd: pytest.CaptureFixture[str
 @needs_robots
 def test_a_robot_with_impossible_links_loads_but_is_not_identified() -> None:
     robot = Machine.load(ROBOTS / "romeo_description/urdf/romeo_small.urdf")
-    with pytest.raises(
-        MachineError, match=r"'RShoulderYaw' moves cannot exist.*correct the <inertial>"
-    ):
+    with pytest.raises(MachineError, match=r"'RShoulderYaw' moves cannot exist.*correct the <inertial>"):
         robot.require_physical()
 
 
@@ -160,13 +156,9 @@ def random_urdf(rng: Generator, types: list[str]) -> str:
         points, weights = rng.uniform(-0.3, 0.3, (6, 3)), rng.uniform(0.2, 1.0, 6)
         centre = weights @ points / weights.sum()
         arms = points - centre
-        inertia = sum(
-            w * (r @ r * np.eye(3) - np.outer(r, r)) for w, r in zip(weights, arms, strict=True)
-        )
+        inertia = sum(w * (r @ r * np.eye(3) - np.outer(r, r)) for w, r in zip(weights, arms, strict=True))
         angles = Rotation.random(random_state=int(rng.integers(1 << 30))).as_euler("xyz")
-        limit = (
-            "" if kind == "continuous" else '<limit lower="-3" upper="3" effort="99" velocity="9"/>'
-        )
+        limit = "" if kind == "continuous" else '<limit lower="-3" upper="3" effort="99" velocity="9"/>'
         parts.append(
             f'<link name="link{k}"><inertial><origin xyz="{_words(centre)}"/>'
             f'<mass value="{float(weights.sum())!r}"/><inertia ixx="{inertia[0, 0]!r}" '
@@ -205,9 +197,11 @@ def simulated_log(urdf: Path, rng: Generator) -> Log:
             a[:, j] -= size * w**2 * np.sin(w * t + phase)
     neutral = pin.neutral(model)
     tau = np.array(
-        [pin.rnea(model, data, pin.integrate(model, neutral, qk), vk, ak)
-         for qk, vk, ak in zip(q, v, a, strict=True)]
-    )  # fmt: skip
+        [
+            pin.rnea(model, data, pin.integrate(model, neutral, qk), vk, ak)
+            for qk, vk, ak in zip(q, v, a, strict=True)
+        ]
+    )
     u = tau + 0.7 * v + 1.5 * np.sign(v) + rng.normal(scale=0.02, size=tau.shape)
     channels = {"t": t}
     for j in range(model.nv):
@@ -227,18 +221,14 @@ def simulated_log(urdf: Path, rng: Generator) -> Log:
         (6, ["revolute", "prismatic"]),
     ],
 )
-def test_a_random_robot_is_identified_from_its_log(
-    seed: int, types: list[str], tmp_path: Path
-) -> None:
+def test_a_random_robot_is_identified_from_its_log(seed: int, types: list[str], tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     truth = tmp_path / "truth.urdf"
     truth.write_text(random_urdf(rng, types))
     belief = tmp_path / "belief.urdf"
     belief.write_text(wrong_masses(truth.read_text(), 1.4))
     machine, true = Machine.load(belief), Machine.load(truth)
-    assert [axis.rotary for axis in machine.axes.values()] == [
-        kind != "prismatic" for kind in types
-    ]
+    assert [axis.rotary for axis in machine.axes.values()] == [kind != "prismatic" for kind in types]
     log = simulated_log(truth, rng)
     twin = pt.identify(machine, log, loop=False)
 

@@ -16,9 +16,7 @@ from tests.rig import TRUTH, URDF, YAML, good_log, run, write_log, write_machine
 Channels = dict[str, np.ndarray]
 
 
-def refused(
-    capfd: pytest.CaptureFixture[str], out: Path, said: tuple[str, ...], *words: object
-) -> None:
+def refused(capfd: pytest.CaptureFixture[str], out: Path, said: tuple[str, ...], *words: object) -> None:
     """Assert that a command is refused in one line that says ``said``, and leaves ``out`` alone."""
     before = _listing(out.parent)
     capfd.readouterr()
@@ -63,8 +61,9 @@ RING = """<link name="p"/><link name="q"/>
 BOMB = (
     '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">'
     + "".join(f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 10}">' for i in range(10))
-    + "]>" + swap('name="arm"', 'name="&k;"')
-)  # fmt: skip
+    + "]>"
+    + swap('name="arm"', 'name="&k;"')
+)
 
 URDFS: list[tuple[str, str | bytes | None, tuple[str, ...]]] = [
     ("missing", None, ("rig.urdf: no such URDF file", "check `urdf`")),
@@ -74,7 +73,8 @@ URDFS: list[tuple[str, str | bytes | None, tuple[str, ...]]] = [
     ("no urdf", "<html></html>", ("root element is <html>", "starts with <robot>")),
     ("namespace", swap("<robot ", '<robot xmlns="http://ros.org" '), ("namespace", "xmlns")),
     (
-        "xacro", '<robot xmlns:xacro="x" name="r"><xacro:include filename="b"/></robot>',
+        "xacro",
+        '<robot xmlns:xacro="x" name="r"><xacro:include filename="b"/></robot>',
         ("is a xacro file", "expand it first"),
     ),
     ("two documents", URDF + URDF, ("not valid XML", "Extra content")),
@@ -87,8 +87,10 @@ URDFS: list[tuple[str, str | bytes | None, tuple[str, ...]]] = [
     ("loop beside the tree", swap("</robot>", RING), ("joints pq, qp form a loop",)),
     (
         "two parents",
-        swap("</robot>", '<joint name="z" type="fixed"><parent link="base"/><child link="arm"/>'
-             "</joint></robot>"),
+        swap(
+            "</robot>",
+            '<joint name="z" type="fixed"><parent link="base"/><child link="arm"/></joint></robot>',
+        ),
         ("'arm' is the child of both 'jb' and 'z'",),
     ),
     ("link twice", swap('<link name="base"/>', '<link name="base"/>' * 2), ("link 'base'", "twice")),
@@ -111,7 +113,7 @@ URDFS: list[tuple[str, str | bytes | None, tuple[str, ...]]] = [
     ("negative limit", swap('velocity="10"', 'velocity="-10"'), ("'jb'", "velocity limit -10")),
     ("joint type", swap('"revolute"', '"revolut"'), ("'jb'", "did you mean 'revolute'")),
     ("floating axis", swap('"revolute"', '"floating"'), ("axes.B.joint", "'jb' is floating")),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("urdf", "said"), [c[1:] for c in URDFS], ids=[c[0] for c in URDFS])
@@ -120,9 +122,7 @@ def test_malformed_urdf(
 ) -> None:
     machine = write_machine(tmp_path / "rig", urdf)
     log, out = write_log(tmp_path / "log.csv", good_log()), tmp_path / "out"
-    refused(
-        capfd, out, (str(machine / "rig.urdf")[:-9], *said), "identify", machine, log, "--out", out
-    )
+    refused(capfd, out, (str(machine / "rig.urdf")[:-9], *said), "identify", machine, log, "--out", out)
 
 
 NO_B = lines("  B: {joint: jb}\n", "")
@@ -163,7 +163,8 @@ YAMLS: list[tuple[str, str | bytes | None, tuple[str, ...]]] = [
     ("table of width 0", effect("{position_table: {spacing: 0}}"), ("spacing", "positive")),
     ("half a harmonic", effect("{ripple: {harmonics: 2.5}}"), ("ripple.harmonics", "whole number")),
     (
-        "empty search", effect("{ripple: {shortest: 2, longest: 1}}"),
+        "empty search",
+        effect("{ripple: {shortest: 2, longest: 1}}"),
         ("effects[0].ripple", "searched from 2 to 1"),
     ),
     ("wrist alone", effect("wrist_coupling"), ("wrist_coupling needs `with:`",)),
@@ -171,7 +172,8 @@ YAMLS: list[tuple[str, str | bytes | None, tuple[str, ...]]] = [
     ("limit of zero", axis("effort_limit: 0"), ("axes.B.effort_limit", "positive")),
     ("speed below zero", axis("min_speed: -1"), ("axes.B.min_speed", "negative")),
     (
-        "singular transmission", YAML + "transmission: {X: {X: 1, B: 1}, B: {X: 1, B: 1}}\n",
+        "singular transmission",
+        YAML + "transmission: {X: {X: 1, B: 1}, B: {X: 1, B: 1}}\n",
         ("transmission", "singular"),
     ),
     ("motor of no axis", YAML + "transmission: {x: {X: 1}}\n", ("transmission.x", "did you mean 'X'")),
@@ -190,7 +192,7 @@ YAMLS: list[tuple[str, str | bytes | None, tuple[str, ...]]] = [
     ("data cutoff", YAML + "data: {cutoff: -3}\n", ("data.cutoff", "positive")),
     ("data drop", YAML + "data: {drop: [1, 2, 3]}\n", ("data.drop", "start and the end")),
     ("data order", YAML + "data: {order: 100}\n", ("data.order", "1 to 10")),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("yaml", "said"), [c[1:] for c in YAMLS], ids=[c[0] for c in YAMLS])
@@ -254,7 +256,7 @@ LOGS: list[tuple[str, Callable[[Channels], Channels], tuple[str, ...]]] = [
     ("load on no link", lambda c: {**c, "hand.fx": c["t"]}, ("'hand'", "no link of rig")),
     ("load never logged", lambda c: {**c, "arm.fx": c["t"] * np.nan}, ("arm.fx: holds no number",)),
     ("another machine", lambda c: {"t": c["t"], "Y.q": c["X.q"]}, ("no channel X.q", "Y.q")),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("spoil", "said"), [c[1:] for c in LOGS], ids=[c[0] for c in LOGS])
@@ -284,7 +286,7 @@ TEXTS: list[tuple[str, Callable[[list[str]], list[str]], tuple[str, ...]]] = [
     ("cut off", lambda rows: [*rows[:-1], rows[-1][:20]], ("cut off", "delete this last line")),
     ("pipes", lambda rows: [r.replace(",", "|") for r in rows], ("holds no numbers", "export")),
     ("unknown unit", spoiled_line(0, lambda r: r.replace("X.q,", "X.q [furlong],")), ("X.q",)),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("spoil", "said"), [c[1:] for c in TEXTS], ids=[c[0] for c in TEXTS])
@@ -321,7 +323,7 @@ OPTIONS: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = [
     ("out is a file", ("--out", "{tmp}/log.csv"), ("log.csv: is a file",)),
     ("out unwritable", ("--out", "/proc/out"), ("/proc cannot be written to",)),
     ("out without a name", ("--out", ""), ("--out: no name",)),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("words", "said"), [c[1:] for c in OPTIONS], ids=[c[0] for c in OPTIONS])
@@ -373,13 +375,12 @@ def test_rates_that_differ_by_rounding_are_one_rate(tmp_path: Path, rig: tuple[P
         (("record", "{tmp}/rig", "--out", "{tmp}/l.csv", "--seconds", "nan"), ("--seconds",)),
         (("record", "{tmp}/rig", "--out", "{tmp}/l.csv", "--seed", "-1"), ("--seed",)),
         (
-            ("record", "{tmp}/rig", "--out", "{tmp}/l.csv", "--trajectory", "slow_reversals",
-             "--axis", "x"),
+            ("record", "{tmp}/rig", "--out", "{tmp}/l.csv", "--trajectory", "slow_reversals", "--axis", "x"),
             ("--axis", "did you mean 'X'"),
         ),
     ],
     ids=lambda x: "-".join(x)[:40].replace("/", "") if isinstance(x, tuple) else None,
-)  # fmt: skip
+)
 def test_other_commands(
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
@@ -428,15 +429,14 @@ SILENT_B: list[tuple[str, Callable[[Channels], Channels], str]] = [
     ("effort never changes", changed("B.u", lambda u: 0 * u + 2.0), "rig"),
     ("stands still", every("B.q", lambda x: 0 * x + 0.3), "does not move"),
     (
-        "trembles", changed("B.q", lambda x: 0.3 + 1e-6 * RNG.normal(size=len(x))),
+        "trembles",
+        changed("B.q", lambda x: 0.3 + 1e-6 * RNG.normal(size=len(x))),
         "does not move",
     ),
-]  # fmt: skip
+]
 
 
-@pytest.mark.parametrize(
-    ("spoil", "warning"), [c[1:] for c in SILENT_B], ids=[c[0] for c in SILENT_B]
-)
+@pytest.mark.parametrize(("spoil", "warning"), [c[1:] for c in SILENT_B], ids=[c[0] for c in SILENT_B])
 def test_what_an_axis_does_not_tell_is_not_determined(
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
@@ -467,12 +467,10 @@ DOUBTFUL: list[tuple[str, Callable[[Channels], Channels], str]] = [
     ("clock jumps ahead", changed("t", lambda t: t + 3600 * (t > 2)), "a jump of the clock?"),
     ("one infinite value", value("X.q", 700, np.inf), "X.q: 1 values missing, first in row 700"),
     ("one missing stamp", value("t", 700, np.nan), "t: 1 stamps are missing"),
-]  # fmt: skip
+]
 
 
-@pytest.mark.parametrize(
-    ("spoil", "warning"), [c[1:] for c in DOUBTFUL], ids=[c[0] for c in DOUBTFUL]
-)
+@pytest.mark.parametrize(("spoil", "warning"), [c[1:] for c in DOUBTFUL], ids=[c[0] for c in DOUBTFUL])
 def test_a_doubtful_log_is_used_and_said_to_be_so(
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
@@ -538,13 +536,11 @@ DAMAGE: list[tuple[str, Callable[[Path], object], str]] = [
     ("effects of another kind", edit(lambda c: c.update(effects={"a": 1})), "damaged"),
     ("parameters of another kind", edit(lambda c: c.update(parameters=[1, 2])), "damaged"),
     ("an unknown effect", edit(lambda c: c["effects"][1].update(effect="magic")), "damaged"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("damage", "said"), [c[1:] for c in DAMAGE], ids=[c[0] for c in DAMAGE])
-def test_damaged_twin(
-    tmp_path: Path, saved: Path, damage: Callable[[Path], object], said: str
-) -> None:
+def test_damaged_twin(tmp_path: Path, saved: Path, damage: Callable[[Path], object], said: str) -> None:
     folder = copy_of(saved, tmp_path / "twin")
     Twin.load(folder)
     damage(folder)

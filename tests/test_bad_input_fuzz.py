@@ -13,10 +13,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pinotwin.checking import check
 from pinotwin.errors import InputError
 from pinotwin.identification import identify
 from pinotwin.log import Log
+from pinotwin.logs.check import check
 from pinotwin.machine import Machine
 from tests.rig import good_log, write_machine
 
@@ -50,9 +50,7 @@ SPOILERS: dict[str, Callable[[np.ndarray, int, float], np.ndarray]] = {
     "scaled": lambda x, _, size: x * (size if np.isfinite(size) else 57.3),
     "shifted": lambda x, _, size: x + (size if np.isfinite(size) else 1e3),
     "constant": lambda x, _, size: 0 * x + size,
-    "noise": lambda x, at, _: (
-        x + 10.0 ** (at % 9 - 6) * np.random.default_rng(at).normal(size=len(x))
-    ),
+    "noise": lambda x, at, _: x + 10.0 ** (at % 9 - 6) * np.random.default_rng(at).normal(size=len(x)),
     "coarse": lambda x, at, _: np.round(x / 10.0 ** (at % 5 - 3)) * 10.0 ** (at % 5 - 3),
     "each three times": lambda x, _, __: np.resize(np.repeat(x[::3], 3), len(x)),
     "backward": lambda x, _, __: x[::-1].copy(),

@@ -58,8 +58,11 @@ def test_the_noise_without_scatter_is_that_of_the_sensors(emps):
     # Friction that holds an axis at rest holds it with another effort in every run: not the sensors' doing.
     # Nor is the effort with which the loop answers the encoder's noise.
     axis = well.truth.axes["X"]
-    slick = with_axis(quiet, friction=replace(axis.friction, coulomb=0.0),
-                      encoder=replace(axis.encoder, noise=0.0, resolution=1e-13))  # fmt: skip
+    slick = with_axis(
+        quiet,
+        friction=replace(axis.friction, coulomb=0.0),
+        encoder=replace(axis.encoder, noise=0.0, resolution=1e-13),
+    )
     assert noise_powers(slick, path, run(slick, path))["X"]["u"] == pytest.approx(expected, rel=0.1)
     assert noise_powers(quiet, path, clean)["X"]["u"] > expected
 

@@ -20,11 +20,16 @@ def task(recording, withheld):
 def test_every_line_that_was_promised_is_there():
     lines = {(t.recording, t.withheld) for t in TASKS}
     assert {w for r, w in lines if r == "EMPS"} == {
-        "Coulomb friction", "viscous friction", "asymmetric friction",
-    }  # fmt: skip
+        "Coulomb friction",
+        "viscous friction",
+        "asymmetric friction",
+    }
     assert {w for r, w in lines if r == "TX40"} == {
-        "wrist coupling", "gravity", "rotor inertia", "the effort's lead, uncorrected",
-    }  # fmt: skip
+        "wrist coupling",
+        "gravity",
+        "rotor inertia",
+        "the effort's lead, uncorrected",
+    }
     assert any("ODrive" in r for r, _ in lines)
     assert {w for r, w in lines if r == "KR300"} == {"gear ripple", "joint flexibility"}
 
@@ -73,9 +78,7 @@ def test_cogging_of_the_real_motor_is_named_from_its_maps(data_dir):
 
 
 def test_what_is_withheld_of_the_robot_is_gone_and_nothing_else(data_dir):
-    given: dict[str, Given] = {
-        t.withheld: t.make(Path(data_dir)) for t in TASKS if t.recording == "TX40"
-    }
+    given: dict[str, Given] = {t.withheld: t.make(Path(data_dir)) for t in TASKS if t.recording == "TX40"}
     effects = [e.name for e in given["wrist coupling"].machine.axis("J6").effects]
     assert "wrist_coupling" not in effects
     assert "viscous" in effects

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 
+from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, read_answer, same_class
 from pinotwin.bench.confusion import agreement, measured, predicted
 from pinotwin.bench.floor_scores import beaten, floor_scores
@@ -15,7 +16,6 @@ from pinotwin.bench.real import Line
 from pinotwin.bench.scoring import Bound, rows
 from pinotwin.bench.statistics import Share, calibration, rank_correlation
 from pinotwin.bench.table import Bench, markdown
-from pinotwin.plain import plain
 from pinotwin.report.blind import bench_page
 
 STRIBECK, DELAY = ("stribeck", "X"), ("delay", "X")
@@ -25,9 +25,19 @@ def made(kind="single", truth=(STRIBECK,), named=(), rho=1.0, verdict="explained
     count = len(truth)
     sizes = rho if isinstance(rho, tuple) else (rho,) * count
     return Answer(
-        0, "m", "structure", kind, truth, tuple((*t, 0.1) for t in truth), sizes, sizes, verdict,
-        named=tuple((*n, 0.8) for n in named), stated=tuple(named[:1]), **more,
-    )  # fmt: skip
+        0,
+        "m",
+        "structure",
+        kind,
+        truth,
+        tuple((*t, 0.1) for t in truth),
+        sizes,
+        sizes,
+        verdict,
+        named=tuple((*n, 0.8) for n in named),
+        stated=tuple(named[:1]),
+        **more,
+    )
 
 
 def figures(answers):
@@ -76,12 +86,18 @@ def test_a_healthy_machine_is_accused_by_any_verdict_but_none():
 
 def test_top_one_counts_effect_and_axis_by_size():
     other_axis = ("stribeck", "Y")
-    f = figures([
-        made(named=(STRIBECK,)), made(named=(DELAY, STRIBECK)), made(named=(other_axis,)),
-        made(named=(), verdict="none"), made(named=(STRIBECK,), rho=0.05),
-        made(named=(), rho=0.05, verdict="none"), made(named=(), rho=0.001, verdict="none"),
-        made("form", named=(STRIBECK,)),
-    ])  # fmt: skip
+    f = figures(
+        [
+            made(named=(STRIBECK,)),
+            made(named=(DELAY, STRIBECK)),
+            made(named=(other_axis,)),
+            made(named=(), verdict="none"),
+            made(named=(STRIBECK,), rho=0.05),
+            made(named=(), rho=0.05, verdict="none"),
+            made(named=(), rho=0.001, verdict="none"),
+            made("form", named=(STRIBECK,)),
+        ]
+    )
     assert f["top-1 effect and axis, rho ≥ 0.1"].share == Share(1, 4)
     assert f["… among the first two"].share == Share(2, 4)
     assert f["… axis right"].share == Share(2, 3)
@@ -98,19 +114,27 @@ def test_classes_merge_by_physics_and_by_isolability_and_never_in_the_strict_row
     plain_wrong = made(named=(DELAY,))
     f = figures([bend, load, stated, elsewhere, plain_wrong])
     assert [a.right() for a in (bend, load, stated, elsewhere, plain_wrong)] == [
-        True, True, True, False, False,
-    ]  # fmt: skip
+        True,
+        True,
+        True,
+        False,
+        False,
+    ]
     assert f["… unmerged, rho ≥ 0.1"].share == Share(0, 5)
     assert not same_class(("drive_flexibility", "Y"), ("joint_flexibility", "X"))
 
 
 def test_doubles_need_both_and_only_where_the_weaker_shows():
     both = (STRIBECK, DELAY)
-    f = figures([
-        made("double", both, (DELAY, STRIBECK)), made("double", both, (DELAY,)),
-        made("double", both, (), rho=(5.0, 0.01)),
-        made(named=(STRIBECK, DELAY)), made(named=(STRIBECK,)),
-    ])  # fmt: skip
+    f = figures(
+        [
+            made("double", both, (DELAY, STRIBECK)),
+            made("double", both, (DELAY,)),
+            made("double", both, (), rho=(5.0, 0.01)),
+            made(named=(STRIBECK, DELAY)),
+            made(named=(STRIBECK,)),
+        ]
+    )
     assert f["both of two, weaker rho ≥ 0.1"].share == Share(1, 2)
     assert f["… at least one of them"].share == Share(2, 2)
     assert f["a spurious extra effect beside the right one"].share == Share(1, 2)
@@ -118,12 +142,16 @@ def test_doubles_need_both_and_only_where_the_weaker_shows():
 
 def test_outside_the_catalogue_and_known_use_the_same_yardstick():
     mains = (("mains", "X"),)
-    f = figures([
-        made("outside", mains, verdict="unexplained"), made("outside", mains, (DELAY,)),
-        made("left_out", (DELAY,), (STRIBECK,), verdict="partly_explained"),
-        made(named=(STRIBECK,), verdict="partly_explained"), made(verdict="unexplained"),
-        made(named=(STRIBECK,)),
-    ])  # fmt: skip
+    f = figures(
+        [
+            made("outside", mains, verdict="unexplained"),
+            made("outside", mains, (DELAY,)),
+            made("left_out", (DELAY,), (STRIBECK,), verdict="partly_explained"),
+            made(named=(STRIBECK,), verdict="partly_explained"),
+            made(verdict="unexplained"),
+            made(named=(STRIBECK,)),
+        ]
+    )
     assert f["outside the catalogue recognised"].share == Share(2, 3)
     assert f["known called unknown"].share == Share(2, 3)
 
@@ -138,14 +166,27 @@ def test_whatever_is_named_for_what_nobody_knows_counts_against_the_confidence()
 
 def test_shrink_promised_and_delivered():
     def shrunk(delivered, promised, interval, own=None, **more):
-        return made(named=(STRIBECK,), shrink={
-            "signal": "u", "delivered": delivered, "promised": promised, "interval": interval,
-            "on": "validation", "promised_interval": own}, **more)  # fmt: skip
+        return made(
+            named=(STRIBECK,),
+            shrink={
+                "signal": "u",
+                "delivered": delivered,
+                "promised": promised,
+                "interval": interval,
+                "on": "validation",
+                "promised_interval": own,
+            },
+            **more,
+        )
 
-    f = figures([
-        shrunk(0.9, 0.95, [0.8, 0.96]), shrunk(0.8, 0.99, [0.7, 0.9]),
-        shrunk(0.97, 0.97, [0.9, 1.0], own=[0.98, 1.0]), shrunk(0.2, 0.3, [0.1, 0.4], rho=0.2),
-    ])  # fmt: skip
+    f = figures(
+        [
+            shrunk(0.9, 0.95, [0.8, 0.96]),
+            shrunk(0.8, 0.99, [0.7, 0.9]),
+            shrunk(0.97, 0.97, [0.9, 1.0], own=[0.98, 1.0]),
+            shrunk(0.2, 0.3, [0.1, 0.4], rho=0.2),
+        ]
+    )
     assert f["promised against delivered shrink, median difference"].value == pytest.approx(0.075)
     assert f["… 90 % interval covers"].share == Share(2, 4)
     assert f["delivered shrink when right, rho ≥ 0.5, median"].value == pytest.approx(0.9)
@@ -175,9 +216,10 @@ def test_confusion_matrices_and_their_agreement():
     answers = [
         made(named=(STRIBECK,), predicted={"X.stribeck": 0.9, "X.delay": 0.1}),
         made(named=(DELAY,), predicted={"X.stribeck": 0.7, "X.delay": 0.3}),
-        made(named=(("stribeck", "Y"),)), made(verdict="none"),
+        made(named=(("stribeck", "Y"),)),
+        made(verdict="none"),
         made(truth=(DELAY,), named=(DELAY,), predicted={"X.delay": 1.0}),
-    ]  # fmt: skip
+    ]
     have, said = measured(answers), predicted(answers)
     assert have["stribeck"] == {"stribeck": 1, "delay": 1, "stribeck (other axis)": 1, "none": 1}
     assert said["stribeck"] == pytest.approx({"stribeck": 0.8, "delay": 0.2})
@@ -186,8 +228,13 @@ def test_confusion_matrices_and_their_agreement():
 
 
 def test_an_answer_survives_its_line_of_json():
-    one = made(named=(STRIBECK,), shrink=None, floors={"pursuit": ("delay", "X", 0.5)},
-               predicted={"X.delay": 1.0}, confusable=(("X.a", "X.b"),))  # fmt: skip
+    one = made(
+        named=(STRIBECK,),
+        shrink=None,
+        floors={"pursuit": ("delay", "X", 0.5)},
+        predicted={"X.delay": 1.0},
+        confusable=(("X.a", "X.b"),),
+    )
     assert read_answer(json.loads(json.dumps(plain(dataclasses.asdict(one))))) == one
 
 
@@ -200,16 +247,29 @@ def test_bounds():
 @pytest.fixture
 def bench():
     answers = [
-        healthy(), healthy((DELAY,)), made(named=(STRIBECK,)), made(named=(DELAY,)),
+        healthy(),
+        healthy((DELAY,)),
+        made(named=(STRIBECK,)),
+        made(named=(DELAY,)),
         made("outside", (("mains", "X"),), verdict="unexplained"),
         *(made(named=(STRIBECK,), predicted={"X.stribeck": 1.0}) for _ in range(9)),
         dataclasses.replace(made(), verdict="error", error="ValueError: <oh>"),
-    ]  # fmt: skip
+    ]
     real = [
-        Line("EMPS", "Coulomb friction", "explained: coulomb on X", "coulomb", "X", 0.9, 0.97,
-             "validation", True, True),
+        Line(
+            "EMPS",
+            "Coulomb friction",
+            "explained: coulomb on X",
+            "coulomb",
+            "X",
+            0.9,
+            0.97,
+            "validation",
+            True,
+            True,
+        ),
         Line("TX40", "gravity", skipped="the recording is not at hand"),
-    ]  # fmt: skip
+    ]
     return Bench(answers, 20, real)
 
 
@@ -217,10 +277,7 @@ def test_the_table_in_markdown_and_json_says_the_same(bench):
     text, content = markdown(bench), json.loads(json.dumps(plain(bench.document())))
     assert "15 of 20 cases" in text
     assert "| healthy machine accused of anything | 50.0% | 1/2 | ≤ 5% | ≤ 2% | MISSED |" in text
-    assert (
-        "| EMPS | Coulomb friction | explained: coulomb on X | 0.90 | 0.97 (validation) | yes |"
-        in text
-    )
+    assert "| EMPS | Coulomb friction | explained: coulomb on X | 0.90 | 0.97 (validation) | yes |" in text
     assert "skipped: the recording is not at hand" in text
     row = next(r for r in content["scores"] if r["name"] == "healthy machine accused of anything")
     assert row["share"] == {"hits": 1, "of": 2}
@@ -231,8 +288,14 @@ def test_the_table_in_markdown_and_json_says_the_same(bench):
 
 def test_the_page_holds_the_table_the_matrices_and_escapes(bench):
     page = bench_page(bench).html()
-    for title in ("Scores", "What is taken for what", "How far a stated probability",
-                  "What others would do", "Real recordings", "Diagnoses that broke off"):  # fmt: skip
+    for title in (
+        "Scores",
+        "What is taken for what",
+        "How far a stated probability",
+        "What others would do",
+        "Real recordings",
+        "Diagnoses that broke off",
+    ):
         assert title in page
     assert "&lt;oh&gt;" in page
     assert "<oh>" not in page

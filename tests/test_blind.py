@@ -18,8 +18,9 @@ from pinotwin.cli.main import main
 def cases():
     one = [c for c in draw_cases(["emps"], 1, situations=["structure"]) if c.kind != "double"]
     wanted = {"healthy": None, "outside": None, "left_out": None, "single": "viscous"}
-    found = (next(c for c in one if c.kind == k and (e is None or c.effects[0][0] == e))
-             for k, e in wanted.items())  # fmt: skip
+    found = (
+        next(c for c in one if c.kind == k and (e is None or c.effects[0][0] == e)) for k, e in wanted.items()
+    )
     return [replace(c, number=k) for k, c in enumerate(found)]
 
 
@@ -46,10 +47,14 @@ def test_a_small_bench_answers_every_case(cases, answers):
 
 def test_an_oracle_sees_four_times_as_much_of_an_effect_twice_as_large():
     small, large = (
-        evidence(produce(Case(0, "emps", "structure", "single", (("quadratic_drag", "X", size),), 11),
-                         seconds=4.0), None)
+        evidence(
+            produce(
+                Case(0, "emps", "structure", "single", (("quadratic_drag", "X", size),), 11), seconds=4.0
+            ),
+            None,
+        )
         for size in (0.02, 0.04)
-    )  # fmt: skip
+    )
     assert small > 25.0
     assert large / small == pytest.approx(4.0, rel=0.15)  # the twin runs differ in their noise
 
@@ -81,8 +86,22 @@ def test_a_diagnosis_that_breaks_off_is_a_wrong_answer_and_the_bench_goes_on(tmp
 
 def test_the_command_writes_table_page_and_json(tmp_path, capsys):
     out = tmp_path / "out"
-    line = ["blind", "--machines", "emps", "--situations", "structure", "--cases", "2",
-            "--seconds", "4", "--workers", "1", "--no-real", "--out", str(out)]  # fmt: skip
+    line = [
+        "blind",
+        "--machines",
+        "emps",
+        "--situations",
+        "structure",
+        "--cases",
+        "2",
+        "--seconds",
+        "4",
+        "--workers",
+        "1",
+        "--no-real",
+        "--out",
+        str(out),
+    ]
     assert main(line) == 0
     assert "healthy machine accused of anything" in capsys.readouterr().out
     content = json.loads((out / "bench.json").read_text())

@@ -70,9 +70,7 @@ def test_check_of_a_machine_alone(
     assert [row["excited"] for row in result["base_parameters"]] == [None] * 4
 
 
-def test_check_of_a_log(
-    rig: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_check_of_a_log(rig: tuple[Path, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run("check", *rig, "--json", tmp_path / "r.json") == 0
     assert "2000 rows, 3.998 s, 500 Hz" in capfd.readouterr().out
     result = json.loads((tmp_path / "r.json").read_text())
@@ -103,11 +101,13 @@ def test_identify_writes_a_twin_that_loads(
     assert f"twin and report written to {out}" in said.out
     assert said.err == ""  # a pipe: no progress bar
     assert {p.name for p in out.iterdir()} == {
-        "twin.json", "machine.yaml", "rig.urdf", "report.html", "result.json",
-    }  # fmt: skip
-    assert json.loads((out / "result.json").read_text()) == json.loads(
-        (out / "twin.json").read_text()
-    )
+        "twin.json",
+        "machine.yaml",
+        "rig.urdf",
+        "report.html",
+        "result.json",
+    }
+    assert json.loads((out / "result.json").read_text()) == json.loads((out / "twin.json").read_text())
     twin = Twin.load(out)
     for name, value in TRUTH.items():
         assert twin.parameter(name).value == pytest.approx(value, rel=0.05, abs=0.005), name
@@ -165,20 +165,30 @@ def test_two_joined_files_are_one_log(rig: tuple[Path, Path], tmp_path: Path) ->
 
 def test_results_are_json_all_the_way(tmp_path: Path) -> None:
     value = {
-        "array": np.arange(3), "scalar": np.float64(0.5), "whole": np.int64(3), "flag": np.True_,
-        "nan": float("nan"), "inf": [np.inf, -np.inf], "path": Path("a/b"), 3: {"set": {1}},
-    }  # fmt: skip
+        "array": np.arange(3),
+        "scalar": np.float64(0.5),
+        "whole": np.int64(3),
+        "flag": np.True_,
+        "nan": float("nan"),
+        "inf": [np.inf, -np.inf],
+        "path": Path("a/b"),
+        3: {"set": {1}},
+    }
     write_json(tmp_path / "r.json", value)
     assert json.loads((tmp_path / "r.json").read_text()) == {
-        "array": [0, 1, 2], "scalar": 0.5, "whole": 3, "flag": True, "nan": None,
-        "inf": [None, None], "path": "a/b", "3": {"set": [1]},
-    }  # fmt: skip
+        "array": [0, 1, 2],
+        "scalar": 0.5,
+        "whole": 3,
+        "flag": True,
+        "nan": None,
+        "inf": [None, None],
+        "path": "a/b",
+        "3": {"set": [1]},
+    }
     assert plain(np.array([1.0, np.nan])) == [1.0, None]
 
 
-def test_a_file_is_written_whole_or_not_at_all(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "r.json"
     write_text(target, "old")
 
@@ -249,9 +259,7 @@ def test_a_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
         main(["check", "trunnion"])
 
 
-def test_stopping_by_hand(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_stopping_by_hand(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     def stop(_: object) -> int:
         raise KeyboardInterrupt
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.disturbance import generalised_disturbance
+from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.identification.loops import loop_data
+from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Structure, identify_loop
-from pinotwin.preparation import prepare
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.linear import closed_loop_poles
 from tests.slide import slide
@@ -40,10 +40,7 @@ def shares(twin: pt.Twin, log: pt.Log) -> tuple[float, float]:
     command = log.with_channels({"t": log.t, "X.qr": log["X.qr"]})
     predicted = twin.simulate(command)
     truth = {"e": log["X.qr"] - log["X.q"], "u": log["X.u"]}
-    e, u = (
-        float(np.sqrt(np.mean((predicted[f"X.{k}"] - x) ** 2) / np.mean(x**2)))
-        for k, x in truth.items()
-    )
+    e, u = (float(np.sqrt(np.mean((predicted[f"X.{k}"] - x) ** 2) / np.mean(x**2))) for k, x in truth.items())
     return e, u
 
 
@@ -84,7 +81,7 @@ class TestRigidAxis:
         log, unseen = recorded(virtual, 10.0, 1, 1), recorded(virtual, 8.0, 2, 2)
         old = machine.with_effects(
             "X", [replace(x, bristle=0) if x.name == "presliding" else x for x in machine.axes["X"].effects]
-        )  # fmt: skip
+        )
         before, after = (shares(pt.identify(m, log), unseen) for m in (old, machine))
         assert after[0] < 0.7 * before[0]
 
@@ -112,9 +109,7 @@ class TestHardData:
     def test_a_loop_is_stable_or_refused(self, tmp_path, kind):
         folder = slide(tmp_path)
         virtual = VirtualMachine.load(folder)
-        log = recorded(
-            virtual, 2.5 if kind == "short" else 6.0, 3, 3, 0.01 if kind == "slow" else 0.5
-        )
+        log = recorded(virtual, 2.5 if kind == "short" else 6.0, 3, 3, 0.01 if kind == "slow" else 0.5)
         if kind == "saturated":
             log = log.with_channels({**log.channels, "X.u": np.clip(log["X.u"], -150.0, 150.0)})
         twin = pt.identify(pt.Machine.load(folder), log)

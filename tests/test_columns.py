@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pinotwin.columns import Column, bind, is_contract_name, parse_columns
 from pinotwin.errors import LogError, MachineError
 from pinotwin.log import Log
+from pinotwin.logs.columns import Column, bind, is_contract_name, parse_columns
 from pinotwin.units import SI_FACTOR
 
 
@@ -57,9 +57,7 @@ def test_a_rate_makes_the_clock() -> None:
 
 
 def test_names_of_the_contract_pass_as_si() -> None:
-    log = bind(
-        Log({"t": [0, 1], "Y.q": [1, 2], "C_link.fx": [3, 4], "gx": [5, 6], "Zeit": [0, 0]}), {}
-    )
+    log = bind(Log({"t": [0, 1], "Y.q": [1, 2], "C_link.fx": [3, 4], "gx": [5, 6], "Zeit": [0, 0]}), {})
     assert list(log.channels) == ["t", "Y.q", "C_link.fx", "gx"]
     np.testing.assert_array_equal(log["Y.q"], [1.0, 2.0])
     assert log.notes == ("not mapped and left out: Zeit",)
@@ -144,7 +142,7 @@ BAD_MAPPINGS: list[tuple[object, str]] = [
         {"t": {"rate": -1}},
         "columns.t.rate: only t may have a rate, above 0 Hz and instead of a column",
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("mapping", "message"), BAD_MAPPINGS, ids=[m for _, m in BAD_MAPPINGS])
@@ -155,17 +153,14 @@ def test_mistakes_in_the_mapping(mapping: object, message: str) -> None:
 
 
 def test_an_unknown_unit_names_the_nearest() -> None:
-    with pytest.raises(
-        MachineError, match=r"columns\.Y\.q\.unit: unknown unit 'mmm'; did you mean 'mm'"
-    ):
+    with pytest.raises(MachineError, match=r"columns\.Y\.q\.unit: unknown unit 'mmm'; did you mean 'mm'"):
         parse_columns({"Y.q": {"column": "x", "unit": "mmm"}}, "columns")
 
 
 BAD_BINDINGS: list[tuple[dict[str, object], str]] = [
     (
         {"Y.q": "Y_ActPoss"},
-        "run.csv: Y.q: no column 'Y_ActPoss'; did you mean 'Y_ActPos'? known: Time, "
-        "Y_ActPos, Y_Cur",
+        "run.csv: Y.q: no column 'Y_ActPoss'; did you mean 'Y_ActPos'? known: Time, Y_ActPos, Y_Cur",
     ),
     (
         {"Y.u": {"column": "Y_Cur", "factor": "gtua"}},
@@ -180,7 +175,7 @@ BAD_BINDINGS: list[tuple[dict[str, object], str]] = [
         {"Y.q": "[1]"},
         "run.csv: Y.q: no column '[1]'; known: Time, Y_ActPos, Y_Cur",
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("mapping", "message"), BAD_BINDINGS, ids=[m for _, m in BAD_BINDINGS])
@@ -198,9 +193,7 @@ def test_an_ambiguous_index_is_refused() -> None:
 
 def test_a_unit_of_the_file_that_nobody_knows() -> None:
     log = Log({"Y.q": [0.0, 1.0]}, "x.h5", units={"Y.q": "furlong"})
-    with pytest.raises(
-        LogError, match=r"x\.h5: Y\.q: unknown unit 'furlong'.*; set unit in machine"
-    ):
+    with pytest.raises(LogError, match=r"x\.h5: Y\.q: unknown unit 'furlong'.*; set unit in machine"):
         bind(log, {})
 
 
@@ -208,7 +201,5 @@ def test_of_many_channels_only_the_nearest_are_listed() -> None:
     log = Log({f"rec.pos_{i}": [0.0, 1.0] for i in range(40)}, "x.mat")
     with pytest.raises(LogError) as caught:
         bind(log, {"Y.q": Column("rec.pos_77")})
-    assert str(caught.value).startswith(
-        "x.mat: Y.q: no column 'rec.pos_77'; nearest of 40: rec.pos_"
-    )
+    assert str(caught.value).startswith("x.mat: Y.q: no column 'rec.pos_77'; nearest of 40: rec.pos_")
     assert len(str(caught.value)) < 150

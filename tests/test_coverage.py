@@ -15,8 +15,8 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.effects import Coulomb, Viscous
-from pinotwin.fit.linear import linear
 from pinotwin.identification.assemble import assemble, choose_rows
+from pinotwin.solve.linear import linear
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.recording import inverse_dynamics
 
@@ -46,9 +46,7 @@ def run():
     rotor = np.array([virtual.truth.axes[name].drive.rotor or 0.0 for name in machine.names])
     efforts = inverse_dynamics(truth)[:, columns] + rotor * truth.a[:, columns]
     motion = pt.prepare(machine, recording.to_log(), cutoff=60.0)
-    motion = dataclasses.replace(
-        motion, q=truth.q[:, columns], v=truth.v[:, columns], a=truth.a[:, columns]
-    )
+    motion = dataclasses.replace(motion, q=truth.q[:, columns], v=truth.v[:, columns], a=truth.a[:, columns])
     return machine, motion, efforts
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from pinotwin.decomposition import COMMAND, decompose
+from pinotwin.analysis.decomposition import COMMAND, decompose
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.simulation import respond, simulate
@@ -47,9 +47,7 @@ def test_disturbances_sum_to_the_simulated_disturbance(twin, log, parts):
 def test_what_the_tables_leave_is_negligible(parts):
     for axis in parts.axes:
         d = parts.disturbances[axis]
-        assert np.sqrt(np.mean(d["other"] ** 2)) < 1e-3 * np.sqrt(
-            np.mean(parts.disturbance(axis) ** 2)
-        )
+        assert np.sqrt(np.mean(d["other"] ** 2)) < 1e-3 * np.sqrt(np.mean(parts.disturbance(axis) ** 2))
 
 
 def test_an_error_is_the_response_of_the_loop_to_its_disturbance(twin, log, parts):
@@ -65,9 +63,7 @@ def test_an_error_is_the_response_of_the_loop_to_its_disturbance(twin, log, part
         u = law.kv * (w + law.integral * total)
         return [v, (u - C * v - np.interp(t, parts.t, d)) / M, w]
 
-    found = integrate.solve_ivp(
-        rate, (0.0, 1.0), [0, 0, 0], t_eval=parts.t, max_step=1e-3, rtol=1e-8
-    )
+    found = integrate.solve_ivp(rate, (0.0, 1.0), [0, 0, 0], t_eval=parts.t, max_step=1e-3, rtol=1e-8)
     e = parts.errors[axis]["inertial_coupling"]
     assert np.sqrt(np.mean((-found.y[0] - e) ** 2)) < 5e-3 * np.sqrt(np.mean(e**2))
 
@@ -108,9 +104,7 @@ def test_a_window_is_a_cut_of_the_whole(twin, log, parts):
 
 
 def test_a_window_outside_the_log_is_refused(twin, log):
-    with pytest.raises(
-        DataError, match=r"window 5 to 6 s holds 0 rows; the log runs from 0 to 1 s"
-    ):
+    with pytest.raises(DataError, match=r"window 5 to 6 s holds 0 rows; the log runs from 0 to 1 s"):
         decompose(twin, log, (5.0, 6.0))
 
 

@@ -137,13 +137,20 @@ def test_one_log_without_repeats_says_that_its_noise_is_assumed(machine, urdf_di
 def test_the_command_line(urdf_dir, tmp_path, capsys):
     logs = record(urdf_dir, "stribeck:X=0.1", paths=(7,))
     machine = Machine.load("emps")
-    dataclasses.replace(machine, columns={}, spec={**machine.spec, "columns": {}}).save(
-        tmp_path / "m"
-    )
+    dataclasses.replace(machine, columns={}, spec={**machine.spec, "columns": {}}).save(tmp_path / "m")
     for k, log in enumerate(logs):
         write_log(tmp_path / f"{k}.csv", dict(log.channels))
-    words = ["diagnose", str(tmp_path / "m"), str(tmp_path / "0.csv"), str(tmp_path / "1.csv"),
-             "--out", str(tmp_path / "d"), "--json", str(tmp_path / "d.json"), "--quick"]  # fmt: skip
+    words = [
+        "diagnose",
+        str(tmp_path / "m"),
+        str(tmp_path / "0.csv"),
+        str(tmp_path / "1.csv"),
+        "--out",
+        str(tmp_path / "d"),
+        "--json",
+        str(tmp_path / "d.json"),
+        "--quick",
+    ]
     assert main(words) == 0
     assert capsys.readouterr().out.startswith("The model misses stribeck on axis X")
     assert json.loads((tmp_path / "d.json").read_text())["effects"]
@@ -180,8 +187,13 @@ def test_emps_with_symmetric_friction(data_dir):
 
 def test_a_log_that_hardly_moves_is_refused_in_one_line(machine, urdf_dir):
     (log,) = record(urdf_dir, paths=(7,), repeats=1)
-    still = Log({k: v if k == "t" else v[:1] + 1e-7 * np.sin(40.0 * log["t"]) if k.endswith("q") else v
-                 for k, v in log.channels.items()}, source="still.csv")  # fmt: skip
+    still = Log(
+        {
+            k: v if k == "t" else v[:1] + 1e-7 * np.sin(40.0 * log["t"]) if k.endswith("q") else v
+            for k, v in log.channels.items()
+        },
+        source="still.csv",
+    )
     with pytest.raises(PinotwinError, match=r"still\.csv"):
         diagnose(machine, still, quick=True)
 

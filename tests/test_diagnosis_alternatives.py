@@ -42,8 +42,7 @@ def world(*, effort=None):
     piece = Piece(channel, np.arange(ROWS), np.arange(ROWS) // 100, np.arange(1), slope, y)
     rows = SimpleNamespace(motions=[SimpleNamespace(step=STEP)], channels=())
     stage = Rows(rows, base, None, (piece,), 6)
-    context = SimpleNamespace(scenes=(SimpleNamespace(t=t),), rows=rows,
-                              machine=SimpleNamespace(axes={}))  # fmt: skip
+    context = SimpleNamespace(scenes=(SimpleNamespace(t=t),), rows=rows, machine=SimpleNamespace(axes={}))
     return context, stage
 
 
@@ -102,10 +101,11 @@ def test_the_smaller_an_effect_the_less_it_is_told_from_its_like():
     bank = list(shelves(context).values())
     mixed = [1.0, 0.4]  # mostly a constant
     small, large = (
-        not_isolable(context, bank, stage, found(context, "coulomb_asymmetric", s * np.array(mixed)),
-                     Settings())
+        not_isolable(
+            context, bank, stage, found(context, "coulomb_asymmetric", s * np.array(mixed)), Settings()
+        )
         for s in (0.05, 1.0)
-    )  # fmt: skip
+    )
     assert ("gravity", "X") in small
     assert ("gravity", "X") not in large
 
@@ -141,9 +141,7 @@ def test_data_reject_an_effect_of_another_course():
 
 
 def test_a_member_is_judged_without_what_it_leaves_over():
-    a, b, quiet, left = (
-        SimpleNamespace(key=(k, "X")) for k in ("ripple", "delay", "viscous", "table")
-    )
+    a, b, quiet, left = (SimpleNamespace(key=(k, "X")) for k in ("ripple", "delay", "viscous", "table"))
     search = _Search(None, [], None, None, Settings(), [a, b], [quiet], leavings=[(left, a.key)])
     assert search.beside(a) == [quiet, b]
     assert search.beside(b) == [quiet, left, a]

@@ -42,9 +42,10 @@ def arm():
     mass = np.triu(mass) + np.triu(mass, 1).transpose(0, 2, 1)
     scene = Scene(0, Path(q), None, None, None, mass)
     context = SimpleNamespace(
-        scenes=(scene,), machine=SimpleNamespace(nv=model.nv, rotary=[True] * model.nv),
+        scenes=(scene,),
+        machine=SimpleNamespace(nv=model.nv, rotary=[True] * model.nv),
         travel=lambda j: (q[:, j].min(), q[:, j].max()),
-    )  # fmt: skip
+    )
     return model, scene, context
 
 
@@ -90,9 +91,7 @@ def test_columns_of_any_size_count():
     y = plain @ [1.0, 2.0, -1.0] + 0.1 * rng.standard_normal(80)
     B = plain * [1e-8, 1.0, 1e7]
     base = SimpleNamespace(count=3, precision=np.zeros((3, 3)), change=False)
-    piece = Piece(
-        SimpleNamespace(log=0, joint=0), np.arange(80), np.arange(80) // 40, np.arange(3), B, y
-    )
+    piece = Piece(SimpleNamespace(log=0, joint=0), np.arange(80), np.arange(80) // 40, np.arange(3), B, y)
     ledger = build_ledger(Stage(None, base, None, (piece,), 2))
     expected = y - plain @ np.linalg.lstsq(plain, y, rcond=None)[0]
     np.testing.assert_allclose(residual_of(piece, ledger.theta), expected, atol=1e-6)
@@ -103,13 +102,8 @@ def left(before, after):
     rows = np.arange(len(before))
     channel = SimpleNamespace(joint=0, log=0, centres=rows)
     pieces = (SimpleNamespace(channel=channel, kept=rows),)
-    stage = SimpleNamespace(
-        pieces=pieces, rows=SimpleNamespace(motions=[SimpleNamespace(step=0.01)])
-    )
-    return [
-        SimpleNamespace(delivered=SimpleNamespace(stage=stage, values=(x,)))
-        for x in (before, after)
-    ]
+    stage = SimpleNamespace(pieces=pieces, rows=SimpleNamespace(motions=[SimpleNamespace(step=0.01)]))
+    return [SimpleNamespace(delivered=SimpleNamespace(stage=stage, values=(x,))) for x in (before, after)]
 
 
 @pytest.mark.parametrize("part", [0.0, 0.5, 1.0])
@@ -143,8 +137,9 @@ def test_a_spring_passes_on_what_scipy_says_while_the_posture_changes_the_inerti
         r = np.interp(now, t, ratio)
         return [s[1], r * (np.interp(now, t, load) - w**2 * s[0] - 2.0 * zeta * w * s[1])]
 
-    exact = solve_ivp(slope, (0.0, t[-1]), [load[0] / w**2, 0.0], t_eval=t, rtol=1e-9, atol=1e-12,
-                      max_step=2e-3)  # fmt: skip
+    exact = solve_ivp(
+        slope, (0.0, t[-1]), [load[0] / w**2, 0.0], t_eval=t, rtol=1e-9, atol=1e-12, max_step=2e-3
+    )
     effort = w**2 * exact.y[0] + 2.0 * zeta * w * exact.y[1]
     np.testing.assert_allclose(_sprung(load, ratio, w, zeta, 2e-3), effort, atol=5e-5)
     constant = _sprung(load, np.ones(1500), w, zeta, 2e-3)

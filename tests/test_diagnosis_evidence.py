@@ -58,8 +58,7 @@ def test_the_gain_is_the_predictive_deviance_of_dense_gaussians(made, ridge):
     level = ridge * np.mean(np.sum(C**2, axis=0))
     without = np.eye(ROWS) + B @ np.linalg.inv(precision) @ B.T
     with_it = without + C @ C.T / level
-    expected = sum(deviance(y, without, fold != f) - deviance(y, with_it, fold != f)
-                   for f in range(FOLDS))  # fmt: skip
+    expected = sum(deviance(y, without, fold != f) - deviance(y, with_it, fold != f) for f in range(FOLDS))
     assert found.G[0, 0] == pytest.approx(expected, rel=1e-4)
 
 

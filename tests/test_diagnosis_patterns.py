@@ -18,8 +18,9 @@ STEP, ROWS = 0.008, 1500
 
 def said(machine, *effects, leave_out=(), seed=21):
     sealed = produce(Case(0, machine, "structure", "single", effects, seed)).sealed
-    return diagnose(sealed.machine, sealed.logs, validate=sealed.validation, closed_loop=False,
-                    leave_out=leave_out)  # fmt: skip
+    return diagnose(
+        sealed.machine, sealed.logs, validate=sealed.validation, closed_loop=False, leave_out=leave_out
+    )
 
 
 def noisy_runs(amplitude, frequency):
@@ -30,8 +31,11 @@ def noisy_runs(amplitude, frequency):
     for phase in (0.3, 2.1):
         y = rng.standard_normal(ROWS) + amplitude * np.sin(2 * np.pi * frequency * t + phase)
         channel = SimpleNamespace(joint=0, log=0, centres=np.arange(ROWS))
-        pieces.append(SimpleNamespace(channel=channel, kept=np.arange(ROWS), y=y, B=np.zeros((ROWS, 1)),
-                                      columns=np.arange(1)))  # fmt: skip
+        pieces.append(
+            SimpleNamespace(
+                channel=channel, kept=np.arange(ROWS), y=y, B=np.zeros((ROWS, 1)), columns=np.arange(1)
+            )
+        )
     motions = [np.zeros(ROWS).view(Run)] * 2
     rows = SimpleNamespace(motions=motions, row_step=STEP)
     return SimpleNamespace(stage=SimpleNamespace(rows=rows, pieces=pieces), theta=np.zeros(1))

@@ -12,11 +12,11 @@ from pinotwin.diagnosis.law import Law, _common, _scale, broken, changed, law_of
 from pinotwin.diagnosis.limits import _plateau
 from pinotwin.diagnosis.servo import look_at_servo
 from pinotwin.errors import DataError
+from pinotwin.logs.prepare import prepare
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.gains import at_limit, gains_in
 from pinotwin.machine import Machine
-from pinotwin.preparation import prepare
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 LAW = Controller("pid", kp=2e4, integral=1e5, kd=300.0, ffv=20.0, ffa=8.0, step=0.001, rms=0.01)
@@ -82,8 +82,9 @@ def scaled(share: float) -> LoopData:
     """Return channels whose effort is logged at another scale."""
     made = channels()
     e, u = made.outputs.T
-    return LoopData(step=LAW.step, qr=made.qr, d=e, outputs=np.stack([e, (1.0 + share) * u], axis=1),
-                    axis="X")  # fmt: skip
+    return LoopData(
+        step=LAW.step, qr=made.qr, d=e, outputs=np.stack([e, (1.0 + share) * u], axis=1), axis="X"
+    )
 
 
 @pytest.mark.parametrize("share", [-0.012, 0.008])
@@ -116,8 +117,9 @@ def late(seconds: float) -> LoopData:
     made = channels()
     e, u = made.outputs.T
     t = np.arange(len(u)) * LAW.step
-    return LoopData(step=LAW.step, qr=made.qr, d=e, axis="X",
-                    outputs=np.stack([e, np.interp(t - seconds, t, u)], axis=1))  # fmt: skip
+    return LoopData(
+        step=LAW.step, qr=made.qr, d=e, axis="X", outputs=np.stack([e, np.interp(t - seconds, t, u)], axis=1)
+    )
 
 
 @pytest.mark.parametrize("seconds", [0.0015, 0.004])
@@ -142,9 +144,7 @@ def test_an_axis_that_rests_in_a_validation_log_is_left_out_not_fatal(monkeypatc
 
     monkeypatch.setattr("pinotwin.diagnosis.law._channels", lambda data, _: data)
     monkeypatch.setattr("pinotwin.diagnosis.law.gains_in", gains)
-    assert (
-        law_of(LAW, [channels()], ["still"], 0) is None
-    )  # it was an error that ended the diagnosis
+    assert law_of(LAW, [channels()], ["still"], 0) is None  # it was an error that ended the diagnosis
 
 
 @pytest.mark.parametrize(

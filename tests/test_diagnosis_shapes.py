@@ -35,8 +35,7 @@ def speeds(effects):
 def again(start, times):
     """Return the speeds that are found from others, so many times as high."""
     effects = tuple(
-        replace(e, v_s=times * e.v_s) if isinstance(e, Presliding) else e
-        for e in start.stage.base.effects
+        replace(e, v_s=times * e.v_s) if isinstance(e, Presliding) else e for e in start.stage.base.effects
     )
     return speeds(faded(effects, start.stage.rows.fitted, start.stage.noise))
 
@@ -44,9 +43,7 @@ def again(start, times):
 def test_a_speed_that_is_far_off_is_found_where_the_motion_tells_it(start, truth):
     found = again(start, 15.0)
     for axis, true in truth.items():
-        assert found[axis] == pytest.approx(
-            true, rel=0.4
-        )  # its law's exponent is not the listing's
+        assert found[axis] == pytest.approx(true, rel=0.4)  # its law's exponent is not the listing's
 
 
 def test_a_speed_that_does_well_stays_as_it_was_identified(start):

@@ -15,8 +15,9 @@ from pinotwin.diagnosis.standstill import roughness_at_rest
 
 def said(machine, *effects, seed=21, leave_out=()):
     sealed = produce(Case(0, machine, "structure", "single", effects, seed)).sealed
-    return diagnose(sealed.machine, sealed.logs, validate=sealed.validation, closed_loop=False,
-                    leave_out=leave_out)  # fmt: skip
+    return diagnose(
+        sealed.machine, sealed.logs, validate=sealed.validation, closed_loop=False, leave_out=leave_out
+    )
 
 
 def test_presliding_is_named_although_rows_in_motion_do_not_show_it():
@@ -46,9 +47,7 @@ def test_a_law_that_is_listed_is_not_missing():
 def test_a_machine_is_diagnosed_though_one_of_its_axes_rests():
     """Its rotor inertia is a candidate that acts on no row at all."""
     made = produce(Case(0, "random:2", "structure", "healthy", (), 5), seconds=4.0).sealed
-    rest = {
-        f"Q2.{k}": np.full(len(made.logs[0]), made.logs[0][f"Q2.{k}"][0]) for k in ("q", "qr", "u")
-    }
+    rest = {f"Q2.{k}": np.full(len(made.logs[0]), made.logs[0][f"Q2.{k}"][0]) for k in ("q", "qr", "u")}
     logs = [log.with_channels({**log.channels, **rest}) for log in made.logs]
     found = diagnose(made.machine, logs, quick=True)
     assert set(found.gap) == {"Q1"}
@@ -62,14 +61,14 @@ def test_what_repeats_differ_by_from_row_to_row_is_told_apart_at_rest():
     size = np.where(v == 0.0, 2.0, 1.0)
     rows = SimpleNamespace(
         channels=[SimpleNamespace(joint=0, log=k, centres=4 * np.arange(2000)) for k in (0, 1)],
-        validation=(False, False), commands=(0, 0), thinner=SimpleNamespace(factor=4),
+        validation=(False, False),
+        commands=(0, 0),
+        thinner=SimpleNamespace(factor=4),
         motions=[SimpleNamespace(v=np.repeat(v, 4)[:, None])] * 2,
-    )  # fmt: skip
+    )
     residuals = tuple(size * rng.standard_normal(2000) for _ in range(2))
     rest = SimpleNamespace(stage=SimpleNamespace(rows=rows), residuals=residuals)
     assert roughness_at_rest(rest, 0) == pytest.approx(2.0, rel=0.1)
     sags = tuple(rng.standard_normal(2000) + 50.0 * k * (v == 0.0) for k in range(2))
     still = SimpleNamespace(stage=SimpleNamespace(rows=rows), residuals=sags)
-    assert roughness_at_rest(still, 0) == pytest.approx(
-        1.0, rel=0.1
-    )  # it is held otherwise, and stays
+    assert roughness_at_rest(still, 0) == pytest.approx(1.0, rel=0.1)  # it is held otherwise, and stays

@@ -13,8 +13,8 @@ from pinotwin.diagnosis.deflection import PassiveSpring, load_on, springs
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.diagnosis.vibration import look_at_vibration, unused
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
-from pinotwin.preparation import prepare
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, rig_moves
 from pinotwin.virtual.trajectories import random_trajectory
@@ -46,9 +46,7 @@ def recorded(seed: int, path: int = 12, **changes: float) -> Log:
     passive = {k: dataclasses.replace(p, **changes) for k, p in machine.truth.passive.items()}
     truth = dataclasses.replace(machine.truth, passive=passive)
     machine = dataclasses.replace(machine, truth=truth)
-    run = machine.record(
-        random_trajectory(machine, 5.0, path, rig_moves.limits_c1(machine)), seed=seed
-    )
+    run = machine.record(random_trajectory(machine, 5.0, path, rig_moves.limits_c1(machine)), seed=seed)
     v = run.truth.joint("delta")[1]
     log = run.to_log()
     noise = np.random.default_rng(seed).normal(0.0, NOISE, len(v))
@@ -83,9 +81,7 @@ def test_a_healthy_joint_is_accused_of_nothing() -> None:
     assert said.gaps["delta"].noise == pytest.approx(NOISE * np.sqrt(2.0 * 60.0 / 400.0), rel=0.25)
 
 
-@pytest.mark.parametrize(
-    ("frequency", "damping"), [(18.0, TRUE_DAMPING), (22.0, TRUE_DAMPING), (20.0, 0.1)]
-)
+@pytest.mark.parametrize(("frequency", "damping"), [(18.0, TRUE_DAMPING), (22.0, TRUE_DAMPING), (20.0, 0.1)])
 def test_another_spring_is_named_and_shrinks_the_gap_on_a_log_that_was_not_fitted(
     frequency: float, damping: float
 ) -> None:
@@ -116,9 +112,7 @@ def test_one_log_is_enough() -> None:
 def test_what_no_spring_brings_about_stays_open() -> None:
     log = recorded(2)
     beat = 6e-3 * np.sin(2.0 * np.pi * 31.0 * log.t)  # a fan on the table
-    logs = [
-        x.with_channels({**x.channels, "delta.v": x["delta.v"] + beat}) for x in (log, recorded(3))
-    ]
+    logs = [x.with_channels({**x.channels, "delta.v": x["delta.v"] + beat}) for x in (log, recorded(3))]
     said = look(*logs)
     assert list(said.open) == [springs(twin())[0].index]
     assert said.gaps["delta"].after > 3e-3
@@ -136,8 +130,7 @@ def test_without_a_twin_or_without_the_channel_nothing_is_said() -> None:
 
 def test_the_machine_gets_the_spring_that_was_found() -> None:
     found = look(recorded(2, frequency=18.0)).effects
-    d = Diagnosis("explained", "", {}, (), found, (), {}, {}, "assumed", (), "change", {},
-                  subject=twin())  # fmt: skip
+    d = Diagnosis("explained", "", {}, (), found, (), {}, {}, "assumed", (), "change", {}, subject=twin())
     machine = extended(d)
     assert machine.passive["delta"].stiffness == found[0].theta["k"]
     assert machine.spec["passive"]["delta"]["damping"] == found[0].theta["c"]

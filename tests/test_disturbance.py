@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinotwin.disturbance import CAUSES, causes, diagonal, generalised_disturbance, halton, split
+from pinotwin.analysis.disturbance import CAUSES, causes, diagonal, generalised_disturbance, halton, split
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import EFFECTS
 from pinotwin.errors import DataError
@@ -31,9 +31,7 @@ def random_twin(name: str):
 
     machine = Machine.load(name)
     motion = motion_of(machine)
-    effects = {
-        a: tuple(e.fitted_to(motion) for e in axis.effects) for a, axis in machine.axes.items()
-    }
+    effects = {a: tuple(e.fitted_to(motion) for e in axis.effects) for a, axis in machine.axes.items()}
     for axis, own in effects.items():
         machine = machine.with_effects(axis, own)
     twin = nominal_twin(machine)
@@ -81,10 +79,12 @@ class TestAgainstPinocchio:
         _, motion, parts, model = case
         data = model.createData()
         rows = zip(motion.q, motion.v, strict=True)
-        c = np.array([
-            pin.nonLinearEffects(model, data, q, v) - pin.computeGeneralizedGravity(model, data, q)
-            for q, v in rows
-        ])  # fmt: skip
+        c = np.array(
+            [
+                pin.nonLinearEffects(model, data, q, v) - pin.computeGeneralizedGravity(model, data, q)
+                for q, v in rows
+            ]
+        )
         assert np.allclose(parts.parts["coriolis_centrifugal"], c, atol=1e-10 * np.abs(c).max())
 
     def test_inertial_coupling_is_what_the_diagonal_leaves_of_the_mass_matrix(self, case):
@@ -106,12 +106,8 @@ class TestAgainstPinocchio:
         own = twin.parts(motion)
         friction = sum(own[k] for k in own if k.endswith(("coulomb", "stribeck")))
         assert np.allclose(parts.parts["friction"], friction, atol=1e-12)
-        assert np.allclose(
-            parts.parts["position"], sum(own[k] for k in own if "ripple" in k), atol=1e-12
-        )
-        assert np.allclose(
-            parts.linear["viscous"], sum(own[k] for k in own if "viscous" in k), atol=1e-12
-        )
+        assert np.allclose(parts.parts["position"], sum(own[k] for k in own if "ripple" in k), atol=1e-12)
+        assert np.allclose(parts.linear["viscous"], sum(own[k] for k in own if "viscous" in k), atol=1e-12)
         assert np.array_equal(parts.parts["external"], -motion.external)
 
 
@@ -127,9 +123,7 @@ class TestTrunnion:
         M = pin.crba(model, model.createData(), np.zeros(3))
         x = M[0, 1]
         A = q[:, 1]
-        assert np.allclose(
-            parts["coriolis_centrifugal"][:, 0], -x * np.sin(A) * v[:, 1] ** 2, atol=1e-10
-        )
+        assert np.allclose(parts["coriolis_centrifugal"][:, 0], -x * np.sin(A) * v[:, 1] ** 2, atol=1e-10)
         own = M[1, 1] - twin.diagonal["inertia"][1]
         coupling = x * np.cos(A) * a[:, 0] + own * a[:, 1]
         assert np.allclose(parts["inertial_coupling"][:, 1], coupling, atol=1e-10)
@@ -141,9 +135,7 @@ def test_flexibility_is_what_the_passive_joint_adds():
     motion = motion_of(twin.machine)
     i = twin.machine.names.index("delta")
     moving = np.arange(twin.machine.nv) != i
-    rigid = dataclasses.replace(
-        motion, q=motion.q * moving, v=motion.v * moving, a=motion.a * moving
-    )
+    rigid = dataclasses.replace(motion, q=motion.q * moving, v=motion.v * moving, a=motion.a * moving)
     a, b = split(twin, motion).parts, split(twin, rigid).parts
     assert np.abs(b["flexibility"]).max() < 1e-12
     for cause in ("gravity", "inertial_coupling", "coriolis_centrifugal", "friction"):

@@ -27,9 +27,7 @@ def workspace(tmp_path_factory):
     (folder / "out" / "demo").mkdir(parents=True)
     for name, seed in {"log": 1, "unseen": 2}.items():
         path = str(folder / "out" / "demo" / f"{name}.csv")
-        assert (
-            main(["record", "trunnion", "--seconds", "8", "--seed", str(seed), "--out", path]) == 0
-        )
+        assert main(["record", "trunnion", "--seconds", "8", "--seed", str(seed), "--out", path]) == 0
     return folder
 
 

@@ -37,9 +37,7 @@ DRILLER = {
 def without(model, *joints):
     """The model with some joints locked."""
     ids = [model.getJointId(j) for j in joints]
-    armature = [
-        model.armature[model.joints[i].idx_v] for i in range(1, model.njoints) if i not in ids
-    ]
+    armature = [model.armature[model.joints[i].idx_v] for i in range(1, model.njoints) if i not in ids]
     reduced = pin.buildReducedModel(model, ids, pin.neutral(model))
     reduced.armature = np.array(armature)
     return reduced

@@ -143,14 +143,10 @@ def test_frame_motion_against_finite_differences(seed):
         both = dyn.frame_velocity(model, "tool", x, w).reshape(-1, 2, 3)
         return np.einsum("nij,nkj->nki", R, both)
 
-    change = (in_world(h) - in_world(-h)) / (
-        2 * h
-    )  # classical: derivative of the origin's velocity
+    change = (in_world(h) - in_world(-h)) / (2 * h)  # classical: derivative of the origin's velocity
     R = dyn.frame_rotation(model, "tool", q)
     expected = np.einsum("nji,nkj->nki", R, change).reshape(-1, 6)
-    np.testing.assert_allclose(
-        dyn.frame_acceleration(model, "tool", q, v, a), expected, rtol=1e-6, atol=1e-6
-    )
+    np.testing.assert_allclose(dyn.frame_acceleration(model, "tool", q, v, a), expected, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -65,9 +65,7 @@ def test_gravity_in_any_direction():
     model = random_tree(rng)
     model.gravity.linear = np.array([1.0, -2.0, 3.0])
     q, v, a = motion(rng, model)
-    np.testing.assert_allclose(
-        regressor(model, q, v, a), oracle(model, q, v, a), rtol=0, atol=1e-12
-    )
+    np.testing.assert_allclose(regressor(model, q, v, a), oracle(model, q, v, a), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("columns", [[], [54], [3, 50, 3], [49, 0, 54, 20]])
@@ -135,9 +133,12 @@ def test_continuous_joints_are_refused_with_a_remedy():
 
 @pytest.mark.parametrize(
     ("shape", "text"),
-    [((4,), "v has shape (4,), expected (n, 5)"), ((4, 3), "v has shape (4, 3), expected (n, 5)"),
-     ((3, 5), "v has 3 rows but q has 4")],
-)  # fmt: skip
+    [
+        ((4,), "v has shape (4,), expected (n, 5)"),
+        ((4, 3), "v has shape (4, 3), expected (n, 5)"),
+        ((3, 5), "v has 3 rows but q has 4"),
+    ],
+)
 def test_bad_shapes(shape, text):
     q = np.zeros((4, 5))
     with pytest.raises(DataError) as error:

@@ -36,9 +36,7 @@ def motion() -> Motion:
 
 @pytest.mark.parametrize(("name", "axis", "rotary"), CASES)
 class TestEveryEffect:
-    def test_columns_have_one_row_a_sample_and_one_column_a_coefficient(
-        self, name, axis, rotary, motion
-    ):
+    def test_columns_have_one_row_a_sample_and_one_column_a_coefficient(self, name, axis, rotary, motion):
         effect = build(name, axis, rotary, motion)
         columns = effect.columns(motion)
         expected = (len(motion), len(columns.joints), len(effect.coefficients()))
@@ -71,9 +69,7 @@ class TestEveryEffect:
         others = [j for j in range(2) if j not in columns.joints]
         assert not effort[:, others].any()
 
-    def test_a_run_in_two_halves_is_the_whole_run_when_it_rests_at_the_cut(
-        self, name, axis, rotary, motion
-    ):
+    def test_a_run_in_two_halves_is_the_whole_run_when_it_rests_at_the_cut(self, name, axis, rotary, motion):
         effect = build(name, axis, rotary, motion)
         n = len(motion)
         # Fast motion on both sides of the cut, where the memory of the direction is saturated.
@@ -81,9 +77,7 @@ class TestEveryEffect:
         cut = int(np.argmax(speed[n // 4 : 3 * n // 4])) + n // 4
         whole = effect.columns(motion).values
         halves = [effect.columns(motion.cut(0, cut)), effect.columns(motion.cut(cut, n))]
-        np.testing.assert_allclose(
-            np.concatenate([h.values for h in halves]), whole, rtol=1e-9, atol=1e-9
-        )
+        np.testing.assert_allclose(np.concatenate([h.values for h in halves]), whole, rtol=1e-9, atol=1e-9)
 
     def test_yaml_round_trip(self, name, axis, rotary, motion):
         effect = build(name, axis, rotary, motion)
@@ -109,8 +103,7 @@ class TestEveryEffect:
 
     def test_docstring_states_the_equation(self, name, axis, rotary, motion):
         text = (type(build(name, axis, rotary, motion)).__doc__ or "") + (
-            __import__(type(build(name, axis, rotary, motion)).__module__, fromlist=["x"]).__doc__
-            or ""
+            __import__(type(build(name, axis, rotary, motion)).__module__, fromlist=["x"]).__doc__ or ""
         )
         assert "tau" in text or "gets" in text
 
@@ -165,8 +158,6 @@ def test_ripple_modulated_contains_equation_3_10():
     R, alpha, eps, period, phi = 0.7, 0.4, 0.3, 0.25, 1.1
     q = motion.q[:, 1]
     tau = R * (1 + alpha * np.abs(np.sin(q + eps))) * np.sin(2 * np.pi * q / period + phi)
-    (ripple,) = make_effects(
-        [{"ripple_modulated": {"period": period, "eps": eps}}], "A", True, "effects"
-    )
+    (ripple,) = make_effects([{"ripple_modulated": {"period": period, "eps": eps}}], "A", True, "effects")
     theta = R * np.array([np.sin(phi), np.cos(phi), alpha * np.sin(phi), alpha * np.cos(phi)])
     np.testing.assert_allclose(ripple.columns(motion).effort(theta, 2)[:, 1], tau, atol=1e-12)

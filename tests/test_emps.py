@@ -9,9 +9,9 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.effects import Coulomb, CoulombAsymmetric, Offset, Viscous, ViscousAsymmetric
-from pinotwin.fit.linear import Options, linear
 from pinotwin.identification.assemble import assemble
 from pinotwin.machine import DataSettings, Machine
+from pinotwin.solve.linear import Options, linear
 
 AUTHORS = DataSettings(cutoff=100.0, order=4, decimate=10, filter_effort=False, drop=(49, 0))
 

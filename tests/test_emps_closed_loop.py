@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.columns import bind
+from pinotwin.logs.columns import bind
 from pinotwin.signals import derivatives
 
 PUBLISHED = {"position": 0.013752, "velocity": 0.22911, "acceleration": 8.6036, "force": 5.848}
@@ -28,9 +28,7 @@ def twin(log):
 
 
 def percent(predicted, measured) -> float:
-    inside = slice(
-        49, -49
-    )  # the start-up of the low-pass that differentiates the measured position
+    inside = slice(49, -49)  # the start-up of the low-pass that differentiates the measured position
     error = np.linalg.norm(predicted[inside] - measured[inside])
     return 100.0 * float(error / np.linalg.norm(measured[inside]))
 

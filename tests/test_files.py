@@ -21,12 +21,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from mcap.writer import Writer
 
-from pinotwin.files import read, read_argument
 from pinotwin.log import Log, split_unit
+from pinotwin.logs.files import read, read_argument
 
-few = settings(
-    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+few = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 numbers = st.floats(-1e12, 1e12, allow_nan=False, allow_subnormal=False)
 
@@ -218,11 +216,16 @@ def test_units_in_headers_are_recorded_not_applied(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "expected"),
     [
-        ("Y.q [mm]", ("Y.q", "mm")), ("Y_Ist (A)", ("Y_Ist", "A")), ("q[0]", ("q[0]", None)),
-        ("q [0]", ("q [0]", None)), ("q [1]", ("q [1]", None)), (" q ", ("q", None)),
-        ("speed [deg/s]", ("speed", "deg/s")), ("[mm]", ("[mm]", None)),
+        ("Y.q [mm]", ("Y.q", "mm")),
+        ("Y_Ist (A)", ("Y_Ist", "A")),
+        ("q[0]", ("q[0]", None)),
+        ("q [0]", ("q [0]", None)),
+        ("q [1]", ("q [1]", None)),
+        (" q ", ("q", None)),
+        ("speed [deg/s]", ("speed", "deg/s")),
+        ("[mm]", ("[mm]", None)),
     ],
-)  # fmt: skip
+)
 def test_split_unit(header: str, expected: tuple[str, str | None]) -> None:
     assert split_unit(header) == expected
 
@@ -256,8 +259,9 @@ def test_latin_1_and_text_columns_are_noted(tmp_path: Path) -> None:
     log = read(path)
     assert list(log.channels) == ["t", "µ"]
     assert log.notes == (
-        "text is not UTF-8 and was read as latin-1", "left out, not numbers: mode",
-    )  # fmt: skip
+        "text is not UTF-8 and was read as latin-1",
+        "left out, not numbers: mode",
+    )
 
 
 def test_dates_become_seconds(tmp_path: Path) -> None:
@@ -266,9 +270,7 @@ def test_dates_become_seconds(tmp_path: Path) -> None:
     log = read(path)
     np.testing.assert_allclose(log["time"], [0.0, 0.004], atol=1e-12)
     assert log.units == {"time": "s"}
-    assert log.notes[0].startswith(
-        "time: dates and times were turned into seconds since 2024-05-01"
-    )
+    assert log.notes[0].startswith("time: dates and times were turned into seconds since 2024-05-01")
 
 
 def test_quoted_cells_with_decimal_commas(tmp_path: Path) -> None:
@@ -295,11 +297,15 @@ def test_content_outweighs_the_ending(tmp_path: Path) -> None:
 
 def test_parquet_lists_times_nulls_and_units(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
-    schema = pa.schema([
-        pa.field("t", pa.timestamp("ms")), pa.field("q", pa.list_(pa.float64())),
-        pa.field("u", pa.float32(), metadata={"unit": "A"}), pa.field("mode", pa.string()),
-        pa.field("on", pa.bool_()),
-    ])  # fmt: skip
+    schema = pa.schema(
+        [
+            pa.field("t", pa.timestamp("ms")),
+            pa.field("q", pa.list_(pa.float64())),
+            pa.field("u", pa.float32(), metadata={"unit": "A"}),
+            pa.field("mode", pa.string()),
+            pa.field("on", pa.bool_()),
+        ]
+    )
     columns = [[0, 4, 8], [[1.0, 2.0]] * 3, [1.5, None, 2.5], ["a", "b", "c"], [True, False, True]]
     arrays = [pa.array(x, f.type) for x, f in zip(columns, schema, strict=True)]
     pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path)
@@ -349,8 +355,11 @@ def test_a_log_is_frozen_and_survives_pickling() -> None:
     back = pickle.loads(pickle.dumps(log))
     np.testing.assert_array_equal(back["t"], log["t"])
     assert (back.scalars, back.notes, back.units, back.scale) == (
-        log.scalars, log.notes, log.units, log.scale,
-    )  # fmt: skip
+        log.scalars,
+        log.notes,
+        log.units,
+        log.scale,
+    )
     assert back.fingerprint() == log.fingerprint()
     assert log.rows(slice(1, 3)).fingerprint() != log.fingerprint()
     np.testing.assert_array_equal(log.raw("t"), [-0.5, 0.0, 0.5])

@@ -16,11 +16,9 @@ import scipy.io
 from mcap.writer import Writer
 
 from pinotwin.errors import LogError
-from pinotwin.files import read, read_argument
+from pinotwin.logs.files import read, read_argument
 
-_ENDINGS = (
-    ".asc, .csv, .dat, .h5, .hdf, .hdf5, .log, .mat, .mcap, .npy, .npz, .parquet, .pq, .tsv, .txt"
-)
+_ENDINGS = ".asc, .csv, .dat, .h5, .hdf, .hdf5, .log, .mat, .mcap, .npy, .npz, .parquet, .pq, .tsv, .txt"
 _NO_NUMBERS = "holds no numbers; export the recorded signals as numeric columns"
 _NO_SERIES = "holds a single row or only single numbers; export time series"
 
@@ -68,115 +66,139 @@ CASES: list[tuple[str, bytes, str]] = [
     ("comments.csv", b"# a\n# b\n", "holds no lines of data; record or export it again"),
     ("header.csv", b"t,q\n", "has a header but no rows of numbers; record or export it again"),
     (
-        "units.csv", b"t;q\ns;mm\n",
+        "units.csv",
+        b"t;q\ns;mm\n",
         "has a header but no rows of numbers; record or export it again",
     ),
     ("one_row.csv", b"t,q\n0,1\n", _NO_SERIES),
     (
-        "word.csv", b"t,q\n0,1\n1,oops\n2,3\n",
+        "word.csv",
+        b"t,q\n0,1\n1,oops\n2,3\n",
         "line 3, column 'q': 'oops' is not a number; correct the cell or delete the line",
     ),
     (
-        "word_far.csv", b"# note\nt;q\n\n" + b"0;1,5\n" * 700 + b"0;ERR\n",
+        "word_far.csv",
+        b"# note\nt;q\n\n" + b"0;1,5\n" * 700 + b"0;ERR\n",
         "line 704, column 'q': 'ERR' is not a number; correct the cell or delete the line",
     ),
     (
-        "thousands.csv", b"t;q\n0,5;1\n0,6;2\n" + b"0,7;3\n" * 300 + b"1.000,5;3\n",
+        "thousands.csv",
+        b"t;q\n0,5;1\n0,6;2\n" + b"0,7;3\n" * 300 + b"1.000,5;3\n",
         "line 304, column 't': '1.000,5' is not a number; correct the cell or delete the line",
     ),
     (
-        "decimals.csv", b"t;q\n0,5;1.5\n1,5;2.5\n",
+        "decimals.csv",
+        b"t;q\n0,5;1.5\n1,5;2.5\n",
         "'0,5' and '1.5' use different decimal signs; export with one",
     ),
     (
-        "ragged.csv", b"t,q\n0,1\n1\n2,3\n",
+        "ragged.csv",
+        b"t,q\n0,1\n1\n2,3\n",
         "line 3 has 1 cells where 2 are expected; correct the line",
     ),
     (
-        "wide.csv", b"t,q\n0,1\n1,2,3\n2,3\n",
+        "wide.csv",
+        b"t,q\n0,1\n1,2,3\n2,3\n",
         "line 3 has 3 cells where 2 are expected; correct the line",
     ),
     (
-        "cut.csv", b"t,q\n0,1\n1,2\n2",
+        "cut.csv",
+        b"t,q\n0,1\n1,2\n2",
         "line 4 has 1 cells where 2 are expected; the log was cut off, delete this last line",
     ),
     (
-        "german.csv", b"t,q\n0,0,1,5\n0,1,1,6\n",
+        "german.csv",
+        b"t,q\n0,0,1,5\n0,1,1,6\n",
         "line 2 has 4 cells where 2 are expected; correct the line",
     ),
     (
-        "twice.csv", b"t,q,q\n0,1,2\n1,2,3\n",
+        "twice.csv",
+        b"t,q,q\n0,1,2\n1,2,3\n",
         "columns 2, 3 are all named 'q'; rename them in the file",
     ),
     (
-        "twice_unit.csv", b"t,q [mm],q [deg]\n0,1,2\n1,2,3\n",
+        "twice_unit.csv",
+        b"t,q [mm],q [deg]\n0,1,2\n1,2,3\n",
         "two channels are named 'q'; rename one in the file",
     ),
     (
-        "words.csv", b"mode,tool\nauto,a\nman,b\n",
+        "words.csv",
+        b"mode,tool\nauto,a\nman,b\n",
         _NO_NUMBERS,
     ),
     (
-        "binary.csv", bytes(range(256)) * 4,
+        "binary.csv",
+        bytes(range(256)) * 4,
         "is not text (a NUL byte at offset 0); export the log as CSV or Parquet",
     ),
     ("control.txt", bytes(range(1, 32)) * 20, "is not text; export the log as CSV or Parquet"),
     (
-        "nul_tail.csv", b"t,q\n0,1\n1,2\n" + b"\x00" * 100,
+        "nul_tail.csv",
+        b"t,q\n0,1\n1,2\n" + b"\x00" * 100,
         "is not text (a NUL byte at offset 12); export the log as CSV or Parquet",
     ),
     (
-        "utf16.csv", "t,q\n0,1\n".encode("utf-16") + b"\x00",
+        "utf16.csv",
+        "t,q\n0,1\n".encode("utf-16") + b"\x00",
         "is damaged UTF-16 text; export it again as UTF-8",
     ),
     ("log.foo", b"abc", f"unknown ending '.foo'; known: {_ENDINGS}"),
     ("log.xlsx", b"PK\x03\x04", ".xlsx files cannot be read; save the sheet as CSV"),
     (
-        "log.pkl", b"\x80\x04",
+        "log.pkl",
+        b"\x80\x04",
         ".pkl files cannot be read; a pickle can run code; save the signals as CSV or Parquet",
     ),
     (
-        "not.mat", b"t,q\n0,1\n",
+        "not.mat",
+        b"t,q\n0,1\n",
         "is not a mat file although it ends in .mat; it begins with b't,q\\n0,1\\n'; export it "
         "again or correct the ending",
     ),
     (
-        "not.parquet", b"t,q\n",
+        "not.parquet",
+        b"t,q\n",
         "is not a parquet file although it ends in .parquet; it begins with b't,q\\n'; export it "
         "again or correct the ending",
     ),
     (
-        "not.h5", b"t,q\n",
+        "not.h5",
+        b"t,q\n",
         "is not a hdf5 file although it ends in .h5; it begins with b't,q\\n'; export it again or "
         "correct the ending",
     ),
     (
-        "objects.npy", _npy(np.array([1, [2, 3]], dtype=object)),
+        "objects.npy",
+        _npy(np.array([1, [2, 3]], dtype=object)),
         "holds Python objects, and a pickle can run code; save it as plain numbers",
     ),
     ("text.npy", _npy(np.array(["a", "b"])), _NO_NUMBERS),
     ("scalars.mat", _mat(kp=1.0, kv=2.0), _NO_SERIES),
     ("texts.mat", _mat(a="hello"), _NO_NUMBERS),
     (
-        "empty.parquet", _parquet(pa.table({"t": pa.array([], pa.float64())})),
+        "empty.parquet",
+        _parquet(pa.table({"t": pa.array([], pa.float64())})),
         "has columns but no rows; record or export it again",
     ),
     (
-        "twice.parquet", _parquet(pa.table([pa.array([1.0, 2.0])] * 2, names=["q", "q"])),
+        "twice.parquet",
+        _parquet(pa.table([pa.array([1.0, 2.0])] * 2, names=["q", "q"])),
         "columns 1, 2 are all named 'q'; rename them in the file",
     ),
     ("empty.h5", _hdf5(), _NO_NUMBERS),
     (
-        "ros.mcap", _mcap("cdr", b"\x00\x01"),
+        "ros.mcap",
+        _mcap("cdr", b"\x00\x01"),
         "topic '/servo' is encoded as 'cdr'; only JSON messages of numbers can be read, re-encode "
         "the topic or export it as CSV",
     ),
     ("none.mcap", _mcap("json", b"{}", messages=0), "holds no messages; record it again"),
     (
-        "words.mcap", _mcap("json", json.dumps({"mode": "auto", "t": 1.0}).encode(), messages=1),
+        "words.mcap",
+        _mcap("json", json.dumps({"mode": "auto", "t": 1.0}).encode(), messages=1),
         _NO_SERIES,
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("name", "content", "message"), CASES, ids=[c[0] for c in CASES])
@@ -263,9 +285,7 @@ def test_missing_file_lists_the_logs_beside_it(tmp_path: Path) -> None:
 def test_missing_folder(tmp_path: Path) -> None:
     with pytest.raises(LogError) as caught:
         read(tmp_path / "no" / "run.csv")
-    expected = (
-        f"{tmp_path}/no/run.csv: no such file; the folder {tmp_path}/no does not exist either"
-    )
+    expected = f"{tmp_path}/no/run.csv: no such file; the folder {tmp_path}/no does not exist either"
     assert str(caught.value) == expected
 
 
@@ -292,9 +312,7 @@ def test_join_needs_equal_lengths(tmp_path: Path) -> None:
 
 
 def test_join_argument_with_nothing_beside_the_plus() -> None:
-    with pytest.raises(
-        LogError, match=r"a\.csv\+: an empty name beside '\+'; write a\.csv\+b\.csv"
-    ):
+    with pytest.raises(LogError, match=r"a\.csv\+: an empty name beside '\+'; write a\.csv\+b\.csv"):
         read_argument("a.csv+")
 
 

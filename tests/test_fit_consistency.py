@@ -8,10 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pinotwin.errors import DataError
-from pinotwin.fit.consistency import Bodies, Evidence, consistent
-from pinotwin.fit.linear import Options, linear
-from pinotwin.fit.problem import AxisRows, Problem
-from pinotwin.fit.pseudoinertia import pseudo_inertia
+from pinotwin.solve.consistency import Bodies, Evidence, consistent
+from pinotwin.solve.linear import Options, linear
+from pinotwin.solve.problem import AxisRows, Problem
+from pinotwin.solve.pseudoinertia import pseudo_inertia
 
 
 def robot(seed=0, joints=3):
@@ -22,17 +22,13 @@ def robot(seed=0, joints=3):
     parent = 0
     for k in range(joints):
         joint = (pin.JointModelRX, pin.JointModelRY, pin.JointModelPZ)[k % 3]()
-        parent = model.addJoint(
-            parent, joint, pin.SE3(pin.SE3.Random().rotation, rng.random(3)), f"j{k}"
-        )
+        parent = model.addJoint(parent, joint, pin.SE3(pin.SE3.Random().rotation, rng.random(3)), f"j{k}")
         centre = rng.uniform(-0.2, 0.2, 3)
         cloud = centre + 0.1 * rng.standard_normal((30, 3))
         masses = rng.uniform(0.1, 1, 30)
         com = masses @ cloud / masses.sum()
         arm = cloud - com
-        inertia = sum(
-            m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arm, strict=True)
-        )
+        inertia = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arm, strict=True))
         model.appendBodyToJoint(parent, pin.Inertia(masses.sum(), com, inertia), pin.SE3.Identity())
     pi = np.concatenate([model.inertias[k + 1].toDynamicParameters() for k in range(joints)])
     return model, np.concatenate([pi, np.full(joints, 0.02)])
@@ -93,8 +89,9 @@ def test_pseudo_inertia_is_pinocchios():
     inertia = pin.Inertia.Random()
     assert_allclose(
         pseudo_inertia(inertia.toDynamicParameters()),
-        pin.PseudoInertia.FromInertia(inertia).toMatrix(), atol=1e-12,
-    )  # fmt: skip
+        pin.PseudoInertia.FromInertia(inertia).toMatrix(),
+        atol=1e-12,
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -109,14 +106,12 @@ def test_feasible_base_parameters_are_left_alone(seed):
     assert (out.pi[bodies.rotors] >= 0).all()
     # Nearest the prior: no further from it than the truth is, in the same units.
     size = np.maximum(np.abs(bodies.pi0), 1e-3)
-    assert np.linalg.norm((out.pi - bodies.pi0) / size) < 30 * np.linalg.norm(
-        (truth - bodies.pi0) / size
-    )
+    assert np.linalg.norm((out.pi - bodies.pi0) / size) < 30 * np.linalg.norm((truth - bodies.pi0) / size)
 
 
 def test_unconstrained_distance_is_the_minimum_norm():
     fit, bodies, beta, _ = fitted(0, noise=1e-6, prior_error=1e-3)
-    from pinotwin.fit.pseudoinertia import sizes
+    from pinotwin.solve.pseudoinertia import sizes
 
     out = consistent(Evidence.of(fit, beta), bodies)
     unit = np.concatenate([s.units() for s in sizes(bodies.pi0, bodies.bodies)])
@@ -140,9 +135,7 @@ def test_infeasible_base_parameters_move_at_a_stated_cost():
     assert (out.pi[bodies.rotors] > -1e-9).all()
     assert (out.theta[len(beta) :] >= 0).all()
     weight = 1 / fit.sigma[fit.problem.axis_place]
-    costs = [
-        np.sum((weight * (fit.problem.y - fit.problem.W @ t)) ** 2) for t in (out.theta, fit.theta)
-    ]
+    costs = [np.sum((weight * (fit.problem.y - fit.problem.W @ t)) ** 2) for t in (out.theta, fit.theta)]
     assert_allclose(out.cost_ratio, costs[0] / costs[1], rtol=1e-6)
 
 

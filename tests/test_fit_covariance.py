@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import butter, filtfilt, lfilter
 
-from pinotwin.fit.autoregression import autoregressions, burg, whiten
-from pinotwin.fit.linear import Options, linear
-from pinotwin.fit.problem import AxisRows, Problem
+from pinotwin.solve.autoregression import autoregressions, burg, whiten
+from pinotwin.solve.linear import Options, linear
+from pinotwin.solve.problem import AxisRows, Problem
 
 MIX = np.array([[1, 0.5, 0], [0, 1, 0.3], [0, 0, 1]])  # the axes' noise is correlated
 LEVEL = np.array([1.0, 10.0, 0.1])
@@ -38,9 +38,7 @@ def regressors(rng, n, step=0.02):
             )[rng.integers(0, 4)]
         sign = np.sign(v[:, i])
         own = (v[:, i], sign, 1 + 0 * sign, sign * np.exp(-2 * np.abs(v[:, i])))
-        W[:, 12 + 6 * i : 18 + 6 * i] = np.stack(
-            [*own, np.cos(3 * q[:, i]), np.sin(3 * q[:, i])], axis=1
-        )
+        W[:, 12 + 6 * i : 18 + 6 * i] = np.stack([*own, np.cos(3 * q[:, i]), np.sin(3 * q[:, i])], axis=1)
         out.append(W)
     return out
 

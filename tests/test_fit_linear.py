@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
 from pinotwin.errors import DataError
-from pinotwin.fit.crossval import held_out
-from pinotwin.fit.linear import Options, Prior, linear, reduce, solve
-from pinotwin.fit.problem import AxisRows, Problem
-from pinotwin.fit.tsqr import r_factor, r_factor_of_blocks
+from pinotwin.solve.crossval import held_out
+from pinotwin.solve.linear import Options, Prior, linear, reduce, solve
+from pinotwin.solve.problem import AxisRows, Problem
+from pinotwin.solve.tsqr import r_factor, r_factor_of_blocks
 
 
 def problem_of(rng, n=400, p=5, levels=(0.1, 10.0), truth=None, W=None):
@@ -227,9 +227,13 @@ def test_held_out_equals_refits_on_the_remaining_rows():
 )
 def test_rows_that_are_no_problem_are_refused(change, message):
     good = {
-        "W": np.ones((4, 2)), "y": np.ones(4), "axis": np.zeros(4, int), "time": np.arange(4),
-        "names": ("a", "b"), "block": np.zeros(4, int),
-    }  # fmt: skip
+        "W": np.ones((4, 2)),
+        "y": np.ones(4),
+        "axis": np.zeros(4, int),
+        "time": np.arange(4),
+        "names": ("a", "b"),
+        "block": np.zeros(4, int),
+    }
     with pytest.raises(DataError, match=message.replace("(", r"\(").replace(")", r"\)")):
         Problem(**(good | change))
 

@@ -7,12 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pinotwin.errors import DataError
-from pinotwin.fit.linear import Options, linear
-from pinotwin.fit.moving import Moving
-from pinotwin.fit.polish import Limits, VariableProjection
-from pinotwin.fit.problem import AxisRows, Problem
-from pinotwin.fit.projection import Projection
-from pinotwin.fit.separable import separable
+from pinotwin.solve.linear import Options, linear
+from pinotwin.solve.moving import Moving
+from pinotwin.solve.polish import Limits, VariableProjection
+from pinotwin.solve.problem import AxisRows, Problem
+from pinotwin.solve.projection import Projection
+from pinotwin.solve.separable import separable
 
 LEVEL = np.array([1.0, 5.0, 0.2])
 
@@ -31,9 +31,16 @@ def stribeck(name, rows, v):
 
     grid = np.geomspace(0.01, 5, 15)
     return Moving(
-        name, rows, columns, ("s",), ("vs",), np.array([0.01]), np.array([5.0]),
-        np.array([True]), (grid,),
-    )  # fmt: skip
+        name,
+        rows,
+        columns,
+        ("s",),
+        ("vs",),
+        np.array([0.01]),
+        np.array([5.0]),
+        np.array([True]),
+        (grid,),
+    )
 
 
 def ripple(name, rows, q):
@@ -41,9 +48,16 @@ def ripple(name, rows, q):
         return np.stack([np.cos(shape[0] * q), np.sin(shape[0] * q)], axis=1)
 
     return Moving(
-        name, rows, columns, ("c", "s"), ("w",), np.array([2.0]), np.array([100.0]),
-        np.array([False]), (np.linspace(2, 100, 400),),
-    )  # fmt: skip
+        name,
+        rows,
+        columns,
+        ("c", "s"),
+        ("w",),
+        np.array([2.0]),
+        np.array([100.0]),
+        np.array([False]),
+        (np.linspace(2, 100, 400),),
+    )
 
 
 def modulated(name, rows, q):
@@ -52,10 +66,16 @@ def modulated(name, rows, q):
         return np.concatenate([pair, np.abs(np.sin(q + shape[1]))[:, None] * pair], axis=1)
 
     return Moving(
-        name, rows, columns, ("c", "s", "mc", "ms"), ("w", "eps"), np.array([2.0, 0.0]),
-        np.array([100.0, np.pi]), np.array([False, False]),
+        name,
+        rows,
+        columns,
+        ("c", "s", "mc", "ms"),
+        ("w", "eps"),
+        np.array([2.0, 0.0]),
+        np.array([100.0, np.pi]),
+        np.array([False, False]),
         (np.linspace(2, 100, 400), np.linspace(0, np.pi, 13)),
-    )  # fmt: skip
+    )
 
 
 class Machine:
@@ -80,9 +100,7 @@ class Machine:
             effort = W @ np.linspace(1, 2, 10)
             effort += blocks[0].columns(self.vs[i : i + 1])[:, 0] * 0.8
             truth = self.truth(i)
-            effort += (
-                blocks[1].columns(truth) @ np.array([0.3, 0.4, -0.3, 0.3])[: 4 if i == 1 else 2]
-            )
+            effort += blocks[1].columns(truth) @ np.array([0.3, 0.4, -0.3, 0.3])[: 4 if i == 1 else 2]
             self.moving += blocks
             self.clean.append(effort)
             self.W.append(W)
@@ -146,9 +164,7 @@ def test_small_coordinates_keep_cost_and_gradient():
     free = np.full(10 + sum(len(m.names) for m in machine.moving), np.inf)
     projection = Projection.of(problem, machine.moving)
     small = VariableProjection(projection, LEVEL, Limits(-free, free, 1e-10))
-    x = np.concatenate(
-        [m.search(np.array([g[len(g) // 3] for g in m.starts])) for m in machine.moving]
-    )
+    x = np.concatenate([m.search(np.array([g[len(g) // 3] for g in m.starts])) for m in machine.moving])
 
     def cost(x):
         W = np.zeros((len(problem.y), len(free)))
@@ -193,9 +209,16 @@ def test_a_shape_beyond_its_bounds_is_reported_at_the_bound():
     y = v + np.sign(v) * (1 + np.exp(-np.abs(v) / 0.5)) + 0.001 * rng.standard_normal(800)
     block = stribeck("s", slice(0, 800), v)
     tight = Moving(
-        "s", block.rows, block.columns, block.names, block.shapes, np.array([0.01]),
-        np.array([0.2]), block.log, block.starts,
-    )  # fmt: skip
+        "s",
+        block.rows,
+        block.columns,
+        block.names,
+        block.shapes,
+        np.array([0.01]),
+        np.array([0.2]),
+        block.log,
+        block.starts,
+    )
     problem = Problem.stack([AxisRows(np.stack([v, np.sign(v)], 1), y, np.arange(800))], "ab")
     (shape,) = separable(problem, [tight]).shapes
     assert shape.bound == "upper"
@@ -229,9 +252,7 @@ def test_rows_may_be_any_selection_over_several_axes():
         wave = np.cos(shape[0] * q)
         return np.concatenate([wave, 2 * wave])[:, None]
 
-    joint = Moving(
-        "r", rows, columns, ("c",), both.shapes, both.lower, both.upper, both.log, both.starts
-    )
+    joint = Moving("r", rows, columns, ("c",), both.shapes, both.lower, both.upper, both.log, both.starts)
     out = separable(problem, [joint])
     assert_allclose(out.shape_values("r"), 17.3, atol=1e-3)
     assert_allclose(out.fit.theta, [2, 3, 1], atol=0.01)

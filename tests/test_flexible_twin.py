@@ -9,11 +9,11 @@ import pytest
 import yaml
 from scipy.signal import butter, sosfiltfilt
 
+from pinotwin.analysis.disturbance import reacting
+from pinotwin.analysis.modal import animate, servo_modes
 from pinotwin.cli.main import main as command_line
 from pinotwin.diagnosis import diagnose
-from pinotwin.disturbance import reacting
 from pinotwin.log import Log
-from pinotwin.modal import animate, servo_modes
 from pinotwin.report import identification_report
 from pinotwin.simulation import wide_loops
 from pinotwin.twin import Twin
@@ -138,12 +138,9 @@ def test_the_twin_survives_the_disk_and_writes_its_spring(tmp_path) -> None:
         a, b = (x.simulate(asked, controller=loops) for x in (twin, again))
         np.testing.assert_allclose(a["delta.v"], b["delta.v"], rtol=1e-6, atol=1e-9)
     rows = np.column_stack(list(asked.channels.values()))
-    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(asked.channels),
-               comments="")  # fmt: skip
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(asked.channels), comments="")
     out = tmp_path / "out.csv"
-    assert (
-        command_line(["simulate", str(folder), str(tmp_path / "log.csv"), "--out", str(out)]) == 0
-    )
+    assert command_line(["simulate", str(folder), str(tmp_path / "log.csv"), "--out", str(out)]) == 0
     header = out.read_text().partition("\n")[0].split(",")
     assert {"delta.q", "delta.v", "delta.a", "Y.e", "A.u"} <= set(header)
 
@@ -156,8 +153,7 @@ def test_loops_are_tied_to_the_mass() -> None:
         i = twin.machine.axes[axis].index
         M, C = (twin.diagonal[k][i] for k in ("inertia", "viscous"))
         for s in (5j, 200j, -30 + 900j):
-            G = [np.divide(*(np.polyval(p, s) for p in twin.loops[axis].numerator(y, "d")))
-                 for y in "eu"]  # fmt: skip
+            G = [np.divide(*(np.polyval(p, s) for p in twin.loops[axis].numerator(y, "d"))) for y in "eu"]
             assert G[1] == pytest.approx(1 - (M * s**2 + C * s) * G[0], rel=1e-6)
 
 

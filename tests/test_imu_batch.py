@@ -31,11 +31,12 @@ def sensor(k: int, number: int = 1, tilt: object = None, **clock: object) -> Imu
     c = {"drop": 0.01, "holes": ((8.0, 8.2),), "jitter": 1e-5} | clock
     foundation = np.random.default_rng(k).normal(0, 2 * DEG, 3) if tilt is None else tilt
     return replace(
-        mti630(rng, number), mounting=Rotation.random(random_state=100 * number + k).as_matrix(),
+        mti630(rng, number),
+        mounting=Rotation.random(random_state=100 * number + k).as_matrix(),
         position=rng.uniform(-0.1, 0.1, 3),
         gravity=Rotation.from_rotvec(foundation).as_matrix() @ GRAVITY,
         clock=SensorClock(offset=rng.uniform(-4, 4), skew=rng.normal(0, 5e-5), **c),  # type: ignore[arg-type]
-    )  # fmt: skip
+    )
 
 
 def as_runs(truth: Truth, servo: object, s: ImuSensor, seed: int) -> tuple[ServoRun, ImuRun]:
@@ -63,8 +64,12 @@ def gaps(truth: Truth, result: BatchResult) -> tuple[float, float, float, float]
     """RMS errors of dynamic angle, velocity, acceleration [deg...], and the true dynamic RMS."""
     r, rows = result.runs[0], slice(None, None, 10)
     dynamic = high_passed(r.t, truth.delta[rows], 0.5)
-    return (rms(r.dynamic - dynamic) / DEG, rms(r.velocity - truth.delta_v[rows]) / DEG,
-            rms(r.acceleration - truth.delta_a[rows]) / DEG, rms(dynamic) / DEG)  # fmt: skip
+    return (
+        rms(r.dynamic - dynamic) / DEG,
+        rms(r.velocity - truth.delta_v[rows]) / DEG,
+        rms(r.acceleration - truth.delta_a[rows]) / DEG,
+        rms(dynamic) / DEG,
+    )
 
 
 @pytest.mark.parametrize(

@@ -24,10 +24,11 @@ def draw(k: int, seconds: float = 24.0, **clock: object) -> tuple[ImuSensor, Imu
     """A sensor of the source's errors, any mounting and clock, and its record of run k % 3."""
     rng = np.random.default_rng([77, k])
     sensor = replace(
-        mti630(rng), mounting=Rotation.random(random_state=k).as_matrix(),
+        mti630(rng),
+        mounting=Rotation.random(random_state=k).as_matrix(),
         position=rng.uniform(-0.1, 0.1, 3),
         clock=SensorClock(offset=rng.uniform(-4, 4), skew=rng.normal(0, 5e-5), **clock),  # type: ignore[arg-type]
-    )  # fmt: skip
+    )
     return sensor, sensor.measure(run(k % 3, seconds)[0].motion, rng)
 
 
@@ -37,8 +38,7 @@ def errors(k: int, **clock: object) -> np.ndarray:
     servo = run(k % 3, 24.0)[1]
     fit = sync(servo.t, servo.w, imu.t, imu.gyr, SyncSettings(delay=sensor.gyro.delay))
     s, c = fit.segments[0], sensor.clock
-    return np.array([s.at_pivot - (c.offset + (1 + c.skew) * s.pivot), s.se,
-                     fit.skew - c.skew, fit.se_skew])  # fmt: skip
+    return np.array([s.at_pivot - (c.offset + (1 + c.skew) * s.pivot), s.se, fit.skew - c.skew, fit.se_skew])
 
 
 def test_offset_and_skew_over_fifty_mountings_and_clocks() -> None:

@@ -42,9 +42,7 @@ def test_jacobians_equal_finite_differences(size: float) -> None:
 def test_predicted_gravity_is_gravity_in_the_sensor_frame() -> None:
     q = rot.exp(np.array([0.3, -1.2, 0.5]))
     x = np.concatenate([q, np.zeros(6)])
-    np.testing.assert_allclose(
-        gravity_rows(x, 9.81)[0], rot.rotate(rot.conjugate(q), np.array([0, 0, 9.81]))
-    )
+    np.testing.assert_allclose(gravity_rows(x, 9.81)[0], rot.rotate(rot.conjugate(q), np.array([0, 0, 9.81])))
 
 
 def test_smoother_equals_the_batch_least_squares_solution() -> None:
@@ -88,8 +86,10 @@ def test_bias_and_inclination_are_found_and_the_smoother_is_better() -> None:
     q, gyr, acc = swing()
     forward = ekf(gyr, acc, 200.0)
     np.testing.assert_allclose(forward.bias[-1], [5e-3, -3e-3, 2e-3], atol=1.5e-3)
-    error = {m: np.sqrt(np.mean(rot.inclination_error(orientation(gyr, acc, 200.0, m), q) ** 2))
-             for m in ("ekf", "smoother", "offline", "vqf")}  # fmt: skip
+    error = {
+        m: np.sqrt(np.mean(rot.inclination_error(orientation(gyr, acc, 200.0, m), q) ** 2))
+        for m in ("ekf", "smoother", "offline", "vqf")
+    }
     assert error["smoother"] < error["ekf"]
     assert error["offline"] < 2e-3
     assert error["offline"] <= 1.05 * error["vqf"]

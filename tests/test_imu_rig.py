@@ -84,9 +84,14 @@ def deflect(tau, inertia, h, k3, hyst, width):
 
 
 def record(
-    seed: int, seconds: float = 20.0, *, c_axis: bool = True, hysteresis: float = 0.0,
-    hardening: float = 0.0, seed_noise: int = 0,
-) -> tuple[Truth, Servo]:  # fmt: skip
+    seed: int,
+    seconds: float = 20.0,
+    *,
+    c_axis: bool = True,
+    hysteresis: float = 0.0,
+    hardening: float = 0.0,
+    seed_noise: int = 0,
+) -> tuple[Truth, Servo]:
     """One run: the truth on a fine clock, and the servo's view of it at 400 Hz."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * FINE)) / FINE
@@ -101,9 +106,7 @@ def record(
     k3 = hardening * K_D / peak**2
     d, dv, da = deflect(tau, inertia, 1 / FINE, k3, hysteresis * np.abs(tau).max(), 0.2 * peak).T
     R = turn(d + qa, qc)
-    truth = Truth(
-        d, dv, da, LinkMotion(t, R.as_matrix(), *spin(qa, va + dv, qc, vc, ya, d, dv, da))
-    )
+    truth = Truth(d, dv, da, LinkMotion(t, R.as_matrix(), *spin(qa, va + dv, qc, vc, ya, d, dv, da)))
     servo = view(t, qa, va, qc, vc, ya, tau, np.random.default_rng([seed, seed_noise]))
     return truth, servo
 
@@ -123,8 +126,10 @@ def spin(qa, va, qc, vc, ya, d, dv, da):
     """Rate and acceleration of the table's origin in the table frame."""
     w = np.stack([np.cos(qc) * va, -np.sin(qc) * va, vc], axis=1)
     zero = 0 * qa
-    a = np.stack([zero, ya - L * np.cos(d) * da + L * np.sin(d) * dv**2,
-                  -L * np.sin(d) * da - L * np.cos(d) * dv**2], axis=1)  # fmt: skip
+    a = np.stack(
+        [zero, ya - L * np.cos(d) * da + L * np.sin(d) * dv**2, -L * np.sin(d) * da - L * np.cos(d) * dv**2],
+        axis=1,
+    )
     R = turn(d + qa, qc).inv()
     return w, R.apply(a)
 

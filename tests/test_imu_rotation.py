@@ -17,8 +17,13 @@ def coning(t: np.ndarray, half_angle: float, rate: float) -> tuple[np.ndarray, n
     c, s = np.cos(half_angle / 2), np.sin(half_angle / 2)
     q = np.stack([np.full_like(t, c), s * np.cos(rate * t), s * np.sin(rate * t), 0 * t], 1)
     w = rate * np.stack(
-        [-np.sin(half_angle) * np.sin(rate * t), np.sin(half_angle) * np.cos(rate * t),
-         np.full_like(t, -2 * s**2)], 1)  # fmt: skip
+        [
+            -np.sin(half_angle) * np.sin(rate * t),
+            np.sin(half_angle) * np.cos(rate * t),
+            np.full_like(t, -2 * s**2),
+        ],
+        1,
+    )
     return q, w
 
 

@@ -33,8 +33,13 @@ def test_carousel_reads_the_centripetal_acceleration_and_gravity() -> None:
 
 def test_scale_nonorthogonality_and_g_sensitivity_act_as_stated() -> None:
     cross = np.array([[0, 1e-3, 0], [1e-3, 0, 2e-3], [0, 2e-3, 0.0]])
-    gyro = Triad(scale=np.array([0, 0, 0.005]), nonorthogonality=cross, bias=np.full(3, 0.01),
-                 asymmetry=np.array([0, 0, 1e-3]), g_sensitivity=np.full((3, 3), 1e-4))  # fmt: skip
+    gyro = Triad(
+        scale=np.array([0, 0, 0.005]),
+        nonorthogonality=cross,
+        bias=np.full(3, 0.01),
+        asymmetry=np.array([0, 0, 1e-3]),
+        g_sensitivity=np.full((3, 3), 1e-4),
+    )
     reading = ImuSensor(gyro=gyro).measure(carousel(-2.0), np.random.default_rng(0))
     g = 9.81e-4
     expected = [0.01 + g, -4e-3 + 0.01 + g, -2 * 1.005 + 2e-3 + 0.01 + g]
@@ -93,6 +98,4 @@ def test_rest_is_found_where_the_rig_rests_and_nowhere_else() -> None:
     assert np.abs(offset).max() < 0.01 * DEG
     busy = slice(600, 3600)
     assert not rest(reading.gyr[busy], reading.acc[busy], 400.0)[200:-200].all()
-    np.testing.assert_allclose(
-        white_level(np.random.default_rng(0).normal(size=(9999, 1))), 1, 0.05
-    )
+    np.testing.assert_allclose(white_level(np.random.default_rng(0).normal(size=(9999, 1))), 1, 0.05)

@@ -43,9 +43,7 @@ def chain(masses, hertz, measured, kv, kp=20.0, ti=0.08, zeta=0.03, ff=400.0):
 
 
 TYPES = {
-    "a: screw, encoder on the load": chain(
-        (6.0, 26.0), (45.0,), 1, 450.0, kp=10.0, ti=0.2, zeta=0.08
-    ),
+    "a: screw, encoder on the load": chain((6.0, 26.0), (45.0,), 1, 450.0, kp=10.0, ti=0.2, zeta=0.08),
     "b: table bends, encoder at the motor": chain((25.0, 6.0), (24.0,), 0, 1900.0),
     "c: base and table, two modes": chain((12.0, 10.0, 10.0), (24.0, 34.0), 0, 1900.0),
     "three modes": chain((16.0, 9.0, 8.0, 8.0), (18.0, 26.0, 33.0), 0, 1500.0),

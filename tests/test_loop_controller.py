@@ -41,9 +41,7 @@ def sampled_cascade(law, seconds=4.0, seed=0, late=0, M=20.0, C=50.0, grid=0.0):
     return LoopData(STEP, qr, d, np.column_stack([e, u]), vr=vr, ar=ar)
 
 
-CASCADE = Controller(
-    "p_pi", kp=40.0, kv=2000.0, integral=12.0, ffv=0.95, ffa=15.0, filter_time=8e-4
-)
+CASCADE = Controller("p_pi", kp=40.0, kv=2000.0, integral=12.0, ffv=0.95, ffa=15.0, filter_time=8e-4)
 
 
 @pytest.mark.parametrize("late", [0, 1, 3])
@@ -68,11 +66,7 @@ def test_cascade_recovered_from_a_quantised_and_noisy_log():
         )
         assert found.kp * found.kv == pytest.approx(CASCADE.kp * CASCADE.kv, rel=0.02)
         assert found.kv == pytest.approx(CASCADE.kv, rel=0.02)
-        error = (
-            found.kp
-            * found.kv
-            * np.hypot(found.errors["kp"] / found.kp, found.errors["kv"] / found.kv)
-        )
+        error = found.kp * found.kv * np.hypot(found.errors["kp"] / found.kp, found.errors["kv"] / found.kv)
         inside += abs(found.kp * found.kv - CASCADE.kp * CASCADE.kv) < 3 * error
     assert inside >= 3
 

@@ -67,9 +67,7 @@ def test_simulate_equals_python_control_state_space():
     system = model.state_space("vr")
     assert system.input_labels == ["d", "vr", "ar"]
     assert system.output_labels == ["e", "u"]
-    found = control.forced_response(
-        system, STEP * np.arange(500), np.stack([d[:, 0], vr, 0 * vr])
-    ).outputs
+    found = control.forced_response(system, STEP * np.arange(500), np.stack([d[:, 0], vr, 0 * vr])).outputs
     y = model.simulate(0 * vr, d, vr=vr, ar=0 * vr)
     assert np.max(np.abs(found.T - y)) < 1e-9 * np.max(np.abs(y))
 
@@ -87,8 +85,10 @@ def test_transfer_state_space_and_poles_agree():
             assert one.input_labels == [name]
             size = np.max(np.abs(whole[k, j]))
             assert np.max(np.abs(one(1j * w) - whole[k, j])) < 1e-8 * size
-    assert np.allclose(np.sort_complex(np.unique(np.round(system.poles(), 6))),
-                       np.sort_complex(np.unique(np.round(model.poles, 6))))  # fmt: skip
+    assert np.allclose(
+        np.sort_complex(np.unique(np.round(system.poles(), 6))),
+        np.sort_complex(np.unique(np.round(model.poles, 6))),
+    )
     with pytest.raises(DataError, match="no output 'w'; "):
         model.transfer("w", "d")
     with pytest.raises(DataError, match="no input 'q'; did you mean 'qr'"):
@@ -149,9 +149,7 @@ def test_derivatives_of_the_outputs_are_exact():
     for i in range(k):
         x = modal.advance(x, w[i], w[i + 1])
     dw = np.array([40 * np.cos(40 * t[k]) - 91 * np.sin(91 * t[k]), 70 * np.cos(70 * t[k])])
-    ddw = np.array(
-        [-1600 * np.sin(40 * t[k]) - 8281 * np.cos(91 * t[k]), -4900 * np.sin(70 * t[k])]
-    )
+    ddw = np.array([-1600 * np.sin(40 * t[k]) - 8281 * np.cos(91 * t[k]), -4900 * np.sin(70 * t[k])])
     first = (y[k + 1] - y[k - 1]) / (2 * h)
     second = (y[k + 1] - 2 * y[k] + y[k - 1]) / h**2
     for order, expected, tolerance in ((1, first, 1e-5), (2, second, 1e-3)):
@@ -334,9 +332,7 @@ def test_numerator_errors_match_the_scatter():
     values, errors = [], []
     start = None
     for _ in range(25):
-        data = LoopData(
-            STEP, qr, d, y + 0.02 * y.std(axis=0) * rng.standard_normal(y.shape), vr=vr, ar=ar
-        )
+        data = LoopData(STEP, qr, d, y + 0.02 * y.std(axis=0) * rng.standard_normal(y.shape), vr=vr, ar=ar)
         model = identify_loop(data, structure, starts=start)
         start = np.log([model.sections[0].values[0], *model.sections[1].values])[None]
         values.append(model.numerator("e", "d")[0])

@@ -31,9 +31,7 @@ def test_a_rigid_axis_does_not_pay_for_one():
     assert choice.trials[choice.chosen].structure.pole_pairs == 1
     errors = [t.nrmse for t in choice.trials]
     assert errors[choice.best] == min(errors)
-    assert [t.structure.order for t in choice.trials] == sorted(
-        t.structure.order for t in choice.trials
-    )
+    assert [t.structure.order for t in choice.trials] == sorted(t.structure.order for t in choice.trials)
 
 
 def test_candidates_and_folds_are_checked():

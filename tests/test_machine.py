@@ -10,9 +10,9 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from pinotwin.columns import bind
 from pinotwin.errors import MachineError, nearest
 from pinotwin.log import Log
+from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine, machines
 from pinotwin.machine.loading import machine_spec
 from tests.conftest import ROOT
@@ -146,9 +146,7 @@ def test_bundled_machines_by_name_folder_and_file() -> None:
 def test_posture() -> None:
     machine = Machine.load("trunnion")
     assert machine.posture({"A": 0.3}).tolist() == [0.0, 0.3, 0.0]
-    with pytest.raises(
-        MachineError, match=r"trunnion: no axis 'a'; did you mean 'A'\? known: A, C, Y"
-    ):
+    with pytest.raises(MachineError, match=r"trunnion: no axis 'a'; did you mean 'A'\? known: A, C, Y"):
         machine.posture({"a": 0.3})
 
 
@@ -159,9 +157,7 @@ def test_unknown_axis_names_the_nearest() -> None:
 
 def test_hints_list_few_words_of_many() -> None:
     words = [f"joint_{i}" for i in range(100)]
-    assert (
-        nearest("joint_4", words[:3]) == "did you mean 'joint_2'? known: joint_0, joint_1, joint_2"
-    )
+    assert nearest("joint_4", words[:3]) == "did you mean 'joint_2'? known: joint_0, joint_1, joint_2"
     many = nearest("joint_x", words)
     assert many.startswith("did you mean 'joint_")
     assert "of 100: " in many

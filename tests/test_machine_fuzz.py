@@ -25,7 +25,11 @@ SPEC: dict[str, Any] = {
     "urdf": "rig.urdf",
     "axes": {
         "X": {
-            "joint": "jx", "rotor_inertia": 2.0, "effort_limit": 300, "zero": 0.1, "min_speed": 0.01,
+            "joint": "jx",
+            "rotor_inertia": 2.0,
+            "effort_limit": 300,
+            "zero": 0.1,
+            "min_speed": 0.01,
             "effects": [
                 "viscous",
                 {"stribeck": {"v_s": 0.02, "exponent": 2}},
@@ -44,7 +48,7 @@ SPEC: dict[str, Any] = {
         "X.q": {"column": "pos", "unit": "mm", "factor": 2.0, "offset": 0.1},
         "arm.fx": "force",
     },
-}  # fmt: skip
+}
 
 JUNK = st.one_of(
     st.none(),
@@ -52,9 +56,7 @@ JUNK = st.one_of(
     st.integers(-3, 3),
     st.sampled_from([1e300, -1e300, 10**30, float("nan"), float("inf"), 0.0, -0.0, 2.5]),
     st.text(max_size=8),
-    st.sampled_from(
-        ["X", "jx", "jb", "arm", "d", "q", "viscous", "spring", "presliding", "../x", "1e9"]
-    ),
+    st.sampled_from(["X", "jx", "jb", "arm", "d", "q", "viscous", "spring", "presliding", "../x", "1e9"]),
     st.lists(st.one_of(st.integers(-2, 2), st.text(max_size=3), st.none()), max_size=3),
     st.dictionaries(st.text(max_size=4), st.one_of(st.integers(-2, 2), st.none()), max_size=2),
 )
@@ -64,13 +66,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     """Yield the path of every node below the top."""
     if path:
         yield path
-    items = (
-        value.items()
-        if isinstance(value, dict)
-        else enumerate(value)
-        if isinstance(value, list)
-        else ()
-    )
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in items:
         yield from places(inner, (*path, key))
 
@@ -180,9 +176,7 @@ def test_a_spoiled_urdf(folder: Path, data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 2))):
         elements = list(root.iter())
         element = elements[data.draw(st.integers(1, len(elements) - 1))]
-        how = data.draw(
-            st.sampled_from(["attribute", "attribute", "drop", "remove", "twice", "rename"])
-        )
+        how = data.draw(st.sampled_from(["attribute", "attribute", "drop", "remove", "twice", "rename"]))
         names = sorted(element.attrib)
         if how == "attribute" and names:
             element.set(data.draw(st.sampled_from(names)), data.draw(st.sampled_from(ATTRIBUTES)))
@@ -193,9 +187,7 @@ def test_a_spoiled_urdf(folder: Path, data: st.DataObject) -> None:
         elif how == "twice":
             element.addnext(copy.deepcopy(element))
         elif how == "rename":
-            element.tag = data.draw(
-                st.sampled_from(["link", "joint", "origin", "mimic", "limit", "x"])
-            )
+            element.tag = data.draw(st.sampled_from(["link", "joint", "origin", "mimic", "limit", "x"]))
     spec = yaml.safe_dump(
         {"name": "rig", "urdf": "rig.urdf", "axes": {"X": {"joint": "jx"}, "B": {"joint": "jb"}}}
     )

@@ -57,9 +57,7 @@ def agree(tau: np.ndarray, equation: np.ndarray) -> None:
 def test_joint_order_and_axes_of_the_driller(urdf_dir: Path) -> None:
     model = load(urdf_dir, "laser_driller")
     assert list(model.names)[1:] == ["X", "Y", "Z", "B", "C"]
-    np.testing.assert_allclose(
-        model.jointPlacements[model.getJointId("C")].translation, [0, 0, 0.08]
-    )
+    np.testing.assert_allclose(model.jointPlacements[model.getJointId("C")].translation, [0, 0, 0.08])
     for joint in range(1, model.njoints):
         np.testing.assert_allclose(model.jointPlacements[joint].rotation, np.eye(3), atol=1e-15)
 
@@ -94,20 +92,25 @@ def test_driller_is_eq_3_2_to_3_6(urdf_dir: Path, seed: int) -> None:
         (m_z + m_b + m_c + m_w + m_sc) * a_z
         + (m_z + m_b + m_c + m_w) * (-G)
         + s_z * (cb * v_b**2 + sb * a_b)
-        + y_w * m_w
-        * (-2 * cb * cc * v_b * v_c + (v_b**2 + v_c**2) * sb * sc - sb * cc * a_c - cb * sc * a_b)
-        + x_w * m_w
-        * (2 * cb * sc * v_b * v_c + (v_b**2 + v_c**2) * sb * cc + sb * sc * a_c - cb * cc * a_b)
-    )  # fmt: skip
+        + y_w * m_w * (-2 * cb * cc * v_b * v_c + (v_b**2 + v_c**2) * sb * sc - sb * cc * a_c - cb * sc * a_b)
+        + x_w * m_w * (2 * cb * sc * v_b * v_c + (v_b**2 + v_c**2) * sb * cc + sb * sc * a_c - cb * cc * a_b)
+    )
     # Eq. 3.5; products of inertia are elements of the tensor (I_xy = -integral of xy dm)
     p_zx = -i_w[2, 0] + m_w * r_c * x_w + m_w * x_w * z_w
     p_xy = i_w[0, 1] - m_w * x_w * y_w
     p_yz = i_w[1, 2] - m_w * r_c * y_w - m_w * y_w * z_w
     d_xy = i_w[0, 0] - i_w[1, 1] - m_w * x_w**2 + m_w * y_w**2
     j_b = (
-        i_b[1, 1] + i_c[0, 0] + i_w[0, 0] + m_c * r_c**2 + m_b * r_b**2
-        + m_w * y_w**2 + m_w * z_w**2 + m_w * r_c**2 + 2 * m_w * r_c * z_w
-    )  # fmt: skip
+        i_b[1, 1]
+        + i_c[0, 0]
+        + i_w[0, 0]
+        + m_c * r_c**2
+        + m_b * r_b**2
+        + m_w * y_w**2
+        + m_w * z_w**2
+        + m_w * r_c**2
+        + 2 * m_w * r_c * z_w
+    )
     u_b = (
         j_b * a_b
         + s_z * (a_z - G) * sb
@@ -231,17 +234,13 @@ def test_flexure_rig_has_the_parameters_of_table_7_1(urdf_dir: Path) -> None:
 
 
 def frequencies(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.clip(scipy.linalg.eigh(stiffness, mass, eigvals_only=True), 0, None)) / (
-        2 * np.pi
-    )
+    return np.sqrt(np.clip(scipy.linalg.eigh(stiffness, mass, eigvals_only=True), 0, None)) / (2 * np.pi)
 
 
 def test_flexure_rig_modes_of_the_linear_part_of_eq_5_4(urdf_dir: Path) -> None:
     """Tap test of Appendix A: 20 Hz with the linear motor held, 34.6 Hz without."""
     p = rig_parameters(load(urdf_dir, "flexure_rig"))
-    flexure = yaml.safe_load((urdf_dir / "flexure_rig/machine.yaml").read_text())["passive"][
-        "delta"
-    ]
+    flexure = yaml.safe_load((urdf_dir / "flexure_rig/machine.yaml").read_text())["passive"]["delta"]
     k, c = flexure["stiffness"], flexure["damping"]
     held = np.sqrt(k / p["I_delta"]) / (2 * np.pi)
     mass = np.array([[p["m_Y"], -p["mu"]], [-p["mu"], p["I_delta"]]])
@@ -255,9 +254,7 @@ def test_flexure_rig_modes_of_the_whole_tree_with_the_tilting_axis_clamped(urdf_
     """The table's small coupling moves the modes by a few per cent with its tilt, no more."""
     model = load(urdf_dir, "flexure_rig")
     data = model.createData()
-    k = yaml.safe_load((urdf_dir / "flexure_rig/machine.yaml").read_text())["passive"]["delta"][
-        "stiffness"
-    ]
+    k = yaml.safe_load((urdf_dir / "flexure_rig/machine.yaml").read_text())["passive"]["delta"]["stiffness"]
     for tilt in np.radians([0.0, 32.0, 73.0, 90.0]):
         mass = pin.crba(model, data, np.array([0.0, 0.0, tilt, 0.0]))[:2, :2]
         held = np.sqrt(k / mass[1, 1]) / (2 * np.pi)

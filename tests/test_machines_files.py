@@ -122,9 +122,7 @@ def test_shapes_are_primitives_with_named_materials(urdf_dir: Path, name: str) -
     assert not tree.findall(".//mesh")
     assert {v.find("material").get("name") for v in visuals} == defined
     for joint in MACHINES[name]:
-        assert tree.findall(f".//link[@name='{joint}_link']/visual"), (
-            f"{joint} carries nothing visible"
-        )
+        assert tree.findall(f".//link[@name='{joint}_link']/visual"), f"{joint} carries nothing visible"
 
 
 def test_the_driller_makes_every_base_parameter_felt(urdf_dir: Path) -> None:
@@ -163,9 +161,7 @@ def test_tx40_log_lies_inside_the_limits(urdf_dir: Path, data_dir: Path) -> None
     ratios = np.array([[spec["transmission"][i].get(j, 0.0) for j in joints] for i in joints])
     zero = np.array([spec["axes"][j].get("zero", 0.0) for j in joints])
     with (data_dir / "staubli_tx40" / "pos_read_data.csv").open() as file:
-        rows = [
-            [float(x) for x in row] for k, row in enumerate(csv.reader(file)) if k and k % 10 == 0
-        ]
+        rows = [[float(x) for x in row] for k, row in enumerate(csv.reader(file)) if k and k % 10 == 0]
     q = np.linalg.solve(ratios, np.array(rows).T).T + zero
     model = pin.buildModelFromUrdf(str(urdf_of(urdf_dir, "tx40")))
     assert np.all(q.min(axis=0) > model.lowerPositionLimit)

@@ -10,10 +10,10 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
+from pinotwin.analysis.modal import animate, modes
 from pinotwin.cli.main import main
 from pinotwin.errors import MachineError
 from pinotwin.machine import Machine
-from pinotwin.modal import animate, modes
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +25,7 @@ def test_rig_has_the_modes_of_appendix_a(rig: Machine) -> None:
     """20 Hz held, 34.6 Hz free; the whole tree gives 21.1/35.0 at 0 and 19.7/33.0 Hz at 90 deg."""
     for angle, held, free in ((0.0, 21.11, 34.99), (np.pi / 2, 19.66, 32.99)):
         assert modes(rig, {"A": angle})[0].frequency == pytest.approx(held, abs=0.01)
-        assert modes(rig, {"A": angle}, locked=["A", "C"])[0].frequency == pytest.approx(
-            free, abs=0.01
-        )
+        assert modes(rig, {"A": angle}, locked=["A", "C"])[0].frequency == pytest.approx(free, abs=0.01)
     assert modes(rig, {"A": 1.3})[0].frequency == pytest.approx(20.0, rel=0.01)
     assert modes(rig, {"A": np.pi / 2}, locked="none")[0].frequency == pytest.approx(34.6, rel=0.01)
     assert modes(rig)[0].damping == pytest.approx(0.05, rel=0.1)
@@ -108,15 +106,11 @@ def test_animation_shows_one_period(rig: Machine) -> None:
     np.testing.assert_allclose(q[0], q[-1], atol=1e-12)
     assert np.ptp(q[:, 1]) == pytest.approx(0.2)
     assert t[0] == 0.0
-    with pytest.raises(
-        MachineError, match=r"no mode 2: 1 vibration\(s\) at this posture \(21.1 Hz\)"
-    ):
+    with pytest.raises(MachineError, match=r"no mode 2: 1 vibration\(s\) at this posture \(21.1 Hz\)"):
         animate(found, 2, 0.1)
 
 
-def test_view_writes_a_page_with_the_mode(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_view_writes_a_page_with_the_mode(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "mode.html"
     words = ["view", "flexure_rig", "--mode", "1", "--html", str(page)]
     assert main([*words, "--posture", "A=90deg"]) == 0

@@ -8,12 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinotwin.checking import check
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
+from pinotwin.logs.check import check
+from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.preparation import prepare
 from tests.rig import YAML, good_log, write_machine
 
 RATE = 1000.0
@@ -93,9 +93,7 @@ def test_the_filter_has_no_delay(rig: Machine) -> None:
 
 
 def test_efforts_may_stay_unfiltered(tmp_path: Path) -> None:
-    machine = Machine.load(
-        write_machine(tmp_path / "rig", yaml=YAML + "data: {filter_effort: false}\n")
-    )
+    machine = Machine.load(write_machine(tmp_path / "rig", yaml=YAML + "data: {filter_effort: false}\n"))
     x = noise(2)
     motion = prepare(machine, log_of(x), cutoff=60.0)
     np.testing.assert_array_equal(motion.u[:, 0], 30.0 * x)
@@ -211,9 +209,7 @@ def test_a_motor_without_effort_spoils_only_the_joints_it_drives(tmp_path: Path)
     machine = Machine.load(write_machine(tmp_path / "rig", yaml=mixed))
     _, q, _, _ = multisine()
     log = log_of(q)
-    motion = prepare(
-        machine, log.with_channels({k: x for k, x in log.channels.items() if k != "X.u"})
-    )
+    motion = prepare(machine, log.with_channels({k: x for k, x in log.channels.items() if k != "X.u"}))
     assert np.isnan(motion.u[:, 0]).all()  # both motors act on joint X
     assert np.isfinite(motion.u[:, 1]).all()
 

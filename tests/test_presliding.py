@@ -22,9 +22,7 @@ def moved(q: np.ndarray, step: float = STEP) -> AxisMotion:
 
 
 def there_and_back(*turns: float) -> np.ndarray:
-    return np.concatenate(
-        [np.linspace(a, b, 400) for a, b in zip((0.0, *turns), turns, strict=False)]
-    )
+    return np.concatenate([np.linspace(a, b, 400) for a, b in zip((0.0, *turns), turns, strict=False)])
 
 
 class TestClosedForms:

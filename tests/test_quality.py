@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from pinotwin.errors import LogError
 from pinotwin.log import Log
-from pinotwin.quality import Limits, Quality, inspect, resample
-from pinotwin.quality.values import (
+from pinotwin.logs.quality import Limits, Quality, inspect, resample
+from pinotwin.logs.quality.values import (
     jump_rows,
     quantisation_step,
     repeated_rows,
@@ -83,10 +83,7 @@ def test_a_lead_of_the_effort_is_measured_to_a_fraction_of_a_sample(lead: float)
         assert axis.lead_error is not None
         assert axis.lead_error < 2e-4
     how = "leads" if lead > 0 else "lags"
-    assert (
-        f"warning: Y.u, A.u: effort {how} the position by about {1e3 * abs(lead):.1f} ms"
-        in said(quality)
-    )
+    assert f"warning: Y.u, A.u: effort {how} the position by about {1e3 * abs(lead):.1f} ms" in said(quality)
 
 
 def test_faults_of_the_clock() -> None:
@@ -99,10 +96,7 @@ def test_faults_of_the_clock() -> None:
     text = said(look(channels))
     assert "t: the clock runs backward 1 times, first at row 2000; the log is cut there" in text
     assert "t: 1 duplicated time stamps, first at row 3000 (about 500 Hz)" in text
-    assert (
-        "t: 2 gaps, 51 samples missing at about 500 Hz, the longest 0.102 s, first at row 1000"
-        in text
-    )
+    assert "t: 2 gaps, 51 samples missing at about 500 Hz, the longest 0.102 s, first at row 1000" in text
 
 
 def test_jitter_and_a_jump_of_the_clock() -> None:
@@ -350,9 +344,12 @@ def test_the_inspection_of_rubbish_never_breaks(seed: int, n: int) -> None:
     for name in ("Y.q", "Y.u", "Y.qr", "Y.v", "A.q", "A.u", "state"):
         kind = rng.integers(5)
         x = [
-            rng.normal(size=n), np.zeros(n), np.full(n, np.nan), rng.integers(0, 3, n) * 1.0,
+            rng.normal(size=n),
+            np.zeros(n),
+            np.full(n, np.nan),
+            rng.integers(0, 3, n) * 1.0,
             np.where(rng.random(n) < 0.3, np.nan, rng.normal(size=n).cumsum()),
-        ][kind]  # fmt: skip
+        ][kind]
         if rng.random() < 0.8:
             channels[name] = x
     quality = look(channels)

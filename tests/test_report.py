@@ -108,8 +108,17 @@ def test_parameter_that_is_not_determined_shows_no_number() -> None:
 
 
 def test_values_of_undetermined_parameters_stay_out_of_the_sort_keys() -> None:
-    row = Parameter("rigid_body.m_A", "rigid_body", "linear", 123.456, "kg", np.nan, False,
-                    "not determined: nothing in this log excites it", prior=123.456)  # fmt: skip
+    row = Parameter(
+        "rigid_body.m_A",
+        "rigid_body",
+        "linear",
+        123.456,
+        "kg",
+        np.nan,
+        False,
+        "not determined: nothing in this log excites it",
+        prior=123.456,
+    )
     assert "123" not in parameter_table([row], ["A"]).text
 
 
@@ -128,8 +137,18 @@ def test_plotly_is_packed_once_and_whole() -> None:
 def test_plots_of_a_report_cover_the_evidence() -> None:
     found = figures(report())
     names = {trace.get("name") for figure in found for trace in figure["data"]}
-    assert {"measured", "predicted", "residual", "inertia", "coulomb", "gravity", "ripple",
-            "position table", "measured minus all other effects", "model"} <= names  # fmt: skip
+    assert {
+        "measured",
+        "predicted",
+        "residual",
+        "inertia",
+        "coulomb",
+        "gravity",
+        "ripple",
+        "position table",
+        "measured minus all other effects",
+        "model",
+    } <= names
     page = report()
     for title in ("Friction of Y", "Position-dependent effort of Y", "Ripple of A", "Spectrum"):
         assert title in page
@@ -169,8 +188,11 @@ def test_saved_twin_gives_the_same_report(tmp_path: Path) -> None:
 
 def test_cautions_carry_warnings_open_parameters_and_colour() -> None:
     twin, _ = identified()
-    quality = {"axes": {"Y": {"lag1": 0.9}, "A": {"lag1": 0.0}}, "warnings": ["mind the gap"],
-               "consistency": {"moved": True, "cost_ratio": 1.25}}  # fmt: skip
+    quality = {
+        "axes": {"Y": {"lag1": 0.9}, "A": {"lag1": 0.0}},
+        "warnings": ["mind the gap"],
+        "consistency": {"moved": True, "cost_ratio": 1.25},
+    }
     lines = cautions(replace(twin, quality=quality))
     assert lines[0] == "mind the gap"
     assert any("parameters are not determined by these data" in line for line in lines)
@@ -180,9 +202,7 @@ def test_cautions_carry_warnings_open_parameters_and_colour() -> None:
 
 def test_long_tables_are_folded() -> None:
     rows = [
-        Parameter(
-            f"Y.position_table.m{k}", "Y.position_table", "linear", 1.0 + k, "N", 0.1, True, "good"
-        )
+        Parameter(f"Y.position_table.m{k}", "Y.position_table", "linear", 1.0 + k, "N", 0.1, True, "good")
         for k in range(30)
     ]
     text = parameter_table(rows, ["Y"]).text
@@ -194,10 +214,17 @@ def test_long_tables_are_folded() -> None:
 def test_names_from_files_cannot_become_markup() -> None:
     evil = "<script>alert(1)</script>"
     figure = go.Figure(go.Scatter(y=[1.0], name="</script><b>"))
-    page = Page(evil, evil).section(
-        evil, evil, notes([evil]), table([evil], [[evil]]),
-        Tabs({evil: [evil], "b": [Group((Plot(figure, evil, evil),))]}),
-    ).html()  # fmt: skip
+    page = (
+        Page(evil, evil)
+        .section(
+            evil,
+            evil,
+            notes([evil]),
+            table([evil], [[evil]]),
+            Tabs({evil: [evil], "b": [Group((Plot(figure, evil, evil),))]}),
+        )
+        .html()
+    )
     assert "<script>alert" not in page
     assert "</script><b>" not in page
     read(page)
@@ -236,9 +263,7 @@ def test_thinning_keeps_the_peaks() -> None:
         (1.5, float("nan"), ("1.5", "")),
     ],
 )
-def test_numbers_show_two_digits_of_their_error(
-    value: float, error: float, shown: tuple[str, str]
-) -> None:
+def test_numbers_show_two_digits_of_their_error(value: float, error: float, shown: tuple[str, str]) -> None:
     assert rounded(value, error) == shown
 
 

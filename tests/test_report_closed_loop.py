@@ -133,6 +133,6 @@ def test_small_errors_are_shown_in_small_units():
 
 
 def test_every_cause_of_the_decomposition_has_a_colour():
-    from pinotwin.disturbance import CAUSES as KNOWN
+    from pinotwin.analysis.disturbance import CAUSES as KNOWN
 
     assert set(KNOWN) < set(CAUSES)

@@ -21,35 +21,50 @@ from pinotwin.report.plain_words import EFFECTS, region_words
 from tests.test_report import figures, read
 
 GAP = Gap(rms=5.0, nrmse=0.2, noise=3.0, after=3.4)
-SHRINK = Shrink(before=5.0, after=3.4, share=0.75, interval=(0.5, 0.9375), promised=1.0,
-                on="validation")  # fmt: skip
+SHRINK = Shrink(before=5.0, after=3.4, share=0.75, interval=(0.5, 0.9375), promised=1.0, on="validation")
 SPEED = Region("Y", "u", "velocity", (-0.01, 0.01), "m/s", 0.6, 0.15, 0.01)
 TILT = Region("A", "u", "position", (0.0, math.pi / 2), "rad", 0.4, 0.2, 0.03)
 
 
 def found(effect: str = "quadratic_drag", axis: str = "Y") -> Found:
     other = {"effect": "viscous_thermal", "axis": axis, "probability": 0.07, "why": "<b>little</b>"}
-    return Found(effect, axis, 0.93, {}, {"b2": 12.0}, {"u": SHRINK}, [other],
-                 {"Y.viscous.b": (100.0, 80.0, -4.0)})  # fmt: skip
+    return Found(
+        effect, axis, 0.93, {}, {"b2": 12.0}, {"u": SHRINK}, [other], {"Y.viscous.b": (100.0, 80.0, -4.0)}
+    )
 
 
 def diagnosis(verdict: str = "none", **changes: object) -> Diagnosis:
     t = np.r_[np.arange(0.0, 1.0, 0.01), np.arange(2.0, 3.0, 0.01)]
     trace = Traces("Y", 0, t, np.sin(t), 0.1 * np.sin(t))
     made = Diagnosis(
-        verdict=verdict, sentence="", gap={"Y": {"u": GAP}, "A": {"u": replace(GAP, rms=3.1)}},
-        where=[], effects=[], confusable=[], unexplained={}, remains={}, noise="repeats",
-        advice=[], situation="structure", shrink={}, traces=[trace], machine="trunnion",
-    )  # fmt: skip
+        verdict=verdict,
+        sentence="",
+        gap={"Y": {"u": GAP}, "A": {"u": replace(GAP, rms=3.1)}},
+        where=[],
+        effects=[],
+        confusable=[],
+        unexplained={},
+        remains={},
+        noise="repeats",
+        advice=[],
+        situation="structure",
+        shrink={},
+        traces=[trace],
+        machine="trunnion",
+    )
     return replace(made, **changes)
 
 
 EXPLAINED = diagnosis(
-    "explained", where=[SPEED, TILT], effects=[found()], unexplained={"Y": {"u": 0.1}},
-    shrink={"Y": {"u": SHRINK}}, confusable=[["Y.coulomb_asymmetric", "base model"]],
+    "explained",
+    where=[SPEED, TILT],
+    effects=[found()],
+    unexplained={"Y": {"u": 0.1}},
+    shrink={"Y": {"u": SHRINK}},
+    confusable=[["Y.coulomb_asymmetric", "base model"]],
     advice=["to tell quadratic_drag from viscous_thermal on Y: constant speeds"],
     commands={"advice_speeds_Y.csv": {}},
-)  # fmt: skip
+)
 PARTLY = replace(EXPLAINED, verdict="partly_explained", remains={"Y": "time-periodic at 7 Hz"})
 UNEXPLAINED = diagnosis(
     "unexplained", where=[SPEED], unexplained={"Y": {"u": 1.0}}, remains={"Y": "event-like"}
@@ -60,9 +75,7 @@ UNEXPLAINED = diagnosis(
 def test_every_verdict_makes_a_whole_page_that_loads_nothing(given: Diagnosis) -> None:
     page = diagnosis_report(given)
     assert all(x.startswith(("#", "data:")) for x in read(page).loaded)
-    assert page.index(headline(given).split(",")[0]) < page.index(
-        "<table" if given.where else "<ul"
-    )
+    assert page.index(headline(given).split(",")[0]) < page.index("<table" if given.where else "<ul")
     assert "quadratic_drag" not in page
     assert not any("nan" in cell.split() for row in read(page).rows for cell in row)
 
@@ -142,8 +155,11 @@ def test_what_stays_is_said() -> None:
 
 def test_no_line_bridges_a_pause_in_the_trace() -> None:
     """Plotly writes single precision as base64; a pause is one NaN between the halves."""
-    drawn = [f for f in figures(diagnosis_report(EXPLAINED))
-             if f["layout"].get("xaxis", {}).get("title", {}).get("text") == "time [s]"]  # fmt: skip
+    drawn = [
+        f
+        for f in figures(diagnosis_report(EXPLAINED))
+        if f["layout"].get("xaxis", {}).get("title", {}).get("text") == "time [s]"
+    ]
     (figure,) = drawn
     assert [trace["name"] for trace in figure["data"]] == ["model today", "with the cause"]
     y = figure["data"][0]["y"]

@@ -41,6 +41,4 @@ def test_sentinel_rows_of_the_mill_are_reported(data_dir):
         said(pt.check(machine, pt.read(data_dir / "cnc_mill_smart" / f"experiment_{k:02d}.csv")))
         for k in (2, 5)
     ]
-    assert any("feedrate" in text or "sentinel" in text or "copies" in text for text in texts), (
-        texts
-    )
+    assert any("feedrate" in text or "sentinel" in text or "copies" in text for text in texts), texts

@@ -31,9 +31,7 @@ def command(trunnion) -> Log:
 
 
 def with_(log: Log, **channels: np.ndarray) -> Log:
-    return Log(
-        {**log.channels, **{k.replace("__", "."): x for k, x in channels.items()}}, "changed"
-    )
+    return Log({**log.channels, **{k.replace("__", "."): x for k, x in channels.items()}}, "changed")
 
 
 class TestAgainstAnIndependentIntegrator:
@@ -79,9 +77,7 @@ class TestAgainstAnIndependentIntegrator:
         i = twin.machine.names.index("delta")
         assert np.abs(e[:, i]).max() > 1e-4
         assert rms(found["delta.q"] + e[:, i]) < 1e-2 * rms(e[:, i])
-        assert rms(np.gradient(found["delta.q"], 1e-3) - found["delta.v"]) < 2e-2 * rms(
-            found["delta.v"]
-        )
+        assert rms(np.gradient(found["delta.q"], 1e-3) - found["delta.v"]) < 2e-2 * rms(found["delta.v"])
         assert rms(found["Y.u"] - u[:, 0]) < 1e-2 * rms(u[:, 0])
 
     def test_a_shorter_step_changes_little(self, trunnion, command):
@@ -125,9 +121,7 @@ class TestPhysics:
         log = Log({"t": t, "Y.qr": move, "A.qr": 4 * move, "C.qr": 0 * t})
         found = respond(trunnion, log, every_step=True)
         rest = found.request.clock > 1.5
-        assert np.all(
-            np.abs(found.v[rest]).max(axis=0) < 1e-4 * np.abs(found.v).max(axis=0).clip(1e-3)
-        )
+        assert np.all(np.abs(found.v[rest]).max(axis=0) < 1e-4 * np.abs(found.v).max(axis=0).clip(1e-3))
         changes = np.sum(np.abs(np.diff(np.sign(found.v[rest] + 0.0), axis=0)) > 1, axis=0)
         assert np.all(changes < 40)
 
@@ -191,17 +185,13 @@ class TestWhatIsUsed:
 class TestRefusals:
     def test_a_missing_command_is_named(self, trunnion, command):
         log = Log({k: x for k, x in command.channels.items() if k != "A.qr"}, "a.csv")
-        with pytest.raises(
-            LogError, match=r"a\.csv: no channel A\.qr; a simulation needs the command"
-        ):
+        with pytest.raises(LogError, match=r"a\.csv: no channel A\.qr; a simulation needs the command"):
             simulate(trunnion, log)
 
     def test_holes_in_a_command_are_named_by_row(self, trunnion, command):
         bad = command["Y.qr"].copy()
         bad[[4, 10]] = np.nan
-        with pytest.raises(
-            LogError, match=r"channel Y\.qr is not a number in row 5, 11; a command"
-        ):
+        with pytest.raises(LogError, match=r"channel Y\.qr is not a number in row 5, 11; a command"):
             simulate(trunnion, with_(command, Y__qr=bad))
 
     def test_time_that_runs_backward_is_refused(self, trunnion, command):

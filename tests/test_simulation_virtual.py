@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
+from pinotwin.analysis.disturbance import diagonal, generalised_disturbance
 from pinotwin.cli.main import main
-from pinotwin.disturbance import diagonal, generalised_disturbance
 from pinotwin.effects import Coefficient, Columns, Coulomb, Effect, PositionTable, Viscous
 from pinotwin.log import Log
 from pinotwin.loop import LoopData, Structure, identify_loop
@@ -136,9 +136,7 @@ class TestCommandLine:
         assert "RMS" not in capsys.readouterr().out
 
     def test_bad_input_is_one_line_and_leaves_no_file(self, folder, unseen, tmp_path, capsys):
-        write_log(
-            tmp_path / "log.csv", {k: x[:500] for k, x in unseen.channels.items() if k != "A.qr"}
-        )
+        write_log(tmp_path / "log.csv", {k: x[:500] for k, x in unseen.channels.items() if k != "A.qr"})
         args = [
             "simulate",
             str(folder),
@@ -164,9 +162,7 @@ def test_a_motor_that_turns_two_joints_has_friction_in_the_sum_of_their_speeds()
     twin = dataclasses.replace(twin, theta=theta)
     found = respond(twin, smooth_command(twin.machine, 0.5, 1000.0), every_step=True)
     needed = twin.effort(as_motion(twin, found.request, found))
-    slides = (
-        np.abs(found.v[:, 4] + found.v[:, 5]) > 0.1
-    )  # the effect takes a plain sign, which chatters
+    slides = np.abs(found.v[:, 4] + found.v[:, 5]) > 0.1  # the effect takes a plain sign, which chatters
     slides &= np.arange(len(slides)) > 200
     for i in range(machine.nv):
         size = np.sqrt(np.mean(found.u[:, i] ** 2))
@@ -190,9 +186,7 @@ class Wind(Effect):
 
 def test_an_effect_that_fits_no_table_is_simulated_by_passes():
     twin = known_twin(plain_machine("trunnion"))
-    windy = dataclasses.replace(
-        twin, effects=(*twin.effects, Wind()), theta=np.append(twin.theta, 30.0)
-    )
+    windy = dataclasses.replace(twin, effects=(*twin.effects, Wind()), theta=np.append(twin.theta, 30.0))
     log = smooth_command(twin.machine, 0.6, 1000.0)
     found, calm = respond(windy, log, every_step=True), respond(twin, log, every_step=True)
     assert not found.notes
@@ -214,11 +208,7 @@ def test_positions_are_given_as_the_log_counts_them():
     found = simulate(twin, Log(motors, "motors"))
     joints = respond(twin, Log(motors, "motors"))
     for name in twin.machine.axes:
-        assert np.allclose(
-            found[f"{name}.q"] + found[f"{name}.e"], motors[f"{name}.qr"], atol=1e-12
-        )
-    power_motor = sum(
-        found[f"{n}.u"] * np.gradient(found[f"{n}.q"], 1e-3) for n in twin.machine.axes
-    )
+        assert np.allclose(found[f"{name}.q"] + found[f"{name}.e"], motors[f"{name}.qr"], atol=1e-12)
+    power_motor = sum(found[f"{n}.u"] * np.gradient(found[f"{n}.q"], 1e-3) for n in twin.machine.axes)
     power_joint = np.sum(joints.u * np.gradient(joints.q, 1e-3, axis=0), axis=1)
     assert np.allclose(power_motor, power_joint, atol=1e-6 * np.abs(power_joint).max())

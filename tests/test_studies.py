@@ -14,7 +14,12 @@ from scipy.signal import lfilter
 import pinotwin as pt
 from pinotwin.effects import Coulomb, PositionTable, Ripple, Viscous
 from pinotwin.errors import DataError
-from pinotwin.identification.studies import (
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.studies.evidence import evidence, split_rigid_body
+from pinotwin.studies.removal import with_and_without
+from pinotwin.studies.significance import false_alarm, ratio_at
+from pinotwin.studies.studies import (
     coupled_against_decoupled,
     error_against_data,
     friction_overlay,
@@ -22,11 +27,6 @@ from pinotwin.identification.studies import (
     ripple_overlay,
     table_overlay,
 )
-from pinotwin.identification.study_evidence import evidence, split_rigid_body
-from pinotwin.identification.study_removal import with_and_without
-from pinotwin.identification.study_significance import false_alarm, ratio_at
-from pinotwin.log import Log
-from pinotwin.machine import Machine
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
@@ -40,9 +40,12 @@ def trunnion() -> Machine:
     machine = Machine.load("trunnion")
     effects = {
         "Y": (Viscous("Y"), Coulomb("Y", width=0.0), PositionTable("Y", spacing=0.02)),
-        "A": (Viscous("A", rotary=True), Coulomb("A", rotary=True, width=0.0),
-              Ripple("A", rotary=True, period=PITCH)),
-    }  # fmt: skip
+        "A": (
+            Viscous("A", rotary=True),
+            Coulomb("A", rotary=True, width=0.0),
+            Ripple("A", rotary=True, period=PITCH),
+        ),
+    }
     for axis, listed in effects.items():
         machine = machine.with_effects(axis, listed)
     return replace(machine, data=replace(machine.data, cutoff=60.0))
@@ -67,9 +70,7 @@ def recorded(machine: Machine, seed: int, seconds: float = 8.0, noise: float = 0
             v[:, j] += r * w * np.cos(w * t + phi)
             a[:, j] -= r * w * w * np.sin(w * t + phi)
     data = machine.model.createData()
-    u = np.array([
-        pin.rnea(machine.model, data, *x).copy() for x in zip(q, v, a, strict=True)
-    ])  # fmt: skip
+    u = np.array([pin.rnea(machine.model, data, *x).copy() for x in zip(q, v, a, strict=True)])
     for j, name in enumerate(("Y", "A")):
         u[:, j] += VISCOUS[name] * v[:, j] + COULOMB[name] * np.sign(v[:, j])
     u[:, 0] += bump(q[:, 0])
@@ -211,9 +212,7 @@ def test_cogging_map_a_names_the_orders_and_predicts_map_b(data_dir: Path) -> No
     """7 pole pairs, 12 slots: 7, 14, 28 from the magnets, 12, 36 from the slots, 84 their lcm."""
     found = ripple_orders(*cogging(data_dir, "a"))
     assert found.orders[:6].tolist() == [7, 28, 14, 36, 12, 84]
-    np.testing.assert_allclose(
-        found.amplitude[:6], [0.86, 0.56, 0.35, 0.29, 0.26, 0.11], atol=0.015
-    )
+    np.testing.assert_allclose(found.amplitude[:6], [0.86, 0.56, 0.35, 0.29, 0.26, 0.11], atol=0.015)
     report = found.compare(*cogging(data_dir, "b"))
     assert report["correlation"] > 0.995
     assert report["nrmse_std"] < 0.09

@@ -47,9 +47,7 @@ def test_pinocchio_gets_the_twins_rigid_body_efforts_from_the_urdf(saved):
 def test_mujoco_gets_them_too(saved):
     twin, log, folder = saved
     text = (folder / "laser_driller.urdf").read_text()
-    settings = (
-        '<mujoco><compiler fusestatic="true" balanceinertia="false" discardvisual="true"/></mujoco>'
-    )
+    settings = '<mujoco><compiler fusestatic="true" balanceinertia="false" discardvisual="true"/></mujoco>'
     head = text.index(">", text.index("<robot")) + 1
     model = mujoco.MjModel.from_xml_string(text[:head] + settings + text[head:])
     model.dof_damping[:] = 0.0
@@ -66,9 +64,7 @@ def test_mujoco_gets_them_too(saved):
         data.qpos[place], data.qvel[place] = motion.q[k], motion.v[k]
         data.qacc[place] = motion.a[k]
         mujoco.mj_inverse(model, data)
-        np.testing.assert_allclose(
-            data.qfrc_inverse[place], rigid[k], atol=1e-6 * np.abs(rigid).max()
-        )
+        np.testing.assert_allclose(data.qfrc_inverse[place], rigid[k], atol=1e-6 * np.abs(rigid).max())
 
 
 def test_every_number_has_unit_error_and_verdict(saved):

@@ -10,14 +10,20 @@ import pinotwin as pt
 
 # Essential friction parameters of ref_TX40_ep_5.csv, which leaves fs6 out (so do we, below).
 REFERENCE = {
-    "J1.viscous.b": 8.0278, "J1.coulomb.c": 7.2318,
-    "J2.viscous.b": 5.5201, "J2.coulomb.c": 8.2505,
-    "J3.viscous.b": 1.9963, "J3.coulomb.c": 6.2877,
-    "J4.viscous.b": 1.1087, "J4.coulomb.c": 2.5145,
-    "J5.viscous.b": 1.8453, "J5.coulomb.c": 3.0493,
+    "J1.viscous.b": 8.0278,
+    "J1.coulomb.c": 7.2318,
+    "J2.viscous.b": 5.5201,
+    "J2.coulomb.c": 8.2505,
+    "J3.viscous.b": 1.9963,
+    "J3.coulomb.c": 6.2877,
+    "J4.viscous.b": 1.1087,
+    "J4.coulomb.c": 2.5145,
+    "J5.viscous.b": 1.8453,
+    "J5.coulomb.c": 3.0493,
     "J6.viscous.b": 0.6693,
-    "J6.wrist_coupling.b_m": 0.5909, "J6.wrist_coupling.c_m": 2.1139,
-}  # fmt: skip
+    "J6.wrist_coupling.b_m": 0.5909,
+    "J6.wrist_coupling.c_m": 2.1139,
+}
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ import pytest
 
 from pinotwin.cli.main import main
 from pinotwin.errors import DataError, InputError, LogError, MachineError
-from pinotwin.files import read
 from pinotwin.imu.reconstruct import high_passed
 from pinotwin.log import Log
+from pinotwin.logs.files import read
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration, with_vibration
 from pinotwin.reconstruction.document import document
@@ -177,17 +177,13 @@ def test_runs_that_start_late_are_aligned_and_others_refused() -> None:
     known = found.motion.known
     assert rms((found.motion.v - true[1])[known]) < 0.05 * DEG
     with pytest.raises(DataError, match="is not a repeat of"):
-        reconstruct_vibration(
-            machine, [log, recorded(3, 4)[0]], [imu, recorded(3, 4)[1]], settings=QUICK
-        )
+        reconstruct_vibration(machine, [log, recorded(3, 4)[0]], [imu, recorded(3, 4)[1]], settings=QUICK)
 
 
 def test_a_log_that_does_not_rotate_is_a_clear_failure() -> None:
     machine, _ = rig()
     log, imu, _, _ = recorded(1)
-    still = {
-        n: np.full(len(log), x.mean()) for n, x in log.channels.items() if n[:2] in ("A.", "C.")
-    }
+    still = {n: np.full(len(log), x.mean()) for n, x in log.channels.items() if n[:2] in ("A.", "C.")}
     with pytest.raises(DataError, match="nothing rotates"):
         reconstruct_vibration(machine, Log({**log.channels, **still}), imu, settings=QUICK)
     other_run = recorded(3, 4)[1]
@@ -279,9 +275,7 @@ def test_commands_record_and_vibration(tmp_path: Path, capsys: pytest.CaptureFix
     assert "http" not in page.split("plotly-packed")[0].replace("http://www.w3.org", "")
 
 
-def test_command_errors_are_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:  # fmt: skip
+def test_command_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path / "x.csv")
     assert main(["record", "trunnion", "--out", out, "--imu", str(tmp_path / "i.csv")]) == 2
     assert "say which link carries the sensor with --imu-link" in capsys.readouterr().err

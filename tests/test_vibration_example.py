@@ -10,9 +10,7 @@ from tests.conftest import ROOT
 from tests.test_vibration_flexible import machine
 
 
-def test_flexure_rig_example(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_flexure_rig_example(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     path = ROOT / "examples" / "flexure_rig.py"
     assert len(path.read_text().splitlines()) <= 110

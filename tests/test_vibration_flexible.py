@@ -8,13 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pinotwin.analysis.modal import modes
 from pinotwin.effects import Coulomb, Effect, PositionTable, Viscous
 from pinotwin.errors import DataError
 from pinotwin.identification import identify
 from pinotwin.imu.reconstruct import high_passed
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.modal import modes
 from pinotwin.reconstruction import Settings, Vibration, identify_flexible, reconstruct_vibration
 from pinotwin.reconstruction.virtual_imu import record_imu
 from pinotwin.virtual import VirtualMachine
@@ -70,9 +70,11 @@ def test_hysteresis_and_hardening_are_found() -> None:
     """Within 0.001 deg and 20 %, though 5 % hysteresis and 10 % hardening are unknown to it."""
     folder, peak = read_folder("urdf/flexure_rig"), 0.03 * DEG
     rough = replace(
-        folder.truth.passive["delta"], hardening=0.1 * STIFFNESS / peak**2,
-        hysteresis=0.05 * STIFFNESS * peak, hysteresis_width=0.2 * peak,
-    )  # fmt: skip
+        folder.truth.passive["delta"],
+        hardening=0.1 * STIFFNESS / peak**2,
+        hysteresis=0.05 * STIFFNESS * peak,
+        hysteresis_width=0.2 * peak,
+    )
     truth = replace(folder.truth, passive={"delta": rough})
     vm = VirtualMachine.build(replace(folder, truth=truth))
     run = vm.record(random_trajectory(vm, 10.0, 2), seed=2, truth_rate=2000.0)

@@ -40,9 +40,7 @@ def of(urdf_dir: Path, name: str) -> Path:
 
 def messages(html: str) -> list[dict]:
     """What the page tells meshcat, unpacked."""
-    return [
-        umsgpack.unpackb(base64.b64decode(x)) for x in re.findall(r'^"([\w+/=]+)",?$', html, re.M)
-    ]
+    return [umsgpack.unpackb(base64.b64decode(x)) for x in re.findall(r'^"([\w+/=]+)",?$', html, re.M)]
 
 
 # ---------------------------------------------------------------------------------------- postures
@@ -74,9 +72,7 @@ def test_bad_posture_says_what_is_wrong(text: str, message: str) -> None:
 def test_bad_unit_names_the_axis_and_the_nearest_unit() -> None:
     with pytest.raises(InputError, match=r"unit 'deg' does not fit axis 'Y', which slides"):
         parse_posture("Y=3deg", ROTARY)
-    with pytest.raises(
-        InputError, match=r"unit 'dge' .* axis 'A', which turns; did you mean 'deg'"
-    ):
+    with pytest.raises(InputError, match=r"unit 'dge' .* axis 'A', which turns; did you mean 'deg'"):
         parse_posture("A=3dge", ROTARY)
 
 
@@ -105,18 +101,14 @@ def test_kinds_of_the_bundled_machines(urdf_dir: Path) -> None:
 
 # ---------------------------------------------------------------------------------------- the page
 @pytest.mark.parametrize("name", NAMES)
-def test_page_is_self_contained_and_holds_every_shape(
-    urdf_dir: Path, tmp_path: Path, name: str
-) -> None:
+def test_page_is_self_contained_and_holds_every_shape(urdf_dir: Path, tmp_path: Path, name: str) -> None:
     drawn = scene(of(urdf_dir, name))
     html = save_html(tmp_path / "new" / f"{name}.html", drawn).read_text(encoding="utf-8")
     # The one address inside names the XML language of web pages; nothing is fetched from it.
     assert set(re.findall(r"https?://[^\"'`\s)]+", html)) <= {"http://www.w3.org/1999/xhtml"}
     assert not re.search(r"<(script|link|img|iframe)[^>]+(src|href)\s*=", html)
     told = messages(html)
-    shapes = [
-        m for m in told if m["type"] == "set_object" and m["path"].startswith("/meshcat/machine/")
-    ]
+    shapes = [m for m in told if m["type"] == "set_object" and m["path"].startswith("/meshcat/machine/")]
     assert len(shapes) == drawn.visual.ngeoms
     assert len(html) < 2_000_000
 
@@ -134,9 +126,7 @@ def test_shapes_stand_where_pinocchio_puts_them(urdf_dir: Path) -> None:
     pin.updateGeometryPlacements(drawn.model, data, drawn.visual, placed, q)
     for shape, expected in zip(drawn.visual.geometryObjects, placed.oMg, strict=True):
         joint = drawn.model.names[shape.parentJoint]
-        got = node_pose(drawn, f"machine/{joint}") @ node_pose(
-            drawn, f"machine/{joint}/{shape.name}"
-        )
+        got = node_pose(drawn, f"machine/{joint}") @ node_pose(drawn, f"machine/{joint}/{shape.name}")
         np.testing.assert_allclose(got, expected.homogeneous, atol=1e-12)
 
 
@@ -200,9 +190,7 @@ def test_missing_files_are_named(urdf_dir: Path, tmp_path: Path) -> None:
         '<robot name="m"><link name="a"><visual><geometry><mesh filename="package://gone/a.stl"/>'
         "</geometry></visual></link></robot>"
     )
-    with pytest.raises(
-        MachineError, match=r"mesh\.urdf: its shapes cannot be loaded .* mesh packages"
-    ):
+    with pytest.raises(MachineError, match=r"mesh\.urdf: its shapes cannot be loaded .* mesh packages"):
         scene(broken)
     blocked = tmp_path / "file"
     blocked.write_text("")
@@ -218,9 +206,7 @@ def test_playback_follows_the_trajectory(urdf_dir: Path) -> None:
     q[50] = np.nan  # left out
     playing = play(drawn, t, q, fps=20)
     (told,) = [m for key, m in playing.page.messages.items() if key[0] == "set_animation"]
-    tracks = {
-        a["path"]: {x["name"]: x["keys"] for x in a["clip"]["tracks"]} for a in told["animations"]
-    }
+    tracks = {a["path"]: {x["name"]: x["keys"] for x in a["clip"]["tracks"]} for a in told["animations"]}
     assert set(tracks) == {f"/meshcat/machine/{joint}" for joint in "YAC"}
     keys = tracks["/meshcat/machine/A"][".quaternion"]
     assert len(keys) == 40

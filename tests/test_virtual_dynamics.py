@@ -76,9 +76,7 @@ def test_perturbed_bodies_stay_possible_and_off_by_what_was_asked():
         other = perturbed(tree, (0.10, 0.20), np.random.default_rng(seed))
         masses.append(other.mass / tree.mass - 1.0)
         for m, h, inertia in zip(other.mass, other.moment, other.inertia, strict=True):
-            pseudo = np.block(
-                [[0.5 * np.trace(inertia) * np.eye(3) - inertia, h[:, None]], [h[None], m]]
-            )
+            pseudo = np.block([[0.5 * np.trace(inertia) * np.eye(3) - inertia, h[:, None]], [h[None], m]])
             assert np.linalg.eigvalsh(pseudo).min() > 0.0
     size = np.abs(masses)
     assert size.min() >= 0.10 - 1e-12

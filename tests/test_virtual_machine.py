@@ -245,9 +245,7 @@ def _released(machine: VirtualMachine) -> VirtualMachine:
     """The rig with Y loose on its guide: no loop, no friction; A and C stay controlled."""
     y = machine.truth.axes["Y"]
     loose = replace(y.controller, kp=0.0, kv=0.0, ki=0.0)
-    y = replace(
-        y, controller=loose, friction=Friction("none", 0.0, viscous=0.0), ripple=(), cable=y.cable
-    )
+    y = replace(y, controller=loose, friction=Friction("none", 0.0, viscous=0.0), ripple=(), cable=y.cable)
     truth = replace(machine.truth, axes={**machine.truth.axes, "Y": y})
     return replace(machine, truth=truth)
 

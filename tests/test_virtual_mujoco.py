@@ -22,9 +22,7 @@ def machine_as_shipped(folder, law: str) -> VirtualMachine:
     """A machine whose truth is its URDF; friction ``none`` (viscous only) or ``lugre``."""
     found = read_folder(folder)
     axes = {
-        name: replace(
-            axis, bend=None, friction=replace(axis.friction, kind=law), ripple=(), tilt=(0, 0, 0)
-        )
+        name: replace(axis, bend=None, friction=replace(axis.friction, kind=law), ripple=(), tilt=(0, 0, 0))
         for name, axis in found.truth.axes.items()
     }
     truth = replace(found.truth, axes=axes, inertial_error=(0.0, 0.0), substeps=16)

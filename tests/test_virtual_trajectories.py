@@ -46,9 +46,13 @@ def within(trajectory, limits, rate=4000.0):
 
 @settings(max_examples=80, deadline=None)
 @given(
-    st.floats(1e-6, 10.0), st.floats(0.01, 5.0), st.floats(0.05, 50.0), st.floats(0.5, 5000.0),
-    st.floats(1.0, 6.0), st.sampled_from((-1.0, 1.0)),
-)  # fmt: skip
+    st.floats(1e-6, 10.0),
+    st.floats(0.01, 5.0),
+    st.floats(0.05, 50.0),
+    st.floats(0.5, 5000.0),
+    st.floats(1.0, 6.0),
+    st.sampled_from((-1.0, 1.0)),
+)
 def test_a_move_arrives_at_rest_and_keeps_its_limits(d, v, a, j, stretch, sign):
     pieces = move_pieces(0.5, sign * d, (v, a, j), stretch)
     end = 0.5 + stretch * move_time(d, (v, a, j))

@@ -112,24 +112,52 @@ def label(key: Key) -> str:
     return key[0] if key[1] is None else f"{key[1]}.{key[0]}"
 
 
-def noted(case: Case, found: Diagnosis, made: Produced, seconds: Mapping[str, float],
-          floors: Mapping[str, Any], oracle: float | None = None) -> Answer:  # fmt: skip
+def noted(
+    case: Case,
+    found: Diagnosis,
+    made: Produced,
+    seconds: Mapping[str, float],
+    floors: Mapping[str, Any],
+    oracle: float | None = None,
+) -> Answer:
     """Return what a diagnosis said about a case."""
     return Answer(
-        case.number, case.machine, case.situation, case.kind, truth_of(case), case.effects,
-        made.sizes, made.raw, found.verdict,
+        case.number,
+        case.machine,
+        case.situation,
+        case.kind,
+        truth_of(case),
+        case.effects,
+        made.sizes,
+        made.raw,
+        found.verdict,
         named=tuple((e.effect, e.axis, float(e.confidence)) for e in found.effects),
-        stated=_stated(found), confusable=tuple(tuple(g) for g in found.confusable),
-        shrink=_shrink(found), predicted=_predicted(case, found), floors=floors, seconds=seconds,
-        form=made.form, oracle=oracle,
-    )  # fmt: skip
+        stated=_stated(found),
+        confusable=tuple(tuple(g) for g in found.confusable),
+        shrink=_shrink(found),
+        predicted=_predicted(case, found),
+        floors=floors,
+        seconds=seconds,
+        form=made.form,
+        oracle=oracle,
+    )
 
 
 def failed(case: Case, error: BaseException) -> Answer:
     """Return the answer of a case whose diagnosis did not come to an end."""
     words = f"{type(error).__name__}: {error}"
-    return Answer(case.number, case.machine, case.situation, case.kind, truth_of(case),
-                  case.effects, (), (), "error", error=words)  # fmt: skip
+    return Answer(
+        case.number,
+        case.machine,
+        case.situation,
+        case.kind,
+        truth_of(case),
+        case.effects,
+        (),
+        (),
+        "error",
+        error=words,
+    )
 
 
 def _stated(found: Diagnosis) -> tuple[Key, ...]:
@@ -138,8 +166,9 @@ def _stated(found: Diagnosis) -> tuple[Key, ...]:
         return ()
     first = found.effects[0]
     options = [(float(first.confidence), (first.effect, first.axis))]
-    options += [(float(a.get("probability", 0.0)), (str(a["effect"]), a.get("axis")))
-                for a in first.alternatives]  # fmt: skip
+    options += [
+        (float(a.get("probability", 0.0)), (str(a["effect"]), a.get("axis"))) for a in first.alternatives
+    ]
     out: list[Key] = []
     total = 0.0
     for p, key in sorted(options, key=lambda x: -x[0]):
@@ -158,9 +187,14 @@ def _shrink(found: Diagnosis) -> dict[str, Any] | None:
     signal = "u" if "u" in of else next(iter(of))
     x = of[signal]
     own = getattr(x, "promised_interval", None)
-    return {"signal": signal, "delivered": float(x.share), "interval": [float(v) for v in x.interval],
-            "promised": float(x.promised), "on": x.on,
-            "promised_interval": None if own is None else [float(v) for v in own]}  # fmt: skip
+    return {
+        "signal": signal,
+        "delivered": float(x.share),
+        "interval": [float(v) for v in x.interval],
+        "promised": float(x.promised),
+        "on": x.on,
+        "promised_interval": None if own is None else [float(v) for v in own],
+    }
 
 
 def _predicted(case: Case, found: Diagnosis) -> dict[str, float]:

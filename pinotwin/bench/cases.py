@@ -71,9 +71,12 @@ class Case:
 
 
 def draw_cases(
-    machines: Sequence[str] = MACHINES, rounds: int = 1, *,
-    situations: Sequence[str] = ("structure", "change"), seed: int = 0,
-) -> list[Case]:  # fmt: skip
+    machines: Sequence[str] = MACHINES,
+    rounds: int = 1,
+    *,
+    situations: Sequence[str] = ("structure", "change"),
+    seed: int = 0,
+) -> list[Case]:
     """Return the cases of a bench, one round after the other.
 
     Every round holds each effect once per situation, so that a bench that is cut short is a smaller
@@ -129,12 +132,17 @@ def _two(rng: np.random.Generator, pool: Sequence[str]) -> tuple[str, str]:
 
 
 def _case(
-    number: int, machine: str, situation: str, kind: str,
-    effects: tuple[tuple[str, str, float], ...], rng: np.random.Generator,
-) -> Case:  # fmt: skip
+    number: int,
+    machine: str,
+    situation: str,
+    kind: str,
+    effects: tuple[tuple[str, str, float], ...],
+    rng: np.random.Generator,
+) -> Case:
     away = left_out_with(effects[0][0]) if kind == "left_out" else ()
-    return Case(number, machine, situation, kind, effects, int(rng.integers(1 << 30)), away,
-                int(rng.integers(TWINS)))  # fmt: skip
+    return Case(
+        number, machine, situation, kind, effects, int(rng.integers(1 << 30)), away, int(rng.integers(TWINS))
+    )
 
 
 def _turns(rng: np.random.Generator, machines: Sequence[str]) -> Iterator[str]:

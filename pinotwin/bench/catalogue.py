@@ -3,29 +3,63 @@
 from __future__ import annotations
 
 SIZES: dict[str, tuple[float, float]] = {
-    "viscous": (0.002, 0.04), "coulomb": (0.001, 0.03), "coulomb_asymmetric": (0.003, 0.05),
-    "stribeck": (0.004, 0.06), "presliding": (0.1, 2.0), "ripple": (0.002, 0.03),
-    "ripple_modulated": (0.0008, 0.02), "position_table": (0.002, 0.03),
-    "load_friction": (0.006, 0.12), "viscous_thermal": (0.05, 0.8), "drive_flexibility": (0.01, 0.3),
-    "joint_flexibility": (0.05, 0.5), "backlash": (0.005, 0.2), "encoder_error": (0.03, 0.6),
-    "delay": (0.02, 0.4), "geometric_error": (0.02, 0.4), "quadratic_drag": (0.004, 0.1),
-    "effort_scale": (0.005, 0.1), "external_force": (0.01, 0.3), "payload": (0.005, 0.2),
-    "inertial_coupling": (0.005, 0.2), "feedforward": (0.03, 0.4), "saturation": (0.25, 0.5),
-    "ripple_speed": (0.005, 0.1), "coulomb_position": (0.005, 0.1), "mains": (0.002, 0.05),
-    "chatter": (0.02, 0.2), "gms": (0.02, 0.3), "ripple_triangle": (0.002, 0.03),
+    "viscous": (0.002, 0.04),
+    "coulomb": (0.001, 0.03),
+    "coulomb_asymmetric": (0.003, 0.05),
+    "stribeck": (0.004, 0.06),
+    "presliding": (0.1, 2.0),
+    "ripple": (0.002, 0.03),
+    "ripple_modulated": (0.0008, 0.02),
+    "position_table": (0.002, 0.03),
+    "load_friction": (0.006, 0.12),
+    "viscous_thermal": (0.05, 0.8),
+    "drive_flexibility": (0.01, 0.3),
+    "joint_flexibility": (0.05, 0.5),
+    "backlash": (0.005, 0.2),
+    "encoder_error": (0.03, 0.6),
+    "delay": (0.02, 0.4),
+    "geometric_error": (0.02, 0.4),
+    "quadratic_drag": (0.004, 0.1),
+    "effort_scale": (0.005, 0.1),
+    "external_force": (0.01, 0.3),
+    "payload": (0.005, 0.2),
+    "inertial_coupling": (0.005, 0.2),
+    "feedforward": (0.03, 0.4),
+    "saturation": (0.25, 0.5),
+    "ripple_speed": (0.005, 0.1),
+    "coulomb_position": (0.005, 0.1),
+    "mains": (0.002, 0.05),
+    "chatter": (0.02, 0.2),
+    "gms": (0.02, 0.3),
+    "ripple_triangle": (0.002, 0.03),
     "loop_delay": (0.03, 0.15),
-}  # fmt: skip
+}
 """Effect -> smallest and largest relative size, drawn log-uniformly (units: virtual.doses)."""
 
 CHANGE_SIZES: dict[str, tuple[float, float]] = {"presliding": (0.004, 0.1)}
 """The same where the effect is there already and grows."""
 
 STRUCTURE = (
-    "viscous", "coulomb", "coulomb_asymmetric", "stribeck", "presliding", "ripple",
-    "ripple_modulated", "position_table", "load_friction", "viscous_thermal",
-    "drive_flexibility", "joint_flexibility", "backlash", "encoder_error", "delay",
-    "geometric_error", "quadratic_drag", "external_force", "saturation",
-)  # fmt: skip
+    "viscous",
+    "coulomb",
+    "coulomb_asymmetric",
+    "stribeck",
+    "presliding",
+    "ripple",
+    "ripple_modulated",
+    "position_table",
+    "load_friction",
+    "viscous_thermal",
+    "drive_flexibility",
+    "joint_flexibility",
+    "backlash",
+    "encoder_error",
+    "delay",
+    "geometric_error",
+    "quadratic_drag",
+    "external_force",
+    "saturation",
+)
 """Effects that a model which is fitted to the log itself can be seen to lack."""
 
 CHANGE = (*STRUCTURE, "payload", "inertial_coupling", "effort_scale", "feedforward")
@@ -35,8 +69,10 @@ OUTSIDE = ("ripple_speed", "coulomb_position", "mains", "chatter")
 """Effects that no catalogue entry describes."""
 
 FORMS: dict[str, str] = {
-    "gms": "presliding", "ripple_triangle": "ripple", "loop_delay": "delay",
-}  # fmt: skip
+    "gms": "presliding",
+    "ripple_triangle": "ripple",
+    "loop_delay": "delay",
+}
 """Right effect in another functional form than the catalogue's -> the name that is right."""
 
 LOOP_ONLY = ("feedforward", "saturation", "loop_delay")
@@ -64,11 +100,14 @@ COVERED_BY: dict[str, tuple[str, ...]] = {
 """Effect of the truth -> entries of machine.yaml that know it already: taken off the listing."""
 
 TAKEN_OUT: dict[str, tuple[str, ...]] = {
-    "coulomb": ("coulomb", "stribeck"), "gms": ("presliding",),
-    "ripple": ("ripple", "position_table"), "ripple_modulated": ("ripple", "position_table"),
+    "coulomb": ("coulomb", "stribeck"),
+    "gms": ("presliding",),
+    "ripple": ("ripple", "position_table"),
+    "ripple_modulated": ("ripple", "position_table"),
     "ripple_triangle": ("ripple", "position_table"),
-    "position_table": ("ripple", "position_table"), "quadratic_drag": ("quadratic_drag",),
-}  # fmt: skip
+    "position_table": ("ripple", "position_table"),
+    "quadratic_drag": ("quadratic_drag",),
+}
 """Effect taken off a listing -> what the truth loses first, so that it then has the drawn size."""
 
 IMITATORS: tuple[frozenset[str], ...] = (
@@ -88,8 +127,9 @@ EXACT: tuple[frozenset[str], ...] = (
 """Classes that no motion of one axis can split (METHODS A4): always merged, never in the strict row."""
 
 CONTAINED_IN: dict[str, frozenset[str]] = {
-    "coulomb": frozenset({"coulomb_asymmetric"}), "viscous": frozenset({"viscous_asymmetric"}),
-}  # fmt: skip
+    "coulomb": frozenset({"coulomb_asymmetric"}),
+    "viscous": frozenset({"viscous_asymmetric"}),
+}
 """Effect -> entries of which it is a case: a catalogue that has one of them has not lost the effect."""
 
 

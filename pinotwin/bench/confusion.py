@@ -29,9 +29,7 @@ def said(a: Answer) -> str:
         return a.verdict
     effect, axis, _ = a.named[0]
     true = a.truth[0]
-    return (
-        effect + OTHER_AXIS if effect == true[0] and axis != true[1] and not a.right() else effect
-    )
+    return effect + OTHER_AXIS if effect == true[0] and axis != true[1] and not a.right() else effect
 
 
 def predicted(singles: Sequence[Answer]) -> Matrix | None:
@@ -60,7 +58,6 @@ def agreement(
     rows = sorted(set(left) & set(right))
     if not rows:
         return None
-    a, b = (np.array([[m[r].get(k, 0.0) for k in names] for r in rows], dtype=float)
-            for m in (left, right))  # fmt: skip
+    a, b = (np.array([[m[r].get(k, 0.0) for k in names] for r in rows], dtype=float) for m in (left, right))
     a = a / np.maximum(a.sum(axis=1, keepdims=True), 1e-12)
     return rank_correlation(a.ravel(), b.ravel())

@@ -36,9 +36,13 @@ class Scene:
 
     @classmethod
     def of(
-        cls, motion: Motion, effects: Sequence[Effect], machine: Machine, twin: Twin | None,
+        cls,
+        motion: Motion,
+        effects: Sequence[Effect],
+        machine: Machine,
+        twin: Twin | None,
         rows: int,
-    ) -> Self:  # fmt: skip
+    ) -> Self:
         """Return a log as the floors see it."""
         pick = np.unique(np.linspace(0, len(motion) - 1, rows).astype(int))
         u = np.nan_to_num(motion.u)
@@ -80,9 +84,13 @@ class Atom:
 
 
 def atoms(
-    scenes: Sequence[Scene], machine: Machine, joint: int, axis: str, situation: str,
+    scenes: Sequence[Scene],
+    machine: Machine,
+    joint: int,
+    axis: str,
+    situation: str,
     leave_out: Sequence[str],
-) -> Iterator[Atom]:  # fmt: skip
+) -> Iterator[Atom]:
     """Yield the columns of every effect on one axis."""
     own = [_own(s, joint) for s in scenes]
     for effect, shapes, make in _forms(own):
@@ -119,8 +127,17 @@ def _own(scene: Scene, joint: int) -> _Own:
     small = 5e-5 if m.rotary[joint] else 1e-5
     slip = {x: _slip(axis, x * small)[k] for x in (0.3, 1.0, 3.0, 10.0)}
     speed = max(float(np.abs(m.v[:, joint]).max()), 1e-9)
-    return _Own(m.t[k] - m.t[0], m.q[k, joint], m.v[k, joint], m.a[k, joint], model[k], rate[k],
-                jerk[k], 0.005 * speed, slip)  # fmt: skip
+    return _Own(
+        m.t[k] - m.t[0],
+        m.q[k, joint],
+        m.v[k, joint],
+        m.a[k, joint],
+        model[k],
+        rate[k],
+        jerk[k],
+        0.005 * speed,
+        slip,
+    )
 
 
 def _slip(axis: AxisMotion, distance: float) -> Floats:
@@ -166,8 +183,7 @@ def _forms(own: Sequence[_Own]):  # type: ignore[no-untyped-def]
         wave = 2.0 * np.pi * count / span
         yield "ripple", 1, lambda x, w=wave: _stack(np.sin(w * x.q), np.cos(w * x.q))
         if count < 4.0:
-            yield "encoder_error", 1, lambda x, w=wave: _stack(x.a * np.sin(w * x.q),
-                                                               x.a * np.cos(w * x.q))  # fmt: skip
+            yield "encoder_error", 1, lambda x, w=wave: _stack(x.a * np.sin(w * x.q), x.a * np.cos(w * x.q))
 
 
 def _sign(x: _Own) -> Floats:

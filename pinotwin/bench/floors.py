@@ -19,7 +19,7 @@ from pinotwin.bench.plants import virtual
 from pinotwin.bench.produce import Sealed
 from pinotwin.bench.ratio import at_truth
 from pinotwin.effects import Effect
-from pinotwin.preparation import prepare
+from pinotwin.logs.prepare import prepare
 from pinotwin.twin import Twin
 
 ROWS = 700

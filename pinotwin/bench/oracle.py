@@ -19,7 +19,7 @@ from pinotwin.diagnosis.prepare import Ready, ready
 from pinotwin.diagnosis.stage import Blocks
 from pinotwin.errors import DataError
 from pinotwin.log import Log
-from pinotwin.preparation import prepare
+from pinotwin.logs.prepare import prepare
 from pinotwin.twin import Twin
 
 

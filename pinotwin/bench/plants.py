@@ -56,8 +56,7 @@ def listing(name: str) -> Mapping[str, tuple[Any, ...]]:
     """Return what machine.yaml lists: axis -> items."""
     axes = _yaml(name)["axes"]
     return {
-        str(axis): tuple((spec or {}).get("effects", ("viscous", "coulomb")))
-        for axis, spec in axes.items()
+        str(axis): tuple((spec or {}).get("effects", ("viscous", "coulomb"))) for axis, spec in axes.items()
     }
 
 
@@ -72,8 +71,7 @@ def is_listed(name: str, effect: str, axis: str) -> bool:
     covers = COVERED_BY.get(effect, ())
     items = [(item_name(i), settings(i)) for i in listing(name)[axis]]
     if effect == "stribeck":
-        return any(n == "stribeck" or (n == "presliding" and s.get("stribeck", 1))
-                   for n, s in items)  # fmt: skip
+        return any(n == "stribeck" or (n == "presliding" and s.get("stribeck", 1)) for n, s in items)
     return any(n in covers for n, _ in items)
 
 
@@ -126,8 +124,7 @@ def _public(name: str, pairs: tuple[tuple[str, str], ...]) -> Machine:
         spec["effects"] = without(spec.get("effects", ("viscous", "coulomb")), effect)
         content["axes"][axis] = spec
     folder = Path(tempfile.mkdtemp(dir=_workshop().name))
-    shutil.copytree(source, folder, dirs_exist_ok=True,
-                    ignore=shutil.ignore_patterns("virtual.yaml"))  # fmt: skip
+    shutil.copytree(source, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("virtual.yaml"))
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
     (folder / "machine.yaml").write_text(text, encoding="utf-8")
     return Machine.load(folder)
@@ -146,6 +143,7 @@ def virtual(name: str, *, off: Placed = (), on: Placed = (), seed: int = 0) -> V
     for effect, axis, _ in off:
         if is_listed(name, effect, axis):
             withhold += [f"{e}:{axis}" for e in TAKEN_OUT.get(effect, (effect,))]
-    inject = [{"effect": e, "axis": a, "size": s, "seed": seed % 100003 + k}
-              for k, (e, a, s) in enumerate(on)]  # fmt: skip
+    inject = [
+        {"effect": e, "axis": a, "size": s, "seed": seed % 100003 + k} for k, (e, a, s) in enumerate(on)
+    ]
     return VirtualMachine.load(sealed_folder(name), withhold=withhold, inject=inject)

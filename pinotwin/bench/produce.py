@@ -91,8 +91,7 @@ def path_of(machine: str, seconds: float, seed: int) -> Trajectory:
     It depends on the limits of the machine alone.
     """
     healthy = virtual(machine)
-    drawn = [random_trajectory(healthy, seconds, seed + 100_003 * k, dwell=DWELL)
-             for k in range(TRIES)]  # fmt: skip
+    drawn = [random_trajectory(healthy, seconds, seed + 100_003 * k, dwell=DWELL) for k in range(TRIES)]
     return max(drawn, key=lambda path: _way(healthy, path))
 
 
@@ -115,26 +114,27 @@ def _later(ill: VirtualMachine, seed: int) -> VirtualMachine:
     return replace(ill, truth=replace(ill.truth, external=pushes))
 
 
-def _measured(
-    case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory, off: Placed
-) -> Produced:
+def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory, off: Placed) -> Produced:
     well = virtual(case.machine, off=off)
     clean = run(well, path)
     noise = noise_powers(well, path, clean)
     seen = run(ill, path, noise=_is_noise(case))
-    alone = [seen] if len(case.effects) == 1 else [
-        run(virtual(case.machine, off=off, on=(one,), seed=case.seed + k), path)
-        for k, one in enumerate(case.effects)
-    ]  # fmt: skip
+    alone = (
+        [seen]
+        if len(case.effects) == 1
+        else [
+            run(virtual(case.machine, off=off, on=(one,), seed=case.seed + k), path)
+            for k, one in enumerate(case.effects)
+        ]
+    )
     machine = sealed.machine if case.situation == "structure" else None
-    pairs = [_sizes(one[0], r, clean, noise, (machine, well))
-             for one, r in zip(case.effects, alone, strict=True)]  # fmt: skip
+    pairs = [
+        _sizes(one[0], r, clean, noise, (machine, well)) for one, r in zip(case.effects, alone, strict=True)
+    ]
     rho = over(powers(seen.minus(clean)), noise)
     plant = not any(effect in LOOP_ONLY for effect, _, _ in case.effects)
     courses = tuple(_course(one, clean) for one in alone) if plant else ()
-    return Produced(
-        sealed, rho, tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), courses=courses
-    )
+    return Produced(sealed, rho, tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), courses=courses)
 
 
 def _course(ill: Run, clean: Run) -> Log:

@@ -19,9 +19,9 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import Effect, Presliding, Ripple, RippleModulated
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.preparation import prepare
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.trajectories import Trajectory
 
@@ -45,8 +45,7 @@ class Run:
 
     def minus(self, other: Run) -> dict[str, dict[str, Floats]]:
         """Return the difference of every signal."""
-        return {a: {s: x - other.signals[a][s] for s, x in of.items()}
-                for a, of in self.signals.items()}  # fmt: skip
+        return {a: {s: x - other.signals[a][s] for s, x in of.items()} for a, of in self.signals.items()}
 
 
 def run(machine: VirtualMachine, path: Trajectory, *, noise: bool = False) -> Run:
@@ -64,8 +63,9 @@ def noise_powers(machine: VirtualMachine, path: Trajectory, clean: Run) -> Power
     parts = [sensors]
     for level in ("coulomb", "viscous") if sigma > 0.0 else ():
         parts.append(run(_scaled(machine, level, 1.0 + sigma), path).minus(clean))
-    return {a: {s: float(sum(np.mean(p[a][s] ** 2) for p in parts)) for s in ("u", "e")}
-            for a in machine.axes}  # fmt: skip
+    return {
+        a: {s: float(sum(np.mean(p[a][s] ** 2) for p in parts)) for s in ("u", "e")} for a in machine.axes
+    }
 
 
 def _scaled(machine: VirtualMachine, level: str, factor: float) -> VirtualMachine:
@@ -87,9 +87,14 @@ def over(gap: Powers, noise: Powers) -> dict[str, dict[str, float]]:
 
 
 def left_of(
-    gap: Mapping[str, Mapping[str, Floats]], along: Run, machine: Machine, truth: VirtualMachine,
-    noise: Powers, *, usable: bool = False,
-) -> dict[str, float]:  # fmt: skip
+    gap: Mapping[str, Mapping[str, Floats]],
+    along: Run,
+    machine: Machine,
+    truth: VirtualMachine,
+    noise: Powers,
+    *,
+    usable: bool = False,
+) -> dict[str, float]:
     """Return the power of an effort that the machine's own columns leave, over the noise, per axis.
 
     Args:

@@ -143,7 +143,15 @@ def judged(task: Task, found: Diagnosis, seconds: float) -> Line:
     best = found.effects[at]
     shrink = best.shrink.get("u") or next(iter(best.shrink.values()), None)
     return Line(
-        task.recording, task.withheld, said, best.effect, best.axis, float(best.confidence),
-        None if shrink is None else float(shrink.share), "" if shrink is None else shrink.on,
-        any(flags), flags[0], seconds,
-    )  # fmt: skip
+        task.recording,
+        task.withheld,
+        said,
+        best.effect,
+        best.axis,
+        float(best.confidence),
+        None if shrink is None else float(shrink.share),
+        "" if shrink is None else shrink.on,
+        any(flags),
+        flags[0],
+        seconds,
+    )

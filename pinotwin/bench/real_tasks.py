@@ -18,10 +18,10 @@ from pinotwin.dynamics.parameters import body_count, parameter_count, parameter_
 from pinotwin.dynamics.regressor import regressor
 from pinotwin.effects import EFFECTS, RippleModulated
 from pinotwin.errors import DataError
-from pinotwin.files import read
 from pinotwin.log import Log
+from pinotwin.logs.files import read
+from pinotwin.logs.quality import resample
 from pinotwin.machine import Machine
-from pinotwin.quality import resample
 
 KR300 = Path(__file__).resolve().parents[2] / "examples" / "machines" / "kr300"
 POSITION = ("ripple", "ripple_modulated", "position_table")
@@ -33,8 +33,11 @@ def _emps(effects: tuple[str, ...], folder: Path) -> Given:
     log = read(folder / "emps" / "DATA_EMPS.mat")
     made = tuple(EFFECTS[name](axis="X") for name in effects)  # type: ignore[call-arg]
     cut = int(0.6 * len(log))
-    return Given(Machine.load("emps").with_effects("X", made), (log.rows(slice(0, cut)),),
-                 (log.rows(slice(cut, None)),))  # fmt: skip
+    return Given(
+        Machine.load("emps").with_effects("X", made),
+        (log.rows(slice(0, cut)),),
+        (log.rows(slice(cut, None)),),
+    )
 
 
 # How far each effort of the TX40 is ahead of its position [s]: where the delay that is left over, beside
@@ -114,9 +117,7 @@ def _motor() -> Machine:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder)
         (path / "motor.urdf").write_text(_MOTOR, encoding="utf-8")
-        text = (
-            "name: motor\nurdf: motor.urdf\naxes:\n  M: {joint: M, effects: [viscous, coulomb]}\n"
-        )
+        text = "name: motor\nurdf: motor.urdf\naxes:\n  M: {joint: M, effects: [viscous, coulomb]}\n"
         (path / "machine.yaml").write_text(text, encoding="utf-8")
         machine = Machine.load(path)
         assert machine.model.nv == 1  # reads the model while the folder exists
@@ -157,22 +158,44 @@ _EMPS, _TX40 = "emps/DATA_EMPS.mat", "staubli_tx40/curr_data.csv"
 _JOINTS = tuple(f"J{k}" for k in range(1, 7))
 
 TASKS: tuple[Task, ...] = (
-    Task("EMPS", "Coulomb friction", ("coulomb", "coulomb_asymmetric", "presliding"), ("X",),
-         partial(_emps, ("viscous", "offset")), _EMPS),
-    Task("EMPS", "viscous friction", ("viscous", "viscous_asymmetric"), ("X",),
-         partial(_emps, ("coulomb", "offset")), _EMPS),
-    Task("EMPS", "asymmetric friction", ("viscous_asymmetric", "coulomb_asymmetric"), ("X",),
-         partial(_emps, ("viscous", "coulomb")), _EMPS),
-    Task("TX40", "wrist coupling", ("wrist_coupling", "inertial_coupling"), ("J5", "J6"),
-         partial(_tx40, _uncoupled, True), _TX40),
+    Task(
+        "EMPS",
+        "Coulomb friction",
+        ("coulomb", "coulomb_asymmetric", "presliding"),
+        ("X",),
+        partial(_emps, ("viscous", "offset")),
+        _EMPS,
+    ),
+    Task(
+        "EMPS",
+        "viscous friction",
+        ("viscous", "viscous_asymmetric"),
+        ("X",),
+        partial(_emps, ("coulomb", "offset")),
+        _EMPS,
+    ),
+    Task(
+        "EMPS",
+        "asymmetric friction",
+        ("viscous_asymmetric", "coulomb_asymmetric"),
+        ("X",),
+        partial(_emps, ("viscous", "coulomb")),
+        _EMPS,
+    ),
+    Task(
+        "TX40",
+        "wrist coupling",
+        ("wrist_coupling", "inertial_coupling"),
+        ("J5", "J6"),
+        partial(_tx40, _uncoupled, True),
+        _TX40,
+    ),
     Task("TX40", "gravity", ("gravity",), (), partial(_tx40, _weightless, True), _TX40),
     Task("TX40", "rotor inertia", ("rotor_inertia",), (), partial(_tx40, _rotorless, True), _TX40),
-    Task("TX40", "the effort's lead, uncorrected", ("delay",), _JOINTS,
-         partial(_tx40, _same, False), _TX40),
+    Task("TX40", "the effort's lead, uncorrected", ("delay",), _JOINTS, partial(_tx40, _same, False), _TX40),
     Task("ODrive, cogging maps", "cogging", POSITION, ("M",), _cogging_maps, "odrive_cogging"),
     Task("ODrive, slow turns", "cogging", POSITION, ("M",), _cogging_runs, "odrive_cogging"),
     Task("KR300", "gear ripple", POSITION, (), _kr300, "kuka_kr300/FF_A_08ms.mat"),
-    Task("KR300", "joint flexibility", BEND, ("A1", "A2", "A3"), _kr300,
-         "kuka_kr300/FF_A_08ms.mat"),
-)  # fmt: skip
+    Task("KR300", "joint flexibility", BEND, ("A1", "A2", "A3"), _kr300, "kuka_kr300/FF_A_08ms.mat"),
+)
 """Every line of the table."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, failed, noted, read_answer
 from pinotwin.bench.cases import Case
 from pinotwin.bench.fingerprint import fingerprint
@@ -24,7 +25,6 @@ from pinotwin.bench.oracle import evidence
 from pinotwin.bench.produce import SECONDS, Sealed, produce
 from pinotwin.bench.twins import healthy_twin, make_twin
 from pinotwin.diagnosis import Diagnosis, diagnose
-from pinotwin.plain import plain
 from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
 
@@ -79,17 +79,26 @@ def answer(case: Case, plan: Plan) -> Answer:
     scored = time.perf_counter()
     best = evidence(made, twin)
     end = time.perf_counter()
-    spent = {"produce": ready - start, "diagnose": said - ready, "floors": scored - said,
-             "oracle": end - scored}  # fmt: skip
+    spent = {
+        "produce": ready - start,
+        "diagnose": said - ready,
+        "floors": scored - said,
+        "oracle": end - scored,
+    }
     return noted(case, found, made, spent, peers, best)
 
 
 def blindly(sealed: Sealed, twin: Twin | None, case: Case, quick: bool) -> Diagnosis:
     """Return the diagnosis from what is not sealed: logs, and a machine or twin without its truth."""
     return diagnose(
-        twin or sealed.machine, sealed.logs, validate=sealed.validation, quick=quick,
-        leave_out=case.leave_out, seed=case.seed % 7919, closed_loop=False,
-    )  # fmt: skip
+        twin or sealed.machine,
+        sealed.logs,
+        validate=sealed.validation,
+        quick=quick,
+        leave_out=case.leave_out,
+        seed=case.seed % 7919,
+        closed_loop=False,
+    )
 
 
 def run_bench(cases: Sequence[Case], plan: Plan, report: Report | None = None) -> list[Answer]:

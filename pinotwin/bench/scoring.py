@@ -83,8 +83,9 @@ def rows(answers: Sequence[Answer]) -> list[Row]:
     ]
 
 
-def _line(name: str, flags: Sequence[bool], must: Bound | None = None, aim: Bound | None = None,
-          note: str = "") -> Row:  # fmt: skip
+def _line(
+    name: str, flags: Sequence[bool], must: Bound | None = None, aim: Bound | None = None, note: str = ""
+) -> Row:
     share = Share.over(flags)
     return Row(name, share.value, must, aim, share, share.of, note=note)
 
@@ -97,13 +98,23 @@ def healthy_rows(healthy: Sequence[Answer]) -> list[Row]:
     of = {s: [a for a in healthy if a.situation == s] for s in ("structure", "change")}
     form = [a.form for a in of["structure"]]
     return [
-        _line("healthy machine accused of anything", accused, Bound(high=0.05), Bound(high=0.02),
-              f"any verdict but none; {bound}"),
+        _line(
+            "healthy machine accused of anything",
+            accused,
+            Bound(high=0.05),
+            Bound(high=0.02),
+            f"any verdict but none; {bound}",
+        ),
         _line("… an effect named", [bool(a.named) for a in healthy]),
         *(_line(f"… in situation {s}", [a.accused for a in x]) for s, x in of.items()),
-        Row("… what the laws cannot follow of a healthy machine, median rho", _median(form),
-            count=len(form), kind="number", note="situation structure, at their true shapes"),
-    ]  # fmt: skip
+        Row(
+            "… what the laws cannot follow of a healthy machine, median rho",
+            _median(form),
+            count=len(form),
+            kind="number",
+            note="situation structure, at their true shapes",
+        ),
+    ]
 
 
 def top_rows(single: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
@@ -113,19 +124,28 @@ def top_rows(single: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
     seen = [a for a in visible if _seen(a)]
     wider = [a for a in single if max(a.raw, default=0.0) >= VISIBLE]
     out = [
-        _line("top-1 effect and axis, rho ≥ 0.1", _right(visible), Bound(0.85), Bound(0.95),
-              "classes merged as physics and isolability say"),
+        _line(
+            "top-1 effect and axis, rho ≥ 0.1",
+            _right(visible),
+            Bound(0.85),
+            Bound(0.95),
+            "classes merged as physics and isolability say",
+        ),
         _line("… unmerged, rho ≥ 0.1", [a.right(strict=True) for a in visible]),
         _line("… rho ≥ 0.1 before the model took up its part", _right(wider)),
-        _line("… of those that an oracle sees while the axis moves", _right(seen),
-              note=f"their true course would gain a deviance of {ORACLE:g} or more"),
+        _line(
+            "… of those that an oracle sees while the axis moves",
+            _right(seen),
+            note=f"their true course would gain a deviance of {ORACLE:g} or more",
+        ),
         _line("… of the others", _right([a for a in visible if a not in seen])),
         _line("… among the first two", [a.right() or a.right(1) for a in visible]),
-        _line("… axis right", [_axis(a) for a in visible if a.named],
-              note="of those named; a load on any axis"),
+        _line(
+            "… axis right", [_axis(a) for a in visible if a.named], note="of those named; a load on any axis"
+        ),
         _line("top-1, 0.02 ≤ rho < 0.1", _right(faint), Bound(0.60), Bound(0.75)),
         _line("… of those faint ones that an oracle sees", _right([a for a in faint if _seen(a)])),
-    ]  # fmt: skip
+    ]
     for low, high in ((0.1, 0.5), (0.5, 3.0), (3.0, np.inf)):
         name = f"… {low:g} ≤ rho < {high:g}" if np.isfinite(high) else f"… rho ≥ {low:g}"
         out.append(_line(name, _right([a for a in visible if low <= a.size < high])))
@@ -151,11 +171,15 @@ def set_rows(named: Sequence[Answer]) -> list[Row]:
     mean = float(np.mean(sizes)) if sizes else None
     inside = [any(a.agrees(s, a.truth[0]) for s in a.stated) for a in named]
     return [
-        _line("truth in the stated 90 % set", inside, Bound(0.85, 0.95), Bound(0.87, 0.93),
-              "of singles with rho ≥ 0.1 where anything was named"),
-        Row("mean size of that set", mean, Bound(high=2.5), Bound(high=1.5), count=len(sizes),
-            kind="number"),
-    ]  # fmt: skip
+        _line(
+            "truth in the stated 90 % set",
+            inside,
+            Bound(0.85, 0.95),
+            Bound(0.87, 0.93),
+            "of singles with rho ≥ 0.1 where anything was named",
+        ),
+        Row("mean size of that set", mean, Bound(high=2.5), Bound(high=1.5), count=len(sizes), kind="number"),
+    ]
 
 
 def several_rows(double: Sequence[Answer], visible: Sequence[Answer]) -> list[Row]:
@@ -164,14 +188,11 @@ def several_rows(double: Sequence[Answer], visible: Sequence[Answer]) -> list[Ro
     right = [a for a in visible if a.right()]
     extra = [any(not a.agrees(n[:2], a.truth[0]) for n in a.named) for a in right]
     return [
-        _line("both of two, weaker rho ≥ 0.1", [_found(a) == 2 for a in strong], Bound(0.65),
-              Bound(0.80)),
-        _line("… of those of which an oracle sees both",
-              [_found(a) == 2 for a in strong if _seen(a)]),
+        _line("both of two, weaker rho ≥ 0.1", [_found(a) == 2 for a in strong], Bound(0.65), Bound(0.80)),
+        _line("… of those of which an oracle sees both", [_found(a) == 2 for a in strong if _seen(a)]),
         _line("… at least one of them", [_found(a) >= 1 for a in strong]),
-        _line("a spurious extra effect beside the right one", extra, Bound(high=0.15),
-              Bound(high=0.05)),
-    ]  # fmt: skip
+        _line("a spurious extra effect beside the right one", extra, Bound(high=0.15), Bound(high=0.05)),
+    ]
 
 
 def _found(a: Answer) -> int:
@@ -183,25 +204,33 @@ def unknown_rows(outside: Sequence[Answer], visible: Sequence[Answer]) -> list[R
     seen = [a for a in outside if a.size >= VISIBLE]
     of = {k: [a for a in seen if a.kind == k] for k in ("outside", "left_out")}
     return [
-        _line("outside the catalogue recognised", [a.flagged for a in seen], Bound(0.85),
-              Bound(0.95), "rho ≥ 0.1; verdict unexplained or partly explained"),
+        _line(
+            "outside the catalogue recognised",
+            [a.flagged for a in seen],
+            Bound(0.85),
+            Bound(0.95),
+            "rho ≥ 0.1; verdict unexplained or partly explained",
+        ),
         _line("… of those unknown ones that an oracle sees", [a.flagged for a in seen if _seen(a)]),
         _line("… nobody's effect", [a.flagged for a in of["outside"]]),
         _line("… effect taken out of the catalogue", [a.flagged for a in of["left_out"]]),
         _line("… and nothing named", [a.flagged and not a.named for a in seen]),
-        _line("known called unknown", [a.flagged for a in visible], Bound(high=0.10),
-              Bound(high=0.05), "the same verdicts"),
-        _line("… unexplained, nothing named",
-              [a.verdict == "unexplained" and not a.named for a in visible]),
+        _line(
+            "known called unknown",
+            [a.flagged for a in visible],
+            Bound(high=0.10),
+            Bound(high=0.05),
+            "the same verdicts",
+        ),
+        _line("… unexplained, nothing named", [a.verdict == "unexplained" and not a.named for a in visible]),
         _line("known called none", [a.verdict == "none" and not a.named for a in visible]),
-    ]  # fmt: skip
+    ]
 
 
 def confidence(answers: Sequence[Answer]) -> Calibration | None:
     """Return the calibration of the first answer, over all cases in which anything was named."""
     named = [a for a in answers if a.named]
-    right = [any(a.agrees(a.named[0][:2], t) for t in a.truth) and a.kind not in _NOBODY
-             for a in named]  # fmt: skip
+    right = [any(a.agrees(a.named[0][:2], t) for t in a.truth) and a.kind not in _NOBODY for a in named]
     return calibration([a.named[0][2] for a in named], right)
 
 
@@ -213,10 +242,17 @@ def confidence_rows(answers: Sequence[Answer]) -> list[Row]:
     found, count = confidence(answers), sum(bool(a.named) for a in answers)
     error, brier = (None, None) if found is None else (found.error, found.brier)
     return [
-        Row("expected calibration error", error, Bound(high=0.08), Bound(high=0.04), count=count,
-            kind="number", note="ten bins of equal mass, all kinds of cases"),
+        Row(
+            "expected calibration error",
+            error,
+            Bound(high=0.08),
+            Bound(high=0.04),
+            count=count,
+            kind="number",
+            note="ten bins of equal mass, all kinds of cases",
+        ),
         Row("Brier score", brier, count=count, kind="number"),
-    ]  # fmt: skip
+    ]
 
 
 def shrink_rows(right: Sequence[Answer]) -> list[Row]:
@@ -225,14 +261,26 @@ def shrink_rows(right: Sequence[Answer]) -> list[Row]:
     off = [abs(x["promised"] - x["delivered"]) for x in given]
     strong = [a.shrink["delivered"] for a in right if a.shrink is not None and a.size >= STRONG]
     return [
-        Row("promised against delivered shrink, median difference", _median(off),
-            Bound(high=0.07), Bound(high=0.03), count=len(off), kind="number"),
-        _line("… 90 % interval covers", [_covers(x) for x in given], Bound(0.80, 0.97),
-              Bound(0.87, 0.93)),
-        Row("delivered shrink when right, rho ≥ 0.5, median", _median(strong), Bound(0.85),
-            Bound(0.95), count=len(strong), kind="number", note="on the validation log"),
+        Row(
+            "promised against delivered shrink, median difference",
+            _median(off),
+            Bound(high=0.07),
+            Bound(high=0.03),
+            count=len(off),
+            kind="number",
+        ),
+        _line("… 90 % interval covers", [_covers(x) for x in given], Bound(0.80, 0.97), Bound(0.87, 0.93)),
+        Row(
+            "delivered shrink when right, rho ≥ 0.5, median",
+            _median(strong),
+            Bound(0.85),
+            Bound(0.95),
+            count=len(strong),
+            kind="number",
+            note="on the validation log",
+        ),
         _line("… at least 0.85", [x >= 0.85 for x in strong]),
-    ]  # fmt: skip
+    ]
 
 
 def _covers(x) -> bool:  # type: ignore[no-untyped-def]

@@ -60,9 +60,7 @@ class Calibration:
     bins: tuple[tuple[float, float, int], ...]
 
 
-def calibration(
-    stated: Sequence[float], right: Sequence[bool], bins: int = 10
-) -> Calibration | None:
+def calibration(stated: Sequence[float], right: Sequence[bool], bins: int = 10) -> Calibration | None:
     """Return how well stated probabilities are calibrated; None for fewer answers than bins."""
     if len(stated) < bins:
         return None

@@ -57,8 +57,7 @@ class Bench:
     def seconds(self) -> dict[str, float]:
         """Return the mean time of every stage of a case [s]."""
         names = sorted({k for a in self.answers for k in a.seconds})
-        return {n: float(np.mean([a.seconds[n] for a in self.answers if n in a.seconds]))
-                for n in names}  # fmt: skip
+        return {n: float(np.mean([a.seconds[n] for a in self.answers if n in a.seconds])) for n in names}
 
     def kinds(self) -> dict[str, int]:
         """Return how many cases of each kind were answered."""
@@ -71,18 +70,23 @@ class Bench:
         found = self.calibration()
         floors = self.floors()
         return {
-            "cases": self.kinds(), "planned": self.planned,
+            "cases": self.kinds(),
+            "planned": self.planned,
             "machines": sorted({a.machine for a in self.answers}),
             "scores": [_plain_row(row) for row in self.rows()],
-            "floors": [dataclasses.asdict(f) for f in floors], "beats_floors": beaten(floors),
+            "floors": [dataclasses.asdict(f) for f in floors],
+            "beats_floors": beaten(floors),
             "calibration": None if found is None else dataclasses.asdict(found),
-            "confusion": {"measured": have, "predicted": said,
-                          "rank_correlation": None if said is None else agreement(have, said)},
+            "confusion": {
+                "measured": have,
+                "predicted": said,
+                "rank_correlation": None if said is None else agreement(have, said),
+            },
             "real": [dataclasses.asdict(line) for line in self.real],
             "seconds": self.seconds(),
             "errors": [{"case": a.number, "error": a.error} for a in self.answers if a.error],
             "answers": [{**dataclasses.asdict(a), "is_right": a.right()} for a in self.answers],
-        }  # fmt: skip
+        }
 
 
 def _plain_row(row: Row) -> dict[str, Any]:
@@ -93,15 +97,26 @@ def _plain_row(row: Row) -> dict[str, Any]:
 def markdown(bench: Bench) -> str:
     """Return the whole table as Markdown."""
     kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in bench.kinds().items())
-    out = ["# The withheld bench", "",
-           f"{len(bench.answers)} of {bench.planned} cases: {kinds}.", ""]  # fmt: skip
-    out += _table(("score", "figure", "counts", "must", "aim", ""),
-                  [(r.name, shown(r), counts(r), shown_bound(r.must, r.kind),
-                    shown_bound(r.aim, r.kind), STATES[r.state]) for r in bench.rows()])  # fmt: skip
+    out = ["# The withheld bench", "", f"{len(bench.answers)} of {bench.planned} cases: {kinds}.", ""]
+    out += _table(
+        ("score", "figure", "counts", "must", "aim", ""),
+        [
+            (
+                r.name,
+                shown(r),
+                counts(r),
+                shown_bound(r.must, r.kind),
+                shown_bound(r.aim, r.kind),
+                STATES[r.state],
+            )
+            for r in bench.rows()
+        ],
+    )
     out += ["", "## Floors at the same rate of named healthy machines", ""]
-    out += _table(("method", "healthy named", "top-1, rho ≥ 0.1", "top-1, 0.02 to 0.1"),
-                  [(f.name, percent(f.alarms), percent(f.visible), percent(f.faint))
-                   for f in bench.floors()])  # fmt: skip
+    out += _table(
+        ("method", "healthy named", "top-1, rho ≥ 0.1", "top-1, 0.02 to 0.1"),
+        [(f.name, percent(f.alarms), percent(f.visible), percent(f.faint)) for f in bench.floors()],
+    )
     if bench.real:
         out += ["", "## Real recordings", ""]
         out += _table(REAL_HEAD, [real_cells(line) for line in bench.real])
@@ -129,9 +144,18 @@ def _confusion(bench: Bench) -> list[str]:
         r = agreement(have, said)
         words = "" if r is None else f" (rank correlation of both {r:.2f})"
         out += ["", f"Predicted by isolability{words}:", ""]
-        out += _table(("true effect", "probable answers"), [
-            (t, ", ".join(f"{k} {p:.0%}" for k, p in sorted(row.items(), key=lambda x: -x[1])
-                          if p >= 0.02)) for t, row in said.items()])  # fmt: skip
+        out += _table(
+            ("true effect", "probable answers"),
+            [
+                (
+                    t,
+                    ", ".join(
+                        f"{k} {p:.0%}" for k, p in sorted(row.items(), key=lambda x: -x[1]) if p >= 0.02
+                    ),
+                )
+                for t, row in said.items()
+            ],
+        )
     return out
 
 

@@ -27,9 +27,15 @@ def make_twin(folder: Path, machine: str, seed: int) -> Path:
     target = folder / f"{machine.replace(':', '-').replace('/', '_')}-{seed}"
     if not (target / "twin.json").is_file():
         well = virtual(machine)
-        logs = [Log(dict(well.record(path_of(machine, SECONDS, 1000 + 10 * seed + k),
-                                     seed=500 + 10 * seed + k).log), source=f"healthy {k}")
-                for k in range(2)]  # fmt: skip
+        logs = [
+            Log(
+                dict(
+                    well.record(path_of(machine, SECONDS, 1000 + 10 * seed + k), seed=500 + 10 * seed + k).log
+                ),
+                source=f"healthy {k}",
+            )
+            for k in range(2)
+        ]
         public = public_machine(machine)
         try:
             twin = identify(public, logs)

@@ -11,25 +11,42 @@ from pinotwin.cli.progress import progress
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("--machines", nargs="+", metavar="NAME",
-                        help="bundled machines, random:SEED, or folders with a virtual.yaml")  # fmt: skip
-    parser.add_argument("--seeds", type=int, default=1, metavar="N",
-                        help="rounds of about 95 cases each (1); the published table has 4")  # fmt: skip
-    parser.add_argument("--cases", type=int, metavar="N",
-                        help="only so many of them, evenly spread")  # fmt: skip
-    parser.add_argument("--situations", nargs="+", default=["structure", "change"],
-                        choices=["structure", "change"], help="which of the two to run")  # fmt: skip
+    parser.add_argument(
+        "--machines",
+        nargs="+",
+        metavar="NAME",
+        help="bundled machines, random:SEED, or folders with a virtual.yaml",
+    )
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=1,
+        metavar="N",
+        help="rounds of about 95 cases each (1); the published table has 4",
+    )
+    parser.add_argument("--cases", type=int, metavar="N", help="only so many of them, evenly spread")
+    parser.add_argument(
+        "--situations",
+        nargs="+",
+        default=["structure", "change"],
+        choices=["structure", "change"],
+        help="which of the two to run",
+    )
     parser.add_argument("--seconds", type=float, default=8.0, help="length of every log [s] (8)")
     parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    parser.add_argument("--limit-minutes", type=float, metavar="T",
-                        help="begin no case after so long; the next run goes on from there")  # fmt: skip
+    parser.add_argument(
+        "--limit-minutes",
+        type=float,
+        metavar="T",
+        help="begin no case after so long; the next run goes on from there",
+    )
     parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn (0)")
     parser.add_argument("--quick", action="store_true", help="screen only, in every diagnosis")
     parser.add_argument("--no-real", action="store_true", help="leave the real recordings out")
-    parser.add_argument("--data", metavar="DIR",
-                        help="real recordings (default $PINOTWIN_DATA, or ../shared/data)")  # fmt: skip
-    add_common(parser, out="folder for bench.html, bench.md, bench.json and cases.jsonl",
-               required=True)  # fmt: skip
+    parser.add_argument(
+        "--data", metavar="DIR", help="real recordings (default $PINOTWIN_DATA, or ../shared/data)"
+    )
+    add_common(parser, out="folder for bench.html, bench.md, bench.json and cases.jsonl", required=True)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -44,8 +61,7 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     check_folder(args.out)
     folder = Path(args.out)
-    drawn = draw_cases(args.machines or MACHINES, args.seeds,
-                       situations=args.situations, seed=args.seed)  # fmt: skip
+    drawn = draw_cases(args.machines or MACHINES, args.seeds, situations=args.situations, seed=args.seed)
     cases = some(drawn, args.cases)
     plan = Plan(folder, args.seconds, args.workers, args.limit_minutes, args.quick)
     with progress() as report:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pinotwin.cli.output import add_common, say, whole_folder, write_json, write_text
 
 if TYPE_CHECKING:
-    from pinotwin.checking import Check
+    from pinotwin.logs.check import Check
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,8 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Examine and say what was found; 1 if something forbids going on."""
-    from pinotwin.checking import check
-    from pinotwin.files import read_argument
+    from pinotwin.logs.check import check
+    from pinotwin.logs.files import read_argument
     from pinotwin.machine import Machine
 
     machine = Machine.load(args.machine)
@@ -50,8 +50,7 @@ def _lines(result: Check) -> list[str]:
         lines.append(f"  {name:<{wide}}{kind:<8}{effects}")
     lines += _log_lines(result)
     lines += _base_lines(result)
-    lines += [f"{f.severity:<8}{f.channel + ': ' if f.channel else ''}{f.message}"
-              for f in result.findings]  # fmt: skip
+    lines += [f"{f.severity:<8}{f.channel + ': ' if f.channel else ''}{f.message}" for f in result.findings]
     lines.append("ok" if result.ok else "not usable as it is: see the errors above")
     return lines
 

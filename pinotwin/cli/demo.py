@@ -59,9 +59,7 @@ def _commands(out: Path) -> list[list[str]]:
     if emps.is_file():
         chain.append([word.format(out=out, emps=emps) for word in REAL])
     else:
-        say(
-            "the real EMPS log is not at hand; set PINOTWIN_DATA to its folder to see it identified"
-        )
+        say("the real EMPS log is not at hand; set PINOTWIN_DATA to its folder to see it identified")
     return chain
 
 

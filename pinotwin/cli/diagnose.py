@@ -27,12 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     logs = "servo log(s); those with the same command are repeats: they give the noise floor"
     parser.add_argument("subject", metavar="TWIN|MACHINE", help=subject)
     parser.add_argument("logs", nargs="+", metavar="LOG", help=logs)
-    parser.add_argument("--validate", action="append", default=[], metavar="LOG",
-                        help="log that nothing is fitted to; the shrink is stated on it")  # fmt: skip
-    parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
     parser.add_argument(
-        "--fail-on-gap", action="store_true", help="exit 1 unless the verdict is none"
+        "--validate",
+        action="append",
+        default=[],
+        metavar="LOG",
+        help="log that nothing is fitted to; the shrink is stated on it",
     )
+    parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
+    parser.add_argument("--fail-on-gap", action="store_true", help="exit 1 unless the verdict is none")
     parser.add_argument("--seed", type=int, default=0, help="of the healthy draws (0)")
     add_common(parser, out="folder for diagnosis.json and what goes with it", required=True)
 
@@ -87,9 +90,7 @@ def write(found: Diagnosis, folder: Path) -> None:
         found.apply(folder / "machine")
     for name, channels in found.commands.items():
         table = np.column_stack(list(channels.values()))
-        np.savetxt(
-            folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments=""
-        )
+        np.savetxt(folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments="")
 
 
 def write_view(found: Diagnosis, subject: Machine | Twin, log: Log, folder: Path) -> None:

@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="servo log(s); a.csv+b.csv joins columns")
     parser.add_argument(
-        "logs", nargs="+", metavar="LOG", help="servo log(s); a.csv+b.csv joins columns"
+        "--validate", action="append", default=[], metavar="LOG", help="log to judge on, not used to fit"
     )
-    parser.add_argument("--validate", action="append", default=[], metavar="LOG",
-                        help="log to judge on, not used to fit")  # fmt: skip
     parser.add_argument("--no-loop", action="store_true", help="identify the open loop only")
-    parser.add_argument("--inconsistent", action="store_true",
-                        help="do not force the inertias to be physically possible")  # fmt: skip
+    parser.add_argument(
+        "--inconsistent", action="store_true", help="do not force the inertias to be physically possible"
+    )
     add_preparation(parser)
     add_common(parser, out="folder for the twin and its report", required=True)
 
@@ -79,7 +79,7 @@ def _spare_the_machine(machine: Machine, out: Path) -> None:
 
 def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
     """Yield what makes the logs themselves doubtful (units, clock, saturation), see `check`."""
-    from pinotwin.checking import inspect_log
+    from pinotwin.logs.check import inspect_log
 
     for log in logs:
         for finding in inspect_log(machine, log).findings:
@@ -90,8 +90,10 @@ def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
 def summary(twin: Twin) -> list[str]:
     """Return the few lines that a user wants to see first."""
     quality = twin.quality
-    lines = [f"{twin.machine.name}: {len(twin.theta)} linear and "
-             f"{sum(p.kind == 'shape' for p in twin.parameters)} searched parameters"]  # fmt: skip
+    lines = [
+        f"{twin.machine.name}: {len(twin.theta)} linear and "
+        f"{sum(p.kind == 'shape' for p in twin.parameters)} searched parameters"
+    ]
     wide = max([8, *(len(name) + 2 for name in quality["axes"])])
     lines.append(f"{'axis':<{wide}}{'fit':>10}{'held out':>10}{'of std':>10}")
     for name, row in quality["axes"].items():

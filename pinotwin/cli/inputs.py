@@ -12,9 +12,7 @@ if TYPE_CHECKING:
 
 def add_preparation(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a log is prepared."""
-    parser.add_argument(
-        "--cutoff", type=float, metavar="HZ", help="corner of the zero-phase low-pass"
-    )
+    parser.add_argument("--cutoff", type=float, metavar="HZ", help="corner of the zero-phase low-pass")
     parser.add_argument("--decimate", type=int, metavar="N", help="fit one row in N")
 
 
@@ -31,6 +29,6 @@ def settings(args: argparse.Namespace) -> dict[str, Any]:
 
 def read_logs(arguments: Sequence[str]) -> list[Log]:
     """Read every log; ``a.csv+b.csv`` is one log whose columns lie in two files."""
-    from pinotwin.files import read_argument
+    from pinotwin.logs.files import read_argument
 
     return [read_argument(text) for text in arguments]

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from pinotwin.arrays import plain
 from pinotwin.errors import InputError
-from pinotwin.plain import plain
 
 
 def add_common(parser: argparse.ArgumentParser, *, out: str | None, required: bool = False) -> None:

@@ -20,18 +20,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "of the noise, and of the trajectory unless --trajectory-seed is given"
     parser.add_argument("--seed", type=int, default=1, help=text)
     parser.add_argument("--trajectory", choices=TRAJECTORIES, default="random")
-    parser.add_argument("--trajectory-seed", type=int, metavar="N",
-                        help="same N, other --seed: a repeat of the same command")  # fmt: skip
-    parser.add_argument("--withhold", nargs="+", default=[], metavar="EFFECT[:AXIS]",
-                        help="effects to leave out of the truth")  # fmt: skip
-    parser.add_argument("--inject", nargs="+", default=[], metavar="EFFECT:AXIS=SIZE",
-                        help="effects to add to the truth")  # fmt: skip
+    parser.add_argument(
+        "--trajectory-seed", type=int, metavar="N", help="same N, other --seed: a repeat of the same command"
+    )
+    parser.add_argument(
+        "--withhold", nargs="+", default=[], metavar="EFFECT[:AXIS]", help="effects to leave out of the truth"
+    )
+    parser.add_argument(
+        "--inject", nargs="+", default=[], metavar="EFFECT:AXIS=SIZE", help="effects to add to the truth"
+    )
     parser.add_argument("--axis", help="axis that slow_reversals and constant_speeds move")
     parser.add_argument("--command", metavar="LOG", help="run the command of this log again")
-    parser.add_argument("--imu", action="append", default=[], metavar="FILE",
-                        help="also write the log of a virtual IMU; may be given several times")  # fmt: skip
-    parser.add_argument("--imu-link", action="append", default=[], metavar="LINK",
-                        help="link that carries it, in the order of --imu (from machine.yaml)")  # fmt: skip
+    parser.add_argument(
+        "--imu",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="also write the log of a virtual IMU; may be given several times",
+    )
+    parser.add_argument(
+        "--imu-link",
+        action="append",
+        default=[],
+        metavar="LINK",
+        help="link that carries it, in the order of --imu (from machine.yaml)",
+    )
     add_common(parser, out="log to write (.csv or .parquet)", required=True)
 
 
@@ -107,9 +120,7 @@ def _trajectory(args, machine):  # type: ignore[no-untyped-def]
     if args.trajectory == "multisine":
         return trajectories.multisine(machine, args.seconds, seed)
     if args.axis is None:
-        raise InputError(
-            f"--trajectory {args.trajectory}: say which axis, e.g. --axis {machine.axes[0]}"
-        )
+        raise InputError(f"--trajectory {args.trajectory}: say which axis, e.g. --axis {machine.axes[0]}")
     if args.axis not in machine.axes:
         raise InputError(f"--axis: no axis {args.axis!r}; {nearest(args.axis, machine.axes)}")
     return getattr(trajectories, args.trajectory)(machine, args.axis)

@@ -13,9 +13,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("twin", help="folder that `pinotwin identify` wrote")
     parser.add_argument("log", metavar="LOG", help="log; only t, *.qr and external loads are used")
-    parser.add_argument("--controller", choices=("black", "grey", "vibration"), default="black",
-                        help="identified transfer functions (black), those with the vibration of a "
-                        "passive joint as output, or identified controllers")  # fmt: skip
+    parser.add_argument(
+        "--controller",
+        choices=("black", "grey", "vibration"),
+        default="black",
+        help="identified transfer functions (black), those with the vibration of a "
+        "passive joint as output, or identified controllers",
+    )
     parser.add_argument("--step", type=float, metavar="S", help="longest internal step")
     add_common(parser, out="prediction to write (.csv)", required=True)
 
@@ -36,15 +40,18 @@ def run(args: argparse.Namespace) -> int:
     rows = compare(twin.machine, log, predicted)
     write_text(out, _csv(predicted))
     if args.json:
-        write_json(args.json, {
-            "machine": twin.machine.name,
-            "log": log.source,
-            "controller": args.controller,
-            "rows": len(predicted),
-            "seconds": float(predicted.t[-1] - predicted.t[0]),
-            "axes": rows,
-            "notes": list(predicted.notes),
-        })  # fmt: skip
+        write_json(
+            args.json,
+            {
+                "machine": twin.machine.name,
+                "log": log.source,
+                "controller": args.controller,
+                "rows": len(predicted),
+                "seconds": float(predicted.t[-1] - predicted.t[0]),
+                "axes": rows,
+                "notes": list(predicted.notes),
+            },
+        )
     for line in summary(rows):
         say(line)
     for note in predicted.notes:
@@ -59,8 +66,11 @@ def summary(rows) -> list[str]:  # type: ignore[no-untyped-def]
         return []
     lines = [f"{'axis':<8}{'e':>9}{'u':>9}{'u of std':>10}   (RMS error / RMS measured)"]
     for name, row in rows.items():
-        cells = [row.get("e", {}).get("nrmse"), row.get("u", {}).get("nrmse"),
-                 row.get("u", {}).get("nrmse_std")]  # fmt: skip
+        cells = [
+            row.get("e", {}).get("nrmse"),
+            row.get("u", {}).get("nrmse"),
+            row.get("u", {}).get("nrmse_std"),
+        ]
         texts = ["-" if x is None else f"{x:.2%}" for x in cells]
         lines.append(f"{name:<8}{texts[0]:>9}{texts[1]:>9}{texts[2]:>10}")
     return lines

@@ -19,21 +19,40 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("machine", help="machine or twin folder, machine.yaml, or a bundled name")
-    parser.add_argument("--servo", nargs="+", required=True, metavar="LOG",
-                        help="servo log(s); several are repeats of one command")  # fmt: skip
-    parser.add_argument("--imu", nargs="+", required=True, metavar="LOG",
-                        help="IMU log of each of them, in the same order, on its own clock")  # fmt: skip
+    parser.add_argument(
+        "--servo",
+        nargs="+",
+        required=True,
+        metavar="LOG",
+        help="servo log(s); several are repeats of one command",
+    )
+    parser.add_argument(
+        "--imu",
+        nargs="+",
+        required=True,
+        metavar="LOG",
+        help="IMU log of each of them, in the same order, on its own clock",
+    )
     parser.add_argument("--imu2", nargs="+", metavar="LOG", help="the same of a second IMU")
     parser.add_argument("--joint", help="passive joint, where the machine has several")
     parser.add_argument("--link", help="link that carries the IMU (from machine.yaml)")
     parser.add_argument("--link2", help="link that carries the second IMU")
-    parser.add_argument("--imu-cutoff", type=float, default=140.0, metavar="HZ",
-                        help="corner of the low-pass inside the IMU (140); 0 for none")  # fmt: skip
-    parser.add_argument("--servo-cutoff", type=float, default=100.0, metavar="HZ",
-                        help="corner of the zero-phase low-pass on the encoders (100)")  # fmt: skip
+    parser.add_argument(
+        "--imu-cutoff",
+        type=float,
+        default=140.0,
+        metavar="HZ",
+        help="corner of the low-pass inside the IMU (140); 0 for none",
+    )
+    parser.add_argument(
+        "--servo-cutoff",
+        type=float,
+        default=100.0,
+        metavar="HZ",
+        help="corner of the zero-phase low-pass on the encoders (100)",
+    )
     parser.add_argument("--report", metavar="FILE", help="write an HTML report here")
-    parser.add_argument("--no-methods", action="store_true",
-                        help="leave out the table that compares methods")  # fmt: skip
+    parser.add_argument("--no-methods", action="store_true", help="leave out the table that compares methods")
     add_common(parser, out="deflection on the servo clock (.csv or .parquet)", required=True)
 
 
@@ -54,9 +73,12 @@ def run(args: argparse.Namespace) -> int:
     servo, imu = read_logs(args.servo), read_logs(args.imu)
     imu2 = read_logs(args.imu2) if args.imu2 else None
     settings = Settings(
-        args.joint, (args.link, args.link2), args.imu_cutoff, args.servo_cutoff,
+        args.joint,
+        (args.link, args.link2),
+        args.imu_cutoff,
+        args.servo_cutoff,
         not args.no_methods,
-    )  # fmt: skip
+    )
     with progress() as report:
         found = reconstruct_vibration(machine, servo, imu, imu2, settings=settings, report=report)
         found.save(args.out)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from pinotwin.cli.output import add_common, say, whole_folder, write_json
 
 if TYPE_CHECKING:
+    from pinotwin.analysis.modal import Modes
     from pinotwin.machine import Machine
-    from pinotwin.modal import Modes
     from pinotwin.viewer import Scene
 
 
@@ -19,25 +19,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("machine", help="machine, twin folder, .urdf, or a bundled name")
     parser.add_argument("log", nargs="?", help="servo log to play back")
-    parser.add_argument(
-        "--posture", metavar="Y=0.1,A=30deg", help="posture; SI unless a unit is given"
-    )
-    parser.add_argument(
-        "--mode", type=int, metavar="N", help="show mode N, 1 the slowest, enlarged"
-    )
+    parser.add_argument("--posture", metavar="Y=0.1,A=30deg", help="posture; SI unless a unit is given")
+    parser.add_argument("--mode", type=int, metavar="N", help="show mode N, 1 the slowest, enlarged")
     parser.add_argument(
         "--free",
         nargs="*",
         metavar="AXIS",
         help="axes that are free, for --mode; all without names",
     )
-    parser.add_argument(
-        "--servo", action="store_true", help="servo loops closed, for --mode; takes a twin"
-    )
+    parser.add_argument("--servo", action="store_true", help="servo loops closed, for --mode; takes a twin")
     parser.add_argument("--html", metavar="FILE", help="write one page that opens without network")
-    parser.add_argument(
-        "--no-frames", action="store_true", help="leave out joint frames and masses"
-    )
+    parser.add_argument("--no-frames", action="store_true", help="leave out joint frames and masses")
     add_common(parser, out="folder for the page, as --html does with a file")
 
 
@@ -101,9 +93,9 @@ def _facts(machine: Machine, args: argparse.Namespace) -> dict[str, Any]:
 
 def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extras: bool) -> Scene:
     """Return the scene of a machine at a posture, or playing a log."""
-    from pinotwin.files import read_argument
+    from pinotwin.logs.files import read_argument
+    from pinotwin.logs.prepare import prepare
     from pinotwin.machine.urdf import package_dirs
-    from pinotwin.preparation import prepare
     from pinotwin.viewer import draw, parse_posture, play, visual_model
 
     rotary = dict(zip(machine.names, machine.rotary, strict=True))
@@ -126,7 +118,7 @@ def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extr
 
 def show_mode(machine: Machine, drawn: Scene, args: argparse.Namespace) -> Scene:
     """Return the scene vibrating in one of its modes, enlarged so that it can be seen."""
-    from pinotwin.modal import animate
+    from pinotwin.analysis.modal import animate
     from pinotwin.viewer import play
 
     found = _modes(machine, args)
@@ -144,7 +136,7 @@ def show_mode(machine: Machine, drawn: Scene, args: argparse.Namespace) -> Scene
 
 def _modes(machine: Machine, args: argparse.Namespace) -> Modes:
     """Return the modes with motors held, some free, or with their servo loops closed."""
-    from pinotwin.modal import modes, servo_modes
+    from pinotwin.analysis.modal import modes, servo_modes
     from pinotwin.twin import Twin
     from pinotwin.viewer import parse_posture
 

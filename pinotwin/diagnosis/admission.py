@@ -16,10 +16,21 @@ from pinotwin.diagnosis.worth import worth
 
 Key = tuple[str, str | None]
 
-RARE = {"geometric_error": 6.0, "position_table": 4.0, "encoder_error": 4.0, "backlash": 6.0,
-        "wrist_coupling": 2.0, "viscous_asymmetric": 2.0, "ripple": 6.0, "ripple_modulated": 12.0,
-        "external_force": 30.0, "delay": 15.0, "drive_flexibility": 25.0, "stribeck": 18.0,
-        "presliding": 12.0}  # fmt: skip
+RARE = {
+    "geometric_error": 6.0,
+    "position_table": 4.0,
+    "encoder_error": 4.0,
+    "backlash": 6.0,
+    "wrist_coupling": 2.0,
+    "viscous_asymmetric": 2.0,
+    "ripple": 6.0,
+    "ripple_modulated": 12.0,
+    "external_force": 30.0,
+    "delay": 15.0,
+    "drive_flexibility": 25.0,
+    "stribeck": 18.0,
+    "presliding": 12.0,
+}
 """Deviance that an effect must bring beyond another one that does the same.
 
 Because it is uncommon, or because a healthy machine shows a little of it: the largest gains of healthy
@@ -66,9 +77,11 @@ class Judged:
 def measured(ledger: Ledger) -> Ledger:
     """Return the ledger with the measured effort alone."""
     return replace(
-        ledger, right=ledger.right[:, :, :1], Y=tuple(y[:, :1] for y in ledger.Y),
+        ledger,
+        right=ledger.right[:, :, :1],
+        Y=tuple(y[:, :1] for y in ledger.Y),
         groups=tuple(replace(g, Sy=g.Sy[:, :1]) for g in ledger.groups),
-    )  # fmt: skip
+    )
 
 
 def worth_beside(stage: Stage, theta: Floats, judged: Judged, others: Sequence[Judged]) -> float:

@@ -18,22 +18,46 @@ CLASSES: tuple[frozenset[str], ...] = (
 """Effects that one axis' motor signals cannot tell apart, whatever the motion."""
 
 PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
-    (frozenset({"coulomb_asymmetric", "offset", "rigid_body"}),
-     "hold several postures with the brake off and read the effort", "slow"),
-    (frozenset({"effort_scale", "rigid_body"}),
-     "add a known payload: its weight is the ruler for the effort", "slow"),
-    (frozenset({"delay", "drive_flexibility", "joint_flexibility", "encoder_error"}),
-     "a multisine to beyond the mode: a delay turns the phase in proportion to frequency, a mode peaks",
-     "multisine"),
-    (frozenset({"viscous", "stribeck", "quadratic_drag", "viscous_thermal", "load_friction",
-                "viscous_asymmetric"}),
-     "constant speeds over two decades, both ways", "speeds"),
-    (frozenset({"presliding", "backlash", "encoder_error", "stribeck"}),
-     "slow reversals of growing stroke, 1 um (1 mdeg) upwards", "slow"),
-    (frozenset({"ripple", "ripple_modulated", "position_table", "encoder_error", "geometric_error"}),
-     "the same travel at two speeds: what keeps its place is position, what keeps its rate is time",
-     "speeds"),
-)  # fmt: skip
+    (
+        frozenset({"coulomb_asymmetric", "offset", "rigid_body"}),
+        "hold several postures with the brake off and read the effort",
+        "slow",
+    ),
+    (
+        frozenset({"effort_scale", "rigid_body"}),
+        "add a known payload: its weight is the ruler for the effort",
+        "slow",
+    ),
+    (
+        frozenset({"delay", "drive_flexibility", "joint_flexibility", "encoder_error"}),
+        "a multisine to beyond the mode: a delay turns the phase in proportion to frequency, a mode peaks",
+        "multisine",
+    ),
+    (
+        frozenset(
+            {
+                "viscous",
+                "stribeck",
+                "quadratic_drag",
+                "viscous_thermal",
+                "load_friction",
+                "viscous_asymmetric",
+            }
+        ),
+        "constant speeds over two decades, both ways",
+        "speeds",
+    ),
+    (
+        frozenset({"presliding", "backlash", "encoder_error", "stribeck"}),
+        "slow reversals of growing stroke, 1 um (1 mdeg) upwards",
+        "slow",
+    ),
+    (
+        frozenset({"ripple", "ripple_modulated", "position_table", "encoder_error", "geometric_error"}),
+        "the same travel at two speeds: what keeps its place is position, what keeps its rate is time",
+        "speeds",
+    ),
+)
 
 
 def same_class(a: str, b: str) -> bool:
@@ -47,12 +71,12 @@ def advise(
     """Return sentences of advice and the motions (kind, axis) that they ask for."""
     words, motions = [], []
     if noise == "assumed":
-        words.append("record the same command twice: the difference of the runs is the noise floor, "
-                     "which this diagnosis had to assume")  # fmt: skip
-    if not has_command:
         words.append(
-            "log the command (<axis>.qr) as well: without it only the open loop is diagnosed"
+            "record the same command twice: the difference of the runs is the noise floor, "
+            "which this diagnosis had to assume"
         )
+    if not has_command:
+        words.append("log the command (<axis>.qr) as well: without it only the open loop is diagnosed")
     for a, b, axis in pairs:
         for group, text, kind in PAIRS:
             if {a, b} <= group:
@@ -71,8 +95,9 @@ def resting(machine: Machine, seen: Collection[str]) -> list[str]:
         seen: axes that have a gap.
     """
     silent = [name for name in machine.axes if name not in seen]
-    return [f"{x} hardly moves in these logs, or its effort is not in them: nothing is said of it"
-            for x in silent]  # fmt: skip
+    return [
+        f"{x} hardly moves in these logs, or its effort is not in them: nothing is said of it" for x in silent
+    ]
 
 
 def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> dict[str, Floats]:
@@ -137,8 +162,7 @@ def _multisine(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
     angle = 2 * np.pi * np.outer(t, f) + phase
     x = window * (np.sin(angle) @ amplitude)
     rate, rise = np.gradient(x, t), np.gradient(np.gradient(x, t), t)
-    room = min(0.9 * reach / np.abs(x).max(), 0.9 * top / np.abs(rate).max(),
-               0.9 * push / np.abs(rise).max())  # fmt: skip
+    room = min(0.9 * reach / np.abs(x).max(), 0.9 * top / np.abs(rate).max(), 0.9 * push / np.abs(rise).max())
     return t, room * x
 
 

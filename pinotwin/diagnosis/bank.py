@@ -92,9 +92,7 @@ def stacked(stage: Stage, columns: Sequence[list]) -> list[Floats | None]:  # ty
     return out
 
 
-def _rippled(
-    context: Context, stage: Stage, family: Family, periods: Sequence[float]
-) -> list[Floats | None]:
+def _rippled(context: Context, stage: Stage, family: Family, periods: Sequence[float]) -> list[Floats | None]:
     joint = context.machine.axis(str(family.axis)).index
     logs = {p.channel.log for p in stage.pieces if p.channel.joint == joint}
     raw = {k: all_waves(context.scenes[k].motion.q[:, joint], periods) for k in sorted(logs)}

@@ -160,9 +160,7 @@ def _weak(effects: Sequence[Effect], rows: Rows, p: int) -> Floats:
             out[where] = 1.0 / size.get(joint, 1.0) ** 2
         if isinstance(effect, Presliding):
             joint = rows.motions[0].index(str(effect.axis))
-            reach = np.max(
-                [np.abs(effect.columns(m).values[:, 0]).max(axis=0) for m in rows.motions], 0
-            )
+            reach = np.max([np.abs(effect.columns(m).values[:, 0]).max(axis=0) for m in rows.motions], 0)
             for k, c in enumerate(effect.coefficients()):
                 if c.name in ("m", "d"):
                     doubt = CONTACT * size.get(joint, 1.0) / max(float(reach[k]), 1e-12)
@@ -238,9 +236,10 @@ def _relaid(twin: Twin, rows: Rows) -> tuple[tuple[Effect, ...], Ints]:
             first = max(int(np.ceil((effect.start - q.min()) / effect.spacing)), 0)
             last = max(int(np.ceil((q.max() - effect.stop) / effect.spacing)), 0)
             wider = replace(
-                effect, start=effect.start - first * effect.spacing,
+                effect,
+                start=effect.start - first * effect.spacing,
                 stop=effect.stop + last * effect.spacing,
-            )  # fmt: skip
+            )
             effects.append(wider)
         else:
             effects.append(effect)

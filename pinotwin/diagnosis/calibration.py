@@ -89,8 +89,7 @@ def calibrate(
     sizes = np.exp(rng.uniform(low, high, settings.injections))
     which = rng.integers(0, len(shelves), settings.injections)
     quiet = np.arange(len(shelves))
-    pushed = _injected(plain, shelves, np.r_[which, quiet],
-                       np.r_[sizes, np.full(len(quiet), REFERENCE)], rng)  # fmt: skip
+    pushed = _injected(plain, shelves, np.r_[which, quiet], np.r_[sizes, np.full(len(quiet), REFERENCE)], rng)
     noise = white_draws(blind, plain, settings.injections, rng, theta)
     drawn = [_with_noise(x, n) for x, n in zip(pushed, noise, strict=True)]
     seen = screen(context, shelves, build_ledger(blind, theta, drawn), settings)
@@ -119,9 +118,12 @@ def _without_effort(stage: Stage) -> Stage:
 
 
 def _injected(
-    ledger: Ledger, shelves: Sequence[Shelf], which: Ints, gains: Floats,
+    ledger: Ledger,
+    shelves: Sequence[Shelf],
+    which: Ints,
+    gains: Floats,
     rng: np.random.Generator,
-) -> list[Floats]:  # fmt: skip
+) -> list[Floats]:
     """Return whitened efforts of effects of stated gain, per piece of shape (m, len(which))."""
     out = [np.zeros((len(p.y), len(which))) for p in ledger.stage.pieces]
     for n, (k, gain) in enumerate(zip(which, gains, strict=True)):
@@ -218,9 +220,7 @@ def _isotonic(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return middle, (levels * count + 2.0 * y.mean()) / (count + 2.0)
 
 
-def _predicted(
-    seen: Screened, keys: Sequence[Key], tops: Floats
-) -> dict[Key, dict[Key, float]]:  # fmt: skip
+def _predicted(seen: Screened, keys: Sequence[Key], tops: Floats) -> dict[Key, dict[Key, float]]:
     """Return the predicted confusion of noise-free injections."""
     predicted: dict[Key, dict[Key, float]] = {}
     index = {key: k for k, key in enumerate(seen.keys)}

@@ -120,9 +120,7 @@ def _steady(base: Base) -> Mask:
     return np.array([k < count and not name.endswith(contact) for k, name in names])
 
 
-def _effort(
-    scene: Scene, base: Base, theta: Floats, named: Sequence[Judged], found: Floats
-) -> Floats:  # fmt: skip
+def _effort(scene: Scene, base: Base, theta: Floats, named: Sequence[Judged], found: Floats) -> Floats:
     out = np.zeros(scene.motion.q.shape)
     for joint, where, values in base.columns(scene.motion):
         out[:, joint] += values @ theta[where]
@@ -140,9 +138,7 @@ def _left(start: Ready, joint: int, efforts: Sequence[Floats]) -> list[tuple[int
     rows = start.stage.rows
     held = any(rows.validation)
     data = [_data(s, joint, u) for s, u in zip(start.context.scenes, efforts, strict=True)]
-    fitted = [
-        d if held else _part(d, True) for d, v in zip(data, rows.validation, strict=True) if not v
-    ]
+    fitted = [d if held else _part(d, True) for d, v in zip(data, rows.validation, strict=True) if not v]
     # One log is enough for a loop: repeats of a command add no poles.
     model = identify_loop(fitted[0], Structure(), judged=False)
     out = []
@@ -221,9 +217,7 @@ def _shrink(start: Ready, before: Left, after: Left, rng: np.random.Generator) -
     return Shrink(_rms(before), _rms(after), max(whole, -1.0), (low, high), max(whole, -1.0), on)
 
 
-def _where(
-    motions: Sequence[Motion], joint: int, before: Left, rng: np.random.Generator
-) -> list[Region]:  # fmt: skip
+def _where(motions: Sequence[Motion], joint: int, before: Left, rng: np.random.Generator) -> list[Region]:
     """Return the regimes of its motion in which the tracking error is not foretold."""
     seen = [(motions[k], np.round(t / motions[k].step).astype(np.intp)) for k, t, _ in before]
     power = np.concatenate([x for _, _, x in before]) ** 2

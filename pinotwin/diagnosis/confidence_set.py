@@ -24,9 +24,12 @@ MOST = 6  # best models that are compared
 
 
 def rejected(
-    stage: Stage, theta: Floats, given: Sequence[Judged], models: Sequence[Judged],
+    stage: Stage,
+    theta: Floats,
+    given: Sequence[Judged],
+    models: Sequence[Judged],
     rng: np.random.Generator,
-) -> dict[Key, float]:  # fmt: skip
+) -> dict[Key, float]:
     """Return the p-values of the models that the data reject.
 
     Args:

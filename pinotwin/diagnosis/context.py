@@ -134,9 +134,7 @@ class Family:
 
     def at(self, context: Context, shape: Shape) -> Candidate:
         """Return the candidate at one shape."""
-        return Candidate(
-            self.effect, self.axis, dict(shape), self.columns(context, shape), self.names
-        )
+        return Candidate(self.effect, self.axis, dict(shape), self.columns(context, shape), self.names)
 
 
 @dataclass(frozen=True)
@@ -171,9 +169,7 @@ def on(joint: int, values: Callable[[Scene, Shape], Floats]) -> Make:
 COUPLED = 1e-3  # of the geometric mean of two inertias: a coupling below it moves nothing
 
 
-def shaken(
-    context: Context, joint: int, values: Callable[[Scene, Shape], Floats], load: float = 1.0
-) -> Make:
+def shaken(context: Context, joint: int, values: Callable[[Scene, Shape], Floats], load: float = 1.0) -> Make:
     """Return the maker of a family whose load moves otherwise than its encoder says.
 
     What that does to the other axes goes through the inertia matrix: ``M_ij (a_load - a_measured)``.

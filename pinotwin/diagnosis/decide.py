@@ -80,9 +80,12 @@ class Decision:
 
 
 def decide(
-    context: Context, stage: Stage, theta: Floats, settings: Settings,
+    context: Context,
+    stage: Stage,
+    theta: Floats,
+    settings: Settings,
     tell: Callable[[str, float], None],
-) -> Decision:  # fmt: skip
+) -> Decision:
     """Name the effects that the base model misses."""
     tell("building the catalogue on this motion", 0.15)
     shelves = fill(context, stage, settings.leave_out)
@@ -95,8 +98,9 @@ def decide(
     unseen = tuple(j.key for j in first.judged if not j.identifiable)
     final = admit(stage, [*search.quiet, *(n.judged for n in named)])
     left = tuple(j for j, _ in search.leavings)
-    return Decision(named, tuple(search.quiet), stage, final, first, unseen, calibration,
-                    tuple(search.steps), left)  # fmt: skip
+    return Decision(
+        named, tuple(search.quiet), stage, final, first, unseen, calibration, tuple(search.steps), left
+    )
 
 
 @dataclass
@@ -196,9 +200,7 @@ class _Search:
         self.limits |= {j.key: limits[j.key[1]] for j in best}
         return best
 
-    def _chance(
-        self, here: Stage, best: Sequence[Judged], step: int
-    ) -> dict[str | None, float]:  # fmt: skip
+    def _chance(self, here: Stage, best: Sequence[Judged], step: int) -> dict[str | None, float]:
         """Return per axis the gain that healthy draws reach, drawn from what the best ones leave."""
         under = admit(here, best)
         rng = np.random.default_rng([self.settings.seed, step])
@@ -216,8 +218,7 @@ class _Search:
         if len(self.found) + 2 > self.settings.most:
             return None
         some = [best, *(j for j in seen.judged[1:] if j.identifiable and LOWEST < j.G)][:PAIRED]
-        gains = {(a, b): joint_worth(ledger, some[a], some[b])
-                 for a, b in combinations(range(len(some)), 2)}  # fmt: skip
+        gains = {(a, b): joint_worth(ledger, some[a], some[b]) for a, b in combinations(range(len(some)), 2)}
         with_best = [g for (a, _), g in gains.items() if a == 0]
         others = {k: g for k, g in gains.items() if k[0] != 0}
         if not others:
@@ -247,9 +248,7 @@ class _Search:
                 if best.key != member.key and own.G + max(6.0, 0.02 * own.G) < best.G:
                     own, changed = best, True
                     self.limits[own.key] = limit
-                    self.leavings = [
-                        (j, own.key if o == member.key else o) for j, o in self.leavings
-                    ]
+                    self.leavings = [(j, own.key if o == member.key else o) for j, o in self.leavings]
                 self.found[k] = own
                 rivals = tuple(j for j in like if j.key != own.key and j.identifiable)
                 named.append(Named(own, rivals[:12], limit))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pinotwin.arrays import plain
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink
-from pinotwin.plain import plain
 
 
 def document(d: Diagnosis) -> dict[str, Any]:
@@ -25,8 +25,7 @@ def document(d: Diagnosis) -> dict[str, Any]:
         "situation": d.situation,
         "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in d.shrink.items()},
         "isolability": {
-            _label(true): {_label(k): p for k, p in row.items()}
-            for true, row in d.isolability.items()
+            _label(true): {_label(k): p for k, p in row.items()} for true, row in d.isolability.items()
         },
         "quick": d.quick,
         "machine": d.machine,
@@ -47,9 +46,15 @@ def _gap(g: Gap) -> dict[str, float]:
 
 def _region(r: Region) -> dict[str, Any]:
     row = {
-        "axis": r.axis, "signal": r.signal, "kind": r.kind, "range": list(r.range), "unit": r.unit,
-        "share": r.share, "time_share": r.time_share, "p_value": r.p_value,
-    }  # fmt: skip
+        "axis": r.axis,
+        "signal": r.signal,
+        "kind": r.kind,
+        "range": list(r.range),
+        "unit": r.unit,
+        "share": r.share,
+        "time_share": r.time_share,
+        "p_value": r.p_value,
+    }
     return row if r.other is None else {**row, "other": r.other}
 
 
@@ -75,7 +80,10 @@ def _shrinks(e: Found) -> dict[str, Any]:
 
 def _shrink(x: Shrink) -> dict[str, Any]:
     return {
-        "before": x.before, "after": x.after, "share": x.share, "interval90": list(x.interval),
+        "before": x.before,
+        "after": x.after,
+        "share": x.share,
+        "interval90": list(x.interval),
         "promised": x.promised,
         "promised_interval": None if x.promised_interval is None else list(x.promised_interval),
-    }  # fmt: skip
+    }

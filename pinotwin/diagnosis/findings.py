@@ -71,9 +71,7 @@ def _in_order(effects: Sequence[Found], decision: Decision) -> list[Found]:
     return sorted(effects, key=lambda e: -gain[e.effect, e.axis])
 
 
-def _options(
-    named: Named, calibration: Calibration, *, partial: bool
-) -> list[tuple[Judged | str, float]]:
+def _options(named: Named, calibration: Calibration, *, partial: bool) -> list[tuple[Judged | str, float]]:
     """Return the named effect, its rivals, ``none`` and ``unknown`` with probabilities, best first.
 
     Options of the named effect's own class and axis count with it. The share of right answers among
@@ -105,18 +103,17 @@ def _close(named: Named) -> list[Judged]:
     """Return the rivals on the named effect's axis that explain nearly as much of the gap."""
     own = named.judged
     return [
-        j for j in named.rivals
+        j
+        for j in named.rivals
         if j.candidate.axis == own.candidate.axis and j.G > CLOSE * own.G and not _same(j, own)
-    ]  # fmt: skip
+    ]
 
 
 def _same(a: Judged | str, b: Judged) -> bool:
     return not isinstance(a, str) and alike(a.key, b.key)
 
 
-def _covering(
-    options: Sequence[tuple[Judged | str, float]], named: Named
-) -> list[dict[str, Any]]:  # fmt: skip
+def _covering(options: Sequence[tuple[Judged | str, float]], named: Named) -> list[dict[str, Any]]:
     """Return the alternatives that, with the named effect, reach the stated probability.
 
     Without those that the model confidence set rejects.
@@ -141,16 +138,27 @@ def _covering(
         out.append({"effect": effect, "axis": axis, "probability": p, "why": why})
     kin = next((g for g in CLASSES if own.candidate.effect in g), frozenset())
     for effect in sorted(kin - {own.candidate.effect}):
-        out.append({"effect": effect, "axis": own.candidate.axis, "probability": 0.0,
-                    "why": "the same in an axis' own signals, whatever the motion"})  # fmt: skip
+        out.append(
+            {
+                "effect": effect,
+                "axis": own.candidate.axis,
+                "probability": 0.0,
+                "why": "the same in an axis' own signals, whatever the motion",
+            }
+        )
     return out
 
 
 def _found(  # noqa: PLR0913
-    start: Ready, decision: Decision, gap: Gaps, named: Named, probability: float,
-    others: Sequence[Mapping[str, Any]], moves: dict[str, tuple[float, float, float]],
+    start: Ready,
+    decision: Decision,
+    gap: Gaps,
+    named: Named,
+    probability: float,
+    others: Sequence[Mapping[str, Any]],
+    moves: dict[str, tuple[float, float, float]],
     rng: np.random.Generator,
-) -> Found:  # fmt: skip
+) -> Found:
     judged = named.judged
     candidate = judged.candidate
     return Found(
@@ -188,9 +196,7 @@ def _alone(
     return shrinks
 
 
-def _moves(
-    start: Ready, decision: Decision, judged: Judged
-) -> dict[str, tuple[float, float, float]]:
+def _moves(start: Ready, decision: Decision, judged: Judged) -> dict[str, tuple[float, float, float]]:
     """Return the base parameters that move most when the effect is admitted."""
     base = start.stage.base
     bare = build_ledger(admit(start.search_stage, decision.quiet), start.theta)

@@ -43,12 +43,9 @@ class Gaps:
 
     def with_errors(self, errors: Mapping[str, Gap], shrinks: Mapping[str, Shrink]) -> Gaps:
         """Return the gaps with those of the tracking error beside."""
-        table = {
-            a: {**row, **({"e": errors[a]} if a in errors else {})} for a, row in self.table.items()
-        }
+        table = {a: {**row, **({"e": errors[a]} if a in errors else {})} for a, row in self.table.items()}
         together = {
-            a: {**row, **({"e": shrinks[a]} if a in shrinks else {})}
-            for a, row in self.together.items()
+            a: {**row, **({"e": shrinks[a]} if a in shrinks else {})} for a, row in self.together.items()
         }
         return replace(self, table=table, together=together)
 
@@ -67,23 +64,15 @@ def gaps(start: Ready, decision: Decision, rng: np.random.Generator) -> Gaps:
         size = _size(before.delivered, joint)
         rms = _rms(before.delivered, joint)
         noise = stage.noise.rms[joint]
-        table[axis] = {
-            "u": Gap(rms, rms / size if size else 0.0, noise, _rms(after.delivered, joint))
-        }
+        table[axis] = {"u": Gap(rms, rms / size if size else 0.0, noise, _rms(after.delivered, joint))}
         if named:
             found = shrink(before, after, joint, noise, rng)
             together[axis] = {} if found is None else {"u": found}
-    return Gaps(
-        table, together, stage, before, after, tuple(_traces(before.delivered, after.delivered))
-    )
+    return Gaps(table, together, stage, before, after, tuple(_traces(before.delivered, after.delivered)))
 
 
 def _rms(errors: Errors, joint: int) -> float:
-    parts = [
-        e
-        for p, e in zip(errors.stage.pieces, errors.values, strict=True)
-        if p.channel.joint == joint
-    ]
+    parts = [e for p, e in zip(errors.stage.pieces, errors.values, strict=True) if p.channel.joint == joint]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0
 
 

@@ -16,9 +16,7 @@ from pinotwin.diagnosis.stage import Stage, scatter_precision
 STRETCH = 0.5  # [s] length of the stretches whose sign is drawn
 
 
-def healthy_draws(
-    stage: Stage, ledger: Ledger, count: int, rng: np.random.Generator
-) -> list[Floats]:  # fmt: skip
+def healthy_draws(stage: Stage, ledger: Ledger, count: int, rng: np.random.Generator) -> list[Floats]:
     """Return whitened efforts without effects per piece, each of shape (m, count)."""
     flipped = count // 2
     noise = white_draws(stage, ledger, count - flipped, rng, ledger.theta)

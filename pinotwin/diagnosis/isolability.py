@@ -43,17 +43,19 @@ def not_isolable(
     seen = screen(context, shelves, build_ledger(_signed(stage, found)), plain)
     own = max((_evidence(j) for j in seen.judged if j.key == found.key), default=0.0)
     return tuple(
-        j.key for j in seen.judged
+        j.key
+        for j in seen.judged
         if j.key != found.key and own > 0.0 and _lost(own, _evidence(j), found.gain)
-    )  # fmt: skip
+    )
 
 
 def _signed(stage: Stage, found: Judged) -> Stage:
     """Return the stage with the effect's own efforts, not too small, in place of the measured ones."""
     own = stage.project(found.candidate.columns)
     theta = found.theta * np.sqrt(max(REFERENCE / max(found.gain, 1e-9), 1.0))
-    pieces = tuple(replace(p, y=0.0 * p.y if x is None else x @ theta)
-                   for p, x in zip(stage.pieces, own, strict=True))  # fmt: skip
+    pieces = tuple(
+        replace(p, y=0.0 * p.y if x is None else x @ theta) for p, x in zip(stage.pieces, own, strict=True)
+    )
     return replace(stage, pieces=pieces)
 
 

@@ -137,9 +137,11 @@ def _later(law: Law) -> Found | None:
         return mean_gains(law.later(law.motions, late)).unexplained[0]
 
     best = minimize_scalar(
-        left, bounds=(-law.controller.delay, LONGEST), method="bounded",
+        left,
+        bounds=(-law.controller.delay, LONGEST),
+        method="bounded",
         options={"xatol": 0.02 * law.controller.step},
-    )  # fmt: skip
+    )
     late, after = float(best.x), float(best.fun)
     if after > HOLDS * known or BETTER * after > law.now.unexplained[0]:
         return None
@@ -147,10 +149,16 @@ def _later(law: Law) -> Found | None:
         return None  # other gains do it better, or it is but the clock's own
     shrink = _shrink(law, [g.unexplained[0] for g in law.later(law.unseen, late)], after)
     return Found(
-        "delay", law.axis, 0.95, {}, {"seconds": late}, {"e": shrink}, [],
+        "delay",
+        law.axis,
+        0.95,
+        {},
+        {"seconds": late},
+        {"e": shrink},
+        [],
         {f"{law.axis}.delay": (law.controller.delay, law.controller.delay + late, float("inf"))},
         gain=float((law.now.unexplained[0] / after) ** 2),
-    )  # fmt: skip
+    )
 
 
 def _common(now: Gains) -> float | None:
@@ -169,13 +177,19 @@ def _found(effect: str, law: Law, which: Sequence[int]) -> Found:
     now = law.now
     shrink = _shrink(law, [g.unexplained[1] for g in law.there], now.unexplained[1])
     return Found(
-        effect, law.axis, 0.95,
-        {}, {now.names[k]: float(now.after[k] - now.before[k]) for k in which},
+        effect,
+        law.axis,
+        0.95,
+        {},
+        {now.names[k]: float(now.after[k] - now.before[k]) for k in which},
         {"e": shrink},
-        [], {f"{law.axis}.{now.names[k]}": (float(now.before[k]), float(now.after[k]), float("inf"))
-             for k in which},
+        [],
+        {
+            f"{law.axis}.{now.names[k]}": (float(now.before[k]), float(now.after[k]), float("inf"))
+            for k in which
+        },
         gain=float((now.unexplained[0] / now.unexplained[1]) ** 2),
-    )  # fmt: skip
+    )
 
 
 def _shrink(law: Law, better: Sequence[float], left: float) -> Shrink:
@@ -205,13 +219,18 @@ def mean_gains(each: Sequence[Gains]) -> Gains:
     """Return the mean of what several logs say."""
     n = len(each)
     return Gains(
-        each[0].names, each[0].before, np.mean([g.after for g in each], axis=0),
+        each[0].names,
+        each[0].before,
+        np.mean([g.after for g in each], axis=0),
         np.mean([g.covariance for g in each], axis=0) / n,
         tuple(np.sqrt(np.mean([np.square(g.unexplained) for g in each], axis=0)).tolist()),
-        np.mean([g.held for g in each], axis=0), float(np.mean([g.limited for g in each])),
-        (float(np.mean([g.common[0] for g in each])),
-         float(np.sqrt(np.mean([g.common[1] ** 2 for g in each])))),
-    )  # fmt: skip
+        np.mean([g.held for g in each], axis=0),
+        float(np.mean([g.limited for g in each])),
+        (
+            float(np.mean([g.common[0] for g in each])),
+            float(np.sqrt(np.mean([g.common[1] ** 2 for g in each]))),
+        ),
+    )
 
 
 def _error(controller: Controller, column: str) -> float:

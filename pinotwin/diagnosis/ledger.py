@@ -59,9 +59,7 @@ class Ledger:
         return np.asarray(self.roots[k].T @ (self.roots[k] @ flat)).reshape(x.shape)
 
 
-def build_ledger(
-    stage: Stage, theta: Floats | None = None, drawn: Sequence[Floats] | None = None
-) -> Ledger:
+def build_ledger(stage: Stage, theta: Floats | None = None, drawn: Sequence[Floats] | None = None) -> Ledger:
     """Return the block sums of a stage.
 
     Args:
@@ -71,9 +69,7 @@ def build_ledger(
     """
     p = stage.base.count
     keys = sorted({(int(b), x.channel.log) for x in stage.pieces for b in np.unique(x.block)})
-    precision = (
-        np.full(p, np.inf) if theta is None else scatter_precision(stage.base, stage.noise, theta)
-    )
+    precision = np.full(p, np.inf) if theta is None else scatter_precision(stage.base, stage.noise, theta)
     S = np.flatnonzero(np.isfinite(precision))
     folds = stage.blocks
     Y = tuple(
@@ -105,9 +101,7 @@ def _members(stage: Stage, fold: int, log: int):  # type: ignore[no-untyped-def]
                 yield k, rows
 
 
-def _factored(
-    stage: Stage, groups: tuple[Group, ...], A: Floats, r: Floats, Y: tuple[Floats, ...]
-) -> Ledger:
+def _factored(stage: Stage, groups: tuple[Group, ...], A: Floats, r: Floats, Y: tuple[Floats, ...]) -> Ledger:
     whole, right = A.sum(axis=0) + stage.base.precision, r.sum(axis=0)
     # Each column by its own size: beside an encoder error's 1e6 others must not count as nothing.
     scale = np.sqrt(np.diag(whole))

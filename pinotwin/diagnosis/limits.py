@@ -17,9 +17,7 @@ WORSE = 8.0  # tracking error there over the error elsewhere: hard acceleration 
 OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
 SPIKE = 40.0  # density of sizes at the limit over that below it, if it is FLAT and the error LEFT_BEHIND
 LEFT_BEHIND = 1.3  # the tracking error there over that elsewhere then
-FLAT = (
-    1.1  # spread of the effort there over its roughness then: steady acceleration leaves 1.4 to 2.8
-)
+FLAT = 1.1  # spread of the effort there over its roughness then: steady acceleration leaves 1.4 to 2.8
 STANDING = 0.01  # of the top speed: below it an axis stands
 AFTER = 0.05  # [s] that a limit is felt in the tracking error once it is left
 
@@ -55,10 +53,7 @@ def reached(motions: Sequence[Motion], joint: int) -> Limit | None:
         return None
     rough = [roughness([u[np.isfinite(u)]]) for u in efforts]
     going = [_moving(m, joint) for m in motions]
-    near = [
-        at_limit(u, r, m.step) & x
-        for m, u, r, x in zip(motions, efforts, rough, going, strict=True)
-    ]
+    near = [at_limit(u, r, m.step) & x for m, u, r, x in zip(motions, efforts, rough, going, strict=True)]
     after = [followed(x, round(AFTER / m.step)) for m, x in zip(motions, near, strict=True)]
     at, late = np.concatenate(near), np.concatenate(after)
     size = np.abs(np.nan_to_num(np.concatenate(efforts)))

@@ -15,8 +15,8 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.rows import Channel, Rows
-from pinotwin.fit.autoregression import burg
 from pinotwin.signals import clipped_rms
+from pinotwin.solve.autoregression import burg
 
 ORDER = 6
 USUAL = 0.999  # of the samples: the others are an event's, not noise
@@ -133,14 +133,13 @@ def _differences(
     for label in sorted(set(labels)):
         group = [k for k, other in zip(at, labels, strict=True) if other == label]
         for a, b in pairwise(group):
-            out += _pair(rows.channels[a], rows.channels[b], residuals[a], residuals[b],
-                         friction[a], friction[b])  # fmt: skip
+            out += _pair(
+                rows.channels[a], rows.channels[b], residuals[a], residuals[b], friction[a], friction[b]
+            )
     return out
 
 
-def _pair(
-    one: Channel, two: Channel, r1: Floats, r2: Floats, f1: Floats, f2: Floats
-) -> list[Floats]:
+def _pair(one: Channel, two: Channel, r1: Floats, r2: Floats, f1: Floats, f2: Floats) -> list[Floats]:
     common, i, j = np.intersect1d(one.centres, two.centres, return_indices=True)
     if len(common) < 60:
         return []

@@ -62,8 +62,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the logs", 0.02)
-    start = ready(subject, _list(log), _list(validate), lambda stage: tell(stage, 0.1),
-                  quick=quick)  # fmt: skip
+    start = ready(subject, _list(log), _list(validate), lambda stage: tell(stage, 0.1), quick=quick)
     settings = Settings(
         draws=60 if quick else 160,
         injections=60 if quick else 200,
@@ -73,15 +72,16 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     )
     moving = start
     start, decision, words = _searched(start, settings, tell, quick=quick)
-    gap, left, regions = _measured(
-        start, moving, decision, tell, seed, loops=closed_loop and not quick
-    )
+    gap, left, regions = _measured(start, moving, decision, tell, seed, loops=closed_loop and not quick)
     left = left.beside(words) if quick else left.beside(words).following(patterns(moving, decision))
     rows = start.stage.rows
     vibrations = look_at_vibration(
-        subject, [*_list(log), *_list(validate)], rows.validation, rows.commands,
+        subject,
+        [*_list(log), *_list(validate)],
+        rows.validation,
+        rows.commands,
         np.random.default_rng([seed, 94]),
-    )  # fmt: skip
+    )
     left = replace(left.beside(vibrations.open), stays={**left.stays, **vibrations.stays})
     gap = gap.beside(vibrations.gaps, vibrations.shrinks)
     others = vibrations.effects, [*regions, *vibrations.where]
@@ -108,7 +108,7 @@ def _searched(
 
 def _measured(
     start: Ready, moving: Ready, decision: Decision, tell: Tell, seed: int, *, loops: bool
-) -> tuple[Gaps, Left, list[Region]]:  # fmt: skip
+) -> tuple[Gaps, Left, list[Region]]:
     """Return the gaps before and after, what stays, and where the tracking error has its gap."""
     tell("measuring the gap", 0.85)
     gap = gaps(start, decision, np.random.default_rng([seed, 98]))
@@ -120,9 +120,15 @@ def _measured(
 
 
 def _diagnosis(  # noqa: PLR0913, what one call has found out
-    subject: Machine | Twin, start: Ready, decision: Decision, gap: Gaps, left: Left,
-    settings: Settings, quick: bool, others: tuple[list[Found], list[Region]],
-) -> Diagnosis:  # fmt: skip
+    subject: Machine | Twin,
+    start: Ready,
+    decision: Decision,
+    gap: Gaps,
+    left: Left,
+    settings: Settings,
+    quick: bool,
+    others: tuple[list[Found], list[Region]],
+) -> Diagnosis:
     rows, noise = start.stage.rows, start.stage.noise
     rng = np.random.default_rng([settings.seed, 99])
     effects, confusable, pairs = findings(start, decision, gap, left, rng)

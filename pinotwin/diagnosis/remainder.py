@@ -48,13 +48,13 @@ def _smooth(rows: Rows, residuals: list[Floats], at: list[int], joint: int) -> t
     """Share that a table of position, of velocity, of both, explains (cross-checked by halves)."""
     r = np.concatenate([residuals[k] for k in at])
     best = (0.0, "coloured")
-    for name, words in (("q", "a function of position"), ("v", "a function of velocity"),
-                        ("a", "a function of acceleration")):  # fmt: skip
+    for name, words in (
+        ("q", "a function of position"),
+        ("v", "a function of velocity"),
+        ("a", "a function of acceleration"),
+    ):
         x = np.concatenate(
-            [
-                getattr(rows.motions[rows.channels[k].log], name)[rows.channels[k].centres, joint]
-                for k in at
-            ]
+            [getattr(rows.motions[rows.channels[k].log], name)[rows.channels[k].centres, joint] for k in at]
         )
         edges = np.quantile(x, np.linspace(0, 1, 41))
         bins = np.clip(np.searchsorted(edges, x) - 1, 0, 39)

@@ -20,9 +20,9 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.limits import reached
 from pinotwin.errors import DataError
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.preparation import prepare
 
 Bend = Callable[[Motion, Motion], Motion]
 ROW_RATE = 125.0  # [Hz] rows per second that are looked at
@@ -127,9 +127,13 @@ class Rows:
 
 
 def take_rows(
-    machine: Machine, logs: Sequence[Log], validation: Sequence[Log], *, coarse: int = 1,
+    machine: Machine,
+    logs: Sequence[Log],
+    validation: Sequence[Log],
+    *,
+    coarse: int = 1,
     bend: Bend | None = None,
-) -> Rows:  # fmt: skip
+) -> Rows:
     """Prepare logs and choose their rows.
 
     Args:
@@ -147,8 +151,7 @@ def take_rows(
     factor = max(1, round(coarse / (motions[0].step * ROW_RATE)))
     thinner = Thinner(factor)
     flags = tuple([False] * len(logs) + [True] * len(validation))
-    rows = Rows(machine, tuple(motions), thinner, (), _commands(motions), flags,
-                _limited(motions, flags))  # fmt: skip
+    rows = Rows(machine, tuple(motions), thinner, (), _commands(motions), flags, _limited(motions, flags))
     rows = replace(rows, channels=_channels(rows, SLOWEST))
     if not rows.fitted.channels:
         raise DataError(

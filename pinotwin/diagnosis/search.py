@@ -79,9 +79,12 @@ class Settings:
 
 
 def screen(
-    context: Context, shelves: Sequence[Shelf], ledger: Ledger, settings: Settings,
+    context: Context,
+    shelves: Sequence[Shelf],
+    ledger: Ledger,
+    settings: Settings,
     taken: Sequence[Key] = (),
-) -> Screened:  # fmt: skip
+) -> Screened:
     """Judge every family of the catalogue on a ledger.
 
     Args:
@@ -111,9 +114,10 @@ def screen(
                 take(_pushed(context, ledger, axis, joint))
     order = np.argsort([-j.G for j in judged], kind="stable")
     return Screened(
-        tuple(judged[k] for k in order), tuple(judged[k].key for k in order),
+        tuple(judged[k] for k in order),
+        tuple(judged[k].key for k in order),
         np.array([tops[k] for k in order]),
-    )  # fmt: skip
+    )
 
 
 def _axes(context: Context) -> list[tuple[str, int]]:
@@ -135,9 +139,7 @@ def _modulated(
     return judge(context, ledger, shelf(context, ledger.stage, family))
 
 
-def _pushed(
-    context: Context, ledger: Ledger, axis: str, joint: int
-) -> tuple[Judged, Floats] | None:
+def _pushed(context: Context, ledger: Ledger, axis: str, joint: int) -> tuple[Judged, Floats] | None:
     events, price, top = find_events(ledger, joint)
     if not events:
         return None
@@ -186,9 +188,14 @@ def _best(
     G0, batch, w, k = best
     candidate = family.at(context, batch.shapes[k])
     row = Judged(
-        family, candidate, G0, float(w.gain[k, 0]), w.theta[k], float(w.share[k]),
+        family,
+        candidate,
+        G0,
+        float(w.gain[k, 0]),
+        w.theta[k],
+        float(w.share[k]),
         seen,
-    )  # fmt: skip
+    )
     return row, top
 
 

@@ -22,9 +22,12 @@ SERVO = ("saturation", "feedforward", "loop_gain", "effort_scale")  # they say w
 
 
 def look_at_servo(
-    subject: object, motions: Sequence[Motion], validation: Sequence[Motion],
-    sensing: Sequence[Found] = (), leave_out: Collection[str] = (),
-) -> tuple[list[Found], dict[int, float]]:  # fmt: skip
+    subject: object,
+    motions: Sequence[Motion],
+    validation: Sequence[Motion],
+    sensing: Sequence[Found] = (),
+    leave_out: Collection[str] = (),
+) -> tuple[list[Found], dict[int, float]]:
     """Return what has changed in the servo of every axis, and where its law is broken without a reason.
 
     An effort that is logged late or at a wrong scale looks like other gains; what was found of that is
@@ -82,7 +85,13 @@ def _limited(motions: Sequence[Motion], joint: int, axis: str) -> list[Found]:
     samples = sum(len(m.t) for m in motions)
     return [
         Found(
-            "saturation", axis, 0.95, {"limit": limit.level}, {"share of time": limit.share}, {}, [],
+            "saturation",
+            axis,
+            0.95,
+            {"limit": limit.level},
+            {"share of time": limit.share},
+            {},
+            [],
             gain=float(samples * limit.share * np.log(limit.worst)),
         )
-    ]  # fmt: skip
+    ]

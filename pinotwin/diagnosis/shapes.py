@@ -18,9 +18,9 @@ from pinotwin.diagnosis.worth import worth
 from pinotwin.effects import Effect, PositionTable, Presliding, Stribeck
 from pinotwin.identification.plant import Plant, fit_plant
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.preparation import prepare
 from pinotwin.twin.twin import effect_slices
 
 ENOUGH = 0.35  # of a joint's travel, for its pitches to be found
@@ -33,9 +33,13 @@ MUCH_BETTER = 0.97  # of the squared error in motion that another speed may leav
 
 
 def shaped_base(
-    machine: Machine, logs: Sequence[Log], rows: Rows, travel: Sequence[Motion], noise: Noise,
+    machine: Machine,
+    logs: Sequence[Log],
+    rows: Rows,
+    travel: Sequence[Motion],
+    noise: Noise,
     coarse: int = 1,
-) -> Base:  # fmt: skip
+) -> Base:
     """Return the base with every searched shape as identified, and free to first order.
 
     Args:
@@ -95,17 +99,17 @@ def _faded(stage: Stage, effect: Presliding | Stribeck, own: int, column: int) -
     top = max(float(np.abs(m.v[:, joint]).max()) for m in motions)
     speeds = np.array([effect.v_s, *(top * np.geomspace(*FADES))])
     columns: list[list[Blocks]] = [
-        [[(joint, replace(effect, v_s=float(x)).axis_columns(m.axis(effect.axis))[:, [own]])]
-         for m in motions]
+        [
+            [(joint, replace(effect, v_s=float(x)).axis_columns(m.axis(effect.axis))[:, [own]])]
+            for m in motions
+        ]
         for x in speeds
-    ]  # fmt: skip
+    ]
     without = replace(stage, pieces=tuple(_without(p, column) for p in stage.pieces))
     ledger = build_ledger(without)
     gain = worth(ledger, sums(ledger, stacked(without, columns))).gain[:, 0]
     left = sum(
-        float(np.sum(residual_of(p, ledger.theta) ** 2))
-        for p in without.pieces
-        if p.channel.joint == joint
+        float(np.sum(residual_of(p, ledger.theta) ** 2)) for p in without.pieces if p.channel.joint == joint
     )
     best = int(np.argmax(gain))
     better = left - gain[best] < MUCH_BETTER * (left - gain[0])

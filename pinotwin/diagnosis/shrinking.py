@@ -177,9 +177,7 @@ def stretches(stage: Stage, piece: Piece) -> Floats:
     return np.asarray(np.floor(t / STRETCH) + 4096.0 * piece.channel.log)
 
 
-def _range_of_blocks(
-    before: Errors, after: Errors, joint: int, noise: float
-) -> tuple[float, float] | None:
+def _range_of_blocks(before: Errors, after: Errors, joint: int, noise: float) -> tuple[float, float] | None:
     """Return within which the share on another log is promised to lie.
 
     What stays of the gap differs from block to block with their motion. Another log may hold all of the

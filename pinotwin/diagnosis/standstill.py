@@ -32,9 +32,7 @@ from pinotwin.signals import clipped_rms
 FORM = 0.08  # deviance per row that the form of a law may be in error by at rest: no threshold is lower
 SLOW = 0.06  # of an axis' top speed: a friction that falls beyond is no effect of standstill
 RESTLESS = 1.5  # noise with standstill over noise in motion; healthy virtual machines reach 1.3
-ROUGH = (
-    1.4  # the same from row to row, at rest alone; 300 axes of healthy virtual machines reach 1.33
-)
+ROUGH = 1.4  # the same from row to row, at rest alone; 300 axes of healthy virtual machines reach 1.33
 STILL = 0.01  # of an axis' top speed: rest
 FEW = 200  # rows that are not enough to be compared
 USUAL = 0.97  # of the differences from row to row: the others hold the moments at which friction gives way
@@ -42,9 +40,7 @@ MOST = 2  # effects that are sought here
 ELSEWHERE = frozenset({"external_force", "ripple_modulated"})  # not of friction
 
 
-def look_at_rest(
-    start: Ready, rest: Ready, decision: Decision, settings: Settings
-) -> tuple[Ready, Decision]:
+def look_at_rest(start: Ready, rest: Ready, decision: Decision, settings: Settings) -> tuple[Ready, Decision]:
     """Return the stage and the decision with the friction that shows at standstill and reversals.
 
     Both are as they were where nothing is found.
@@ -74,10 +70,13 @@ def restless(start: Ready, rest: Ready) -> dict[int, str]:
         return {}
     rough = {j: x for j in moving.rms if (x := roughness_at_rest(rest, j)) > ROUGH}
     level = {j: x for j in moving.rms if (x := still.rms.get(j, 0.0) / moving.rms[j]) > RESTLESS}
-    return {j: f"runs of one command differ from row to row {x:.1f} times as much at standstill as in motion"
-            for j, x in rough.items()} | {
-            j: f"runs of one command differ {x:.1f} times as much with standstill as in motion"
-            for j, x in level.items()}  # fmt: skip
+    return {
+        j: f"runs of one command differ from row to row {x:.1f} times as much at standstill as in motion"
+        for j, x in rough.items()
+    } | {
+        j: f"runs of one command differ {x:.1f} times as much with standstill as in motion"
+        for j, x in level.items()
+    }
 
 
 def roughness_at_rest(rest: Ready, joint: int) -> float:
@@ -153,9 +152,12 @@ def _steps(
 
 
 def _chance(
-    rest: Ready, shelves: Sequence[Shelf], settings: Settings, best: Judged,
+    rest: Ready,
+    shelves: Sequence[Shelf],
+    settings: Settings,
+    best: Judged,
     where: tuple,  # type: ignore[type-arg]
-) -> float:  # fmt: skip
+) -> float:
     """Return the gain that healthy draws reach, drawn from the residual that the best leaves."""
     here, taken, step = where
     under = admit(here, [best])
@@ -166,9 +168,12 @@ def _chance(
 
 
 def _sure(
-    rest: Ready, shelves: Sequence[Shelf], settings: Settings, given: Sequence[Judged],
+    rest: Ready,
+    shelves: Sequence[Shelf],
+    settings: Settings,
+    given: Sequence[Judged],
     named: Sequence[Named],
-) -> list[Named]:  # fmt: skip
+) -> list[Named]:
     """Return them with what this motion's rows at rest can tell apart."""
     plain = replace(settings, leave_out=settings.leave_out | ELSEWHERE)
     known = calibrate(rest.context, rest.search_stage, rest.theta, shelves, plain)
@@ -182,9 +187,7 @@ def _sure(
     return out
 
 
-def _joined(
-    start: Ready, rest: Ready, decision: Decision, named: Sequence[Named]
-) -> tuple[Ready, Decision]:
+def _joined(start: Ready, rest: Ready, decision: Decision, named: Sequence[Named]) -> tuple[Ready, Decision]:
     """Return both with the found effects, their axes with rows at rest."""
     joints = {joint for n in named for joint in n.judged.joints}
     wider = with_rest_of(start, rest, joints)

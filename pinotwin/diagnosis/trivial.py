@@ -18,11 +18,30 @@ LEFT_OVER_SHAKING = 0.25  # the same on other axes, where both shake them
 SHAKING = {"drive_flexibility", "backlash", "encoder_error"}  # all axes feel them
 KINDS = (
     {"ripple", "ripple_modulated", "position_table", "encoder_error"},
-    {"drive_flexibility", "backlash", "delay", "payload", "rotor_inertia", "wrist_coupling",
-     "geometric_error", "gravity", "effort_scale"},
-    {"coulomb", "coulomb_asymmetric", "offset", "viscous", "viscous_asymmetric", "viscous_thermal",
-     "stribeck", "quadratic_drag", "load_friction", "presliding"},
-)  # fmt: skip
+    {
+        "drive_flexibility",
+        "backlash",
+        "delay",
+        "payload",
+        "rotor_inertia",
+        "wrist_coupling",
+        "geometric_error",
+        "gravity",
+        "effort_scale",
+    },
+    {
+        "coulomb",
+        "coulomb_asymmetric",
+        "offset",
+        "viscous",
+        "viscous_asymmetric",
+        "viscous_thermal",
+        "stribeck",
+        "quadratic_drag",
+        "load_friction",
+        "presliding",
+    },
+)
 """Effects that have much in common: what one of them leaves over looks like another."""
 
 

@@ -86,8 +86,9 @@ class Left:
     def beside(self, words: Mapping[int, str]) -> Left:
         """Return the same with joints that are open for another reason."""
         stays = {**dict.fromkeys(words, 1.0), **self.stays}
-        return replace(self, stays=stays, open=tuple(sorted({*self.open, *words})),
-                       words={**self.words, **words})  # fmt: skip
+        return replace(
+            self, stays=stays, open=tuple(sorted({*self.open, *words})), words={**self.words, **words}
+        )
 
 
 def left_over(start: Ready, decision: Decision, gap: Gaps) -> Left:
@@ -166,9 +167,7 @@ def _unfulfilled(gap: Gaps, joint: int) -> bool:
     return foretold(gap.before, gap.after, joint)[0] < FORETOLD_LEAST
 
 
-def judge(
-    start: Ready, decision: Decision, gap: Gaps, left: Left, effects: Sequence[Found]
-) -> Judgement:  # fmt: skip
+def judge(start: Ready, decision: Decision, gap: Gaps, left: Left, effects: Sequence[Found]) -> Judgement:
     """Return the verdict of a decision."""
     names = start.stage.rows.motions[0].names
     open_, stays = left.open, left.stays
@@ -180,28 +179,20 @@ def judge(
     else:
         verdict = "unexplained" if open_ else "none"
     residuals = _after(start, gap) if effects else list(start.residuals)
-    remains = {
-        names[j]: left.words.get(j) or describe(start.stage.rows, residuals, j) for j in open_
-    }
+    remains = {names[j]: left.words.get(j) or describe(start.stage.rows, residuals, j) for j in open_}
     driven = start.stage.rows.joints
     unexplained = {names[j]: {"u" if j in driven else "v": x} for j, x in stays.items()}
     advice = [f"{axis}: what stays is {words}" for axis, words in remains.items()]
     advice += [BEYOND.format(names[j], share) for j, share in left.beyond.items() if j not in open_]
-    advice += [
-        NEVER.format(*q.key[::-1]) for q in decision.quiet if q.key in start.stage.base.unknown
-    ]
-    return Judgement(
-        verdict, sentence(verdict, effects, remains), unexplained, remains, advice, tuple(stays)
-    )
+    advice += [NEVER.format(*q.key[::-1]) for q in decision.quiet if q.key in start.stage.base.unknown]
+    return Judgement(verdict, sentence(verdict, effects, remains), unexplained, remains, advice, tuple(stays))
 
 
 def _after(start: Ready, gap: Gaps):  # type: ignore[no-untyped-def]
     """Return the errors after the effects laid on the channels' rows, zero where none was kept."""
     out = [np.zeros(len(c.y)) for c in start.stage.rows.channels]
     places = {id(c): k for k, c in enumerate(start.stage.rows.channels)}
-    for piece, error in zip(
-        gap.after.delivered.stage.pieces, gap.after.delivered.values, strict=True
-    ):
+    for piece, error in zip(gap.after.delivered.stage.pieces, gap.after.delivered.values, strict=True):
         out[places[id(piece.channel)]][piece.kept] = error
     return out
 
@@ -238,7 +229,5 @@ def _words(e: Found) -> str:
     if not e.shrink:  # a drive's limit leaves no gap of effort
         return f"{e.effect}{where} (confidence {e.confidence:.0%})"
     share = max(x.share for x in e.shrink.values())
-    how_far = (
-        f"{share:.0%} of the gap" if share > 0.0 else "the held-out gap does not shrink by it yet"
-    )
+    how_far = f"{share:.0%} of the gap" if share > 0.0 else "the held-out gap does not shrink by it yet"
     return f"{e.effect}{where} ({how_far}; confidence {e.confidence:.0%})"

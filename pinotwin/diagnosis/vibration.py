@@ -21,9 +21,9 @@ from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.shrinking import share_gone
 from pinotwin.diagnosis.where import Cell, bins, concentrated
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.preparation import prepare
 from pinotwin.signals import rms
 from pinotwin.signals.band import edge_rows, vibration_band
 from pinotwin.twin import Twin
@@ -33,9 +33,7 @@ FORM = 0.1  # of the vibration's RMS that a twin may be off by without a name: h
 WORTH = 0.2  # of the gap's power above the noise that other springs must take away to be named
 STAYS = 0.15  # of the same that may stay
 SIGMAS = 4.0  # by which stiffness or damping must have moved
-BLOCK = (
-    0.5  # [s] of data that count as one; every other one is fitted where there is no validation log
-)
+BLOCK = 0.5  # [s] of data that count as one; every other one is fitted where there is no validation log
 QUIET = 0.25  # of the blocks, that leave least: noise where there are no repeats
 SURE = 0.9  # stated: by judgement, not recalibrated on injections
 RESAMPLES = 400
@@ -64,9 +62,12 @@ class Vibrations:
 
 
 def look_at_vibration(
-    subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[bool], commands: Sequence[int],
+    subject: Machine | Twin,
+    logs: Sequence[Log],
+    validation: Sequence[bool],
+    commands: Sequence[int],
     rng: np.random.Generator,
-) -> Vibrations:  # fmt: skip
+) -> Vibrations:
     """Return the gap of every passive joint whose velocity the logs hold, and why it is there.
 
     Args:
@@ -81,9 +82,11 @@ def look_at_vibration(
         return out
     motions = [prepare(subject.machine, log, decimate=1) for log in logs]
     for spring in springs(subject):
-        runs = [_Run.of(subject, m, spring.index, label, k)
-                for k, (m, label) in enumerate(zip(motions, commands, strict=True))
-                if is_measured(m, spring.index)]  # fmt: skip
+        runs = [
+            _Run.of(subject, m, spring.index, label, k)
+            for k, (m, label) in enumerate(zip(motions, commands, strict=True))
+            if is_measured(m, spring.index)
+        ]
         sealed = [validation[r.log] for r in runs]
         if runs and not all(sealed):
             _judge(spring, _Split(runs, sealed), rng, out)
@@ -95,8 +98,11 @@ def unused(subject: Machine | Twin, logs: Sequence[Log]) -> list[str]:
     if isinstance(subject, Twin):
         return []
     names = [p for p in subject.passive if any(f"{p}.v" in log for log in logs)]
-    return [f"the vibration of {p} is in the log, but a machine does not know its spring: identify a twin "
-            "with this log and diagnose that" for p in names]  # fmt: skip
+    return [
+        f"the vibration of {p} is in the log, but a machine does not know its spring: identify a twin "
+        "with this log and diagnose that"
+        for p in names
+    ]
 
 
 @dataclass(frozen=True)
@@ -225,9 +231,15 @@ def _refitted(spring: PassiveSpring, runs: _Split) -> tuple[PassiveSpring, Moves
     found = shaped(best.x)
     moved = {
         f"{spring.name}.spring.{name}": (a, b, float(x / s))
-        for name, a, b, x, s in zip("kc", (spring.stiffness, spring.damping),
-                                    (found.stiffness, found.damping), best.x, error, strict=True)
-    }  # fmt: skip
+        for name, a, b, x, s in zip(
+            "kc",
+            (spring.stiffness, spring.damping),
+            (found.stiffness, found.damping),
+            best.x,
+            error,
+            strict=True,
+        )
+    }
     return found, moved
 
 
@@ -236,9 +248,12 @@ def _share(before: Floats, after: Floats, noise: float) -> float:
 
 
 def _shrink(
-    unseen: tuple[Floats, Floats], promised: float, noise: float, runs: _Split,
+    unseen: tuple[Floats, Floats],
+    promised: float,
+    noise: float,
+    runs: _Split,
     rng: np.random.Generator,
-) -> Shrink:  # fmt: skip
+) -> Shrink:
     """Return how far other springs shrink the gap on rows that were not fitted, blocks resampled."""
     blocks = max(len(unseen[0]) // max(round(BLOCK / runs.step), 1), 1)
     parts = [np.array_split(x, blocks) for x in unseen]
@@ -270,13 +285,17 @@ def _where(spring: PassiveSpring, runs: _Split, rng: np.random.Generator) -> lis
     return concentrated(cells, power, spring.name, "v", rng) if cells else []
 
 
-def _named(
-    old: PassiveSpring, new: PassiveSpring, runs: _Split, shrink: Shrink, moved: Moves
-) -> Found:  # fmt: skip
+def _named(old: PassiveSpring, new: PassiveSpring, runs: _Split, shrink: Shrink, moved: Moves) -> Found:
     inertia = float(np.mean([r.load.inertia.mean() for r in runs.runs]))
     wn, zeta = new.mode(inertia)
     return Found(
-        "joint_flexibility", old.name, SURE, {"frequency": wn / (2.0 * np.pi), "damping": zeta},
-        {"k": new.stiffness, "c": new.damping}, {"v": shrink}, [], moved,
+        "joint_flexibility",
+        old.name,
+        SURE,
+        {"frequency": wn / (2.0 * np.pi), "damping": zeta},
+        {"k": new.stiffness, "c": new.damping},
+        {"v": shrink},
+        [],
+        moved,
         gain=float(len(runs.runs[0].measured) * np.log(shrink.before / max(shrink.after, 1e-300))),
-    )  # fmt: skip
+    )

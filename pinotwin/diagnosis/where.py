@@ -77,14 +77,13 @@ def concentrated(
         p = (1.0 + float((top >= s).sum())) / (SHIFTS + 1.0)
         share = float(power[cell.mask].sum() / power.sum())
         if p <= 0.05 and share > 1.3 * when:
-            found.append(Region(axis, signal, cell.kind, cell.range, cell.unit, share, float(when),
-                                p, cell.other))  # fmt: skip
+            found.append(
+                Region(axis, signal, cell.kind, cell.range, cell.unit, share, float(when), p, cell.other)
+            )
     return found
 
 
-def regimes(
-    seen: Sequence[tuple[Motion, Ints]], joint: int, load: Floats | None = None
-) -> list[Cell]:
+def regimes(seen: Sequence[tuple[Motion, Ints]], joint: int, load: Floats | None = None) -> list[Cell]:
     """Return the regimes of a joint's motion: time, position, speed, standstill, acceleration, others.
 
     Args:
@@ -100,9 +99,7 @@ def regimes(
 
     q, v, a = pick("q"), pick("v"), pick("a")
     t = np.concatenate([m.t[rows] for m, rows in seen])
-    out = (
-        bins("time", t, "s", 8) + bins("position", q, x, 8) + bins("acceleration", a, f"{x}/s²", 6)
-    )
+    out = bins("time", t, "s", 8) + bins("position", q, x, 8) + bins("acceleration", a, f"{x}/s²", 6)
     slow = REVERSAL * float(np.abs(v).max())
     out += [Cell("velocity", (-slow, slow), f"{x}/s", np.abs(v) <= slow)]
     out += bins("velocity", v, f"{x}/s", 6)

@@ -99,6 +99,4 @@ def relief(ledger: Ledger, s: Sums) -> Floats:
     theta = ledger.solve(0, ledger.right[0])
     pull = (X.reshape(-1, p) @ (prior @ theta)).reshape(count, width, -1)
     Q = np.einsum("ikp,ilp->ikl", X, (X.reshape(-1, p) @ prior).reshape(count, width, p))
-    return np.asarray(
-        2.0 * np.einsum("ikd,ikd->id", pull, c) - np.einsum("ikd,ikl,ild->id", c, Q, c)
-    )
+    return np.asarray(2.0 * np.einsum("ikd,ikd->id", pull, c) - np.einsum("ikd,ikl,ild->id", c, Q, c))

@@ -144,9 +144,7 @@ def _priority(model: pin.Model) -> list[int]:
     return order
 
 
-def _regroup(
-    scaled: Floats, order: Sequence[int], tolerance: float
-) -> tuple[list[int], Floats, float]:
+def _regroup(scaled: Floats, order: Sequence[int], tolerance: float) -> tuple[list[int], Floats, float]:
     """Return the independent columns, K with scaled = scaled[:, independent] K, and K's noise."""
     Q = np.empty((len(scaled), len(order)))
     kept: list[int] = []

@@ -96,9 +96,7 @@ def excitation(
     finite = np.atleast_1d(np.isfinite(W).all(axis=0))
     if not finite.all():
         bad = [n for n, ok in zip(names, finite.tolist(), strict=True) if not ok]
-        raise DataError(
-            f"regressor columns {bad} hold values that are not finite; select rows first"
-        )
+        raise DataError(f"regressor columns {bad} hold values that are not finite; select rows first")
     scale = np.sqrt(np.mean(W**2, axis=0))
     effort = scale if size is None else scale * np.abs(size)
     alive = effort > tolerance * effort.max(initial=0.0)

@@ -78,15 +78,9 @@ def _advance(g: Floats, up: Floats, x: Floats, axis: Floats, turns: float, y: Fl
         p0, p1, p2 = g[9 * N + s], g[10 * N + s], g[11 * N + s]
         for k in range(6):
             y[k * N + s] = up[k * N + s]
-        y[6 * N + s] = (
-            up[6 * N + s] + up[9 * N + s] * p0 + up[10 * N + s] * p1 + up[11 * N + s] * p2
-        )
-        y[7 * N + s] = (
-            up[7 * N + s] + up[12 * N + s] * p0 + up[13 * N + s] * p1 + up[14 * N + s] * p2
-        )
-        y[8 * N + s] = (
-            up[8 * N + s] + up[15 * N + s] * p0 + up[16 * N + s] * p1 + up[17 * N + s] * p2
-        )
+        y[6 * N + s] = up[6 * N + s] + up[9 * N + s] * p0 + up[10 * N + s] * p1 + up[11 * N + s] * p2
+        y[7 * N + s] = up[7 * N + s] + up[12 * N + s] * p0 + up[13 * N + s] * p1 + up[14 * N + s] * p2
+        y[8 * N + s] = up[8 * N + s] + up[15 * N + s] * p0 + up[16 * N + s] * p1 + up[17 * N + s] * p2
     _turn(g, y, 0)
     _turn(g, y, 3)
     _turn(g, y, 6)
@@ -164,9 +158,7 @@ def _swirl(y: Floats, j: Floats) -> None:
 def _mass(j: Floats, y: Floats, e: Floats) -> None:
     """Mass: beta·c."""
     for s in range(N):
-        e[s] = (
-            j[3 * N + s] * y[6 * N + s] + j[4 * N + s] * y[7 * N + s] + j[5 * N + s] * y[8 * N + s]
-        )
+        e[s] = j[3 * N + s] * y[6 * N + s] + j[4 * N + s] * y[7 * N + s] + j[5 * N + s] * y[8 * N + s]
 
 
 @_jit

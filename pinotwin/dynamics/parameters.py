@@ -53,8 +53,7 @@ def with_parameters(model: pin.Model, pi: Floats) -> pin.Model:
     values = np.asarray(pi, dtype=float)
     if values.shape != (parameter_count(model),):
         raise MachineError(
-            f"machine {model.name!r}: pi has shape {values.shape}, "
-            f"expected ({parameter_count(model)},)"
+            f"machine {model.name!r}: pi has shape {values.shape}, expected ({parameter_count(model)},)"
         )
     copy = model.copy()
     for i in range(1, model.njoints):
@@ -67,9 +66,7 @@ def _inertia(body: Floats, name: str) -> pin.Inertia:
     if body[0] != 0.0:
         return pin.Inertia.FromDynamicParameters(np.ascontiguousarray(body))
     if np.any(body[1:4]):
-        raise MachineError(
-            f"joint {name!r}: first moments {body[1:4]} without mass; give the body a mass"
-        )
+        raise MachineError(f"joint {name!r}: first moments {body[1:4]} without mass; give the body a mass")
     xx, xy, yy, xz, yz, zz = body[4:]
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return pin.Inertia(0.0, np.zeros(3), tensor)

@@ -55,12 +55,7 @@ def _candidates(geometry: Tree, wanted: Ints) -> Iterator[tuple[int, int, int, i
 
 def _structure(geometry: Tree, entries: list[tuple[int, int, int, int]], columns: int) -> Plan:
     """Return the plan for a list of entries with the bodies and Jacobian columns that it needs."""
-    needed = {
-        (i, row + 1)
-        for row, _, body, _ in entries
-        if body
-        for i in _between(geometry, body, row + 1)
-    }
+    needed = {(i, row + 1) for row, _, body, _ in entries if body for i in _between(geometry, body, row + 1)}
     pairs: dict[tuple[int, int], int] = {pair: k for k, pair in enumerate(sorted(needed))}
     carried = [pairs.get((int(geometry.parent[i - 1]), j), -1) if i != j else -1 for i, j in pairs]
     bodies = sorted({k for i, _ in pairs for k in geometry.chain(i)})
@@ -92,6 +87,9 @@ def run(geometry: Tree, plan: Plan, q: Floats, v: Floats, a: Floats) -> Floats:
     fill(
         (g.revolute, g.axis, g.still, g.cosine, g.sine, g.origin, g.slide, g.gravity),
         (plan.bodies, plan.pairs, plan.entries),
-        q, v, a, W,
-    )  # fmt: skip
+        q,
+        v,
+        a,
+        W,
+    )
     return W

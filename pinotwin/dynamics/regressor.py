@@ -20,9 +20,7 @@ from pinotwin.dynamics.tree import tree
 from pinotwin.errors import DataError
 
 
-def regressor(
-    model: pin.Model, q: Floats, v: Floats, a: Floats, columns: Ints | None = None
-) -> Floats:
+def regressor(model: pin.Model, q: Floats, v: Floats, a: Floats, columns: Ints | None = None) -> Floats:
     """Return W with W @ pi = joint effort, shape (n, nv, p), or only some of its columns.
 
     Args:
@@ -70,9 +68,7 @@ def regressor_blocks(
             yield rows, run(geometry, plan, q[rows], v[rows], a[rows])
 
 
-def regressor_loop(
-    model: pin.Model, q: Floats, v: Floats, a: Floats, columns: Ints | None = None
-) -> Floats:
+def regressor_loop(model: pin.Model, q: Floats, v: Floats, a: Floats, columns: Ints | None = None) -> Floats:
     """Return the same as :func:`regressor`, sample by sample through Pinocchio: slow, any joint."""
     q, v, a = as_log(model, q=q, v=v, a=a)
     wanted = _wanted(model, columns)

@@ -81,9 +81,11 @@ class Trace:
             place[k] = len(start) + len(ops) - 1
             sign.append(s)
         return (
-            np.array(start), np.array(ops, dtype=np.intp).reshape(-1, 3), np.array(sign),
+            np.array(start),
+            np.array(ops, dtype=np.intp).reshape(-1, 3),
+            np.array(sign),
             [place[k] for k in ends],
-        )  # fmt: skip
+        )
 
     def _signed(self, x: Expression) -> int:
         """Return the node that is ``x`` itself, sign included."""
@@ -164,9 +166,7 @@ class Symbol:
                 return NotImplemented
             if other == 0.0:
                 return self
-            other = Symbol(
-                self.trace, self.trace.constant(abs(float(other))), float(np.sign(other))
-            )
+            other = Symbol(self.trace, self.trace.constant(abs(float(other))), float(np.sign(other)))
         node, sign = self.trace.sum(self.node, other.node, self.sign * other.sign)
         # i + s j, or j + s i = s (i + s j): the sign of the first term comes out in front.
         return 0.0 if node < 0 else Symbol(self.trace, node, sign * self.sign)

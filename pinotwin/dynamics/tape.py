@@ -57,9 +57,7 @@ class Tape:
         return len(self.start) + len(self.ops)
 
 
-def record(
-    model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float, float]] = ()
-) -> Tape:
+def record(model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float, float]] = ()) -> Tape:
     """Return the tape of a machine with the inertial parameters ``pi``, shape (p,).
 
     Args:
@@ -94,10 +92,13 @@ def record(
     entries = [(i, j, p) for (i, j), p in zip(mass, places[: len(mass)], strict=True)]
     efforts = list(zip(bias, places[len(mass) :], strict=True))
     return Tape(
-        start, ops, sign, np.flatnonzero(geometry.revolute).astype(np.intp),
+        start,
+        ops,
+        sign,
+        np.flatnonzero(geometry.revolute).astype(np.intp),
         np.array(entries, dtype=np.intp).reshape(-1, 3),
         np.array(efforts, dtype=np.intp).reshape(-1, 2),
-    )  # fmt: skip
+    )
 
 
 class _Bodies:

@@ -23,9 +23,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.motion import AxisMotion, Motion
 
-Cause = Literal[
-    "stiffness", "viscous", "friction", "position", "inertial_coupling", "rigid_body", "other"
-]
+Cause = Literal["stiffness", "viscous", "friction", "position", "inertial_coupling", "rigid_body", "other"]
 Depends = Literal["position", "velocity", "direction", "displacement", "other"]
 
 

@@ -4,7 +4,7 @@
 
 Each term is an effect of its own, so that it can be listed, left out, withheld or diagnosed alone.
 ``d`` is the direction with memory of :mod:`pinotwin.effects.direction`.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 

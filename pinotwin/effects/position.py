@@ -92,9 +92,7 @@ class Ripple(AxisEffect):
             object.__setattr__(self, "period", float(np.sqrt(low * high)))
             object.__setattr__(self, "searched", True)
         if self.period is not None and self.period <= 0.0:
-            raise MachineError(
-                f"axes.{self.axis}: ripple period must be positive, not {self.period}"
-            )
+            raise MachineError(f"axes.{self.axis}: ripple period must be positive, not {self.period}")
 
     def coefficients(self) -> tuple[Coefficient, ...]:
         """See :meth:`Effect.coefficients`."""

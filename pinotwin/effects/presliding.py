@@ -37,9 +37,7 @@ PAST = 20.0
 
 
 @numba.njit(cache=True)
-def _slip(
-    q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past: float, out: Floats
-) -> None:
+def _slip(q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past: float, out: Floats) -> None:
     """Fill ``out`` (n, 3) with z, y and y'; ``width`` is x_s and the play."""
     x_s, play = width
     bend = np.clip(past / yields, -1.0, 1.0)

@@ -15,9 +15,9 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError
-from pinotwin.fit.problem import Problem
 from pinotwin.motion import Motion
 from pinotwin.signals import decimate_zero_phase
+from pinotwin.solve.problem import Problem
 from pinotwin.twin.twin import effect_keys, effect_slices
 
 

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from pinotwin.analysis.disturbance import generalised_disturbance, reacting
 from pinotwin.arrays import Floats
-from pinotwin.disturbance import generalised_disturbance, reacting
 from pinotwin.errors import DataError
 from pinotwin.identification.loops import _first, errors, loop_data
 from pinotwin.identification.tied import tied, with_lag
@@ -47,8 +47,7 @@ def with_tied_loops(twin: Twin, motion: Motion) -> Twin:
         i = motion.index(name)
         known = (float(twin.diagonal["inertia"][i]), float(twin.diagonal["viscous"][i]))
         data = loop_data(motion, d, name)
-        before = errors(data, identify_loop(_first(data), free.structure, starts=_start(free)),
-                        held_out=True)  # fmt: skip
+        before = errors(data, identify_loop(_first(data), free.structure, starts=_start(free)), held_out=True)
         try:
             trial = tied(_first(data), with_lag(free), *known)
             model = tied(data, trial, *known)
@@ -60,8 +59,7 @@ def with_tied_loops(twin: Twin, motion: Motion) -> Twin:
         loops[name] = {**loops[name], "tied": {**row, "taken": bool(taken)}}
         if taken:
             models[name] = model
-            loops[name] |= {"real_poles": model.structure.real_poles, "fit": row["fit"],
-                            "held_out": after}  # fmt: skip
+            loops[name] |= {"real_poles": model.structure.real_poles, "fit": row["fit"], "held_out": after}
     return replace(twin, loops=models, quality={**twin.quality, "loops": loops})
 
 
@@ -118,9 +116,7 @@ def from_ground(d: Floats, a: Floats, diagonal: Mapping[str, Floats], i: int, p:
     return out
 
 
-def _fitted(
-    twin: Twin, data: LoopData, axis: str, passive: str, near: LoopModel | None = None
-) -> LoopModel:
+def _fitted(twin: Twin, data: LoopData, axis: str, passive: str, near: LoopModel | None = None) -> LoopModel:
     """Return the loop: one pair more than the axis alone, its search begun at the spring's mode."""
     alone = near or twin.loops[axis]
     start = _start(alone)[0]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.fit.problem import Problem
+from pinotwin.solve.problem import Problem
 
 CONDITION_LIMIT = 1e4
 """Scaled condition number above which parameters trade off against each other."""
@@ -31,10 +31,7 @@ def error_row(y: Floats, error: Floats) -> dict[str, float]:
 def prediction_rows(problem: Problem, theta: Floats, names: Sequence[str]) -> dict[str, Any]:
     """Return the error of a given theta on the rows of a problem, per axis."""
     error = problem.y - problem.W @ theta
-    return {
-        names[joint]: error_row(problem.y[rows], error[rows])
-        for joint, rows in problem.slices.items()
-    }
+    return {names[joint]: error_row(problem.y[rows], error[rows]) for joint, rows in problem.slices.items()}
 
 
 def whiteness_row(residual: Floats) -> dict[str, float]:

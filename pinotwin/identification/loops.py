@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
-from pinotwin.disturbance import generalised_disturbance
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
@@ -152,9 +152,7 @@ def _keep(found: Loops, old: AxisEffects, new: AxisEffects) -> None:
     found.refined[new.axis] = new
 
 
-def _refit(
-    data: LoopData, near: LoopModel, *, afresh: bool = False, judged: bool = False
-) -> LoopModel:
+def _refit(data: LoopData, near: LoopModel, *, afresh: bool = False, judged: bool = False) -> LoopModel:
     """Return a loop of the same structure fitted to other data, its search started from ``near``.
 
     Poles that were found beside wrong friction can sit in the wrong basin: ``afresh`` also starts from
@@ -201,9 +199,7 @@ def _choose(twin: Twin, data: LoopData, name: str) -> LoopModel:
     trial = _found(_first(data), Structure())
     error = _score(data, trial)
     for pairs in range(2, MOST_PAIRS + 1):
-        other = identify_loop(
-            _first(data), Structure(pole_pairs=pairs), starts=_beside(trial), judged=False
-        )
+        other = identify_loop(_first(data), Structure(pole_pairs=pairs), starts=_beside(trial), judged=False)
         score = _score(data, other)
         if score > PAYS * error:
             break
@@ -219,9 +215,7 @@ def _found(data: LoopData, structure: Structure) -> LoopModel:
 
 def _first(data: LoopData) -> LoopData:
     """Return the part of the data on which orders are compared."""
-    return data.within(
-        [s for s in (_clip(s, 0, _cut(data)) for s in data.segments) if s is not None]
-    )
+    return data.within([s for s in (_clip(s, 0, _cut(data)) for s in data.segments) if s is not None])
 
 
 def _cut(data: LoopData) -> int:

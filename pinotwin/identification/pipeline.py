@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.disturbance import diagonal
+from pinotwin.analysis.disturbance import diagonal
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import DataError
-from pinotwin.fit.crossval import held_out
-from pinotwin.fit.linear import Options
 from pinotwin.identification.assemble import assemble
 from pinotwin.identification.flexible import with_tied_loops, with_vibration_loops
 from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
@@ -20,9 +18,11 @@ from pinotwin.identification.plant import Plant, fit_options, fit_plant
 from pinotwin.identification.springs import with_springs
 from pinotwin.identification.table import at_bounds, parameter_table, refined_table
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.preparation import prepare
+from pinotwin.solve.crossval import held_out
+from pinotwin.solve.linear import Options
 from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
 

@@ -10,12 +10,12 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.parameters import body_count, parameters
 from pinotwin.effects import Effect, PositionTable, RigidBody
-from pinotwin.fit.consistency import Bodies, ConsistentFit, Evidence, consistent
-from pinotwin.fit.linear import Options, Prior, linear
-from pinotwin.fit.result import LinearFit
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.solve.consistency import Bodies, ConsistentFit, Evidence, consistent
+from pinotwin.solve.linear import Options, Prior, linear
+from pinotwin.solve.result import LinearFit
 from pinotwin.twin.twin import effect_slices
 
 
@@ -44,9 +44,7 @@ class Plant:
     consistency: ConsistentFit | None
 
 
-def fit_plant(
-    machine: Machine, motion: Motion, *, consistent_inertia: bool = True, every: int = 1
-) -> Plant:
+def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = True, every: int = 1) -> Plant:
     """Identify the open-loop dynamics of a machine from one motion.
 
     Args:
@@ -74,9 +72,7 @@ def fit_plant(
     return Plant(effects, rows, fit, theta, pi, errors, bounds, found)
 
 
-def fit_options(
-    machine: Machine, effects: Sequence[Effect], motion: Motion | None = None
-) -> Options:
+def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | None = None) -> Options:
     """Return bounds from the effects, and the CAD values as prior for what the data leave open.
 
     With a motion, table knots are weakly held within the size of their axis' effort, so that a knot
@@ -99,9 +95,7 @@ def _ridge(effects: Sequence[Effect], motion: Motion) -> Floats | None:
     for effect, where in zip(effects, slices, strict=True):
         if isinstance(effect, PositionTable):
             u = motion.u[:, motion.index(effect.axis)]
-            out[where] = (
-                max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
-            )
+            out[where] = max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
     return out if np.isfinite(out).any() else None
 
 
@@ -124,9 +118,7 @@ def _solve(
     return search_shapes(motion, effects, rows, searched, options)
 
 
-def _consistent(
-    machine: Machine, fit: LinearFit, effects: Sequence[Effect], pi0: Floats
-) -> ConsistentFit:
+def _consistent(machine: Machine, fit: LinearFit, effects: Sequence[Effect], pi0: Floats) -> ConsistentFit:
     count = body_count(machine.model)
     bodies = Bodies(
         P=machine.base.P,

@@ -163,9 +163,7 @@ def _finished(
     A = _filtered(data, model, columns, weight).reshape(len(y), y.shape[1], -1)[inside]
     x = found.shape_values()
     steps = 0.05 * found.shape_scales(motion)
-    slopes = [
-        (residual(x - h) - residual(x + h))[inside] / (2.0 * float(h.sum())) for h in np.diag(steps)
-    ]
+    slopes = [(residual(x - h) - residual(x + h))[inside] / (2.0 * float(h.sum())) for h in np.diag(steps)]
     J = np.concatenate([A, np.stack(slopes, axis=-1)], axis=-1) if slopes else A
     rows = J.reshape(-1, J.shape[-1])
     spread = block_covariance(rows, residual(x)[inside].ravel())

@@ -9,12 +9,12 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects import Effect
-from pinotwin.fit.linear import Options, Prior
-from pinotwin.fit.moving import Moving
-from pinotwin.fit.result import LinearFit
-from pinotwin.fit.separable import separable
 from pinotwin.identification.assemble import Rows, assemble, coefficient_names, thin
 from pinotwin.motion import Motion
+from pinotwin.solve.linear import Options, Prior
+from pinotwin.solve.moving import Moving
+from pinotwin.solve.result import LinearFit
+from pinotwin.solve.separable import separable
 from pinotwin.twin.twin import effect_keys, effect_slices
 
 Found = tuple[LinearFit, tuple[Effect, ...], Floats, Mask]
@@ -43,9 +43,7 @@ def search_shapes(
     """
     slices = effect_slices(effects)
     fixed = [i for i in range(len(effects)) if i not in searched]
-    order = np.concatenate(
-        [np.arange(slices[i].start, slices[i].stop) for i in [*fixed, *searched]]
-    )
+    order = np.concatenate([np.arange(slices[i].start, slices[i].stop) for i in [*fixed, *searched]])
     problem = assemble(motion, [effects[i] for i in fixed], rows)
     keys, names = effect_keys(effects), coefficient_names(effects)
     problem = problem.with_columns(problem.W, [names[k] for k in order[: problem.parameters]])

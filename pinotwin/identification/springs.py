@@ -20,10 +20,10 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import body_count, parameters
-from pinotwin.fit.consistency import Bodies, Evidence, consistent
 from pinotwin.imu.statistics import long_run
 from pinotwin.motion import Motion
 from pinotwin.signals.band import vibration_band
+from pinotwin.solve.consistency import Bodies, Evidence, consistent
 from pinotwin.twin import Twin
 from pinotwin.twin.parameters import Parameter, verdict
 
@@ -129,9 +129,7 @@ def _updated(twin: Twin, joint: str, theta: Floats, cov: Floats) -> Twin:
     scale = np.sqrt(np.diag(cov)[:b])
     correlation = cov[:b, :b] / np.outer(scale, scale)
     factor = np.linalg.cholesky(np.linalg.inv(correlation)).T / scale
-    evidence = Evidence(
-        factor, factor @ theta[:b], theta[:b], np.arange(b), np.full(b, -np.inf), float(b)
-    )
+    evidence = Evidence(factor, factor @ theta[:b], theta[:b], np.arange(b), np.full(b, -np.inf), float(b))
     count = body_count(machine.model)
     pi0 = parameters(machine.model)
     bodies = tuple(np.arange(10 * i, 10 * i + 10) for i in range(count))

@@ -85,9 +85,7 @@ def _prior(effect: Effect, plant: Plant) -> Floats | None:
     return effect.base.from_standard(parameters(effect.model))
 
 
-def _shape_rows(
-    key: str, effect: Effect, which: slice, where: slice, plant: Plant
-) -> list[Parameter]:
+def _shape_rows(key: str, effect: Effect, which: slice, where: slice, plant: Plant) -> list[Parameter]:
     rows = []
     errors, bounds = plant.shape_errors[which], plant.shape_at_bound[which]
     seen = bool(np.any(np.abs(plant.theta[where]) > 0))

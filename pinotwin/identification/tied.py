@@ -40,9 +40,14 @@ def with_lag(model: LoopModel) -> LoopModel:
     lag = 2.0 * np.pi * min(LAG, 0.9 * bound.upper)
     sections = (*model.sections[:count], Section(name, 1, (lag,)), *model.sections[count:])
     return LoopModel(
-        model.axis, model.disturbances, model.outputs, model.step, structure, sections,
+        model.axis,
+        model.disturbances,
+        model.outputs,
+        model.step,
+        structure,
+        sections,
         np.zeros((shape[1], layout.residues)),
-    )  # fmt: skip
+    )
 
 
 def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float) -> LoopModel:
@@ -55,20 +60,20 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float) -> Lo
         viscous: C [N·s/m or N·m·s/rad].
     """
     s = model.structure
-    if (
-        len(model.outputs) != 2
-        or len(model.disturbances) != 1
-        or s.direct
-        or s.numerators != "exact"
-    ):
+    if len(model.outputs) != 2 or len(model.disturbances) != 1 or s.direct or s.numerators != "exact":
         return model
     problem = _Problem(data, model, inertia, viscous)
     low, high = model.layout.box
     start = np.clip(problem.start, low + 1e-9, high - 1e-9)
     best = least_squares(
-        lambda x: problem.solve(x)[1], start, bounds=(low, high), diff_step=1e-4, max_nfev=POLISH,
-        xtol=1e-4, ftol=1e-6,
-    )  # fmt: skip
+        lambda x: problem.solve(x)[1],
+        start,
+        bounds=(low, high),
+        diff_step=1e-4,
+        max_nfev=POLISH,
+        xtol=1e-4,
+        ftol=1e-6,
+    )
     return replace(problem.model_at(best.x), fit=_account(problem, best.x, best.jac, best.fun))
 
 
@@ -135,9 +140,7 @@ class _Problem:
     def solve(self, theta: Floats) -> tuple[Floats, Floats]:
         """Return the residues of the error row (nc - 2,) and the weighted residual."""
         modal = self._at(theta).modal()
-        places = [
-            (b, i) for b, slot in enumerate(self.model.layout.slots) for i in range(slot.order)
-        ]
+        places = [(b, i) for b, slot in enumerate(self.model.layout.slots) for i in range(slot.order)]
         N, g = self._ties(modal, places)
         rows = [self._rows(modal, places, s) for s in self.data.segments]
         count = len(places) + sum(r[1].shape[1] for r in rows)
@@ -205,9 +208,7 @@ class _Problem:
         parts = [self._both(modal, v, p, scale) for v, p in ((x, places), (still, own))]
         return parts[0], parts[1], (self.data.outputs[s] * scale).T.ravel()
 
-    def _both(
-        self, modal: ModalStep, x: Floats, places: list[tuple[int, int]], scale: Floats
-    ) -> Floats:
+    def _both(self, modal: ModalStep, x: Floats, places: list[tuple[int, int]], scale: Floats) -> Floats:
         """Return the columns of e and below them those of u, shape (2 n, p)."""
         effort = np.stack([self._effort(rate) for rate in modal.rate])
         e = np.stack([x[:, b, i] for b, i in places], axis=1)
@@ -221,7 +222,13 @@ def _states(modal: ModalStep, w: Floats, x0: Floats) -> Floats:
     out = np.zeros((len(w), 2 * k))
     C = np.eye(2 * k).reshape(2 * k, k, 2)
     kernels.simulate(
-        modal.A, np.stack([modal.B0, modal.B1], axis=1), np.ascontiguousarray(C),
-        np.ascontiguousarray(w.T[modal.input]), x0.copy(), 0, len(w), out,
-    )  # fmt: skip
+        modal.A,
+        np.stack([modal.B0, modal.B1], axis=1),
+        np.ascontiguousarray(C),
+        np.ascontiguousarray(w.T[modal.input]),
+        x0.copy(),
+        0,
+        len(w),
+        out,
+    )
     return out.reshape(len(w), k, 2)

@@ -48,9 +48,14 @@ class RotationFit:
 
 
 def fit_rotation(
-    x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None = None,
-    *, lag: int = 100, minimum: float = 0.02, spread: float = 0.05,
-) -> RotationFit:  # fmt: skip
+    x: Floats,
+    y: Floats,
+    gravity: tuple[Floats, Floats] | None = None,
+    *,
+    lag: int = 100,
+    minimum: float = 0.02,
+    spread: float = 0.05,
+) -> RotationFit:
     """Return the proper rotation with y = R x in the least-squares sense (Wahba's problem).
 
     Args:
@@ -66,9 +71,7 @@ def fit_rotation(
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3:
-        raise DataError(
-            f"an alignment needs vectors of equal shape (n, 3), not {x.shape}, {y.shape}"
-        )
+        raise DataError(f"an alignment needs vectors of equal shape (n, 3), not {x.shape}, {y.shape}")
     values = np.linalg.svd(x, compute_uv=False) / np.sqrt(len(x))
     if values[0] < minimum:
         raise DataError(
@@ -141,9 +144,14 @@ def mounting(q: Floats, R_GM: Floats, R_link: Floats, *, lag: int = 100) -> Rota
 
 
 def mounting_from_rates(
-    w_link: Floats, gyr: Floats, gravity: tuple[Floats, Floats] | None = None,
-    *, scale: float = 5e-3, bias: float = 0.02, lag: int = 100,
-) -> RotationFit:  # fmt: skip
+    w_link: Floats,
+    gyr: Floats,
+    gravity: tuple[Floats, Floats] | None = None,
+    *,
+    scale: float = 5e-3,
+    bias: float = 0.02,
+    lag: int = 100,
+) -> RotationFit:
     """Return R_S/T from rates in the link frame, the gyro's scale and bias estimated beside it.
 
         gyr = (I + diag(s)) exp(e) R w_link + b
@@ -158,8 +166,11 @@ def mounting_from_rates(
         bias: prior standard deviation of the biases [rad/s].
         lag: samples over which residuals are correlated.
     """
-    centred = gyr - np.median(gyr[np.linalg.norm(w_link, axis=1) < 1e-3], axis=0, keepdims=True) \
-        if np.any(np.linalg.norm(w_link, axis=1) < 1e-3) else gyr  # fmt: skip
+    centred = (
+        gyr - np.median(gyr[np.linalg.norm(w_link, axis=1) < 1e-3], axis=0, keepdims=True)
+        if np.any(np.linalg.norm(w_link, axis=1) < 1e-3)
+        else gyr
+    )
     fit = fit_rotation(w_link, centred, gravity, lag=lag)
     if fit.gravity:
         return fit
@@ -167,9 +178,14 @@ def mounting_from_rates(
     for _ in range(4):
         turned = w_link @ R.T
         e = gyr - (1.0 + s) * turned - b
-        J = np.concatenate([-(1.0 + s)[:, None] * rot.skew(turned),
-                            turned[:, :, None] * np.eye(3),
-                            np.broadcast_to(np.eye(3), (len(e), 3, 3))], axis=2)  # fmt: skip
+        J = np.concatenate(
+            [
+                -(1.0 + s)[:, None] * rot.skew(turned),
+                turned[:, :, None] * np.eye(3),
+                np.broadcast_to(np.eye(3), (len(e), 3, 3)),
+            ],
+            axis=2,
+        )
         noise = np.mean(e**2)
         prior = noise * np.repeat([0.0, scale**-2, bias**-2], 3)
         A = np.einsum("nki,nkj->ij", J, J) + np.diag(prior)

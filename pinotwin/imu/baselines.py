@@ -53,9 +53,7 @@ def baselines(
     integral = naive(servo.t, difference)
     out = {
         "naive": Deflection(servo.t, integral, difference, slope),
-        "high-passed": Deflection(
-            servo.t, high_passed(servo.t, integral, corner), difference, slope
-        ),
+        "high-passed": Deflection(servo.t, high_passed(servo.t, integral, corner), difference, slope),
     }
     methods: tuple[Method, ...] = ("ekf", "vqf")
     for method in methods:
@@ -67,11 +65,7 @@ def _chain(
     servo: ServoRun, gyr: Floats, acc: Floats, rate: float, method: Method, axis: Floats
 ) -> Deflection:
     """Return the source's reconstruction with an orientation filter."""
-    q = (
-        ekf(gyr, acc, rate, _ON_A_TABLE).q
-        if method == "ekf"
-        else orientation(gyr, acc, rate, method)
-    )
+    q = ekf(gyr, acc, rate, _ON_A_TABLE).q if method == "ekf" else orientation(gyr, acc, rate, method)
     machine = np.einsum("nij,nj->ni", servo.R, servo.w)
     R_GM = inertial_alignment(machine, rot.rotate(q, gyr), np.array([0.0, 0.0, 1.0])).R
     R_ST = mounting(q, R_GM, servo.R).R
@@ -87,8 +81,7 @@ def _on_servo_clock(
     order = np.argsort(at[ok])
     at = at[ok][order]
     gyr, acc = (
-        np.stack([np.interp(servo.t, at, c) for c in x[ok][order].T], axis=1)
-        for x in (imu.gyr, imu.acc)
+        np.stack([np.interp(servo.t, at, c) for c in x[ok][order].T], axis=1) for x in (imu.gyr, imu.acc)
     )
     k = np.clip(np.searchsorted(at, servo.t), 1, len(at) - 1)
     gap = at[k] - at[k - 1]

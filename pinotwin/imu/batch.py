@@ -58,9 +58,12 @@ class _Problem:
 
 
 def estimate(
-    servo: Sequence[ServoRun], imu: Sequence[ImuRun], priors: Priors | None = None,
-    clocks: Sequence[ClockFit] | None = None, iterations: int = 12,
-) -> BatchResult:  # fmt: skip
+    servo: Sequence[ServoRun],
+    imu: Sequence[ImuRun],
+    priors: Priors | None = None,
+    clocks: Sequence[ClockFit] | None = None,
+    iterations: int = 12,
+) -> BatchResult:
     """Return the deflection of every run with everything that had to be found for it.
 
     Args:
@@ -114,8 +117,7 @@ def _prepare(
     R_ST = _first_mounting(servo, models, delay)
     lay = Layout(models[0].fine.load.shape[1], knots)
     whiteners = [
-        Whitener.from_rest(np.hstack([m.imu.gyr, m.imu.acc])[m.rows], 1.0 / m.interval)
-        for m in models
+        Whitener.from_rest(np.hstack([m.imu.gyr, m.imu.acc])[m.rows], 1.0 / m.interval) for m in models
     ]
     mean, sd = _priors(p, lay, models)
     problem = _Problem(models, lay, R_ST, mean, sd, whiteners)
@@ -142,13 +144,24 @@ def _priors(p: Priors, lay: Layout, models: list[RunModel]) -> tuple[Floats, Flo
     load = np.sqrt(np.mean([np.mean(m.fine.load**2, axis=0) for m in models], axis=0))
     bias = np.full((models[0].knots, 3), p.bias)
     sizes = {
-        "mode": [p.log_frequency, p.log_damping], "gain": 0.02 * wn**2 / np.maximum(load, 1e-12),
-        "sag": p.sag, "turn": 0.1, "cross": p.cross, "asymmetry": p.asymmetry, "cubic": p.cubic,
-        "g_sensitivity": p.g_sensitivity, "accel_matrix": p.accel_matrix,
-        "accel_bias": p.accel_bias, "position": p.position_sd, "gravity": p.gravity_sd,
-        "accel_delay": p.accel_delay, "clock": [2e-3, p.skew], "scale": p.scale,
-        "start": [2e-4, 2e-2], "bias": bias.ravel(),
-    }  # fmt: skip
+        "mode": [p.log_frequency, p.log_damping],
+        "gain": 0.02 * wn**2 / np.maximum(load, 1e-12),
+        "sag": p.sag,
+        "turn": 0.1,
+        "cross": p.cross,
+        "asymmetry": p.asymmetry,
+        "cubic": p.cubic,
+        "g_sensitivity": p.g_sensitivity,
+        "accel_matrix": p.accel_matrix,
+        "accel_bias": p.accel_bias,
+        "position": p.position_sd,
+        "gravity": p.gravity_sd,
+        "accel_delay": p.accel_delay,
+        "clock": [2e-3, p.skew],
+        "scale": p.scale,
+        "start": [2e-4, 2e-2],
+        "bias": bias.ravel(),
+    }
     for name, size in sizes.items():
         sd[lay[name]] = size
     mean[lay["position"]], mean[lay["gravity"]] = p.position, p.gravity
@@ -226,9 +239,7 @@ def _check(theta: Floats, mean: Floats, sd: Floats, problem: _Problem) -> None:
         raise _lost(problem.models[0].priors)
 
 
-def _covariance(
-    problem: _Problem, theta: Floats, A: Floats, sd: Floats, whiteners: list[Whitener]
-) -> Floats:
+def _covariance(problem: _Problem, theta: Floats, A: Floats, sd: Floats, whiteners: list[Whitener]) -> Floats:
     """Return the covariance of all parameters: A^-1 S A^-1, S by leaving out stretches.
 
     What only one stretch knows (the start) leaves no residual there; the noise sets its variance.
@@ -253,9 +264,7 @@ def _whitened(
     return both[:, :, 0], both[:, :, 1:]
 
 
-def _collect(
-    problem: _Problem, theta: Floats, cov: Floats, clocks: list[ClockFit], p: Priors
-) -> BatchResult:
+def _collect(problem: _Problem, theta: Floats, cov: Floats, clocks: list[ClockFit], p: Priors) -> BatchResult:
     lay = problem.lay
     R_ST = rot.to_matrix(rot.exp(theta[lay["turn"]])) @ problem.R_ST
     runs: list[RunResult] = []
@@ -265,5 +274,6 @@ def _collect(
         left = remainder(m, one, lay, problem.R_ST, problem.whiteners[r])
         runs.append(run_result(m, one, C, lay, clocks[r], left, p))
     se = np.sqrt(np.diag(cov))
-    return BatchResult(tuple(runs), R_ST, cov[lay["turn"], lay["turn"]], theta[: lay.shared],
-                       se[: lay.shared], lay, p)  # fmt: skip
+    return BatchResult(
+        tuple(runs), R_ST, cov[lay["turn"], lay["turn"]], theta[: lay.shared], se[: lay.shared], lay, p
+    )

@@ -94,9 +94,12 @@ class SyncSettings:
 
 
 def sync(
-    t_ref: Floats, rate_ref: Floats, t_imu: Floats, rate_imu: Floats,
+    t_ref: Floats,
+    rate_ref: Floats,
+    t_imu: Floats,
+    rate_imu: Floats,
     settings: SyncSettings | None = None,
-) -> ClockFit:  # fmt: skip
+) -> ClockFit:
     """Return the relation of two clocks from angular rates that both saw.
 
     Args:
@@ -201,9 +204,13 @@ class _Fit:
 
 
 def _fine(
-    t_ref: Floats, r: Floats, t_imu: Floats, y: Floats,
-    placed: list[tuple[slice, float, float]], s: SyncSettings,
-) -> _Fit:  # fmt: skip
+    t_ref: Floats,
+    r: Floats,
+    t_imu: Floats,
+    y: Floats,
+    placed: list[tuple[slice, float, float]],
+    s: SyncSettings,
+) -> _Fit:
     """Gauss-Newton in the offsets at the pivots and the skew; the gains are linear."""
     grid, smooth, _ = _smoothed(t_ref, r, s.smoothing)
     spline = CubicSpline(grid, smooth)
@@ -222,14 +229,26 @@ def _fine(
             break
     lag = max(1, round(max(0.25, 4.0 * s.smoothing) / float(np.median(np.diff(t_imu)))))
     cov = sandwich(scores, A, lag)
-    return _Fit(pivots, x[:-1], float(x[-1]), cov, float(np.sqrt(np.mean(e**2))),
-                [p[0] for p in placed], [p[2] for p in placed], len(t_imu))  # fmt: skip
+    return _Fit(
+        pivots,
+        x[:-1],
+        float(x[-1]),
+        cov,
+        float(np.sqrt(np.mean(e**2))),
+        [p[0] for p in placed],
+        [p[2] for p in placed],
+        len(t_imu),
+    )
 
 
 def _linearised(
-    spline: CubicSpline, grid: Floats, parts: list[tuple[Floats, Floats, Mask]],
-    pivots: Floats, x: Floats, s: SyncSettings,
-) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+    spline: CubicSpline,
+    grid: Floats,
+    parts: list[tuple[Floats, Floats, Mask]],
+    pivots: Floats,
+    x: Floats,
+    s: SyncSettings,
+) -> tuple[Floats, Floats, Floats]:
     """Return the Jacobian and residual with gains projected out, and scores per sample."""
     linear, slopes, targets, weights, index, since = [], [], [], [], [], []
     for i, (t, y, good) in enumerate(parts):
@@ -272,11 +291,16 @@ def _with_systematics(full: _Fit, wider: _Fit, s: SyncSettings) -> ClockFit:
     se[:-1] = np.hypot(se[:-1], s.delay_sd)
     segments = tuple(
         ClockSegment(rows, float(p), float(a), float(e), float(c))
-        for rows, p, a, e, c in zip(
-            full.rows, full.pivots, full.at_pivot, se, full.correlation, strict=False
-        )
+        for rows, p, a, e, c in zip(full.rows, full.pivots, full.at_pivot, se, full.correlation, strict=False)
     )
     main = max(segments, key=lambda g: g.rows.stop - g.rows.start)
     offset = main.at_pivot - (1.0 + full.skew) * main.pivot
-    return ClockFit(offset, full.skew, float(np.hypot(main.se, main.pivot * se[-1])), float(se[-1]),
-                    segments, full.residual, full.size)  # fmt: skip
+    return ClockFit(
+        offset,
+        full.skew,
+        float(np.hypot(main.se, main.pivot * se[-1])),
+        float(se[-1]),
+        segments,
+        full.residual,
+        full.size,
+    )

@@ -81,8 +81,14 @@ def transition(x, gyr, h):  # type: ignore[no-untyped-def]
     w, a, b, d = c, s * phi[0], s * phi[1], s * phi[2]
     right = np.array([[w, -a, -b, -d], [a, w, d, -b], [b, -d, w, a], [d, b, -a, w]])
     q = x[:4]
-    left = np.array([[q[0], -q[1], -q[2], -q[3]], [q[1], q[0], -q[3], q[2]],
-                     [q[2], q[3], q[0], -q[1]], [q[3], -q[2], q[1], q[0]]])  # fmt: skip
+    left = np.array(
+        [
+            [q[0], -q[1], -q[2], -q[3]],
+            [q[1], q[0], -q[3], q[2]],
+            [q[2], q[3], q[0], -q[1]],
+            [q[3], -q[2], q[1], q[0]],
+        ]
+    )
     D = np.empty((4, 3))  # d exp / d phi
     for j in range(3):
         D[0, j] = -0.5 * s * phi[j]
@@ -160,9 +166,14 @@ def _smooth(turn, h, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
 
 
 def ekf(
-    gyr: Floats, acc: Floats, rate: float, settings: EkfSettings | None = None,
-    *, smooth: bool = False, rule: rot.Rule = "mean",
-) -> OrientationTrack:  # fmt: skip
+    gyr: Floats,
+    acc: Floats,
+    rate: float,
+    settings: EkfSettings | None = None,
+    *,
+    smooth: bool = False,
+    rule: rot.Rule = "mean",
+) -> OrientationTrack:
     """Return the orientation by the adaptive filter, forward only or smoothed.
 
     Args:
@@ -190,6 +201,4 @@ def ekf(
     if smooth:
         x, P = _smooth(turn, 1.0 / rate, xp, Pp, x, P)
     trace = np.maximum(np.einsum("nii->n", P[:, :4, :4]), 0.0)
-    return OrientationTrack(
-        x[:, :4], x[:, 4:7], x[:, 7:10], 2.0 * np.sqrt(trace * 2 / 3), used / len(gyr)
-    )
+    return OrientationTrack(x[:, :4], x[:, 4:7], x[:, 7:10], 2.0 * np.sqrt(trace * 2 / 3), used / len(gyr))

@@ -54,9 +54,7 @@ class LinearModel:
 
     def smooth(self, z: Floats, variance: Floats) -> Smoothed:
         """Return the smoothed states for measurements (n, m) with variances (n, m)."""
-        F, u, Q, H = (
-            np.ascontiguousarray(x, dtype=float) for x in (self.F, self.u, self.Q, self.H)
-        )
+        F, u, Q, H = (np.ascontiguousarray(x, dtype=float) for x in (self.F, self.u, self.Q, self.H))
         z = np.ascontiguousarray(z, dtype=float)
         r = np.ascontiguousarray(np.broadcast_to(variance, z.shape))
         x0, P0 = np.ascontiguousarray(self.x0), np.ascontiguousarray(self.P0)
@@ -66,9 +64,7 @@ class LinearModel:
 
     def log_likelihood(self, z: Floats, variance: Floats) -> float:
         """Return the log-likelihood of measurements alone (one forward pass)."""
-        F, u, Q, H = (
-            np.ascontiguousarray(x, dtype=float) for x in (self.F, self.u, self.Q, self.H)
-        )
+        F, u, Q, H = (np.ascontiguousarray(x, dtype=float) for x in (self.F, self.u, self.Q, self.H))
         z = np.ascontiguousarray(z, dtype=float)
         r = np.ascontiguousarray(np.broadcast_to(variance, z.shape))
         x0, P0 = np.ascontiguousarray(self.x0), np.ascontiguousarray(self.P0)

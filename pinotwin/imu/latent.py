@@ -46,9 +46,7 @@ class Remainder:
     seen_rate: Floats
 
 
-def remainder(
-    m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener
-) -> Remainder:
+def remainder(m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener) -> Remainder:
     """Return the smoothed remainder of one run for fitted parameters."""
     seen_t, seen_rate, *seen = _observations(m, theta, lay, R_ST, whitener)
     t, z, C, r = _filled(m.interval, seen_t, *seen)
@@ -105,9 +103,7 @@ def _filled(
 
     So the smoother carries the mode through a hole, where an interpolation could not.
     """
-    at = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(t) / interval)))]).astype(
-        int
-    )
+    at = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(np.diff(t) / interval)))]).astype(int)
     n = at[-1] + 1
     times = np.interp(np.arange(n), at, t)
     full, variance = np.zeros((n, z.shape[1])), np.full((n, z.shape[1]), np.inf)

@@ -28,9 +28,14 @@ from pinotwin.imu.ekf import ekf
 from pinotwin.imu.kalman import LinearModel, Smoothed
 
 _E, _V, _P, _B, _K, _A, _G = (
-    slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12),
-    slice(12, 21), slice(21, 24), slice(24, 25),
-)  # fmt: skip
+    slice(0, 3),
+    slice(3, 6),
+    slice(6, 9),
+    slice(9, 12),
+    slice(12, 21),
+    slice(21, 24),
+    slice(24, 25),
+)
 _SIZE = 25
 _G0 = 9.81
 
@@ -127,8 +132,9 @@ def _smooth(turn: Floats, acc: Floats, rate: float, nom: _Nominal, b: Bounds, m:
     H = np.zeros((1, 6, _SIZE))
     H[0, :3, _P], H[0, 3:, _V] = np.eye(3), np.eye(3)
     variance = np.repeat([b.position**2, b.velocity**2], 3) * b.tau / dt
-    sd = np.repeat([0.2, b.velocity, b.position, b.bias, b.gyro_matrix, b.accel_bias, b.gravity],
-                   [3, 3, 3, 3, 9, 3, 1])  # fmt: skip
+    sd = np.repeat(
+        [0.2, b.velocity, b.position, b.bias, b.gyro_matrix, b.accel_bias, b.gravity], [3, 3, 3, 3, 9, 3, 1]
+    )
     sd[2] = 1e-4  # heading is free: keep the start's
     x0 = np.zeros(_SIZE)  # the priors are on the whole, the states on what is left of it
     x0[_B], x0[_K], x0[_A] = -nom.bias[0], -nom.K.ravel(), -nom.accel_bias
@@ -137,9 +143,7 @@ def _smooth(turn: Floats, acc: Floats, rate: float, nom: _Nominal, b: Bounds, m:
     return model.smooth(np.zeros((n + 1, 6)), np.broadcast_to(variance, (n + 1, 6)))
 
 
-def _transitions(
-    gyr: Floats, acc: Floats, rate: float, nom: _Nominal, m: int
-) -> tuple[Floats, Floats]:
+def _transitions(gyr: Floats, acc: Floats, rate: float, nom: _Nominal, m: int) -> tuple[Floats, Floats]:
     """Return F (n, 25, 25) and u (n, 25) of the blocks, but for the rotation's share of u."""
     n, h, dt = len(gyr) // m, 1.0 / rate, m / rate
     q = nom.q[:-1] + nom.q[1:] * np.sign(np.sum(nom.q[:-1] * nom.q[1:], axis=1))[:, None]
@@ -178,5 +182,10 @@ def _correct(nom: _Nominal, s: Smoothed, m: int) -> _Nominal:
     e = CubicSpline(at, s.x[:, _E])(k)
     bias = nom.bias + CubicSpline(at, s.x[:, _B])(k)
     last = s.x[-1]
-    return _Nominal(rot.multiply(rot.exp(e), nom.q), bias, nom.K + last[_K].reshape(3, 3),
-                    nom.accel_bias + last[_A], nom.g + last[24])  # fmt: skip
+    return _Nominal(
+        rot.multiply(rot.exp(e), nom.q),
+        bias,
+        nom.K + last[_K].reshape(3, 3),
+        nom.accel_bias + last[_A],
+        nom.g + last[24],
+    )

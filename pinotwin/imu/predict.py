@@ -34,10 +34,20 @@ class Layout:
 
     def __init__(self, loads: int, knots: int) -> None:
         sizes = {
-            "mode": 2, "gain": loads, "sag": 3, "turn": 3, "cross": 3, "asymmetry": 3, "cubic": 3,
-            "g_sensitivity": 9, "accel_matrix": 9, "accel_bias": 3, "position": 3, "gravity": 3,
+            "mode": 2,
+            "gain": loads,
+            "sag": 3,
+            "turn": 3,
+            "cross": 3,
+            "asymmetry": 3,
+            "cubic": 3,
+            "g_sensitivity": 9,
+            "accel_matrix": 9,
+            "accel_bias": 3,
+            "position": 3,
+            "gravity": 3,
             "accel_delay": 1,
-        }  # fmt: skip
+        }
         self.at: dict[str, slice] = {}
         end = 0
         for name, size in sizes.items():
@@ -140,15 +150,13 @@ class RunModel:
         s = sensitivity(r.x @ gain, r.v @ gain, rest=True)
         e = sensitivity(d.x @ free, d.v @ free, rest=False)
         mode = (s.x + e.x, s.v + e.v, s.a + e.a)
-        parts = zip(mode, (r.x, r.v, r.a), (self.sag, self.sag_v, self.sag_a),
-                    (d.x, d.v, d.a), strict=True)  # fmt: skip
+        parts = zip(mode, (r.x, r.v, r.a), (self.sag, self.sag_v, self.sag_a), (d.x, d.v, d.a), strict=True)
         # s.a is the whole derivative of a: drive minus the mode's own
         return Response(*(np.concatenate(p, axis=1) for p in parts))
 
     def combine(self, columns: Response, theta: Floats, lay: Layout) -> tuple[Floats, Floats]:
         """Return delta, delta', delta'' (n, 3) on the fine clock and the weights of the columns."""
-        weights = np.concatenate([[0.0, 0.0], theta[lay["gain"]], theta[lay["sag"]],
-                                  theta[lay["start"]]])  # fmt: skip
+        weights = np.concatenate([[0.0, 0.0], theta[lay["gain"]], theta[lay["sag"]], theta[lay["start"]]])
         return np.stack([c @ weights for c in (columns.x, columns.v, columns.a)], axis=1), weights
 
     def predict(self, theta: Floats, lay: Layout, R_ST: Floats) -> Prediction:
@@ -199,9 +207,7 @@ class RunModel:
         J[:, :, lay["bias"]] = np.einsum("nk,ij->nikj", self.hat, eye).reshape(m, 3, -1)
         return y, J
 
-    def _accel(
-        self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats
-    ) -> tuple[Floats, Floats]:
+    def _accel(self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats) -> tuple[Floats, Floats]:
         """Return the specific force in perfect sensor axes (m, 3) and its Jacobian."""
         step, m, n = self.fine.step, len(at), c.x.shape[1]
         at = at - theta[lay["accel_delay"]] / step
@@ -224,9 +230,7 @@ class RunModel:
         J[:, :, lay["turn"]] = -rot.skew(f)
         return f, J
 
-    def _force(
-        self, delta: Floats, g: Floats, p: Floats, at: Floats
-    ) -> tuple[Floats, Floats, Floats]:
+    def _force(self, delta: Floats, g: Floats, p: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the specific force in the link frame (m, 3), its slope [1/s], df/d(delta)."""
         cutoff, step, m = self.priors.accel_cutoff, self.fine.step, len(at)
         rigid, slope = interpolate(self.rigid, at)
@@ -244,9 +248,7 @@ class RunModel:
         f = force + np.einsum("nij,nj->ni", T, d)
         return f, (still(slope) + np.einsum("nij,nj->ni", T, d_slope)) / step, T
 
-    def _accel_output(
-        self, theta: Floats, lay: Layout, f: Floats, J_f: Floats
-    ) -> tuple[Floats, Floats]:
+    def _accel_output(self, theta: Floats, lay: Layout, f: Floats, J_f: Floats) -> tuple[Floats, Floats]:
         M = np.eye(3) + theta[lay["accel_matrix"]].reshape(3, 3)
         J = M @ J_f
         eye = np.eye(3)
@@ -258,8 +260,4 @@ class RunModel:
 def _spin_terms(axis: Floats, w: Floats, p: Floats) -> Floats:
     """Return what a unit delta' adds to the acceleration at p through the link's own turning."""
     p = np.broadcast_to(p, w.shape)
-    return (
-        np.cross(np.cross(axis, w), p)
-        + np.cross(axis, np.cross(w, p))
-        + np.cross(w, np.cross(axis, p))
-    )
+    return np.cross(np.cross(axis, w), p) + np.cross(axis, np.cross(w, p)) + np.cross(w, np.cross(axis, p))

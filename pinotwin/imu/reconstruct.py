@@ -55,9 +55,14 @@ def joint_angles(R_joint: Floats, axis: Floats | None = None) -> Floats:
 
 
 def reconstruct(
-    t: Floats, q: Floats, R_GM: Floats, R_ST: Floats, R_rest: Floats,
-    R_base: Floats | None = None, axis: Floats | None = None,
-) -> Deflection:  # fmt: skip
+    t: Floats,
+    q: Floats,
+    R_GM: Floats,
+    R_ST: Floats,
+    R_rest: Floats,
+    R_base: Floats | None = None,
+    axis: Floats | None = None,
+) -> Deflection:
     """Return deflection angles and their derivatives from the IMU's orientation (Eq. 6.26-6.28).
 
     Args:

@@ -125,9 +125,14 @@ class BatchResult:
 
 
 def run_result(
-    m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, left: Remainder,
+    m: RunModel,
+    theta: Floats,
+    cov: Floats,
+    lay: Layout,
+    clock: ClockFit,
+    left: Remainder,
     p: Priors,
-) -> RunResult:  # fmt: skip
+) -> RunResult:
     """Return one run's result from its parameters, their covariance and the remainder."""
     rows = slice(None, None, m.fine.factor)
     t = m.fine.t[rows]
@@ -149,11 +154,22 @@ def run_result(
     quasi = float(np.sqrt(np.mean(np.maximum(np.einsum("ni,ij,nj->n", slow, C, slow), 0.0))))
     se = np.sqrt(np.diag(cov))
     return RunResult(
-        t, y[:, 0], y[:, 1], y[:, 2], sd(fast, 0), sd(v, 1), sd(a, 2), quasi,
-        float(np.std(slow_angle)), _refined(m, theta, cov, lay, clock, p), theta[lay["scale"]],
-        se[lay["scale"]], theta[lay["bias"]].reshape(-1, 3),
-        float(np.std(left.x[:, 0])), _parasitic(m, t, left),
-    )  # fmt: skip
+        t,
+        y[:, 0],
+        y[:, 1],
+        y[:, 2],
+        sd(fast, 0),
+        sd(v, 1),
+        sd(a, 2),
+        quasi,
+        float(np.std(slow_angle)),
+        _refined(m, theta, cov, lay, clock, p),
+        theta[lay["scale"]],
+        se[lay["scale"]],
+        theta[lay["bias"]].reshape(-1, 3),
+        float(np.std(left.x[:, 0])),
+        _parasitic(m, t, left),
+    )
 
 
 def _parasitic(m: RunModel, t: Floats, left: Remainder) -> Floats:
@@ -176,9 +192,7 @@ def _on_clock(t: Floats, left: Remainder) -> tuple[Floats, Floats]:
     return np.where(inside[:, None], values, 0.0), sd
 
 
-def _refined(
-    m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, p: Priors
-) -> ClockFit:
+def _refined(m: RunModel, theta: Floats, cov: Floats, lay: Layout, clock: ClockFit, p: Priors) -> ClockFit:
     """Return the clock with the batch's corrections; the errors are the batch's."""
     shift, stretch = theta[lay["clock"]]
     C = cov[lay["clock"], lay["clock"]]
@@ -192,15 +206,24 @@ def _refined(
     main = max(segments, key=lambda g: g.rows.stop - g.rows.start)
     se_skew = float(np.sqrt(C[1, 1]))
     return replace(
-        clock, offset=main.at_pivot - (1.0 + skew) * main.pivot, skew=skew, se_skew=se_skew,
-        se_offset=float(np.hypot(main.se, main.pivot * se_skew)), segments=tuple(segments),
-    )  # fmt: skip
+        clock,
+        offset=main.at_pivot - (1.0 + skew) * main.pivot,
+        skew=skew,
+        se_skew=se_skew,
+        se_offset=float(np.hypot(main.se, main.pivot * se_skew)),
+        segments=tuple(segments),
+    )
 
 
 def predict_readings(
-    servo: ServoRun, imu: ImuRun, run: RunResult, R_link_sensor: Floats, position: Floats,
-    clock: ClockFit, priors: Priors,
-) -> tuple[Floats, Floats]:  # fmt: skip
+    servo: ServoRun,
+    imu: ImuRun,
+    run: RunResult,
+    R_link_sensor: Floats,
+    position: Floats,
+    clock: ClockFit,
+    priors: Priors,
+) -> tuple[Floats, Floats]:
     """Return what another IMU on the same link should read: gyro and accelerometer, (m, 3) each.
 
     The decisive test of a deflection: two IMUs fitted to one encoder agree by construction, but one

@@ -62,9 +62,7 @@ class ImuRun:
     def __post_init__(self) -> None:
         m = len(self.t)
         if np.shape(self.gyr) != (m, 3) or np.shape(self.acc) != (m, 3):
-            raise DataError(
-                f"IMU arrays {np.shape(self.gyr)}, {np.shape(self.acc)} must be ({m}, 3) both"
-            )
+            raise DataError(f"IMU arrays {np.shape(self.gyr)}, {np.shape(self.acc)} must be ({m}, 3) both")
         if not (np.isfinite(self.gyr).all() and np.isfinite(self.acc).all()):
             raise DataError("the IMU's readings hold NaN or infinity; drop those samples first")
 

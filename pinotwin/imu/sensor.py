@@ -229,13 +229,21 @@ def mti630(rng: np.random.Generator, number: int = 1, *, scale: float = 3e-3) ->
         return np.array([[0.0, a, b], [a, 0.0, c], [b, c, 0.0]])
 
     gyro = Triad(
-        noise=np.array(noise) * _DEG, bias=np.array(bias) * _DEG, bias_walk=5e-4 * _DEG,
-        scale=rng.normal(0.0, scale, 3), nonorthogonality=skewed(),
-        asymmetry=rng.normal(0, 1e-4, 3), cubic=rng.normal(0, 3e-5, 3),
-        g_sensitivity=rng.normal(0, 1e-3 * _DEG / _G, (3, 3)), cutoff=140.0,
-    )  # fmt: skip
+        noise=np.array(noise) * _DEG,
+        bias=np.array(bias) * _DEG,
+        bias_walk=5e-4 * _DEG,
+        scale=rng.normal(0.0, scale, 3),
+        nonorthogonality=skewed(),
+        asymmetry=rng.normal(0, 1e-4, 3),
+        cubic=rng.normal(0, 3e-5, 3),
+        g_sensitivity=rng.normal(0, 1e-3 * _DEG / _G, (3, 3)),
+        cutoff=140.0,
+    )
     accel = Triad(
-        noise=np.array(acc) * 1e-3, bias=rng.normal(0.0, 0.02, 3), scale=rng.normal(0, 1e-3, 3),
-        nonorthogonality=skewed(), cutoff=140.0,
-    )  # fmt: skip
+        noise=np.array(acc) * 1e-3,
+        bias=rng.normal(0.0, 0.02, 3),
+        scale=rng.normal(0, 1e-3, 3),
+        nonorthogonality=skewed(),
+        cutoff=140.0,
+    )
     return ImuSensor(gyro=gyro, accel=accel)

@@ -72,9 +72,7 @@ class Controller:
 
     def __post_init__(self) -> None:
         if self.kind not in ("p_pi", "pid"):
-            raise InputError(
-                f"controller: kind {self.kind!r}; {nearest(self.kind, ('p_pi', 'pid'))}"
-            )
+            raise InputError(f"controller: kind {self.kind!r}; {nearest(self.kind, ('p_pi', 'pid'))}")
 
     @property
     def ti(self) -> float:

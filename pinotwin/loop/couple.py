@@ -20,9 +20,13 @@ from pinotwin.loop.structure import Section, Structure
 
 
 def couple(
-    controller: Controller, inertia: float, viscous: float = 0.0, *, axis: str = "axis",
+    controller: Controller,
+    inertia: float,
+    viscous: float = 0.0,
+    *,
+    axis: str = "axis",
     hold: bool = True,
-) -> LoopModel:  # fmt: skip
+) -> LoopModel:
     """Return the closed loop of a controller and a rigid plant.
 
     Args:
@@ -41,17 +45,21 @@ def couple(
     if np.max(values.real) >= 0.0:
         worst = values[np.argmax(values.real)]
         raise DataError(
-            f"{axis}: with these gains the loop is unstable (a pole at {worst:.3g} rad/s); "
-            "lower them"
+            f"{axis}: with these gains the loop is unstable (a pole at {worst:.3g} rad/s); lower them"
         )
     left = np.linalg.solve(right, B)
     sections, residues = _sections(values, C @ right, left)
     pairs = sum(s.order == 2 for s in sections)
     structure = Structure(len(sections) - pairs, pairs, feedforward_poles=())
     return LoopModel(
-        axis, ("d",), ("e", "u"), controller.step, structure, sections,
+        axis,
+        ("d",),
+        ("e", "u"),
+        controller.step,
+        structure,
+        sections,
         np.column_stack([residues, D]),
-    )  # fmt: skip
+    )
 
 
 def _closed(
@@ -79,9 +87,7 @@ def _closed(
     return A, np.column_stack([B[:, 0], B[:, 1] + A @ jump]), C, D
 
 
-def _sections(
-    values: Floats, outputs: Floats, inputs: Floats
-) -> tuple[tuple[Section, ...], Floats]:
+def _sections(values: Floats, outputs: Floats, inputs: Floats) -> tuple[tuple[Section, ...], Floats]:
     """Return sections and residues (2, nc) of the modes; reals first, pairs by frequency."""
     scale = np.abs(values)
     real = [i for i in np.argsort(scale) if abs(values[i].imag) <= 1e-9 * scale[i]]

@@ -62,9 +62,7 @@ class LoopData:
         put(self, "output_names", _names(self.output_names, self.outputs.shape[1], "v"))
         put(self, "disturbance_names", _names(self.disturbance_names, self.d.shape[1], "d"))
         if not self.step > 0:
-            raise DataError(
-                f"{self.axis}: sampling interval {self.step} s, expected a positive one"
-            )
+            raise DataError(f"{self.axis}: sampling interval {self.step} s, expected a positive one")
         velocity, acceleration = _rates(self)
         put(self, "vr", velocity)
         put(self, "ar", acceleration)
@@ -116,10 +114,13 @@ class LoopData:
             raise DataError(f"{motion.source}: no command in the log")
         e = (motion.qr - motion.q)[:, joint]
         return cls(
-            step=motion.step, qr=motion.qr[:, joint], d=d,
-            outputs=np.stack([e, motion.u[:, joint]], axis=1), segments=motion.segments,
+            step=motion.step,
+            qr=motion.qr[:, joint],
+            d=d,
+            outputs=np.stack([e, motion.u[:, joint]], axis=1),
+            segments=motion.segments,
             axis=motion.names[joint],
-        )  # fmt: skip
+        )
 
     def within(self, segments: Sequence[slice]) -> Self:
         """Return the same channels with other segments."""

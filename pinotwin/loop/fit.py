@@ -95,6 +95,4 @@ class LoopFit:
         ]
         errors = {k: tuple(v) for k, v in values["numerator_errors"].items()}
         lists = {k: tuple(values[k]) for k in ("ends", "notes")}
-        return cls(
-            **{**values, "parameters": tuple(parameters), "numerator_errors": errors, **lists}
-        )
+        return cls(**{**values, "parameters": tuple(parameters), "numerator_errors": errors, **lists})

@@ -68,11 +68,15 @@ def gains_in(data: LoopData, controller: Controller) -> Gains:
     law = X @ before
     factor = float(law @ y / max(float(law @ law), 1e-300))
     return Gains(
-        names=NAMES[controller.kind], before=before, after=found,
+        names=NAMES[controller.kind],
+        before=before,
+        after=found,
         covariance=block_covariance(X, left)[: len(found), : len(found)],
-        unexplained=(rms(y - X @ before), rms(left)), held=size, limited=float(limited.mean()),
+        unexplained=(rms(y - X @ before), rms(left)),
+        held=size,
+        limited=float(limited.mean()),
         common=(factor - 1.0, rms(y - factor * law)),
-    )  # fmt: skip
+    )
 
 
 def expected(controller: Controller) -> Floats:

@@ -78,9 +78,7 @@ def _centred(x: Floats, segment: Ints) -> Floats:
     return x - means[segment]
 
 
-def _misfit(
-    s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]
-) -> tuple[Floats, Floats, Floats]:
+def _misfit(s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> tuple[Floats, Floats, Floats]:
     """Return residual, gains and centred columns at a shape."""
     W = _centred(law_columns(s, kind, shape)[rows[0]], rows[1])
     u = _centred(s.u[rows[0]], rows[1])[:, 0]
@@ -101,10 +99,15 @@ def _fit(s: Signals, kind: Kind, axis: str) -> Controller:
     found = _named(s, kind, gains, shape)
     errors = _errors(s, kind, gains, shape, spread)
     return Controller(
-        kind, **found, step=s.step, offset=offset, errors=errors,
+        kind,
+        **found,
+        step=s.step,
+        offset=offset,
+        errors=errors,
         r2=1.0 - float(residual @ residual / (u @ u)),
-        rms=float(np.sqrt(np.mean(residual**2))), notes=_notes(found, axis),
-    )  # fmt: skip
+        rms=float(np.sqrt(np.mean(residual**2))),
+        notes=_notes(found, axis),
+    )
 
 
 def _search(s: Signals, kind: Kind) -> Floats:
@@ -145,8 +148,11 @@ def _refine(
         lambda x: _misfit(s, kind, full(x), rows)[0] / size,
         np.clip(shape[free] / scale[free], 0.02, 0.98 * high[free]),
         bounds=(np.zeros(free.sum()), high[free]),
-        diff_step=1e-3, xtol=1e-6, ftol=1e-8, max_nfev=30,
-    )  # fmt: skip
+        diff_step=1e-3,
+        xtol=1e-6,
+        ftol=1e-8,
+        max_nfev=30,
+    )
     return 2.0 * float(found.cost) * size**2, full(found.x)
 
 
@@ -188,17 +194,13 @@ def _named(s: Signals, kind: Kind, gains: Floats, shape: Floats) -> dict[str, fl
         return {**dict(zip(own_names, map(float, gains), strict=True)), **late}
     position, forward, kv, ffa = map(float, gains)
     if kv == 0.0:
-        raise DataError(
-            "the effort does not follow the velocity: no cascade controller is seen in it"
-        )
+        raise DataError("the effort does not follow the velocity: no cascade controller is seen in it")
     own = {"kp": position / kv, "kv": kv, "integral": float(shape[3]), "ffv": forward / kv}
     own["ffa"] = ffa
     return {**own, **late}
 
 
-def _errors(
-    s: Signals, kind: Kind, gains: Floats, shape: Floats, spread: Floats
-) -> dict[str, float]:
+def _errors(s: Signals, kind: Kind, gains: Floats, shape: Floats, spread: Floats) -> dict[str, float]:
     """Return standard errors of the named gains, by the delta method."""
     base = np.concatenate([gains, shape])
     here = _named(s, kind, gains, shape)

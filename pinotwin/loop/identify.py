@@ -79,9 +79,14 @@ def _require_rows(data: LoopData, layout: Layout) -> None:
 
 def _model(data: LoopData, layout: Layout, theta: Floats, residues: Floats) -> LoopModel:
     return LoopModel(
-        data.axis, data.disturbance_names, data.output_names, data.step,
-        layout.structure, layout.shaped(theta), residues,
-    )  # fmt: skip
+        data.axis,
+        data.disturbance_names,
+        data.output_names,
+        data.step,
+        layout.structure,
+        layout.shaped(theta),
+        residues,
+    )
 
 
 def _on_bound(layout: Layout, theta: Floats) -> Floats:
@@ -92,9 +97,13 @@ def _on_bound(layout: Layout, theta: Floats) -> Floats:
 
 
 def _judge(
-    data: LoopData, projection: Projection, found: Found, misfit: Misfit, spread: Covariance,
+    data: LoopData,
+    projection: Projection,
+    found: Found,
+    misfit: Misfit,
+    spread: Covariance,
     model: LoopModel,
-) -> LoopFit:  # fmt: skip
+) -> LoopFit:
     layout = projection.layout
     sides = _on_bound(layout, found.theta)
     quantile = float(student.ppf(0.975, max(spread.blocks - 1, 1)))
@@ -139,8 +148,7 @@ def _notes(parameters: list[ParameterFit]) -> tuple[str, ...]:
         if p.at_bound
     ]
     notes += [
-        f"{p.name} = {p.value:.4g} {p.unit} is known to a factor of "
-        f"{math.exp(1.96 * p.error):.2g} only"
+        f"{p.name} = {p.value:.4g} {p.unit} is known to a factor of {math.exp(1.96 * p.error):.2g} only"
         for p in parameters
         if p.error is not None and p.error > 0.5
     ]

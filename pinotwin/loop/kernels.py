@@ -43,9 +43,7 @@ def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: F
 
 
 @njit(cache=True)
-def filter_second(
-    A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats
-) -> None:
+def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a second-order section and by its derivatives with respect to log wn, log zeta.
 
     Args:

@@ -50,9 +50,7 @@ def signals_of(data: LoopData, v: Floats | None = None) -> Signals:
     if not segments:
         raise DataError(f"{data.axis}: no unbroken segment longer than {3 * SETTLE} samples")
     half = 0.5 if v is None else 0.0
-    return Signals(
-        e, velocity, slope, data.velocity, data.acceleration, u, segments, data.step, half
-    )
+    return Signals(e, velocity, slope, data.velocity, data.acceleration, u, segments, data.step, half)
 
 
 def _difference(x: Floats, step: float) -> Floats:

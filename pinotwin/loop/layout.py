@@ -142,8 +142,7 @@ class Layout:
         for parameter, x in zip(self.parameters, theta, strict=True):
             values[parameter.section][parameter.value] = math.exp(x)
         return tuple(
-            replace(section, values=tuple(v))
-            for section, v in zip(self.sections, values, strict=True)
+            replace(section, values=tuple(v)) for section, v in zip(self.sections, values, strict=True)
         )
 
     @property
@@ -169,8 +168,7 @@ class Layout:
         allowed = np.ones(self.residues, dtype=bool)
         allowed[self.states :] = self.structure.passes(output)
         ties = [
-            self._channel(sections, j, self._form(output, j), scale[j])
-            for j in range(self.disturbances + 1)
+            self._channel(sections, j, self._form(output, j), scale[j]) for j in range(self.disturbances + 1)
         ]
         N = np.concatenate([t[0] for t in ties], axis=1)
         dN = np.concatenate([t[2] for t in ties], axis=2)

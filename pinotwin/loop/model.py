@@ -138,14 +138,18 @@ class LoopModel:
         if hold == "zoh":
             B0, B1 = B0 + B1, np.zeros_like(B1)
         driven = np.array([slot.input for slot in layout.slots], dtype=np.intp)
-        return ModalStep(
-            h, driven, parts.A[index], B0, B1, C, D, self.residues[:, -1].copy(), rate, drive
-        )
+        return ModalStep(h, driven, parts.A[index], B0, B1, C, D, self.residues[:, -1].copy(), rate, drive)
 
     def simulate(
-        self, qr: Floats, d: Floats, x0: Floats | None = None, *, vr: Floats | None = None,
-        ar: Floats | None = None, step: float | None = None,
-    ) -> Floats:  # fmt: skip
+        self,
+        qr: Floats,
+        d: Floats,
+        x0: Floats | None = None,
+        *,
+        vr: Floats | None = None,
+        ar: Floats | None = None,
+        step: float | None = None,
+    ) -> Floats:
         """Return the outputs to a command and disturbances, shape (n, ny).
 
         Args:
@@ -169,17 +173,19 @@ class LoopModel:
         out = np.outer(velocity, modal.D[:, -1]) + np.outer(acceleration, modal.Da)
         x = modal.equilibrium(w[0]) if x0 is None else np.array(x0, dtype=float)
         kernels.simulate(
-            modal.A, np.stack([modal.B0, modal.B1], axis=1), modal.C,
-            np.ascontiguousarray(w.T[modal.input]), x, 0, len(w), out,
-        )  # fmt: skip
+            modal.A,
+            np.stack([modal.B0, modal.B1], axis=1),
+            modal.C,
+            np.ascontiguousarray(w.T[modal.input]),
+            x,
+            0,
+            len(w),
+            out,
+        )
         return out
 
-    def _rates(
-        self, qr: Floats, step: float, vr: Floats | None, ar: Floats | None
-    ) -> tuple[Floats, Floats]:
-        velocity, acceleration = (
-            None if x is None else np.asarray(x, dtype=float) for x in (vr, ar)
-        )
+    def _rates(self, qr: Floats, step: float, vr: Floats | None, ar: Floats | None) -> tuple[Floats, Floats]:
+        velocity, acceleration = (None if x is None else np.asarray(x, dtype=float) for x in (vr, ar))
         if velocity is None:
             velocity, spline = command_rates(qr, step)
             return velocity, spline if acceleration is None else acceleration
@@ -213,8 +219,7 @@ class LoopModel:
         """
         try:
             sections = [
-                Section(**{**s, "values": tuple(float(x) for x in s["values"])})
-                for s in values["sections"]
+                Section(**{**s, "values": tuple(float(x) for x in s["values"])}) for s in values["sections"]
             ]
             fit = values.get("fit")
             return cls(

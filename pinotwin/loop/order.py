@@ -67,9 +67,13 @@ class OrderChoice:
 
 
 def select_order(
-    data: LoopData, structure: Structure | None = None, *, folds: int = 5,
-    candidates: Sequence[Structure] | None = None, bounds: Bounds | None = None,
-) -> OrderChoice:  # fmt: skip
+    data: LoopData,
+    structure: Structure | None = None,
+    *,
+    folds: int = 5,
+    candidates: Sequence[Structure] | None = None,
+    bounds: Bounds | None = None,
+) -> OrderChoice:
     """Return the structure that the data pays for, with all that were tried.
 
     Args:
@@ -94,9 +98,7 @@ def select_order(
         largest = max(trials, key=lambda t: t.structure.order).structure
         if largest.pole_pairs >= MOST_PAIRS:
             break
-        trials.append(
-            _trial(data, replace(largest, pole_pairs=largest.pole_pairs + 1), blocks, bounds)
-        )
+        trials.append(_trial(data, replace(largest, pole_pairs=largest.pole_pairs + 1), blocks, bounds))
     trials.sort(key=lambda t: t.structure.order)
     best = int(np.argmin([np.mean(t.errors) for t in trials]))
     return OrderChoice(tuple(trials), _simplest(trials, best), best)
@@ -139,8 +141,7 @@ def _blocks(data: LoopData, folds: int) -> list[list[slice]]:
         passed += s.stop - s.start
     if edges[1] < 64:
         raise DataError(
-            f"{data.axis}: {data.rows} samples are too few to hold {folds} blocks out; "
-            "give a longer log"
+            f"{data.axis}: {data.rows} samples are too few to hold {folds} blocks out; give a longer log"
         )
     return found
 
@@ -157,9 +158,7 @@ def _rest(data: LoopData, held: list[slice]) -> tuple[slice, ...]:
     return tuple(s for s in found if s.stop - s.start >= 16)
 
 
-def _trial(
-    data: LoopData, structure: Structure, blocks: list[list[slice]], bounds: Bounds | None
-) -> Trial:
+def _trial(data: LoopData, structure: Structure, blocks: list[list[slice]], bounds: Bounds | None) -> Trial:
     layout_names = _names(structure, data.step)
     own = {k: v for k, v in (bounds or {}).items() if k in layout_names}
     with threadpool_limits(1, "blas"):

@@ -104,9 +104,7 @@ class Projection:
         self.inputs = np.ascontiguousarray(
             np.column_stack([data.d, data.velocity]).T / scales.inputs[:, None]
         )
-        self.direct = np.stack(
-            [data.velocity / scales.inputs[-1], data.acceleration / scales.acceleration]
-        )
+        self.direct = np.stack([data.velocity / scales.inputs[-1], data.acceleration / scales.acceleration])
         self.outputs = np.ascontiguousarray((data.outputs / scales.outputs).T)
         self.segments = data.segments
 
@@ -133,9 +131,7 @@ class Projection:
         out = np.zeros((len(self.blocks), self.columns.width, BLOCK))
         for slot, at in zip(self.layout.slots, self.columns.starts, strict=True):
             part = out[:, at : at + 2 if slot.order == 1 else at + 6]
-            run_filter(
-                discrete, slot.section, slot.order, self.inputs[slot.input], self.blocks, part
-            )
+            run_filter(discrete, slot.section, slot.order, self.inputs[slot.input], self.blocks, part)
         for m, (start, stop, _) in enumerate(self.blocks):
             out[m, self.columns.direct, : stop - start] = self.direct[:, start:stop]
             out[m, self.columns.output :, : stop - start] = self.outputs[:, start:stop]
@@ -177,9 +173,7 @@ class Projection:
             columns[at : at + own] -= Q @ (Q.T @ columns[at : at + own])
             at += s.stop - s.start
 
-    def _reduced(
-        self, sections: Sequence[Section], discrete: Discrete
-    ) -> tuple[Floats, list[_Free]]:
+    def _reduced(self, sections: Sequence[Section], discrete: Discrete) -> tuple[Floats, list[_Free]]:
         """Return the triangular rows of all data, and the free responses of the segments."""
         wide = self.filtered(discrete)
         starts = np.flatnonzero(self.blocks[:, 2])
@@ -264,9 +258,7 @@ class _Reduced:
             out[:, i] = self.rows[:, pairs[:, 0]] @ c[pairs[:, 1]]
         for segment in self.free:
             along = segment.upper
-            f = segment.solve @ (
-                along[:, self.columns.output + output] - along[:, self.columns.phi] @ c
-            )
+            f = segment.solve @ (along[:, self.columns.output + output] - along[:, self.columns.phi] @ c)
             part = slice(segment.row, segment.row + len(segment.slopes))
             for i, pairs in enumerate(self.columns.free_slopes):
                 out[part, i] += segment.slopes[:, pairs[:, 0]] @ f[pairs[:, 1]]

@@ -31,16 +31,12 @@ def free_places(layout: Layout) -> list[Ints]:
     return [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in places]
 
 
-def run_filter(
-    discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, out: Floats
-) -> None:
+def run_filter(discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, out: Floats) -> None:
     """Filter one input by one section into ``out``, from the equilibrium of its first sample."""
     _run(discrete, s, order, w, blocks, np.zeros(2), out)
 
 
-def _run(
-    discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, start: Floats, out: Floats
-) -> None:
+def _run(discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, start: Floats, out: Floats) -> None:
     if order == 1:
         parts = (discrete.A[s, 0, 0], discrete.B0[s, 0], discrete.B1[s, 0])
         slopes = (discrete.dA[s, 0, 0, 0], discrete.dB0[s, 0, 0], discrete.dB1[s, 0, 0])

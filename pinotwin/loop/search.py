@@ -68,10 +68,17 @@ def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most:
         return Found(theta, 0.5 * float(np.sum(misfit(theta).residual ** 2)), 1)
     inside = np.clip(theta, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
     found = least_squares(
-        lambda x: misfit(x).residual, inside, jac=lambda x: misfit(x).jacobian,
-        bounds=(low, high), method="trf", x_scale=0.5, xtol=tolerance, ftol=tolerance,
-        gtol=1e-12, max_nfev=most,
-    )  # fmt: skip
+        lambda x: misfit(x).residual,
+        inside,
+        jac=lambda x: misfit(x).jacobian,
+        bounds=(low, high),
+        method="trf",
+        x_scale=0.5,
+        xtol=tolerance,
+        ftol=tolerance,
+        gtol=1e-12,
+        max_nfev=most,
+    )
     return Found(found.x, float(found.cost), misfit.count)
 
 
@@ -136,9 +143,11 @@ def search(
     best = min(finals, key=lambda f: f.cost)
     lowest = max(ends[0].cost, 1e-300)
     return Found(
-        best.theta, best.cost, count + sum(f.evaluations for f in finals),
+        best.theta,
+        best.cost,
+        count + sum(f.evaluations for f in finals),
         tuple(e.cost / lowest for e in ends),
-    )  # fmt: skip
+    )
 
 
 def _different(ends: list[Found]) -> list[Found]:

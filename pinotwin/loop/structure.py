@@ -109,9 +109,7 @@ class Structure:
                 f"leaves order {self.feedback_order} for plant and feedback; at least 2 is needed"
             )
         if self.integrator and self.feedback_order < 3:
-            raise InputError(
-                "loop structure with an integrator needs order 3 for plant and feedback"
-            )
+            raise InputError("loop structure with an integrator needs order 3 for plant and feedback")
 
     @property
     def feedforward_count(self) -> int:
@@ -134,9 +132,7 @@ class Structure:
         """Return the sections: real poles, pairs, feed-forward; free values are guesses."""
         real = self.real_poles - self.feedforward_count
         parts = [Section(f"p{i + 1}", 1, (2 * math.pi * 30.0,)) for i in range(real)]
-        parts += [
-            Section(f"wn{i + 1}", 2, (2 * math.pi * 10.0, 0.7)) for i in range(self.pole_pairs)
-        ]
+        parts += [Section(f"wn{i + 1}", 2, (2 * math.pi * 10.0, 0.7)) for i in range(self.pole_pairs)]
         return tuple(parts + self._feedforward(step))
 
     def _feedforward(self, step: float) -> list[Section]:

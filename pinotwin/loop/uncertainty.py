@@ -47,9 +47,7 @@ def covariance(projection: Projection, theta: Floats, held: Mask) -> Covariance:
     tangents, scores = _linearised(projection, theta)
     ny, nc = projection.layout.outputs, projection.layout.residues
     count = len(theta)
-    free = [
-        t[:, np.concatenate([~held, np.ones(t.shape[1] - count, dtype=bool)])] for t, _ in tangents
-    ]
+    free = [t[:, np.concatenate([~held, np.ones(t.shape[1] - count, dtype=bool)])] for t, _ in tangents]
     # Columns: free poles, then the free directions of the residues, output after output.
     poles = int(np.sum(~held))
     total = poles + sum(t.shape[1] - poles for t in free)
@@ -80,9 +78,7 @@ def block_covariance(columns: Floats, residual: Floats) -> Floats:
         columns: its (linearised) columns, shape (n, p).
         residual: what it leaves, shape (n,).
     """
-    own, _ = _sandwich(
-        columns.T @ columns, columns * residual[:, None], columns.shape[1], len(residual)
-    )
+    own, _ = _sandwich(columns.T @ columns, columns * residual[:, None], columns.shape[1], len(residual))
     return own
 
 
@@ -96,17 +92,13 @@ def _sandwich(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats, i
     size = np.where(size > 0, size, 1.0)
     inverse = np.linalg.pinv(H / np.outer(size, size), rcond=1e-12, hermitian=True)
     influence = S @ (inverse / np.outer(size, size))
-    sums = np.add.reduceat(
-        influence, np.arange(0, len(influence), _block_length(influence[:, :leading]))
-    )
+    sums = np.add.reduceat(influence, np.arange(0, len(influence), _block_length(influence[:, :leading])))
     blocks = len(sums)
     few = blocks / max(blocks - 1, 1) * count / max(count - len(H), 1)
     return few * sums.T @ sums, blocks
 
 
-def _linearised(
-    projection: Projection, theta: Floats
-) -> tuple[list[tuple[Floats, Floats]], list[Floats]]:
+def _linearised(projection: Projection, theta: Floats) -> tuple[list[tuple[Floats, Floats]], list[Floats]]:
     """Return per output (tangent (n, np + nz), that of the residues (nc, np + nz)), residual."""
     sections = projection.layout.shaped(theta)
     discrete = discretise(sections, projection.step)
@@ -141,10 +133,7 @@ def _block_length(influence: Floats) -> int:
     power = np.abs(np.fft.rfft(influence - influence.mean(axis=0), padded, axis=0)) ** 2
     correlation = np.fft.irfft(power, padded, axis=0)[: longest + 1]
     correlation = correlation / np.maximum(correlation[0], 1e-300)
-    pairs = (
-        correlation[0 : longest - longest % 2 : 2]
-        + correlation[1 : longest + 1 : 2][: longest // 2]
-    )
+    pairs = correlation[0 : longest - longest % 2 : 2] + correlation[1 : longest + 1 : 2][: longest // 2]
     times = [1.0]
     for column in pairs.T:
         stop = np.flatnonzero(column <= 0.0)

@@ -152,9 +152,7 @@ def _check_joints(urdf: Path, joints: Mapping[str, str], axes: tuple[str, ...]) 
             hint = nearest(joint, moving_joints(root))
             raise MachineError(f"{where}: no moving joint {joint!r} in {urdf.name}; {hint}")
         if types[joint] not in MOVING:
-            raise MachineError(
-                f"{where}: {joint!r} is {types[joint]}; an axis is one of {', '.join(MOVING)}"
-            )
+            raise MachineError(f"{where}: {joint!r} is {types[joint]}; an axis is one of {', '.join(MOVING)}")
 
 
 def _place(name: str, settings: Mapping[str, Any], model: pin.Model) -> tuple[str, int, bool]:
@@ -168,9 +166,7 @@ def _axis(name: str, settings: Any, model: pin.Model) -> Axis:
     settings = mapping(settings, where)
     check_keys(settings, AXIS_KEYS, where)
     joint, index, rotary = _place(name, settings, model)
-    effects = make_effects(
-        settings.get("effects", DEFAULT_EFFECTS), name, rotary, f"{where}effects"
-    )
+    effects = make_effects(settings.get("effects", DEFAULT_EFFECTS), name, rotary, f"{where}effects")
     rotor = number(settings.get("rotor_inertia", 0.0), f"{where}rotor_inertia")
     if rotor < 0.0:
         raise MachineError(f"{where}rotor_inertia: {rotor:g} is negative")

@@ -15,10 +15,10 @@ import yaml
 from lxml import etree
 
 from pinotwin.arrays import Floats
-from pinotwin.columns import Column
 from pinotwin.dynamics.base import BaseParameters, base_parameters
 from pinotwin.effects import Effect, RigidBody, Spring
 from pinotwin.errors import MachineError, nearest
+from pinotwin.logs.columns import Column
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
 
@@ -206,9 +206,7 @@ class Machine:
         try:
             return self.axes[name]
         except KeyError:
-            raise MachineError(
-                f"{self.name}: no axis {name!r}; {nearest(name, self.axes)}"
-            ) from None
+            raise MachineError(f"{self.name}: no axis {name!r}; {nearest(name, self.axes)}") from None
 
     def require_physical(self) -> Machine:
         """Return the machine itself, if every body that moves could exist.

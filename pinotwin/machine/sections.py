@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.columns import AXIS_SIGNALS, LOAD_SIGNALS, Column, parse_columns
 from pinotwin.errors import MachineError, nearest
+from pinotwin.logs.columns import AXIS_SIGNALS, LOAD_SIGNALS, Column, parse_columns
 from pinotwin.machine.machine import Axis, DataSettings, Imu, LoopShape
 from pinotwin.machine.urdf_check import read_tree
 from pinotwin.machine.yaml_file import check_keys, mapping, number, truth, whole
@@ -73,9 +73,7 @@ def transmission(spec: Mapping[str, Any], axes: Mapping[str, Axis], nv: int) -> 
         check_keys(row, tuple(axes), f"transmission.{motor}.")
         matrix[axes[motor].index] = 0.0
         for joint, ratio in row.items():
-            matrix[axes[motor].index, axes[joint].index] = number(
-                ratio, f"transmission.{motor}.{joint}"
-            )
+            matrix[axes[motor].index, axes[joint].index] = number(ratio, f"transmission.{motor}.{joint}")
     if abs(np.linalg.det(matrix)) < 1e-12:
         raise MachineError("transmission: the matrix is singular; every joint needs a motor")
     return matrix
@@ -100,9 +98,7 @@ def _data_value(key: str, value: Any) -> Any:
     if key == "drop":
         ends = value if isinstance(value, list) else [value, value]
         if len(ends) != 2:
-            raise MachineError(
-                f"{where}: expected samples at the start and the end, found {value!r}"
-            )
+            raise MachineError(f"{where}: expected samples at the start and the end, found {value!r}")
         return tuple(whole(x, where, 0) for x in ends)
     if key == "cutoff":
         return number(value, where, positive=True)

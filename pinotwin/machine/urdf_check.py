@@ -93,9 +93,7 @@ def _check_names(path: Path, root: etree._Element, kind: str) -> None:
     for element in root.findall(kind):
         name = element.get("name")
         if not name:
-            raise MachineError(
-                f"{path}: line {element.sourceline}: a <{kind}> has no name; give it one"
-            )
+            raise MachineError(f"{path}: line {element.sourceline}: a <{kind}> has no name; give it one")
         if name in seen:
             raise MachineError(f"{path}: {kind} {name!r} is defined twice; rename one of them")
         seen.add(name)
@@ -151,9 +149,7 @@ def _end(path: Path, where: str, joint: etree._Element, end: str, links: list[st
     if link is None:
         raise MachineError(f"{path}: {where}: has no <{end} link=...>; add it")
     if link not in links:
-        raise MachineError(
-            f"{path}: {where}: {end} link {link!r} not found; {nearest(link, links)}"
-        )
+        raise MachineError(f"{path}: {where}: {end} link {link!r} not found; {nearest(link, links)}")
     return str(link)
 
 
@@ -178,14 +174,10 @@ def _check_limit(path: Path, where: str, joint: etree._Element) -> None:
     given = {k: _number(path, f"{where} limit {k}", limit.get(k)) for k in keys if limit.get(k)}
     for key in ("effort", "velocity"):
         if given.get(key, 0.0) < 0.0:
-            raise MachineError(
-                f"{path}: {where}: {key} limit {given[key]:g} is negative; correct it"
-            )
+            raise MachineError(f"{path}: {where}: {key} limit {given[key]:g} is negative; correct it")
     low, high = given.get("lower", 0.0), given.get("upper", 0.0)
     if joint.get("type") != "continuous" and low > high:
-        raise MachineError(
-            f"{path}: {where}: lower limit {low:g} is above the upper {high:g}; swap them"
-        )
+        raise MachineError(f"{path}: {where}: lower limit {low:g} is above the upper {high:g}; swap them")
 
 
 def _check_is_tree(path: Path, links: list[str], parents: dict[str, tuple[str, str]]) -> None:

@@ -105,9 +105,7 @@ def number(value: Any, where: str, *, positive: bool = False) -> float:
     except ValueError:
         raise MachineError(f"{where}: expected a number, found {value!r}") from None
     if not np.isfinite(x) or (positive and x <= 0.0):
-        raise MachineError(
-            f"{where}: expected a {'positive' if positive else 'finite'} number, found {x:g}"
-        )
+        raise MachineError(f"{where}: expected a {'positive' if positive else 'finite'} number, found {x:g}")
     return x
 
 
@@ -149,13 +147,9 @@ def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
         name, settings = next(iter(spec.items()))
         settings = mapping(settings, f"{where}.{name}.")
     else:
-        raise MachineError(
-            f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}"
-        )
+        raise MachineError(f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}")
     if name == "rigid_body":
-        raise MachineError(
-            f"{where}: rigid_body belongs to every machine; leave it out of the list"
-        )
+        raise MachineError(f"{where}: rigid_body belongs to every machine; leave it out of the list")
     if name not in EFFECTS:
         raise MachineError(f"{where}: unknown effect {name!r}; {nearest(str(name), EFFECTS)}")
     cls = EFFECTS[name]

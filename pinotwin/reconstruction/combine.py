@@ -43,9 +43,7 @@ def combined(runs: Sequence[Motion3], delays: Sequence[float]) -> tuple[Motion3,
     first = runs[0]
     if len(runs) == 1:
         return first, np.full(3, np.nan)
-    return _mean(
-        [first, *(_moved(r, d, first.t) for r, d in zip(runs[1:], delays[1:], strict=True))]
-    )
+    return _mean([first, *(_moved(r, d, first.t) for r, d in zip(runs[1:], delays[1:], strict=True))])
 
 
 def _moved(run: Motion3, delay: float, t: Floats) -> Motion3:

@@ -83,10 +83,17 @@ def reconstruct_vibration(
     motion, spread = combined(runs, delays)
     tell("comparing methods", 0.85)
     found = Vibration(
-        machine=machine.name, joint=joint, motion=motion, runs=tuple(runs),
-        sources=tuple(log.source for log in servo), delays=tuple(delays), spread=spread,
-        sensors=tuple(sensors), unused=unused(sensors, prior), notes=_notes(sensors, runs),
-    )  # fmt: skip
+        machine=machine.name,
+        joint=joint,
+        motion=motion,
+        runs=tuple(runs),
+        sources=tuple(log.source for log in servo),
+        delays=tuple(delays),
+        spread=spread,
+        sensors=tuple(sensors),
+        unused=unused(sensors, prior),
+        notes=_notes(sensors, runs),
+    )
     return replace(found, methods=methods(sensors, prior)) if s.methods else found
 
 
@@ -129,8 +136,7 @@ class _Job:
             second, result = result, estimate(with_columns(servo_runs, result.runs))
             share = shares(result, servo_runs, second.runs)
         runs = tuple(
-            SensorRun(r, piece, imu, one)
-            for (r, piece, imu, _), one in zip(found, result.runs, strict=True)
+            SensorRun(r, piece, imu, one) for (r, piece, imu, _), one in zip(found, result.runs, strict=True)
         )
         return Sensor(name, self.link, result, runs, tuple(log.source for log in logs), share)
 

@@ -81,15 +81,18 @@ def identify_flexible(
         raise DataError(f"{len(several)} logs and {len(given)} vibrations; give them in pairs")
     pairs = zip(several, given, strict=True)
     twin = identify(
-        machine, [with_vibration(log, v, row=True) for log, v in pairs],
-        validate=list(validate) or None, loop=loop, consistent=False, cutoff=cutoff, report=report,
-    )  # fmt: skip
+        machine,
+        [with_vibration(log, v, row=True) for log, v in pairs],
+        validate=list(validate) or None,
+        loop=loop,
+        consistent=False,
+        cutoff=cutoff,
+        report=report,
+    )
     joint = next(iter(machine.passive))
     k, c = (twin.parameter(f"{joint}.spring.{n}") for n in "kc")
     row = twin.quality["springs"][joint]
-    found = Flexible(
-        twin, Found(k.value, k.error), Found(c.value, c.error), row["residual"], row["load"]
-    )
+    found = Flexible(twin, Found(k.value, k.error), Found(c.value, c.error), row["residual"], row["load"])
     return _with_mode_errors(found, [v for v in given if isinstance(v, Vibration)])
 
 

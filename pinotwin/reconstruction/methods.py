@@ -60,8 +60,7 @@ def _signals(part: SensorRun, prior: Priors) -> Mapping[str, tuple[Floats, ...]]
     found = baselines(part.piece.run, part.imu, part.found.clock, delay)
     t = part.piece.run.t
     out = {
-        name: _split(t, d.angle[:, 0], d.velocity[:, 0], d.acceleration[:, 0])
-        for name, d in found.items()
+        name: _split(t, d.angle[:, 0], d.velocity[:, 0], d.acceleration[:, 0]) for name, d in found.items()
     }
     best = part.found
     out["batch"] = _split(best.t, best.angle, best.velocity, best.acceleration)

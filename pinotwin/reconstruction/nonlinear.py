@@ -52,10 +52,7 @@ def with_posture(
     size = float(np.sqrt(np.mean([np.var(c) for c in columns])))
     if size < _NEGLIGIBLE * _load_size(runs):
         return runs
-    return [
-        replace(run, load=np.column_stack([run.load, c]))
-        for run, c in zip(runs, columns, strict=True)
-    ]
+    return [replace(run, load=np.column_stack([run.load, c])) for run, c in zip(runs, columns, strict=True)]
 
 
 def with_columns(servo: Sequence[ServoRun], found: Sequence[RunResult]) -> list[ServoRun]:
@@ -70,9 +67,7 @@ def with_columns(servo: Sequence[ServoRun], found: Sequence[RunResult]) -> list[
     return out
 
 
-def shares(
-    result: BatchResult, servo: Sequence[ServoRun], found: Sequence[RunResult]
-) -> tuple[float, float]:
+def shares(result: BatchResult, servo: Sequence[ServoRun], found: Sequence[RunResult]) -> tuple[float, float]:
     """Return hardening and hysteresis as shares of the spring's torque at the largest deflection.
 
     Args:

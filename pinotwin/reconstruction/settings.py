@@ -54,8 +54,7 @@ def passive_joint(machine: Machine, name: str | None) -> str:
         raise MachineError(f"{machine.name}: no passive joint {chosen!r}; {nearest(chosen, known)}")
     if not machine.passive[chosen].rotary:
         raise MachineError(
-            f"{machine.name}: passive joint {chosen!r} slides; only a turning one can be seen by a "
-            "gyroscope"
+            f"{machine.name}: passive joint {chosen!r} slides; only a turning one can be seen by a gyroscope"
         )
     return chosen
 
@@ -91,7 +90,11 @@ def priors(machine: Machine, joint: str, settings: Settings) -> Priors:
         if part.damping:
             damping = float(np.clip(part.damping / (2.0 * inertia * wn), 0.003, 0.5))
     return Priors(
-        frequency=frequency, damping=damping, log_frequency=doubt,
+        frequency=frequency,
+        damping=damping,
+        log_frequency=doubt,
         gravity=np.array(machine.model.gravity.linear),
-        gyro_cutoff=corner, accel_cutoff=corner, gyro_delay_sd=TOLERANCE * delay,
-    )  # fmt: skip
+        gyro_cutoff=corner,
+        accel_cutoff=corner,
+        gyro_delay_sd=TOLERANCE * delay,
+    )

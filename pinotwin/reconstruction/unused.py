@@ -44,9 +44,7 @@ class Unused:
 
 def unused(sensors: Sequence[Sensor], prior: Priors) -> tuple[Unused, ...]:
     """Return the test for every ordered pair of IMUs on one link; none for a single IMU."""
-    return tuple(
-        _pair(a, b, prior) for a in sensors for b in sensors if a is not b and a.link == b.link
-    )
+    return tuple(_pair(a, b, prior) for a in sensors for b in sensors if a is not b and a.link == b.link)
 
 
 def _pair(fitted: Sensor, other: Sensor, prior: Priors) -> Unused:
@@ -69,11 +67,16 @@ def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> li
     still = replace(mine.found, angle=none, velocity=none, acceleration=none)
     predicted = [
         predict_readings(
-            mine.piece.run, theirs.imu, found, other.batch.R_ST, shared("position")[0],
-            theirs.found.clock, own,
+            mine.piece.run,
+            theirs.imu,
+            found,
+            other.batch.R_ST,
+            shared("position")[0],
+            theirs.found.clock,
+            own,
         )
         for found in (mine.found, still)
-    ]  # fmt: skip
+    ]
     inside = _inside(theirs, mine)
     rate = 1.0 / float(np.median(np.diff(theirs.imu.t)))
     quiet = rest(theirs.imu.gyr, theirs.imu.acc, rate)

@@ -15,6 +15,13 @@ from pinotwin.report.identification import identification_report as identificati
 from pinotwin.report.page import Page as Page
 
 __all__ = [
-    "Block", "Group", "Html", "Page", "Plot", "Tabs", "diagnosis_report",
-    "identification_page", "identification_report",
-]  # fmt: skip
+    "Block",
+    "Group",
+    "Html",
+    "Page",
+    "Plot",
+    "Tabs",
+    "diagnosis_report",
+    "identification_page",
+    "identification_report",
+]

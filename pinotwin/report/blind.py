@@ -30,10 +30,14 @@ def bench_page(bench: Scored) -> Page:
     d = bench.document()
     page = Page("The withheld bench", _subtitle(d))
     page = page.section("Result", paragraph(_headline(d), "verdict"), tiles(_tiles(d)))
-    page = page.section("Scores", *_scores(d), intro="An effect is put into the truth of a machine and "
-                        "withheld from its model; logs and model go to the diagnosis, the truth does "
-                        "not. rho is the power of the gap over the power of the noise, taken from "
-                        "simulations without noise.")  # fmt: skip
+    page = page.section(
+        "Scores",
+        *_scores(d),
+        intro="An effect is put into the truth of a machine and "
+        "withheld from its model; logs and model go to the diagnosis, the truth does "
+        "not. rho is the power of the gap over the power of the noise, taken from "
+        "simulations without noise.",
+    )
     page = page.section("What is taken for what", *_confusion(d), intro=_TAKEN)
     page = page.section("How far a stated probability can be trusted", *_calibration(d))
     dots = Plot(rho_figure(d["answers"]), "Every single effect", "Each mark is one case.")
@@ -43,9 +47,7 @@ def bench_page(bench: Scored) -> Page:
     return page.section("Diagnoses that broke off", *_errors(d))
 
 
-_TAKEN = (
-    "Rows: what was put in. Columns: what was named first. Single effects with rho of at least 0.1."
-)
+_TAKEN = "Rows: what was put in. Columns: what was named first. Single effects with rho of at least 0.1."
 _OTHERS = (
     "Textbook methods on the same cases, their thresholds set so that they accuse healthy machines "
     "no more often than we do."
@@ -69,10 +71,12 @@ def _headline(d: Mapping[str, Any]) -> str:
 
 def _tiles(d: Mapping[str, Any]) -> list[Tile]:
     wanted = (
-        "healthy machine accused of anything", "top-1 effect and axis, rho ≥ 0.1",
-        "both of two, weaker rho ≥ 0.1", "outside the catalogue recognised",
+        "healthy machine accused of anything",
+        "top-1 effect and axis, rho ≥ 0.1",
+        "both of two, weaker rho ≥ 0.1",
+        "outside the catalogue recognised",
         "expected calibration error",
-    )  # fmt: skip
+    )
     by_name = {r["name"]: r for r in d["scores"]}
     out = []
     for name in wanted:
@@ -112,14 +116,17 @@ def _confusion(d: Mapping[str, Any]) -> list[Block]:
     have, said = d["confusion"]["measured"], d["confusion"]["predicted"]
     if not have:
         return []
-    out: list[Block] = [
-        Plot(matrix_figure(have), "Measured", "Share of each row; counts in the cells.")
-    ]
+    out: list[Block] = [Plot(matrix_figure(have), "Measured", "Share of each row; counts in the cells.")]
     if said:
         r = d["confusion"]["rank_correlation"]
         words = "" if r is None else f" Rank correlation with the measured one: {r:.2f}."
-        out.append(Plot(matrix_figure(said), "Predicted by isolability, before looking at the data",
-                        f"Mean probability of each answer.{words}"))  # fmt: skip
+        out.append(
+            Plot(
+                matrix_figure(said),
+                "Predicted by isolability, before looking at the data",
+                f"Mean probability of each answer.{words}",
+            )
+        )
     return out
 
 
@@ -138,17 +145,13 @@ def _calibration(d: Mapping[str, Any]) -> list[Block]:
 
 
 def _floors(d: Mapping[str, Any]) -> list[Block]:
-    rows = [
-        [f["name"], *(_share(f[k]) for k in ("alarms", "visible", "faint"))] for f in d["floors"]
-    ]
+    rows = [[f["name"], *(_share(f[k]) for k in ("alarms", "visible", "faint"))] for f in d["floors"]]
     header = ("method", "healthy machines named", "top-1, rho ≥ 0.1", "top-1, 0.02 to 0.1")
     return [table(header, rows, numeric=(1, 2, 3))]
 
 
 def _share(share: Mapping[str, int]) -> str:
-    return (
-        f"{share['hits'] / share['of']:.1%} ({share['hits']}/{share['of']})" if share["of"] else "–"
-    )
+    return f"{share['hits'] / share['of']:.1%} ({share['hits']}/{share['of']})" if share["of"] else "–"
 
 
 def _real(d: Mapping[str, Any]) -> list[Block]:

@@ -25,13 +25,22 @@ def matrix_figure(matrix: Mapping[str, Mapping[str, float]]) -> go.Figure:
     text = [[_cell(v) for v in row] for row in z]
     figure = go.Figure(
         go.Heatmap(
-            x=columns, y=rows, z=np.where(z > 0.0, share, np.nan), text=text,
-            texttemplate="%{text}", textfont={"color": "#1b1f24", "size": 12}, xgap=2, ygap=2,
-            zmin=0.0, zmax=1.0, hoverongaps=False, showscale=False,
+            x=columns,
+            y=rows,
+            z=np.where(z > 0.0, share, np.nan),
+            text=text,
+            texttemplate="%{text}",
+            textfont={"color": "#1b1f24", "size": 12},
+            xgap=2,
+            ygap=2,
+            zmin=0.0,
+            zmax=1.0,
+            hoverongaps=False,
+            showscale=False,
             colorscale=[[0.0, "#fdf0d5"], [0.5, "#8fc1c5"], [1.0, "#2fa6a0"]],
             hovertemplate="%{y} → %{x}: %{z:.0%}<extra></extra>",
         )
-    )  # fmt: skip
+    )
     style(figure, 130 + 24 * len(rows), legend=False)
     figure.update_xaxes(side="top", showgrid=False, tickangle=-50, type="category")
     figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False, type="category")
@@ -51,18 +60,33 @@ def calibration_figure(bins: Sequence[Sequence[float]]) -> go.Figure:
     count = np.array([b[2] for b in bins], dtype=float)
     low, high = _interval(right * count, count)
     figure = go.Figure(
-        go.Scatter(x=[0.0, 1.0], y=[0.0, 1.0], mode="lines", name="perfectly calibrated",
-                   line={"color": MEASURED, "dash": "dot", "width": 1.2}, hoverinfo="skip")
-    )  # fmt: skip
+        go.Scatter(
+            x=[0.0, 1.0],
+            y=[0.0, 1.0],
+            mode="lines",
+            name="perfectly calibrated",
+            line={"color": MEASURED, "dash": "dot", "width": 1.2},
+            hoverinfo="skip",
+        )
+    )
     figure.add_trace(
         go.Scatter(
-            x=stated, y=right, mode="lines+markers", name="answers, in bins of equal number",
-            line={"color": ACCENT, "width": 1.4}, marker={"size": 8},
-            error_y={"type": "data", "symmetric": False, "array": high - right,
-                     "arrayminus": right - low, "thickness": 1.2},
+            x=stated,
+            y=right,
+            mode="lines+markers",
+            name="answers, in bins of equal number",
+            line={"color": ACCENT, "width": 1.4},
+            marker={"size": 8},
+            error_y={
+                "type": "data",
+                "symmetric": False,
+                "array": high - right,
+                "arrayminus": right - low,
+                "thickness": 1.2,
+            },
             hovertemplate="stated %{x:.2f}, right %{y:.2f}<extra></extra>",
         )
-    )  # fmt: skip
+    )
     style(figure, 380)
     figure.update_xaxes(title_text="stated probability", range=[0.0, 1.02])
     return figure.update_yaxes(title_text="share right", range=[0.0, 1.05])
@@ -87,13 +111,15 @@ def rho_figure(answers: Sequence[Mapping[str, Any]]) -> go.Figure:
         some = [a for a in single if bool(a["is_right"]) == wanted]
         figure.add_trace(
             go.Scatter(
-                x=[max(a["sizes"][0], 1e-4) for a in some], y=[a["truth"][0][0] for a in some],
-                mode="markers", name=words,
+                x=[max(a["sizes"][0], 1e-4) for a in some],
+                y=[a["truth"][0][0] for a in some],
+                mode="markers",
+                name=words,
                 marker={"color": colour, "size": 9, "symbol": "circle" if wanted else "x"},
                 text=[_said(a) for a in some],
                 hovertemplate="%{text}, rho %{x:.2g}<extra></extra>",
             )
-        )  # fmt: skip
+        )
     style(figure, 120 + 22 * len(names))
     figure.update_xaxes(type="log", title_text="rho: power of the gap over that of the noise")
     figure.add_vline(x=0.1, line={"color": MEASURED, "width": 1, "dash": "dot"})

@@ -130,9 +130,7 @@ def tiles(items: Iterable[Tile]) -> Html:
     return Html(f'<div class="tiles">{"".join(out)}</div>')
 
 
-def table(
-    header: Sequence[str], rows: Iterable[Sequence[object]], numeric: Sequence[int] = ()
-) -> Html:
+def table(header: Sequence[str], rows: Iterable[Sequence[object]], numeric: Sequence[int] = ()) -> Html:
     """Return a plain table.
 
     Args:
@@ -143,14 +141,11 @@ def table(
     kind = ["num" if k in numeric else "" for k in range(len(header))]
     head = "".join(f'<th class="{c}">{escape(h)}</th>' for h, c in zip(header, kind, strict=True))
     body = "".join(
-        "<tr>"
-        + "".join(f'<td class="{c}">{cell(x)}</td>' for x, c in zip(row, kind, strict=True))
-        + "</tr>"
+        "<tr>" + "".join(f'<td class="{c}">{cell(x)}</td>' for x, c in zip(row, kind, strict=True)) + "</tr>"
         for row in rows
     )
     return Html(
-        f'<div class="card scroll"><table><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
+        f'<div class="card scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
     )
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinotwin.columns import bind
-from pinotwin.decomposition import Decomposition, decompose
+from pinotwin.analysis.decomposition import Decomposition, decompose
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
+from pinotwin.logs.columns import bind
 from pinotwin.report import display
 from pinotwin.report.blocks import (
     Block,
@@ -98,14 +98,19 @@ def closed_loop_blocks(twin: Twin, log: Log) -> list[Block]:
 def response_blocks(twin: Twin, found: Predicted) -> list[Block]:
     """Return the response beside the measurement, and its errors."""
     rotary = _rotary(twin)
-    grey = "" if found.grey is None else (
-        " The grey box, hidden at first, has the identified controller around the rigid machine."
-    )  # fmt: skip
+    grey = (
+        ""
+        if found.grey is None
+        else (" The grey box, hidden at first, has the identified controller around the rigid machine.")
+    )
     figure = response_figure(rotary, found.log, found.black, found.grey)
     out: list[Block] = [
-        Plot(figure, f"Predicted from the command of {display.elided(found.log.source)}",
-             f"Nothing measured enters the prediction.{grey} Drag to zoom: all follow."),
-    ]  # fmt: skip
+        Plot(
+            figure,
+            f"Predicted from the command of {display.elided(found.log.source)}",
+            f"Nothing measured enters the prediction.{grey} Drag to zoom: all follow.",
+        ),
+    ]
     if any(measured_signals(found.log, axis) for axis in rotary):
         out += [heading("Error of the prediction"), score_table(twin, found)]
     if found.notes:
@@ -125,18 +130,29 @@ def score_table(twin: Twin, found: Predicted) -> Html:
             other = grey.get(axis, {}).get(signal, {})
             all_black.append(score["nrmse"])
             all_grey.append(other.get("nrmse", math.nan))
-            rows.append([
-                axis, "tracking error" if signal == "e" else "effort",
-                display.number(score["rms"] * scale.factor, scale.unit),
-                display.percent(score["nrmse"]), display.percent(score["nrmse_std"]),
-                _grey(other.get("nrmse", math.nan)),
-                _held_out(twin.quality, axis, signal),
-            ])  # fmt: skip
+            rows.append(
+                [
+                    axis,
+                    "tracking error" if signal == "e" else "effort",
+                    display.number(score["rms"] * scale.factor, scale.unit),
+                    display.percent(score["nrmse"]),
+                    display.percent(score["nrmse_std"]),
+                    _grey(other.get("nrmse", math.nan)),
+                    _held_out(twin.quality, axis, signal),
+                ]
+            )
     if len(rows) > 1:
         mean = [math.fsum(x) / len(x) for x in (all_black, all_grey)]
         rows.append(["mean", "", "", display.percent(mean[0]), "", _grey(mean[1]), ""])
-    header = ("axis", "signal", "RMS error", "black box, of RMS", "of standard deviation",
-              "grey box, of RMS", "loop alone, held out")  # fmt: skip
+    header = (
+        "axis",
+        "signal",
+        "RMS error",
+        "black box, of RMS",
+        "of standard deviation",
+        "grey box, of RMS",
+        "loop alone, held out",
+    )
     return table(header, rows, numeric=range(2, 7))
 
 
@@ -155,17 +171,19 @@ def structure_blocks(twin: Twin) -> list[Block]:
     """Return poles and gains of every axis."""
     out: list[Block] = [
         heading("Poles"),
-        paragraph("Poles of the closed loop of each axis, with the bounds within which they were "
-                  "searched. ζ is the damping ratio.", "lead"),
+        paragraph(
+            "Poles of the closed loop of each axis, with the bounds within which they were "
+            "searched. ζ is the damping ratio.",
+            "lead",
+        ),
         pole_table(twin),
-    ]  # fmt: skip
+    ]
     if twin.controllers:
         out += [
             heading("Controller"),
-            paragraph("Gains as identified from error, velocity and effort; effort in N or N·m.",
-                      "lead"),
+            paragraph("Gains as identified from error, velocity and effort; effort in N or N·m.", "lead"),
             gain_table(twin),
-        ]  # fmt: skip
+        ]
     return out
 
 
@@ -180,8 +198,17 @@ def pole_table(twin: Twin) -> Html:
             pair = row.get("interval")
             interval = "" if pair is None else f"{pair[0]:.4g} to {pair[1]:.4g}"
             first = row is loop_rows[0]
-            rows.append([axis if first else "", _pole_name(row["name"]), f"{row['value']:.4g}", unit, bounds,
-                         interval, _pole_chip(row)])  # fmt: skip
+            rows.append(
+                [
+                    axis if first else "",
+                    _pole_name(row["name"]),
+                    f"{row['value']:.4g}",
+                    unit,
+                    bounds,
+                    interval,
+                    _pole_chip(row),
+                ]
+            )
     header = ("axis", "pole", "value", "unit", "searched", "95 % interval", "")
     return table(header, rows, numeric=(2, 4, 5))
 
@@ -231,11 +258,16 @@ def gain_table(twin: Twin) -> Html:
 
 _KINDS = {"p_pi": "position P around velocity PI", "pid": "PID"}
 _GAINS = {
-    "kp": "position gain kp", "kv": "velocity gain kv", "integral": "integral action",
-    "kd": "derivative gain kd", "ffv": "velocity feed-forward", "ffa": "acceleration feed-forward",
-    "delay": "delay", "velocity_delay": "further delay of the velocity",
+    "kp": "position gain kp",
+    "kv": "velocity gain kv",
+    "integral": "integral action",
+    "kd": "derivative gain kd",
+    "ffv": "velocity feed-forward",
+    "ffa": "acceleration feed-forward",
+    "delay": "delay",
+    "velocity_delay": "further delay of the velocity",
     "filter_time": "low-pass of the velocity",
-}  # fmt: skip
+}
 
 
 def gains(law: Controller, rotary: bool) -> list[tuple[str, float, str]]:
@@ -243,11 +275,16 @@ def gains(law: Controller, rotary: bool) -> list[tuple[str, float, str]]:
     u, x = ("N·m", "rad") if rotary else ("N", "m")
     cascade = law.kind == "p_pi"
     units = {
-        "kp": "1/s" if cascade else f"{u}/{x}", "kv": f"{u}·s/{x}",
-        "integral": "1/s" if cascade else f"{u}/({x}·s)", "kd": f"{u}·s/{x}",
-        "ffv": "" if cascade else f"{u}·s/{x}", "ffa": f"{u}·s²/{x}",
-        "delay": "ms", "velocity_delay": "ms", "filter_time": "ms",
-    }  # fmt: skip
+        "kp": "1/s" if cascade else f"{u}/{x}",
+        "kv": f"{u}·s/{x}",
+        "integral": "1/s" if cascade else f"{u}/({x}·s)",
+        "kd": f"{u}·s/{x}",
+        "ffv": "" if cascade else f"{u}·s/{x}",
+        "ffa": f"{u}·s²/{x}",
+        "delay": "ms",
+        "velocity_delay": "ms",
+        "filter_time": "ms",
+    }
     out = []
     for name, unit in units.items():
         value = float(getattr(law, name))
@@ -262,13 +299,17 @@ def cause_blocks(twin: Twin, found: Predicted) -> list[Block]:
     for axis in found.parts.axes:
         turns = twin.machine.axes[axis].rotary
         panels[axis] = [
-            Plot(causes_figure(found.parts, axis, turns, "disturbance"),
-                 f"{axis}: disturbance by cause",
-                 "What the motor must work against beside the axis' own mean inertia and damping."),
-            Plot(causes_figure(found.parts, axis, turns, "error"),
-                 f"{axis}: tracking error by cause",
-                 "Each part, sent through the identified loop on its own; the parts add up."),
-        ]  # fmt: skip
+            Plot(
+                causes_figure(found.parts, axis, turns, "disturbance"),
+                f"{axis}: disturbance by cause",
+                "What the motor must work against beside the axis' own mean inertia and damping.",
+            ),
+            Plot(
+                causes_figure(found.parts, axis, turns, "error"),
+                f"{axis}: tracking error by cause",
+                "Each part, sent through the identified loop on its own; the parts add up.",
+            ),
+        ]
     return [
         heading("Causes of the tracking error"),
         Plot(cause_shares_figure(found.parts)),

@@ -8,8 +8,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from pinotwin.analysis.decomposition import COMMAND, Decomposition
 from pinotwin.arrays import Floats
-from pinotwin.decomposition import COMMAND, Decomposition
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, SOFT, line, style, visible_rows
@@ -54,9 +54,7 @@ def scale_of(signal: str, rotary: bool, x: Floats) -> display.Scale:
     return of(rotary, display.largest(x))
 
 
-def response_figure(
-    rotary: Mapping[str, bool], log: Log, predicted: Log, grey: Log | None
-) -> go.Figure:
+def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log, grey: Log | None) -> go.Figure:
     """Return measured and predicted tracking error and effort of every axis over one time axis.
 
     Args:
@@ -81,13 +79,13 @@ def response_figure(
             scale = scale_of(signal, turns, lines[0][1])
             rows = visible_rows([y for name, y, _, _ in lines if "grey" not in name], points)
             for name, y, colour, width in lines:
-                trace = line(log.t[rows], scale(y[rows]), name, colour, width=width,
-                             legend=k + i == 0, unit=scale.unit)  # fmt: skip
+                trace = line(
+                    log.t[rows], scale(y[rows]), name, colour, width=width, legend=k + i == 0, unit=scale.unit
+                )
                 trace.visible = "legendonly" if "grey" in name else True
                 figure.add_trace(trace, row=2 * k + i + 1, col=1)
             title = "tracking error" if signal == "e" else "effort"
-            figure.update_yaxes(title_text=f"<b>{axis}</b> {title} [{scale.unit}]",
-                                row=2 * k + i + 1, col=1)  # fmt: skip
+            figure.update_yaxes(title_text=f"<b>{axis}</b> {title} [{scale.unit}]", row=2 * k + i + 1, col=1)
     figure.update_xaxes(title_text="time [s]", row=count, col=1)
     return style(figure, 70 + 175 * count)
 
@@ -102,11 +100,18 @@ def cause_shares_figure(parts: Decomposition) -> go.Figure:
             continue
         values = [100.0 * shares[axis][cause] for axis in axes]
         figure.add_bar(
-            y=axes, x=values, name=name, orientation="h", marker_color=colour,
+            y=axes,
+            x=values,
+            name=name,
+            orientation="h",
+            marker_color=colour,
             hovertemplate="%{x:.1f} %<extra>%{fullData.name}</extra>",
-            text=[f"{x:.0f} %" if x >= 6 else "" for x in values], textposition="inside",
-            insidetextanchor="middle", textangle=0, textfont={"color": "#fff"},
-        )  # fmt: skip
+            text=[f"{x:.0f} %" if x >= 6 else "" for x in values],
+            textposition="inside",
+            insidetextanchor="middle",
+            textangle=0,
+            textfont={"color": "#fff"},
+        )
     style(figure, 110 + 46 * len(parts.axes))
     figure.update_layout(barmode="stack", bargap=0.35, legend_traceorder="normal")
     figure.update_xaxes(title_text="share of the summed integrals of |error| [%]", range=[0, 100])

@@ -68,20 +68,29 @@ def diagnosis_report(
 def diagnosis_page(d: Diagnosis, logs: Sequence[Log]) -> Page:
     """Return the same report as a :class:`Page`."""
     page = Page(f"{d.machine or 'Machine'}: diagnosis", subtitle(d, logs))
-    page = page.section("Verdict", paragraph(headline(d), "verdict"), tiles(axis_tiles(d)),
-                        bullets(ground(d)))  # fmt: skip
+    page = page.section(
+        "Verdict", paragraph(headline(d), "verdict"), tiles(axis_tiles(d)), bullets(ground(d))
+    )
     if d.where:
-        page = page.section("Where", *where_blocks(d), intro="Where the gap between log and model "
-                            "lies. If it lay evenly, a tenth of the time would hold a tenth of it; "
-                            "where much of it lies in little time, the cause is at work.")  # fmt: skip
+        page = page.section(
+            "Where",
+            *where_blocks(d),
+            intro="Where the gap between log and model "
+            "lies. If it lay evenly, a tenth of the time would hold a tenth of it; "
+            "where much of it lies in little time, the cause is at work.",
+        )
     if d.effects or d.confusable:
         page = page.section("Which cause", *which_blocks(d))
     page = page.section("How far the gap shrinks", *how_far_blocks(d), intro=_HOW_FAR)
     panels = evidence_panels(d, logs)
     if panels:
-        page = page.section("Evidence", Tabs(panels), intro="Measured effort minus the effort that "
-                            "the model asks for. What looks like a curve here is something "
-                            "that the model does not know; a shapeless band is noise.")  # fmt: skip
+        page = page.section(
+            "Evidence",
+            Tabs(panels),
+            intro="Measured effort minus the effort that "
+            "the model asks for. What looks like a curve here is something "
+            "that the model does not know; a shapeless band is noise.",
+        )
     return page.section("What to do next", *next_blocks(d))
 
 
@@ -95,8 +104,10 @@ _HOW_FAR = (
 
 def subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
     """Return the line below the title."""
-    compared = {"structure": "log against the machine's model, refitted to it",
-                "change": "log against a twin that was identified earlier"}  # fmt: skip
+    compared = {
+        "structure": "log against the machine's model, refitted to it",
+        "change": "log against a twin that was identified earlier",
+    }
     names = ", ".join(display.elided(log.source, 40) for log in logs[:4])
     more = f" and {len(logs) - 4} more" if len(logs) > 4 else ""
     words = [compared.get(d.situation, ""), names + more]
@@ -108,32 +119,45 @@ def where_blocks(d: Diagnosis) -> list[Block]:
     known = [(axis, signal) for axis, row in d.gap.items() for signal in row]
     signals = list(dict.fromkeys([*known, *((r.axis, r.signal) for r in d.where)]))
     rows = [
-        [signal_name(r.axis, r.signal), KINDS.get(r.kind, r.kind), region_words(r), f"{r.share:.0%}",
-         f"{r.time_share:.0%}" if r.time_share >= 0.01 else "< 1%", f"{density(r):.1f} ×",
-         "–" if r.p_value is None else f"{100 * r.p_value:.2g} %"]
+        [
+            signal_name(r.axis, r.signal),
+            KINDS.get(r.kind, r.kind),
+            region_words(r),
+            f"{r.share:.0%}",
+            f"{r.time_share:.0%}" if r.time_share >= 0.01 else "< 1%",
+            f"{density(r):.1f} ×",
+            "–" if r.p_value is None else f"{100 * r.p_value:.2g} %",
+        ]
         for r in d.where
-    ]  # fmt: skip
-    header = ("signal", "by", "where", "share of the gap", "of the time (band)", "denser than even",
-              "chance")  # fmt: skip
+    ]
+    header = ("signal", "by", "where", "share of the gap", "of the time (band)", "denser than even", "chance")
     return [
-        Plot(where_figure(d.where, signals), "Share of the squared gap against share of time",
-             "Empty: the gap lies there no denser than elsewhere."),
+        Plot(
+            where_figure(d.where, signals),
+            "Share of the squared gap against share of time",
+            "Empty: the gap lies there no denser than elsewhere.",
+        ),
         table(header, rows, numeric=(3, 4, 5, 6)),
-        paragraph("Chance: how often pure noise would show such a concentration somewhere.",
-                  "lead"),
-    ]  # fmt: skip
+        paragraph("Chance: how often pure noise would show such a concentration somewhere.", "lead"),
+    ]
 
 
 def which_blocks(d: Diagnosis) -> list[Block]:
     """Return the named causes with confidence, what else it could be, and the look-alikes."""
     out: list[Block] = []
     if d.effects:
-        out.append(table(("cause", "what it is", "confidence", "could also be"),
-                         [_which(e) for e in d.effects]))  # fmt: skip
-        out.append(paragraph("Confidence: of simulated faults on this same motion, a quarter of them "
-                             "unknown to pinotwin, the share whose cause was named right where the "
-                             f"answer looked as sure as here; at most {SUREST:.0%}, and {PARTIAL:.0%} "
-                             "of that where part of the gap stays.", "lead"))  # fmt: skip
+        out.append(
+            table(("cause", "what it is", "confidence", "could also be"), [_which(e) for e in d.effects])
+        )
+        out.append(
+            paragraph(
+                "Confidence: of simulated faults on this same motion, a quarter of them "
+                "unknown to pinotwin, the share whose cause was named right where the "
+                f"answer looked as sure as here; at most {SUREST:.0%}, and {PARTIAL:.0%} "
+                "of that where part of the gap stays.",
+                "lead",
+            )
+        )
     else:
         out.append(paragraph("No cause is named."))
     groups = [joined([label_words(x) for x in group]) for group in d.confusable]
@@ -154,9 +178,7 @@ def _which(e: Found) -> list[object]:
         what = OTHERWISE.get(effect) or on_axis(effect, item.get("axis"))
         p = item.get("probability", 0.0)
         others.append(f"{what}{f' ({p:.0%})' if p > 0.0 else ''}: {item.get('why', '')}")
-    other = Html(
-        "".join(f'<div class="sub">{escape(x)}</div>' for x in others) or "no other came close"
-    )
+    other = Html("".join(f'<div class="sub">{escape(x)}</div>' for x in others) or "no other came close")
     return [name, explanation(e.effect), chip(f"{e.confidence:.0%}", kind), other]
 
 
@@ -169,8 +191,12 @@ def _numbers(e: Found) -> list[Block]:
     if values:
         out.append(paragraph(f"{_capital(on_axis(e.effect, e.axis))}, in SI: {', '.join(values)}."))
     if e.moves:
-        out.append(paragraph("With it, these numbers of the model change; the last column is the "
-                             "change over the uncertainty that the number had:"))  # fmt: skip
+        out.append(
+            paragraph(
+                "With it, these numbers of the model change; the last column is the "
+                "change over the uncertainty that the number had:"
+            )
+        )
         rows = [(k, f"{a:.4g}", f"{b:.4g}", f"{s:+.3g}") for k, (a, b, s) in e.moves.items()]
         out.append(table(("number", "before", "with the cause", "change"), rows, numeric=(1, 2, 3)))
     return out
@@ -184,25 +210,43 @@ def how_far_blocks(d: Diagnosis) -> list[Block]:
         for signal, gap in d.gap[axis].items():
             found = d.shrink.get(axis, {}).get(signal) if axis in d.unexplained else None
             figure = shrink_figure(bars(gap, found), signal, rotary.get(axis, False))
-            plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}",
-                              "" if found else "No gap beyond the noise that a cause could close."
-                              if axis not in d.unexplained else ""))  # fmt: skip
+            plots.append(
+                Plot(
+                    figure,
+                    f"Axis {axis}, {SIGNALS.get(signal, signal)}",
+                    ""
+                    if found
+                    else "No gap beyond the noise that a cause could close."
+                    if axis not in d.unexplained
+                    else "",
+                )
+            )
     rows = []
     for e in d.effects:
         for signal, x in e.shrink.items():
             scale = signal_scale(signal, rotary.get(e.axis or "", False), x.before)
-            rows.append([
-                on_axis(e.effect, e.axis), f"{x.before * scale.factor:.3g} {scale.unit}",
-                f"{x.after * scale.factor:.3g} {scale.unit}", display.percent(x.share),
-                f"{x.interval[0]:.0%} to {x.interval[1]:.0%}", display.percent(x.promised),
-                "validation log" if x.on == "validation" else "stretches kept back in turn",
-            ])  # fmt: skip
+            rows.append(
+                [
+                    on_axis(e.effect, e.axis),
+                    f"{x.before * scale.factor:.3g} {scale.unit}",
+                    f"{x.after * scale.factor:.3g} {scale.unit}",
+                    display.percent(x.share),
+                    f"{x.interval[0]:.0%} to {x.interval[1]:.0%}",
+                    display.percent(x.promised),
+                    "validation log" if x.on == "validation" else "stretches kept back in turn",
+                ]
+            )
     out: list[Block] = [Group(tuple(plots))] if plots else []
     if rows:
-        out += [heading("Each cause on its own"),
-                table(("cause", "gap before", "gap after", "removed", "90 % interval", "promised",
-                       "judged on"), rows, numeric=(1, 2, 3, 4, 5)),
-                paragraph("Removed: share of the squared gap above the noise floor.", "lead")]  # fmt: skip
+        out += [
+            heading("Each cause on its own"),
+            table(
+                ("cause", "gap before", "gap after", "removed", "90 % interval", "promised", "judged on"),
+                rows,
+                numeric=(1, 2, 3, 4, 5),
+            ),
+            paragraph("Removed: share of the squared gap above the noise floor.", "lead"),
+        ]
     stays = [f"Axis {a}: {plain_sentence(w)}" for a, w in d.remains.items()]
     if stays:
         out += [heading("What stays"), notes(stays)]
@@ -214,16 +258,23 @@ def next_blocks(d: Diagnosis) -> list[Block]:
     lines = [_capital(plain_sentence(text)) for text in d.advice]
     if d.effects:
         names = joined([on_axis(e.effect, e.axis) for e in d.effects])
-        lines.insert(0, f"Look at the machine for {names}; if it is real, add it to the model (the "
-                     "folder “machine” beside this page holds the extended machine) and identify "
-                     "again.")  # fmt: skip
+        lines.insert(
+            0,
+            f"Look at the machine for {names}; if it is real, add it to the model (the "
+            "folder “machine” beside this page holds the extended machine) and identify "
+            "again.",
+        )
     if d.verdict == "none":
         lines.insert(0, "Nothing needs mending. Keep this log: it is the reference for later ones.")
     out: list[Block] = [bullets(lines or ["Record the motion again to confirm the finding."])]
     if d.commands:
-        out.append(paragraph("Motions to record, as command files beside this page: "
-                             f"{', '.join(d.commands)}. They stay within the travel and the speed "
-                             "of the log; check them against the machine's limits first."))  # fmt: skip
+        out.append(
+            paragraph(
+                "Motions to record, as command files beside this page: "
+                f"{', '.join(d.commands)}. They stay within the travel and the speed "
+                "of the log; check them against the machine's limits first."
+            )
+        )
     return out
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from pinotwin.diagnosis.result import Diagnosis, Traces
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.motion import Motion
-from pinotwin.preparation import prepare
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Group, Plot
 from pinotwin.report.diagnosis_plots import against_figure, gap_figure, spectrum_figure
@@ -32,10 +32,16 @@ def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Blo
             motions[given.log] = _motion(d, logs, given.log)
         turns = rotary.get(axis, False)
         name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
-        plot = Plot(gap_figure(given, turns), f"Axis {axis}: log minus model",
-                    f"Over time, in {display.elided(name)}.")  # fmt: skip
-        spectrum = Plot(spectrum_figure(given, turns), "By frequency",
-                        "A peak is a vibration; a rise to the right, elasticity or delay.")  # fmt: skip
+        plot = Plot(
+            gap_figure(given, turns),
+            f"Axis {axis}: log minus model",
+            f"Over time, in {display.elided(name)}.",
+        )
+        spectrum = Plot(
+            spectrum_figure(given, turns),
+            "By frequency",
+            "A peak is a vibration; a rise to the right, elasticity or delay.",
+        )
         out[axis] = [plot, *_against(given, motions[given.log], turns), spectrum]
     return out
 

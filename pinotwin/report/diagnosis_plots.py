@@ -11,7 +11,6 @@ from scipy.signal import welch
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.result import Gap, Region, Shrink, Traces
-from pinotwin.identification.study_overlay import binned
 from pinotwin.report import display
 from pinotwin.report.figures import (
     ACCENT,
@@ -25,6 +24,7 @@ from pinotwin.report.figures import (
     visible_rows,
 )
 from pinotwin.report.plain_words import KINDS, region_words
+from pinotwin.studies.overlay import binned
 
 
 @dataclass(frozen=True)
@@ -53,19 +53,29 @@ def where_figure(regions: Sequence[Region], signals: Sequence[tuple[str, str]]) 
     grid = [[best.get((*x, kind)) for kind in kinds] for x in signals]
     figure = go.Figure(
         go.Heatmap(
-            x=[KINDS[k] for k in kinds], y=list(axes),
+            x=[KINDS[k] for k in kinds],
+            y=list(axes),
             z=[[None if r is None else np.log10(density(r)) for r in row] for row in grid],
             text=[["" if r is None else _cell(r) for r in row] for row in grid],
             customdata=[["" if r is None else region_words(r) for r in row] for row in grid],
-            texttemplate="%{text}", textfont={"color": "#1b1f24", "size": 13},
-            hovertemplate="%{y}: %{customdata}<extra></extra>", xgap=3, ygap=3, zmin=0.0, zmax=1.0,
-            colorscale=[[0.0, "#fdf0d5"], [0.5, "#f7b267"], [1.0, "#e8743b"]], hoverongaps=False,
-            colorbar={"title": {"text": "denser than even", "side": "right"}, "thickness": 12,
-                      "outlinewidth": 0,
-                      "tickvals": [0.0, 0.301, 0.699, 1.0],
-                      "ticktext": ["1×", "2×", "5×", "10×"]},
+            texttemplate="%{text}",
+            textfont={"color": "#1b1f24", "size": 13},
+            hovertemplate="%{y}: %{customdata}<extra></extra>",
+            xgap=3,
+            ygap=3,
+            zmin=0.0,
+            zmax=1.0,
+            colorscale=[[0.0, "#fdf0d5"], [0.5, "#f7b267"], [1.0, "#e8743b"]],
+            hoverongaps=False,
+            colorbar={
+                "title": {"text": "denser than even", "side": "right"},
+                "thickness": 12,
+                "outlinewidth": 0,
+                "tickvals": [0.0, 0.301, 0.699, 1.0],
+                "ticktext": ["1×", "2×", "5×", "10×"],
+            },
         )
-    )  # fmt: skip
+    )
     style(figure, 90 + 58 * len(axes), legend=False)
     figure.update_xaxes(side="top", showgrid=False)
     figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False, type="category")
@@ -97,9 +107,7 @@ def bars(gap: Gap, shrink: Shrink | None) -> list[Bar]:
 
         def left(share: float) -> float:
             return float(
-                np.sqrt(
-                    gap.noise**2 + max(1.0 - share, 0.0) * max(shrink.before**2 - gap.noise**2, 0.0)
-                )
+                np.sqrt(gap.noise**2 + max(1.0 - share, 0.0) * max(shrink.before**2 - gap.noise**2, 0.0))
             )
 
         low, high = left(shrink.interval[1]), left(shrink.interval[0])
@@ -114,22 +122,34 @@ def shrink_figure(items: Sequence[Bar], signal: str, rotary: bool) -> go.Figure:
     values = [b.value * scale.factor for b in items]
     figure = go.Figure(
         go.Bar(
-            y=[b.name for b in items], x=values, orientation="h",
-            marker_color=[b.colour for b in items], hoverinfo="skip",
+            y=[b.name for b in items],
+            x=values,
+            orientation="h",
+            marker_color=[b.colour for b in items],
+            hoverinfo="skip",
         )
-    )  # fmt: skip
+    )
     ends = [scale.factor * max(b.value, b.high or 0.0) for b in items]
     for b, value, end in zip(items, values, ends, strict=True):
         figure.add_annotation(
-            x=end, y=b.name, text=f"{value:.3g} {scale.unit}", xanchor="left", xshift=6,
+            x=end,
+            y=b.name,
+            text=f"{value:.3g} {scale.unit}",
+            xanchor="left",
+            xshift=6,
             showarrow=False,
-        )  # fmt: skip
+        )
         if b.low is not None and b.high is not None:
             span = np.array([b.low, b.high]) * scale.factor
             figure.add_trace(
-                go.Scatter(x=span, y=[b.name, b.name], mode="lines", hoverinfo="skip",
-                           line={"color": "var(--ink)", "width": 3})
-            )  # fmt: skip
+                go.Scatter(
+                    x=span,
+                    y=[b.name, b.name],
+                    mode="lines",
+                    hoverinfo="skip",
+                    line={"color": "var(--ink)", "width": 3},
+                )
+            )
     style(figure, 66 + 34 * len(items), legend=False)
     figure.update_layout(bargap=0.35)
     figure.update_xaxes(title_text=f"RMS [{scale.unit}]", range=[0, 1.25 * max(*ends, 1e-300)])

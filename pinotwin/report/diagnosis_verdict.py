@@ -25,8 +25,10 @@ def headline(d: Diagnosis) -> str:
         )
     if d.verdict == "unexplained":
         where = joined([f"axis {a}" for a in d.remains or d.unexplained] or ["this machine"])
-        return (f"Log and model differ on {where}, and none of the causes that pinotwin knows explains it. "
-                f"{_stays(d)}").strip()  # fmt: skip
+        return (
+            f"Log and model differ on {where}, and none of the causes that pinotwin knows explains it. "
+            f"{_stays(d)}"
+        ).strip()
     named = joined([on_axis(e.effect, e.axis) for e in d.effects])
     text = f"Log and model differ, and the cause is most likely {named}. {_gone(d)}".strip()
     if d.verdict == "partly_explained":
@@ -85,13 +87,17 @@ def _grade(d: Diagnosis, axis: str, signal: str) -> tuple[str, str]:
 
 def ground(d: Diagnosis) -> list[str]:
     """Return what the verdict rests on."""
-    noise = {"repeats": "The noise floor was measured: it is what differs between repeated runs.",
-             "assumed": "The noise floor had to be assumed, since no motion was recorded twice: small "
-                        "gaps may go unnoticed."}  # fmt: skip
+    noise = {
+        "repeats": "The noise floor was measured: it is what differs between repeated runs.",
+        "assumed": "The noise floor had to be assumed, since no motion was recorded twice: small "
+        "gaps may go unnoticed.",
+    }
     out = ["Large print: usual size of log minus model over the usual size of the signal itself."]
     if any("e" in row for row in d.gap.values()):
-        out.append("The tracking error is foretold through each axis' loop. It is stated beside the motor "
-                   "effort, which decides.")  # fmt: skip
+        out.append(
+            "The tracking error is foretold through each axis' loop. It is stated beside the motor "
+            "effort, which decides."
+        )
     if d.noise in noise:
         out.append(noise[d.noise])
     if d.quick:
@@ -111,8 +117,4 @@ def rotary_axes(d: Diagnosis) -> dict[str, bool]:
     if machine is not None:
         return dict(zip(machine.names, machine.rotary, strict=True))
     turning = {"rad", "rad/s", "rad/s²", "N·m"}
-    return {
-        r.axis: r.unit in turning
-        for r in d.where
-        if r.kind not in ("time", "frequency", "other_axis")
-    }
+    return {r.axis: r.unit in turning for r in d.where if r.kind not in ("time", "frequency", "other_axis")}

@@ -9,8 +9,6 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pinotwin.arrays import Floats
-from pinotwin.identification.study_evidence import Evidence
-from pinotwin.identification.study_overlay import binned
 from pinotwin.report import display
 from pinotwin.report.figures import (
     ACCENT,
@@ -27,6 +25,8 @@ from pinotwin.report.figures import (
     visible_rows,
 )
 from pinotwin.signals import autocorrelation, welch
+from pinotwin.studies.evidence import Evidence
+from pinotwin.studies.overlay import binned
 
 _LEAST_SHARE = 0.002
 
@@ -36,9 +36,12 @@ def effort_figure(given: Evidence) -> go.Figure:
     count = len(given.measured)
     heights = [2.3, 1.0] * count
     figure = make_subplots(
-        rows=2 * count, cols=1, shared_xaxes=True, row_heights=heights,
+        rows=2 * count,
+        cols=1,
+        shared_xaxes=True,
+        row_heights=heights,
         vertical_spacing=0.028 / count**0.5,
-    )  # fmt: skip
+    )
     points = max(POINTS // max(count // 2, 1), 1200)
     for k, j in enumerate(given.measured):
         _effort_pair(figure, given, j, 2 * k + 1, points)
@@ -104,13 +107,19 @@ def shares_figure(given: Evidence) -> go.Figure:
         colour = RESIDUAL if name == "residual" else effect_colour(name)
         pattern = {"shape": "/", "size": 6, "fgcolor": RESIDUAL, "fillmode": "replace"}
         figure.add_bar(
-            y=axes, x=values, name=name.replace("_", " "), orientation="h", customdata=text,
+            y=axes,
+            x=values,
+            name=name.replace("_", " "),
+            orientation="h",
+            customdata=text,
             marker={"color": colour, "pattern": pattern if name == "residual" else None},
             hovertemplate="%{customdata}, %{x:.1f} %<extra>%{fullData.name}</extra>",
-            text=[f"{x:.0f} %" if x >= 6 else "" for x in values], textposition="inside",
-            insidetextanchor="middle", textangle=0,
+            text=[f"{x:.0f} %" if x >= 6 else "" for x in values],
+            textposition="inside",
+            insidetextanchor="middle",
+            textangle=0,
             textfont={"color": "#fff" if name != "residual" else SOFT_TEXT},
-        )  # fmt: skip
+        )
     style(figure, 110 + 46 * len(rows))
     figure.update_layout(barmode="stack", bargap=0.35, legend_traceorder="normal")
     figure.update_xaxes(title_text="share of the summed RMS [%]", range=[0, 100])
@@ -162,19 +171,23 @@ def residual_figure(given: Evidence, j: int, against: str) -> go.Figure:
     return figure
 
 
-def _add_bins(
-    figure: go.Figure, x: Floats, y: Floats, across: display.Scale, up: display.Scale
-) -> None:
+def _add_bins(figure: go.Figure, x: Floats, y: Floats, across: display.Scale, up: display.Scale) -> None:
     if len(x) < 20 or np.ptp(x) <= 0.0:
         return
     bins = binned(x, y, 40)
     figure.add_trace(
         go.Scatter(
-            x=across(np.r_[bins.x, bins.x[::-1]]), y=up(np.r_[bins.high, bins.low[::-1]]),
-            fill="toself", fillcolor=RESIDUAL, opacity=0.22, line={"width": 0}, mode="lines",
-            name="middle half", hoverinfo="skip",
+            x=across(np.r_[bins.x, bins.x[::-1]]),
+            y=up(np.r_[bins.high, bins.low[::-1]]),
+            fill="toself",
+            fillcolor=RESIDUAL,
+            opacity=0.22,
+            line={"width": 0},
+            mode="lines",
+            name="middle half",
+            hoverinfo="skip",
         )
-    )  # fmt: skip
+    )
     figure.add_trace(line(across(bins.x), up(bins.median), "median", RESIDUAL, width=2))
 
 
@@ -196,9 +209,12 @@ def spectrum_figure(given: Evidence, j: int) -> go.Figure:
     unit = "N·m" if given.rotary[j] else "N"
     figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1, minor={"showgrid": False})
     figure.update_yaxes(
-        title_text=f"density [{unit}/√Hz]", type="log", tickformat="~g", dtick=1,
+        title_text=f"density [{unit}/√Hz]",
+        type="log",
+        tickformat="~g",
+        dtick=1,
         range=[top - 4.5, top + 0.3],
-    )  # fmt: skip
+    )
     return figure
 
 
@@ -232,6 +248,12 @@ def can_correlate(given: Evidence, j: int) -> bool:
 
 
 __all__: Sequence[str] = (
-    "breakdown_figure", "can_correlate", "correlation_figure", "effort_figure", "residual_figure",
-    "shares", "shares_figure", "spectrum_figure",
-)  # fmt: skip
+    "breakdown_figure",
+    "can_correlate",
+    "correlation_figure",
+    "effort_figure",
+    "residual_figure",
+    "shares",
+    "shares_figure",
+    "spectrum_figure",
+)

@@ -17,13 +17,24 @@ RESIDUAL = "#d2691e"
 SOFT = "var(--soft)"
 
 _EFFECTS = {
-    "inertia": "#4e79a7", "rigid_body": "#4e79a7", "coupling": "#2fa6a0", "gravity": "#59a14f",
-    "viscous": "#f28e2b", "viscous_asymmetric": "#f28e2b", "coulomb": "#e15759",
-    "coulomb_asymmetric": "#e15759", "stribeck": "#b6992d", "ripple": "#b07aa1",
-    "ripple_modulated": "#8e5fa8", "position_table": "#9c755f", "offset": "#a05195",
-    "quadratic_drag": "#ff7f8a", "spring": "#6b8e23", "wrist_coupling": "#3a7d7b",
+    "inertia": "#4e79a7",
+    "rigid_body": "#4e79a7",
+    "coupling": "#2fa6a0",
+    "gravity": "#59a14f",
+    "viscous": "#f28e2b",
+    "viscous_asymmetric": "#f28e2b",
+    "coulomb": "#e15759",
+    "coulomb_asymmetric": "#e15759",
+    "stribeck": "#b6992d",
+    "ripple": "#b07aa1",
+    "ripple_modulated": "#8e5fa8",
+    "position_table": "#9c755f",
+    "offset": "#a05195",
+    "quadratic_drag": "#ff7f8a",
+    "spring": "#6b8e23",
+    "wrist_coupling": "#3a7d7b",
     "external_force": "#d37295",
-}  # fmt: skip
+}
 _OTHERS = ("#8c6bb1", "#41ab5d", "#c994c7", "#fd8d3c", "#6baed6", "#bd9e39")
 POINTS = 3000
 """Points of a line that a page holds; more would not be seen."""
@@ -44,47 +55,86 @@ def effect_colour(key: str) -> str:
 def style(figure: go.Figure, height: int, *, legend: bool = True, gap: int = 8) -> go.Figure:
     """Give a figure the look of the page."""
     figure.update_layout(
-        template="none", height=height, showlegend=legend, hovermode="closest",
-        paper_bgcolor="rgba(0,0,0,0)", plot_bgcolor="rgba(0,0,0,0)",
+        template="none",
+        height=height,
+        showlegend=legend,
+        hovermode="closest",
+        paper_bgcolor="rgba(0,0,0,0)",
+        plot_bgcolor="rgba(0,0,0,0)",
         margin={"l": 64, "r": 16, "t": 34 if legend else 14, "b": 44},
         font={"size": 12.5, "family": "system-ui, sans-serif"},
-        legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom", "xanchor": "left",
-                "bgcolor": "rgba(0,0,0,0)", "itemsizing": "constant"},
-    )  # fmt: skip
+        legend={
+            "orientation": "h",
+            "x": 0,
+            "y": 1,
+            "yanchor": "bottom",
+            "xanchor": "left",
+            "bgcolor": "rgba(0,0,0,0)",
+            "itemsizing": "constant",
+        },
+    )
     figure.update_xaxes(
-        showgrid=True, zeroline=False, ticks="", automargin=True, title_standoff=gap,
+        showgrid=True,
+        zeroline=False,
+        ticks="",
+        automargin=True,
+        title_standoff=gap,
         title_font={"size": 12.5},
-    )  # fmt: skip
+    )
     figure.update_yaxes(
-        showgrid=True, zeroline=True, ticks="", automargin=True, title_standoff=gap,
+        showgrid=True,
+        zeroline=True,
+        ticks="",
+        automargin=True,
+        title_standoff=gap,
         title_font={"size": 12.5},
-    )  # fmt: skip
+    )
     return figure
 
 
 def line(
-    x: Floats, y: Floats, name: str, colour: str, *, width: float = 1.3, legend: bool = True,
+    x: Floats,
+    y: Floats,
+    name: str,
+    colour: str,
+    *,
+    width: float = 1.3,
+    legend: bool = True,
     unit: str = "",
-) -> go.Scatter:  # fmt: skip
+) -> go.Scatter:
     """Return a line; in single precision, which halves the page."""
     return go.Scatter(
-        x=x.astype(np.float32), y=y.astype(np.float32), name=name, mode="lines",
-        showlegend=legend, legendgroup=name,
+        x=x.astype(np.float32),
+        y=y.astype(np.float32),
+        name=name,
+        mode="lines",
+        showlegend=legend,
+        legendgroup=name,
         line={"color": colour, "width": width},
         hovertemplate=f"%{{y:.4g}} {unit}<extra>{name}</extra>",
-    )  # fmt: skip
+    )
 
 
 def dots(
-    x: Floats, y: Floats, name: str, colour: str = MEASURED, *, size: float = 3.5,
-    opacity: float = 0.4, legend: bool = True,
-) -> go.Scatter:  # fmt: skip
+    x: Floats,
+    y: Floats,
+    name: str,
+    colour: str = MEASURED,
+    *,
+    size: float = 3.5,
+    opacity: float = 0.4,
+    legend: bool = True,
+) -> go.Scatter:
     """Return a cloud of points."""
     return go.Scatter(
-        x=x.astype(np.float32), y=y.astype(np.float32), name=name, mode="markers",
-        showlegend=legend, hoverinfo="skip",
+        x=x.astype(np.float32),
+        y=y.astype(np.float32),
+        name=name,
+        mode="markers",
+        showlegend=legend,
+        hoverinfo="skip",
         marker={"color": colour, "size": size, "opacity": opacity, "line": {"width": 0}},
-    )  # fmt: skip
+    )
 
 
 def visible_rows(signals: list[Floats], points: int = POINTS) -> Ints:

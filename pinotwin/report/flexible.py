@@ -6,9 +6,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from pinotwin.analysis.modal import modes
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
-from pinotwin.modal import modes
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Html, Plot, heading, paragraph, table
 from pinotwin.report.closed_loop_plots import measured_signals, scale_of
@@ -36,12 +36,14 @@ def flexible_blocks(twin: Twin, log: Log) -> list[Block]:
     out: list[Block] = []
     for joint in found:
         out.append(
-            Plot(vibration_figure(twin, log, black, joint),
-                 f"Vibration of {joint}, and what it does to the axes",
-                 "From the command alone. Where one axis holds its speed and another accelerates, the "
-                 "ringing in its tracking error came through the structure; it changes with the "
-                 "posture of the lowest plot."),
-        )  # fmt: skip
+            Plot(
+                vibration_figure(twin, log, black, joint),
+                f"Vibration of {joint}, and what it does to the axes",
+                "From the command alone. Where one axis holds its speed and another accelerates, the "
+                "ringing in its tracking error came through the structure; it changes with the "
+                "posture of the lowest plot.",
+            ),
+        )
         out += [heading(f"Spring of {joint}"), spring_table(twin, joint)]
     return [*out, *_wide(twin, log, black)]
 
@@ -86,8 +88,10 @@ def spring_table(twin: Twin, joint: str) -> Html:
         p = twin.parameter(f"{joint}.spring.{name}")
         shown, doubt = display.rounded(p.value, 1.96 * p.error)
         rows.append([word, f"{shown} ± {doubt}", p.unit])
-    rows += [[f"mode {k + 1}, motors held", f"{m.frequency:.2f}, ζ {m.damping:.4f}", "Hz"]
-             for k, m in enumerate(held.modes)]  # fmt: skip
+    rows += [
+        [f"mode {k + 1}, motors held", f"{m.frequency:.2f}, ζ {m.damping:.4f}", "Hz"]
+        for k, m in enumerate(held.modes)
+    ]
     row = twin.quality.get("springs", {}).get(joint)
     if row and row["load"] > 0.0:
         share = display.percent(row["residual"] / row["load"])
@@ -102,15 +106,23 @@ def _wide(twin: Twin, log: Log, black: Log) -> list[Block]:
         return []
     out: list[Block] = [
         heading("Loops with the vibration as output"),
-        paragraph("The axis on a passive joint as one linear system with the link's disturbance as "
-                  "further input and its velocity as further output (thesis Eq. 5.8). The lightly "
-                  "damped pair is the structure.", "lead"),
-    ]  # fmt: skip
+        paragraph(
+            "The axis on a passive joint as one linear system with the link's disturbance as "
+            "further input and its velocity as further output (thesis Eq. 5.8). The lightly "
+            "damped pair is the structure.",
+            "lead",
+        ),
+    ]
     rows = [
-        [axis, row["name"].replace("wn", "pair ω").replace("zeta", "ζ"), f"{row['value']:.4g}",
-         "" if row["unit"] == "-" else row["unit"]]
-        for axis, loop in loops.items() for row in loop.pole_table()
-    ]  # fmt: skip
+        [
+            axis,
+            row["name"].replace("wn", "pair ω").replace("zeta", "ζ"),
+            f"{row['value']:.4g}",
+            "" if row["unit"] == "-" else row["unit"],
+        ]
+        for axis, loop in loops.items()
+        for row in loop.pole_table()
+    ]
     out.append(table(("axis", "pole", "value", "unit"), rows, numeric=(2,)))
     try:
         wide = twin.simulate(log, controller="vibration")
@@ -119,7 +131,8 @@ def _wide(twin: Twin, log: Log, black: Log) -> list[Block]:
     scores = [compare(twin.machine, log, x) for x in (black, wide)]
     cells = [
         [axis, signal, *(display.percent(s[axis][signal]["nrmse"]) for s in scores)]
-        for axis in loops for signal in scores[0].get(axis, {})
-    ]  # fmt: skip
+        for axis in loops
+        for signal in scores[0].get(axis, {})
+    ]
     header = ("axis", "signal", "spring with its own states", "loop with the vibration")
     return [*out, table(header, cells, numeric=(2, 3))]

@@ -7,14 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.identification.study_evidence import Evidence, evidence, split_rigid_body
-from pinotwin.identification.study_overlay import (
-    FRICTION,
-    RIPPLE,
-    TABLE,
-    effect_keys_of,
-    overlay,
-)
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import (
@@ -44,12 +36,18 @@ from pinotwin.report.page import Page
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
 from pinotwin.report.verdict import axis_tiles, cautions, headline, known
+from pinotwin.studies.evidence import Evidence, evidence, split_rigid_body
+from pinotwin.studies.overlay import (
+    FRICTION,
+    RIPPLE,
+    TABLE,
+    effect_keys_of,
+    overlay,
+)
 from pinotwin.twin import Twin
 
 
-def identification_report(
-    twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()
-) -> str:
+def identification_report(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> str:
     """Return a self-contained HTML page about an identified machine.
 
     Args:
@@ -63,45 +61,51 @@ def identification_report(
     return identification_page(twin, logs, validate).html()
 
 
-def identification_page(
-    twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()
-) -> Page:
+def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> Page:
     """Return the same report as a :class:`Page`, to which further sections can be added."""
     given = evidence(twin, logs)
     split = split_rigid_body(twin, given)
     page = Page(f"{twin.machine.name}: identification", subtitle(given))
     page = page.section(
-        "Verdict", paragraph(headline(twin), "verdict"), tiles(axis_tiles(twin)),
-        paragraph("Large print: error on data not fitted, relative to the standard deviation of "
-                  "the axis' effort.", "lead"),
+        "Verdict",
+        paragraph(headline(twin), "verdict"),
+        tiles(axis_tiles(twin)),
+        paragraph(
+            "Large print: error on data not fitted, relative to the standard deviation of the axis' effort.",
+            "lead",
+        ),
         *_cautions(twin),
-    )  # fmt: skip
+    )
     if validate:
         page = page.section(
-            "Validation", Plot(effort_figure(evidence(twin, validate))),
+            "Validation",
+            Plot(effort_figure(evidence(twin, validate))),
             intro="Measured and predicted effort on a log that was not used to fit.",
-        )  # fmt: skip
+        )
     page = page.section(
-        "Effort", Plot(effort_figure(given)),
+        "Effort",
+        Plot(effort_figure(given)),
         intro="Measured and predicted effort on the data that were fitted, both after the same "
         "zero-phase filter. Rows slower than the speed threshold are not fitted: at standstill dry "
         "friction is not a function of the velocity. Drag to zoom: all axes follow; double-click "
         "to go back.",
-    )  # fmt: skip
+    )
     page = page.section(
-        "Causes", Plot(shares_figure(split)),
+        "Causes",
+        Plot(shares_figure(split)),
         intro="What the effort is made of: the RMS of each effect as a share of the sum of all. "
         "Coupling is what the other axes' motion adds.",
-    )  # fmt: skip
+    )
     page = page.section("Axis by axis", Tabs(axis_panels(twin, given, split)))
     page = _with_loop(page, twin, logs, validate)
     page = page.section(
-        "Parameters", parameter_table(twin.parameters, list(twin.machine.axes)),
+        "Parameters",
+        parameter_table(twin.parameters, list(twin.machine.axes)),
         intro="Values in SI with 95 % intervals that allow for coloured residuals. Click a heading "
         "to sort. Weak: the interval is wide against the value. A parameter that these data do not "
         "determine shows no number: whatever the twin "
         "uses for it comes from the URDF, not from the machine.",
-    )  # fmt: skip
+    )
     page = page.section("Limits of these data", *_limits(twin))
     return page.section("Data", *_data(twin, given))
 
@@ -114,10 +118,11 @@ def _with_loop(page: Page, twin: Twin, logs: Log | Sequence[Log], validate: Sequ
         return page
     seen = "a log that was not used to fit" if validate else "the log that was fitted"
     page = page.section(
-        "Closed loop", *blocks,
+        "Closed loop",
+        *blocks,
         intro="Tracking error and effort that the twin foretells when it is given nothing but the "
         f"command of {seen}.",
-    )  # fmt: skip
+    )
     bent = flexible_blocks(twin, next(iter([*validate, *given])))
     return page.section("Structural flexibility", *bent) if bent else page
 
@@ -143,26 +148,37 @@ def axis_panel(twin: Twin, given: Evidence, split: Evidence, j: int) -> list[Blo
     """Return the detailed plots of one axis."""
     out: list[Block] = [
         Plot(
-            breakdown_figure(split, j), f"{given.names[j]}: contribution of each effect",
+            breakdown_figure(split, j),
+            f"{given.names[j]}: contribution of each effect",
             "Click a name in the legend to hide or show it.",
         ),
         *_overlays(twin, given, j),
-        Group((
-            Plot(residual_figure(given, j, "velocity"), "Residual against velocity",
-                 "A curve in the median is friction that the model does not have."),
-            Plot(residual_figure(given, j, "position"), "Residual against position",
-                 "A curve or a wave in the median is ripple, cable or guideway."),
-        )),
-    ]  # fmt: skip
+        Group(
+            (
+                Plot(
+                    residual_figure(given, j, "velocity"),
+                    "Residual against velocity",
+                    "A curve in the median is friction that the model does not have.",
+                ),
+                Plot(
+                    residual_figure(given, j, "position"),
+                    "Residual against position",
+                    "A curve or a wave in the median is ripple, cable or guideway.",
+                ),
+            )
+        ),
+    ]
     if can_correlate(given, j):
         spectrum = Plot(
-            spectrum_figure(given, j), "Spectrum",
+            spectrum_figure(given, j),
+            "Spectrum",
             "A peak in the residual is a resonance or a ripple at steady speed.",
-        )  # fmt: skip
+        )
         correlation = Plot(
-            correlation_figure(given, j), "Autocorrelation of the residual",
+            correlation_figure(given, j),
+            "Autocorrelation of the residual",
             "White noise stays within the grey band; the intervals allow for what does not.",
-        )  # fmt: skip
+        )
         out.append(Group((spectrum, correlation)))
     return out
 
@@ -191,8 +207,12 @@ def _limits(twin: Twin) -> list[Block]:
     """Return the groups that cannot be told apart and the parameters nothing excites."""
     out: list[Block] = []
     if twin.groups:
-        out.append(paragraph("These parameters are known only in combination; on these data no "
-                             "method can tell the members of a group apart:"))  # fmt: skip
+        out.append(
+            paragraph(
+                "These parameters are known only in combination; on these data no "
+                "method can tell the members of a group apart:"
+            )
+        )
         out.append(bullets(", ".join(str(name) for name in group) for group in twin.groups))
     tied = {name for group in twin.groups for name in group}
     alone = [row for row in twin.parameters if not row.determined and row.name not in tied]
@@ -211,12 +231,13 @@ def _why(verdict: str) -> str:
 def _data(twin: Twin, given: Evidence) -> list[Block]:
     rows = [
         [
-            display.elided(str(item.get("source", "")), 80), item.get("samples", ""),
+            display.elided(str(item.get("source", "")), 80),
+            item.get("samples", ""),
             f"{float(item['rate']):.6g} Hz" if item.get("rate") else "",
             item.get("fingerprint", ""),
         ]
         for item in twin.data
-    ]  # fmt: skip
+    ]
     out: list[Block] = []
     if rows:
         out.append(table(("file", "samples", "rate", "fingerprint"), rows, numeric=(1, 2)))

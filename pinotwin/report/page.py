@@ -64,18 +64,19 @@ class Page:
         """Return the page as one text."""
         writer = _Writer([])
         body = "".join(writer.section(section) for section in self.sections)
-        links = "".join(
-            f'<a href="#{s.anchor}">{escape(s.title)}</a>' for s in self.sections if s.title
-        )
+        links = "".join(f'<a href="#{s.anchor}">{escape(s.title)}</a>' for s in self.sections if s.title)
         size, packed = _plotly()
-        script = (
-            f'<script type="text/plain" id="plotly-packed" data-size="{size}">{packed}</script>'
-        )
+        script = f'<script type="text/plain" id="plotly-packed" data-size="{size}">{packed}</script>'
         return _SHELL.format(
-            title=escape(self.title), subtitle=escape(self.subtitle), css=CSS, links=links,
-            body=body, figures="".join(writer.figures), script=SCRIPT,
+            title=escape(self.title),
+            subtitle=escape(self.subtitle),
+            css=CSS,
+            links=links,
+            body=body,
+            figures="".join(writer.figures),
+            script=SCRIPT,
             plotly=script if writer.figures else "",
-        )  # fmt: skip
+        )
 
 
 _SHELL = """<!DOCTYPE html>

@@ -12,10 +12,14 @@ from pinotwin.twin import Parameter
 _FOLD = 12
 """Effects with more coefficients than this (position tables) are folded away."""
 _COLUMNS = (
-    ("parameter", "text", ""), ("value", "number", "num"), ("unit", "", ""),
-    ("95 % interval", "number", "num"), ("± relative", "number", "num"),
-    ("before", "number", "num"), ("verdict", "text", ""),
-)  # fmt: skip
+    ("parameter", "text", ""),
+    ("value", "number", "num"),
+    ("unit", "", ""),
+    ("95 % interval", "number", "num"),
+    ("± relative", "number", "num"),
+    ("before", "number", "num"),
+    ("verdict", "text", ""),
+)
 
 
 def verdict_kind(row: Parameter) -> str:
@@ -63,9 +67,7 @@ def _bodies(title: str, rows: Sequence[Parameter]) -> str:
     for row in rows:
         effects.setdefault(row.effect, []).append(row)
     long = {
-        key: part
-        for key, part in effects.items()
-        if len(part) > _FOLD and not key.startswith("rigid_body")
+        key: part for key, part in effects.items() if len(part) > _FOLD and not key.startswith("rigid_body")
     }
     short = [row for row in rows if row.effect not in long]
     group = f'<tr class="group"><td colspan="{len(_COLUMNS)}">{escape(title)}</td></tr>'

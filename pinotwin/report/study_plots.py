@@ -6,11 +6,6 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from pinotwin.identification.ripple_orders import RippleOrders
-from pinotwin.identification.study_amount import ErrorAgainstData
-from pinotwin.identification.study_coupling import CoupledAgainstDecoupled
-from pinotwin.identification.study_overlay import Overlay
-from pinotwin.identification.study_removal import WithAndWithout
 from pinotwin.report import display
 from pinotwin.report.figures import (
     ACCENT,
@@ -22,6 +17,11 @@ from pinotwin.report.figures import (
     style,
     visible_rows,
 )
+from pinotwin.studies.amount import ErrorAgainstData
+from pinotwin.studies.coupling import CoupledAgainstDecoupled
+from pinotwin.studies.overlay import Overlay
+from pinotwin.studies.removal import WithAndWithout
+from pinotwin.studies.ripple_orders import RippleOrders
 
 
 def overlay_figure(given: Overlay) -> go.Figure:
@@ -36,16 +36,23 @@ def overlay_figure(given: Overlay) -> go.Figure:
     )
     figure.add_trace(
         go.Scatter(
-            x=across(bins.x), y=up(bins.median), mode="markers", name="median of the data",
+            x=across(bins.x),
+            y=up(bins.median),
+            mode="markers",
+            name="median of the data",
             marker={"color": MEASURED, "size": 6, "line": {"width": 0}},
             error_y={
-                "type": "data", "symmetric": False, "array": up(bins.high - bins.median),
-                "arrayminus": up(bins.median - bins.low), "thickness": 1, "width": 0,
+                "type": "data",
+                "symmetric": False,
+                "array": up(bins.high - bins.median),
+                "arrayminus": up(bins.median - bins.low),
+                "thickness": 1,
+                "width": 0,
                 "color": MEASURED,
             },
             hovertemplate=f"%{{y:.4g}} {up.unit}<extra>median</extra>",
         )
-    )  # fmt: skip
+    )
     figure.add_trace(line(across(given.grid), up(given.curve), "model", ACCENT, width=2.2))
     style(figure, 330)
     figure.update_xaxes(title_text=f"{given.against} [{across.unit}]")
@@ -95,15 +102,24 @@ def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> 
     names = list(given.axes)
     chosen = axis if axis in given.axes else max(given.gain, key=lambda name: given.gain[name])
     figure = make_subplots(
-        rows=1, cols=2, column_widths=[0.27, 0.73], horizontal_spacing=0.09,
+        rows=1,
+        cols=2,
+        column_widths=[0.27, 0.73],
+        horizontal_spacing=0.09,
         subplot_titles=("held-out error", f"effort of {chosen}"),
-    )  # fmt: skip
+    )
     for name, colour in (("decoupled", RESIDUAL), ("coupled", ACCENT)):
         errors = [100.0 * getattr(given.axes[a], f"{name}_error")["nrmse_std"] for a in names]
         figure.add_bar(
-            x=names, y=errors, name=name, legendgroup=name, marker_color=colour, row=1, col=1,
+            x=names,
+            y=errors,
+            name=name,
+            legendgroup=name,
+            marker_color=colour,
+            row=1,
+            col=1,
             hovertemplate="%{y:.3g} %<extra>%{x}</extra>",
-        )  # fmt: skip
+        )
     row = given.axes[chosen]
     rows = visible_rows([row.u, row.decoupled])
     scale = display.effort(row.rotary, display.largest(row.u))
@@ -128,20 +144,25 @@ def orders_figure(given: RippleOrders) -> go.Figure:
     figure = go.Figure()
     figure.add_trace(
         go.Bar(
-            x=given.searched, y=given.spectrum, name="all orders", marker_color=MEASURED,
+            x=given.searched,
+            y=given.spectrum,
+            name="all orders",
+            marker_color=MEASURED,
             hovertemplate="order %{x:.4g}: %{y:.3g}<extra></extra>",
         )
-    )  # fmt: skip
+    )
     figure.add_trace(
         go.Scatter(
-            x=given.orders, y=given.amplitude, mode="markers+text", name="found",
-            text=[f"{order:.4g}" for order in given.orders], textposition="top center",
+            x=given.orders,
+            y=given.amplitude,
+            mode="markers+text",
+            name="found",
+            text=[f"{order:.4g}" for order in given.orders],
+            textposition="top center",
             marker={"color": ACCENT, "size": 8},
         )
-    )  # fmt: skip
-    figure.add_trace(
-        line(given.searched, given.threshold, "threshold", RESIDUAL).update(line_dash="dot")
     )
+    figure.add_trace(line(given.searched, given.threshold, "threshold", RESIDUAL).update(line_dash="dot"))
     style(figure, 340)
     unit = "revolution" if given.rotary else "metre"
     figure.update_xaxes(title_text=f"order [1/{unit}]")

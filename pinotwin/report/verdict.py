@@ -66,9 +66,12 @@ def headline(twin: Twin) -> str:
 
 
 _ADVERBS = {
-    "very good": "very well", "good": "well", "fair": "fairly", "poor": "poorly",
+    "very good": "very well",
+    "good": "well",
+    "fair": "fairly",
+    "poor": "poorly",
     "not judged": "unjudged",
-}  # fmt: skip
+}
 
 
 def _adverb(error: float) -> str:

@@ -34,30 +34,40 @@ def vibration_page(found: Vibration) -> Page:
         f"{'s' if len(found.sensors) > 1 else ''}",
     )
     page = page.section(
-        "Verdict", paragraph(f"The angle above 0.5 Hz is known to "
-                             f"{_degrees(_size(found.motion.sd_q))} deg. Below: {found.verdict}.",
-                             "verdict"),
-        tiles(_tiles(found)), *_notes(found),
-    )  # fmt: skip
+        "Verdict",
+        paragraph(
+            f"The angle above 0.5 Hz is known to "
+            f"{_degrees(_size(found.motion.sd_q))} deg. Below: {found.verdict}.",
+            "verdict",
+        ),
+        tiles(_tiles(found)),
+        *_notes(found),
+    )
     page = page.section(
-        "Deflection", Plot(_series(found.motion)),
+        "Deflection",
+        Plot(_series(found.motion)),
         intro="Angle, velocity and acceleration of the passive joint on the servo clock. The "
         "angle's slow part is the load over the stiffness, not an integral of the gyro. Drag to "
         "zoom.",
-    )  # fmt: skip
+    )
     if count > 1 or len(found.sensors) > 1:
         page = page.section(
-            "Repeats and sensors", Plot(_runs(found)),
+            "Repeats and sensors",
+            Plot(_runs(found)),
             intro="Velocity of every run on the clock of the first one.",
-        )  # fmt: skip
-    page = page.section("Spectrum", Plot(_spectrum(found)),
-                        intro="Velocity of the deflection; the peak is the mode.")  # fmt: skip
+        )
+    page = page.section(
+        "Spectrum", Plot(_spectrum(found)), intro="Velocity of the deflection; the peak is the mode."
+    )
     page = page.section("The unused IMU", *_unused(found))
     page = page.section("Methods", *_methods(found))
     page = page.section("Sensors", *_sensors(found))
-    return page.section("Parasitic axes", Plot(_parasitic(found)),
-                        intro="Rates across the joint's axis, up to 50 Hz. Where the joint is "
-                        "stiff they are the gyro's noise.")  # fmt: skip
+    return page.section(
+        "Parasitic axes",
+        Plot(_parasitic(found)),
+        intro="Rates across the joint's axis, up to 50 Hz. Where the joint is "
+        "stiff they are the gyro's noise.",
+    )
 
 
 def _notes(found: Vibration) -> tuple[Block, ...]:
@@ -94,12 +104,8 @@ def _series(m: Motion3) -> go.Figure:
         x, sd = np.degrees(getattr(m, k)), np.degrees(getattr(m, f"sd_{k}"))
         rows = visible_rows([np.nan_to_num(x)])
         for bound in (x - 2 * sd, x + 2 * sd):
-            figure.add_trace(
-                line(m.t[rows], bound[rows], "95 %", SOFT, width=0.7, legend=False), row, 1
-            )
-        figure.add_trace(
-            line(m.t[rows], x[rows], _WORDS[k], ACCENT, legend=False, unit=_UNITS[k]), row, 1
-        )
+            figure.add_trace(line(m.t[rows], bound[rows], "95 %", SOFT, width=0.7, legend=False), row, 1)
+        figure.add_trace(line(m.t[rows], x[rows], _WORDS[k], ACCENT, legend=False, unit=_UNITS[k]), row, 1)
         figure.update_yaxes(title_text=f"{_WORDS[k]} [{_UNITS[k]}]", row=row, col=1)
     figure.update_xaxes(title_text="time [s]", row=3, col=1)
     return style(figure, 620, legend=False)
@@ -110,13 +116,9 @@ def _runs(found: Vibration) -> go.Figure:
     shown = list(zip(found.runs, found.delays, strict=True))[:_SHARED]
     for k, (run, delay) in enumerate(shown):
         rows = visible_rows([np.nan_to_num(run.v)])
-        figure.add_trace(
-            line(run.t[rows] - delay, np.degrees(run.v[rows]), f"run {k + 1}", SOFT, width=0.8)
-        )
+        figure.add_trace(line(run.t[rows] - delay, np.degrees(run.v[rows]), f"run {k + 1}", SOFT, width=0.8))
     rows = visible_rows([np.nan_to_num(found.motion.v)])
-    figure.add_trace(
-        line(found.motion.t[rows], np.degrees(found.motion.v[rows]), "mean", ACCENT, width=1.2)
-    )
+    figure.add_trace(line(found.motion.t[rows], np.degrees(found.motion.v[rows]), "mean", ACCENT, width=1.2))
     figure.update_xaxes(title_text="time [s]")
     figure.update_yaxes(title_text="velocity [deg/s]")
     return style(figure, 320)
@@ -146,18 +148,24 @@ def _unused(found: Vibration) -> list[Block]:
         accel = [_figure(x) for x in (u.accel, u.accel_rigid, u.accel_noise)]
         rows.append((label, "accelerometer [m/s²]", *accel))
     return [
-        paragraph("Two IMUs fitted to one encoder agree by construction; what one of them finds "
-                  "must also predict the raw signals of the other. RMS of what is left:"),
-        table(("test", "signal", "with the deflection", "without", "noise at rest"), rows,
-              numeric=(2, 3, 4)),
-    ]  # fmt: skip
+        paragraph(
+            "Two IMUs fitted to one encoder agree by construction; what one of them finds "
+            "must also predict the raw signals of the other. RMS of what is left:"
+        ),
+        table(("test", "signal", "with the deflection", "without", "noise at rest"), rows, numeric=(2, 3, 4)),
+    ]
 
 
 def _methods(found: Vibration) -> list[Block]:
     if not found.methods:
         return []
-    header = ["method", "slow angle [deg]", "dynamic angle [deg]", "velocity [deg/s]",
-              "acceleration [deg/s²]"]  # fmt: skip
+    header = [
+        "method",
+        "slow angle [deg]",
+        "dynamic angle [deg]",
+        "velocity [deg/s]",
+        "acceleration [deg/s²]",
+    ]
     two = len(found.sensors) > 1
     if two:
         header += [f"IMUs differ: {w}" for w in ("slow", "dynamic", "velocity", "acceleration")]
@@ -166,11 +174,13 @@ def _methods(found: Vibration) -> list[Block]:
         values = [m.slow, m.dynamic, m.velocity, m.acceleration, *(m.differ if two else ())]
         rows.append((m.method, *(_degrees(x, 3) for x in values)))
     return [
-        paragraph("RMS on the first run. Below 0.5 Hz every method that integrates the gyro shows "
-                  "its scale error; the source's two IMUs differed there by 0.04 deg, and by "
-                  "0.0474 deg/s and 7.33 deg/s² after 22 repeats."),
+        paragraph(
+            "RMS on the first run. Below 0.5 Hz every method that integrates the gyro shows "
+            "its scale error; the source's two IMUs differed there by 0.04 deg, and by "
+            "0.0474 deg/s and 7.33 deg/s² after 22 repeats."
+        ),
         table(header, rows, numeric=range(1, len(header))),
-    ]  # fmt: skip
+    ]
 
 
 def _sensors(found: Vibration) -> list[Block]:
@@ -181,12 +191,25 @@ def _sensors(found: Vibration) -> list[Block]:
             scale = ", ".join(f"{100 * s:+.3f}" for s in f.scale)
             bias = ", ".join(f"{np.degrees(b):+.3f}" for b in f.bias.mean(axis=0))
             rows.append(
-                (sensor.name, part.run + 1, f"{c.offset:.6f} ± {c.se_offset:.1g}",
-                 f"{1e6 * c.skew:+.1f} ± {1e6 * c.se_skew:.1f}",
-                 f"{scale} (± {100 * f.scale_se.max():.3f})", bias, f.verdict())
-            )  # fmt: skip
-    header = ("IMU", "run", "clock offset [s]", "skew [ppm]", "gyro scale [%]",
-              "gyro bias [deg/s]", "slow angle")  # fmt: skip
+                (
+                    sensor.name,
+                    part.run + 1,
+                    f"{c.offset:.6f} ± {c.se_offset:.1g}",
+                    f"{1e6 * c.skew:+.1f} ± {1e6 * c.se_skew:.1f}",
+                    f"{scale} (± {100 * f.scale_se.max():.3f})",
+                    bias,
+                    f.verdict(),
+                )
+            )
+    header = (
+        "IMU",
+        "run",
+        "clock offset [s]",
+        "skew [ppm]",
+        "gyro scale [%]",
+        "gyro bias [deg/s]",
+        "slow angle",
+    )
     return [table(header, rows, numeric=(1, 2, 3))]
 
 
@@ -195,9 +218,7 @@ def _parasitic(found: Vibration) -> go.Figure:
     figure = go.Figure()
     rows = visible_rows(list(part.parasitic.T))
     colours = (MEASURED, RESIDUAL)
-    for x, name, colour in zip(
-        part.parasitic.T, ("second axis", "third axis"), colours, strict=True
-    ):
+    for x, name, colour in zip(part.parasitic.T, ("second axis", "third axis"), colours, strict=True):
         figure.add_trace(line(part.t[rows], np.degrees(x[rows]), name, colour, width=0.8))
     figure.add_trace(line(part.t[rows], np.degrees(part.velocity[rows]), found.joint, ACCENT))
     figure.update_xaxes(title_text="time [s]")

@@ -22,7 +22,24 @@ from pinotwin.signals.spectra import welch as welch
 from pinotwin.signals.spectra import whiten as whiten
 
 __all__ = [
-    "Clock", "Spectrum", "autocorrelation", "clipped_rms", "clock", "decimate_zero_phase",
-    "derivatives", "differentiate", "edge_samples", "fit_ar", "hats", "interior", "low_pass", "rms",
-    "roughness", "segments", "suggest_cutoff", "uniform", "welch", "whiten",
-]  # fmt: skip
+    "Clock",
+    "Spectrum",
+    "autocorrelation",
+    "clipped_rms",
+    "clock",
+    "decimate_zero_phase",
+    "derivatives",
+    "differentiate",
+    "edge_samples",
+    "fit_ar",
+    "hats",
+    "interior",
+    "low_pass",
+    "rms",
+    "roughness",
+    "segments",
+    "suggest_cutoff",
+    "uniform",
+    "welch",
+    "whiten",
+]

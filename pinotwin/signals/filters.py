@@ -25,9 +25,7 @@ from pinotwin.errors import DataError
 Segments = Sequence[slice] | None
 
 
-def low_pass(
-    x: Floats, rate: float, cutoff: float, order: int = 4, segments: Segments = None
-) -> Floats:
+def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Segments = None) -> Floats:
     """Return ``x`` low-passed without phase (Butterworth, forward and backward).
 
     Args:

@@ -87,9 +87,7 @@ def segments(t: Floats, tol: float = 0.5, valid: Mask | None = None) -> tuple[sl
     joined = (np.abs(dt - step) <= tol * step) & good[1:] & good[:-1]
     edges = np.flatnonzero(~joined) + 1
     starts, stops = np.r_[0, edges], np.r_[edges, len(t)]
-    return tuple(
-        slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True) if good[a] and b > a
-    )
+    return tuple(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True) if good[a] and b > a)
 
 
 def uniform(

@@ -110,9 +110,7 @@ def lay_blocks(
     return _joined(laid, direct, pairs, ideal)
 
 
-def _joined(
-    laid: list[_Laid | None], direct: Floats, pairs: list[tuple[int, int]], ideal: Ints
-) -> Blocks:
+def _joined(laid: list[_Laid | None], direct: Floats, pairs: list[tuple[int, int]], ideal: Ints) -> Blocks:
     shapes = ((), (), (2, 2), (2,), (2,), (4, 2))
     parts = [tuple(np.zeros((0, *shape)) for shape in shapes)]
     parts += [part.blocks for part in laid if part is not None]
@@ -122,12 +120,19 @@ def _joined(
     counts = [0 if part is None else len(part.blocks[0]) for part in laid]
     cross = [(j, s, x) for j, part in enumerate(laid) if part for s, x in part.others]
     return Blocks(
-        np.concatenate([[0], np.cumsum(counts)]).astype(np.intp), command.astype(np.intp),
-        source.astype(np.intp), A, B0, B1, C, direct,
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.intp),
+        command.astype(np.intp),
+        source.astype(np.intp),
+        A,
+        B0,
+        B1,
+        C,
+        direct,
         np.array([(j, s) for j, s, _ in cross], dtype=np.intp).reshape(-1, 2),
         np.array([x for *_, x in cross], dtype=float).reshape(-1, 3),
-        np.array(pairs, dtype=np.intp).reshape(-1, 2), ideal,
-    )  # fmt: skip
+        np.array(pairs, dtype=np.intp).reshape(-1, 2),
+        ideal,
+    )
 
 
 def _wide(loop: LoopModel) -> bool:
@@ -156,12 +161,16 @@ def _of_loop(loop: LoopModel, step: float, direct: Floats, sources: list[int]) -
     C = np.stack([modal.C[0], C1[0], C2[0], modal.C[1]], axis=1)  # (k, 4, 2)
     reach = _late(modal, C)
     direct[:] = (
-        D1[0, -1], D2[0, -1], E2[0, -1], D2[0, 0], modal.D[1, -1], modal.Da[1], modal.D[1, 0],
+        D1[0, -1],
+        D2[0, -1],
+        E2[0, -1],
+        D2[0, 0],
+        modal.D[1, -1],
+        modal.Da[1],
+        modal.D[1, 0],
         *reach[0],
-    )  # fmt: skip
-    others = tuple(
-        (sources[i], np.array([D2[0, i], *reach[i]])) for i in range(1, len(loop.disturbances))
     )
+    others = tuple((sources[i], np.array([D2[0, i], *reach[i]])) for i in range(1, len(loop.disturbances)))
     return _Laid(_stacked(modal, C, sources), others)
 
 

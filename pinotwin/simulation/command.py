@@ -12,11 +12,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.channels import loads
-from pinotwin.columns import LOAD_SIGNALS, Column, bind
 from pinotwin.dynamics.frames import external_effort
 from pinotwin.errors import DataError, LogError, nearest
 from pinotwin.log import Log
+from pinotwin.logs.channels import loads
+from pinotwin.logs.columns import LOAD_SIGNALS, Column, bind
 from pinotwin.loop import command_rates
 from pinotwin.machine import Machine
 from pinotwin.signals import segments
@@ -73,9 +73,14 @@ class Request:
         if len(external) > 1:
             external = np.stack([np.interp(fine, self.clock, x) for x in external.T], axis=1)
         return replace(
-            self, clock=fine, step=self.step / every, qr=np.asarray(cubic(fine), dtype=float),
-            vr=np.asarray(cubic(fine, 1), dtype=float), external=external, every=self.every * every,
-        )  # fmt: skip
+            self,
+            clock=fine,
+            step=self.step / every,
+            qr=np.asarray(cubic(fine), dtype=float),
+            vr=np.asarray(cubic(fine, 1), dtype=float),
+            external=external,
+            every=self.every * every,
+        )
 
 
 def request(machine: Machine, log: Log) -> Request:
@@ -98,9 +103,7 @@ def request(machine: Machine, log: Log) -> Request:
     return Request(t, clock, step, q, vr, external, even, log.source, notes)
 
 
-def motor_coordinates(
-    machine: Machine, q: Floats, e: Floats, u: Floats
-) -> tuple[Floats, Floats, Floats]:
+def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:
     """Return joint position, error and effort as the log counts them: zero shifts, transmission."""
     zero = np.zeros(machine.nv)
     for axis in machine.axes.values():
@@ -115,9 +118,7 @@ def motor_coordinates(
 
 def _asked(machine: Machine) -> dict[str, Column]:
     """Return the columns of a command: those of what was measured need not be in the log."""
-    return {
-        k: x for k, x in machine.columns.items() if k == "t" or k.endswith(".qr") or _is_load(k)
-    }
+    return {k: x for k, x in machine.columns.items() if k == "t" or k.endswith(".qr") or _is_load(k)}
 
 
 def _require(machine: Machine, log: Log) -> None:

@@ -215,9 +215,8 @@ def _finish(plant, blocks, old, s):  # type: ignore[no-untyped-def]
         s.u[j] += g[j, LOAD_U] * change + g[j, U_D] * s.d[j]
         if blocks.ideal[j] == 1:
             s.u[j] = (
-                plant.inertia[j] * s.a[j] + plant.viscous[j] * s.v[j]
-                + plant.stiffness[j] * s.q[j] + s.d[j]
-            )  # fmt: skip
+                plant.inertia[j] * s.a[j] + plant.viscous[j] * s.v[j] + plant.stiffness[j] * s.q[j] + s.d[j]
+            )
     for x in range(len(blocks.others)):
         j, i = blocks.others[x, 0], blocks.others[x, 1]
         s.e[j] += blocks.reach[x, 1] * (s.d[i] - old[i])

@@ -63,9 +63,7 @@ class Plant:
         """Return what the kernel takes."""
         tape, (M, C, K) = self.tape, (np.ascontiguousarray(x) for x in self.diagonal)
         coupled = self._coupled()
-        parts = Parts(
-            tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, coupled, M, C, K, self.ground
-        )  # fmt: skip
+        parts = Parts(tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, coupled, M, C, K, self.ground)
         return parts, self.tables.lookup()
 
     def state(self, blocks: int) -> State:
@@ -75,12 +73,29 @@ class Plant:
         t = z(self.tape.size)
         t[: len(self.tape.start)] = self.tape.start
         return State(
-            x=z((blocks, 2)), d=z(nv), q=z(nv), v=z(nv), a=z(nv), e=z(nv), u=z(nv), c=z((3, nv)),
-            p=z((4, nv)), pace=z(nv), turn=z(dry), before=z(dry),
+            x=z((blocks, 2)),
+            d=z(nv),
+            q=z(nv),
+            v=z(nv),
+            a=z(nv),
+            e=z(nv),
+            u=z(nv),
+            c=z((3, nv)),
+            p=z((4, nv)),
+            pace=z(nv),
+            turn=z(dry),
+            before=z(dry),
             bend=z((len(self.tables.slips), self.tables.give.shape[1] + 1)),
-            where=z(len(self.tables.slips)), t=t, M=z((nv, nv)), h=z(nv), y=z(4), old=z(nv),
-            vr0=z(nv), r=z(nv), S=z((nv, nv + 1)),
-        )  # fmt: skip
+            where=z(len(self.tables.slips)),
+            t=t,
+            M=z((nv, nv)),
+            h=z(nv),
+            y=z(4),
+            old=z(nv),
+            vr0=z(nv),
+            r=z(nv),
+            S=z((nv, nv + 1)),
+        )
 
     def _coupled(self) -> Ints:
         """Return the joints whose row of M(q) - M_D can differ from zero."""

@@ -62,9 +62,7 @@ class Response:
     notes: tuple[str, ...]
 
 
-def simulate(
-    twin: Twin, log: Log, *, step: float | None = None, controller: Loops = "black"
-) -> Log:
+def simulate(twin: Twin, log: Log, *, step: float | None = None, controller: Loops = "black") -> Log:
     """Return position, tracking error and effort that the machine will show for a command.
 
     Args:
@@ -101,9 +99,14 @@ def simulate(
 
 @one_blas_thread
 def respond(
-    twin: Twin, log: Log, *, step: float | None = None, controller: Loops = "black",
-    full: bool = True, every_step: bool = False,
-) -> Response:  # fmt: skip
+    twin: Twin,
+    log: Log,
+    *,
+    step: float | None = None,
+    controller: Loops = "black",
+    full: bool = True,
+    every_step: bool = False,
+) -> Response:
     """Return the whole response in joint coordinates; see :func:`simulate`.
 
     Effects that are no function of position, or of speed and direction, are evaluated on the response
@@ -155,9 +158,7 @@ def _repeat(twin: Twin, plant: Plant, out: Response) -> tuple[Response, tuple[st
         extra = extra + _RELAX * (update - extra)
         out = _run(twin, asked, plant, out.loops, out.substeps, extra, True)
     names = ", ".join(sorted({effect.name for effect, _ in plant.other}))
-    return out, (
-        f"{names}: effort still changes by {change:.1g} of its size after {PASSES} passes",
-    )
+    return out, (f"{names}: effort still changes by {change:.1g} of its size after {PASSES} passes",)
 
 
 def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], tuple[str, ...]]:
@@ -170,9 +171,7 @@ def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], t
     else:
         given = twin.controllers if controller == "grey" else controller
         if isinstance(given, str):
-            raise InputError(
-                f"controller: {given!r}; {nearest(given, ('black', 'grey', 'vibration'))}"
-            )
+            raise InputError(f"controller: {given!r}; {nearest(given, ('black', 'grey', 'vibration'))}")
         for name in given:
             if name not in axes:
                 raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
@@ -204,11 +203,21 @@ def as_motion(twin: Twin, asked: Request, found: Response) -> Motion:
     n = len(found.q)
     external = asked.external
     return Motion(
-        names=twin.machine.names, rotary=twin.machine.rotary, t=asked.clock, q=found.q, v=found.v,
-        a=found.a, u=found.u, segments=(slice(0, n),), step=asked.step,
-        use=np.ones(found.q.shape, dtype=bool), qr=asked.qr, vr=asked.vr,
-        external=external if len(external) == n else None, source=asked.source,
-    )  # fmt: skip
+        names=twin.machine.names,
+        rotary=twin.machine.rotary,
+        t=asked.clock,
+        q=found.q,
+        v=found.v,
+        a=found.a,
+        u=found.u,
+        segments=(slice(0, n),),
+        step=asked.step,
+        use=np.ones(found.q.shape, dtype=bool),
+        qr=asked.qr,
+        vr=asked.vr,
+        external=external if len(external) == n else None,
+        source=asked.source,
+    )
 
 
 def _other_effort(other: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
@@ -233,9 +242,14 @@ def _rates(loops: Mapping[str, LoopModel], step: float) -> tuple[str, ...]:
 
 
 def _run(
-    twin: Twin, asked: Request, plant: Plant, loops: Mapping[str, LoopModel], substeps: int,
-    extra: Floats, full: bool,
-) -> Response:  # fmt: skip
+    twin: Twin,
+    asked: Request,
+    plant: Plant,
+    loops: Mapping[str, LoopModel],
+    substeps: int,
+    extra: Floats,
+    full: bool,
+) -> Response:
     blocks = lay_blocks(twin.machine, loops, twin.diagonal, asked.step / substeps)
     n, nv = asked.qr.shape
     load = np.ascontiguousarray(asked.external - extra)
@@ -254,6 +268,4 @@ def _run(
             f"axis {twin.machine.names[joint]}: tracking error beyond {plant.limit[joint]:.3g}; the twin's "
             "loop and plant do not fit together, identify it again, or give a shorter step"
         )
-    return Response(
-        asked, twin.machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ()
-    )
+    return Response(asked, twin.machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ())

@@ -78,9 +78,20 @@ class Tables:
     def lookup(self) -> Lookup:
         """Return the arrays for the kernel."""
         return Lookup(
-            self.position, self.place, self.grid, self.slowness, self.speeds, self.velocity,
-            self.directions, self.slope, self.dry, self.slips, self.give, self.slip, self.memory,
-        )  # fmt: skip
+            self.position,
+            self.place,
+            self.grid,
+            self.slowness,
+            self.speeds,
+            self.velocity,
+            self.directions,
+            self.slope,
+            self.dry,
+            self.slips,
+            self.give,
+            self.slip,
+            self.memory,
+        )
 
 
 def tabulate(
@@ -104,9 +115,7 @@ def tabulate(
         if isinstance(effect, RigidBody) or effect.causes[0] in ("viscous", "stiffness"):
             continue
         if isinstance(effect, WristCoupling):
-            wrists.append(
-                (machine.names.index(effect.axis), machine.names.index(effect.partner), theta)
-            )
+            wrists.append((machine.names.index(effect.axis), machine.names.index(effect.partner), theta))
         elif effect.depends == "other":
             other.append(k)
         forms.setdefault(effect.depends, []).append((effect, theta))
@@ -125,9 +134,7 @@ def tabulate(
             [*((i, -1) for i, _ in dry), *((i, j) for i, j, _ in wrists)], dtype=np.intp
         ).reshape(-1, 2),
         slope=1.0 / np.array([*(x for _, x in dry), *(default_width(True) for _ in wrists)]),
-        dry=np.array([*dry.values(), *(_level(theta[2]) for *_, theta in wrists)]).reshape(
-            -1, 2, SPEEDS + 1
-        ),
+        dry=np.array([*dry.values(), *(_level(theta[2]) for *_, theta in wrists)]).reshape(-1, 2, SPEEDS + 1),
         slips=_joints(slip),
         give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
         slip=np.array(list(slip.values())).reshape(-1, 1, SPEEDS + 1),
@@ -160,17 +167,21 @@ def _positions(
 _Effort = Callable[..., Floats]
 
 
-def _of(
-    machine: Machine, effects: Sequence[tuple[Effect, Floats]], i: int
-) -> list[tuple[Effect, Floats]]:
+def _of(machine: Machine, effects: Sequence[tuple[Effect, Floats]], i: int) -> list[tuple[Effect, Floats]]:
     """Return the effects of one joint."""
     return [x for x in effects if x[0].axis is not None and machine.names.index(x[0].axis) == i]
 
 
 def _effort(
-    machine: Machine, effect: Effect, theta: Floats, i: int, *,
-    q: Floats | None = None, v: Floats | None = None, a: Floats | None = None,
-) -> Floats:  # fmt: skip
+    machine: Machine,
+    effect: Effect,
+    theta: Floats,
+    i: int,
+    *,
+    q: Floats | None = None,
+    v: Floats | None = None,
+    a: Floats | None = None,
+) -> Floats:
     """Return the effort of an effect on joint i for made-up samples, shape (n,)."""
     n = max(len(x) for x in (q, v, a) if x is not None)
     out = np.empty(n)
@@ -191,15 +202,21 @@ def _motion(machine: Machine, i: int, given: Sequence[Floats | None]) -> Motion:
         parts.append(values)
     q, v, a = parts
     return Motion(
-        names=machine.names, rotary=machine.rotary, t=np.arange(n, dtype=float), q=q, v=v, a=a,
-        u=np.zeros_like(q), segments=(slice(0, n),), step=1.0,
-        use=np.ones(q.shape, dtype=bool), source="table",
-    )  # fmt: skip
+        names=machine.names,
+        rotary=machine.rotary,
+        t=np.arange(n, dtype=float),
+        q=q,
+        v=v,
+        a=a,
+        u=np.zeros_like(q),
+        segments=(slice(0, n),),
+        step=1.0,
+        use=np.ones(q.shape, dtype=bool),
+        source="table",
+    )
 
 
-def _dense(
-    efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats
-) -> tuple[Floats, Floats]:
+def _dense(efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats) -> tuple[Floats, Floats]:
     """Return the sum of position efforts on an even grid, and the grid's start and spacing.
 
     The grid is refined until linear interpolation will do. Knots of a table lie on the grid, so that
@@ -245,9 +262,11 @@ def _sliding(effort: _Effort, v: Floats) -> Floats:
 
 
 def _merge(
-    machine: Machine, effects: Sequence[tuple[Effect, Floats]],
-    shape: Callable[[Effect, bool], float], table: Callable[[_Effort, int], Floats],
-) -> dict[tuple[int, float], Floats]:  # fmt: skip
+    machine: Machine,
+    effects: Sequence[tuple[Effect, Floats]],
+    shape: Callable[[Effect, bool], float],
+    table: Callable[[_Effort, int], Floats],
+) -> dict[tuple[int, float], Floats]:
     """Return tables by (joint, shape): elements of the same shape move together."""
     found: dict[tuple[int, float], Floats] = {}
     for effect, theta in effects:

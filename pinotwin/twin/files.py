@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, plain
 from pinotwin.effects import Effect
 from pinotwin.errors import TwinError
 from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
 from pinotwin.machine.urdf import with_inertias
-from pinotwin.plain import plain
 from pinotwin.twin.parameters import Parameter
 from pinotwin.twin.twin import Twin, effect_slices
 

@@ -39,7 +39,7 @@ class Twin:
         loops: closed loop of each axis that has one (black box).
         controllers: controller of each axis whose command was logged (grey box).
         diagonal: constant inertia, viscous and stiffness terms that the loops were identified with,
-            each of shape (nv,); see :mod:`pinotwin.disturbance`.
+            each of shape (nv,); see :mod:`pinotwin.analysis.disturbance`.
         quality: how good the fit is: errors per axis, whiteness, condition, held-out errors.
         data: fingerprints of the logs that were used.
         settings: how they were prepared.
@@ -116,7 +116,7 @@ class Twin:
 
     def motion(self, log: Log) -> Motion:
         """Return a log of this machine prepared as the ones the twin was identified from."""
-        from pinotwin.preparation import prepare
+        from pinotwin.logs.prepare import prepare
 
         return prepare(self.machine, log, **self.settings)
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from pinotwin.diagnosis.result import Diagnosis, Gap
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.machine.urdf import package_dirs
-from pinotwin.preparation import prepare
 from pinotwin.viewer.play import play
 from pinotwin.viewer.scene import Scene, colour, draw, visual_model
 

@@ -39,9 +39,7 @@ def play(drawn: Scene, t: Floats, q: Floats, fps: float = 30.0) -> Scene:
     times, rows, rate = _resampled(drawn.model, np.asarray(t, float), np.asarray(q, float), fps)
     playing = replace(drawn, page=drawn.page.copy(), q=rows[0])
     some = rows[:: max(1, len(rows) // _POSTURES)]
-    set_stage(
-        playing.viewer(), np.concatenate([corners(drawn.model, drawn.visual, row) for row in some])
-    )
+    set_stage(playing.viewer(), np.concatenate([corners(drawn.model, drawn.visual, row) for row in some]))
     place_joints(playing)
     clips = Animation(default_framerate=rate)
     for k in range(len(times)):

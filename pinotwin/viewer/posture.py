@@ -68,9 +68,7 @@ def _position(axis: str, value: str, turns: bool) -> float:
     if unit not in known:
         moves = "turns" if turns else "slides"
         hint = nearest(unit, known)
-        raise InputError(
-            f"posture: unit {unit!r} does not fit axis {axis!r}, which {moves}; {hint}"
-        )
+        raise InputError(f"posture: unit {unit!r} does not fit axis {axis!r}, which {moves}; {hint}")
     return float(found[0]) * SI_FACTOR[unit]
 
 
@@ -88,7 +86,5 @@ def configuration(model: pin.Model, posture: Mapping[str, float] | None = None) 
         if name not in kinds:
             raise InputError(f"posture: no axis {name!r}; {nearest(name, kinds)}")
         joint = model.joints[model.getJointId(name)]
-        q[joint.idx_q : joint.idx_q + joint.nq] = (
-            [x] if joint.nq == 1 else [math.cos(x), math.sin(x)]
-        )
+        q[joint.idx_q : joint.idx_q + joint.nq] = [x] if joint.nq == 1 else [math.cos(x), math.sin(x)]
     return np.asarray(q, dtype=float)

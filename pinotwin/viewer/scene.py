@@ -79,8 +79,7 @@ def visual_model(
     except ValueError as error:
         why = " ".join(str(error).split())
         raise MachineError(
-            f"{urdf_path}: its shapes cannot be loaded ({why}); "
-            "give the folder of the mesh packages"
+            f"{urdf_path}: its shapes cannot be loaded ({why}); give the folder of the mesh packages"
         ) from None
 
 

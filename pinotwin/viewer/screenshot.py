@@ -12,11 +12,21 @@ from pinotwin.errors import InputError
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _FLAGS = (
-    "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--hide-scrollbars", "--no-first-run", "--disable-extensions",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--disable-dev-shm-usage", "--force-device-scale-factor=1", "--mute-audio",
-)  # fmt: skip
+    "--headless",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+    "--no-first-run",
+    "--disable-extensions",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--force-device-scale-factor=1",
+    "--mute-audio",
+)
 _SMALLEST = 3000  # [bytes]; a blank picture of this size compresses to less
 
 
@@ -41,15 +51,17 @@ def screenshot(
     """
     program = browser()
     if program is None:
-        raise InputError(
-            "no Chromium found for the picture; install it (Debian: apt install chromium)"
-        )
+        raise InputError("no Chromium found for the picture; install it (Debian: apt install chromium)")
     png = Path(png).resolve()
     png.unlink(missing_ok=True)
     command = [
-        program, *_FLAGS, "--virtual-time-budget=4000", f"--window-size={size[0]},{size[1]}",
-        f"--screenshot={png}", Path(page).resolve().as_uri(),
-    ]  # fmt: skip
+        program,
+        *_FLAGS,
+        "--virtual-time-budget=4000",
+        f"--window-size={size[0]},{size[1]}",
+        f"--screenshot={png}",
+        Path(page).resolve().as_uri(),
+    ]
     # Its own process group: Chromium leaves helpers behind when it is ended by force.
     child = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True

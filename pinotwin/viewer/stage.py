@@ -164,9 +164,7 @@ def _light(viewer: meshcat.Visualizer, name: str, **properties: Any) -> None:
     """Set properties of a light; as a message, since meshcat lowers the case of their names."""
     path = f"/Lights/{name}/<object>"
     for key, value in properties.items():
-        viewer.window.send(
-            Message({"type": "set_property", "path": path, "property": key, "value": value})
-        )
+        viewer.window.send(Message({"type": "set_property", "path": path, "property": key, "value": value}))
 
 
 def _set_camera(viewer: meshcat.Visualizer, offset: Floats, size: float) -> None:

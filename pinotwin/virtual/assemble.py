@@ -30,9 +30,7 @@ def resolve(folder: Folder, model: pin.Model, cad: Tree) -> tuple[Truth, dict[st
     ):
         for name in given:
             if name not in known:
-                raise MachineError(
-                    f"{folder.name}: virtual.yaml: no {kind} {name!r}; {nearest(name, known)}"
-                )
+                raise MachineError(f"{folder.name}: virtual.yaml: no {kind} {name!r}; {nearest(name, known)}")
     axes: dict[str, AxisTruth] = {}
     travels = np.zeros((model.nv, 2))
     for name, j in joints.items():
@@ -148,9 +146,7 @@ def bodies_of(folder: Folder, model: pin.Model, cad: Tree) -> dict[str, Body]:
     out = {}
     for name, joint in folder.axes.items():
         i = model.getJointId(joint)
-        links = [
-            f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == i
-        ]
+        links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == i]
         x, y, z = (float(v) for v in cad.axis[i - 1])
         wx, wy, wz = (float(v) for v in data.oMi[i].rotation @ cad.axis[i - 1])
         mass = float(cad.mass[i - 1]) or 1.0

@@ -164,19 +164,13 @@ def _loop_delay(a: AxisTruth, d: Dose) -> AxisTruth:
 INJECT: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     # size: share of rated effort at the speed limit
     "viscous": lambda a, d: _add_friction(a, viscous=d.of(d.scale.rated / d.scale.speed)),
-    "quadratic_drag": lambda a, d: _add_friction(
-        a, quadratic=d.of(d.scale.rated / d.scale.speed**2)
-    ),
+    "quadratic_drag": lambda a, d: _add_friction(a, quadratic=d.of(d.scale.rated / d.scale.speed**2)),
     # size: share of rated effort
     "coulomb": lambda a, d: _add_friction(a, coulomb=d.of(d.scale.rated)),
-    "coulomb_asymmetric": lambda a, d: _add_friction(
-        a, asymmetry=d.of(d.scale.rated) / _coulomb_of(a, d)
-    ),
+    "coulomb_asymmetric": lambda a, d: _add_friction(a, asymmetry=d.of(d.scale.rated) / _coulomb_of(a, d)),
     "stribeck": lambda a, d: _add_friction(a, static=d.of(d.scale.rated) / _coulomb_of(a, d)),
     "ripple": lambda a, d: _rippled(a, _harmonic(d)),
-    "ripple_modulated": lambda a, d: _rippled(
-        a, _harmonic(d, modulation=1.5, modulation_phase=0.7)
-    ),
+    "ripple_modulated": lambda a, d: _rippled(a, _harmonic(d, modulation=1.5, modulation_phase=0.7)),
     "position_table": _cable,
     # size: level per transmitted effort; relative change; relative scale; share lost
     "load_friction": lambda a, d: _add_friction(a, load=d.of(1.0)),
@@ -185,9 +179,7 @@ INJECT: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     "feedforward": _feedforward,
     "saturation": _limit,
     # size 0.1: presliding 6 times wider, mode at 63 Hz, 10 um or 0.1 mrad, 1 ms, 10 mrad
-    "presliding": lambda a, d: _add_friction(
-        a, presliding=d.of(50.0 * (a.friction.presliding or 1e-5))
-    ),
+    "presliding": lambda a, d: _add_friction(a, presliding=d.of(50.0 * (a.friction.presliding or 1e-5))),
     "drive_flexibility": _drive,
     "joint_flexibility": lambda a, d: replace(a, bend=Bend(_mode(d))),
     "backlash": _backlash,
@@ -203,9 +195,7 @@ OUTSIDE: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
         replace(a, friction=replace(a.friction, wander_period=d.scale.travel / 3.0)),
         wander=min(d.of(d.scale.rated) / _coulomb_of(a, d), 0.95),
     ),
-    "mains": lambda a, d: _rippled(
-        a, Harmonic(d.of(d.scale.rated), rate=float(d.rng.uniform(8, 40)))
-    ),
+    "mains": lambda a, d: _rippled(a, Harmonic(d.of(d.scale.rated), rate=float(d.rng.uniform(8, 40)))),
     "chatter": lambda a, d: _add_friction(a, chatter=d.of(d.scale.rated) / _coulomb_of(a, d)),
     "gms": _gms,
     "loop_delay": _loop_delay,

@@ -91,9 +91,7 @@ def inject_all(
             if name in INJECT_MACHINE:
                 truth = INJECT_MACHINE[name](truth, dose)
             else:
-                truth = replace(
-                    truth, axes={**truth.axes, axis: known[name](truth.axes[axis], dose)}
-                )
+                truth = replace(truth, axes={**truth.axes, axis: known[name](truth.axes[axis], dose)})
     return truth
 
 

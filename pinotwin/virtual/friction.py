@@ -92,9 +92,7 @@ def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-d
         extra: how warm each axis is (0 to 1) and a normal number for chatter, shape (2, na).
         dt: step [s].
     """
-    force = P[i, c.VISCOUS] * (1.0 + P[i, c.WARMING] * extra[0, i]) * v + P[
-        i, c.QUADRATIC
-    ] * v * abs(v)
+    force = P[i, c.VISCOUS] * (1.0 + P[i, c.WARMING] * extra[0, i]) * v + P[i, c.QUADRATIC] * v * abs(v)
     if P[i, c.LAW] != c.NONE:
         level = friction_level(P, i, q, v, load, extra[1, i])
         if level > 0.0:

@@ -95,9 +95,7 @@ class VirtualMachine:
         forward = {n: float(middle[j]) + _added(truth.axes[n].drive) for n, j in index.items()}
         timing = _timing(truth, layout, tree, forward)
         links = link_frames(model, layout)
-        return cls(
-            folder.name, truth, model, cad, tree, layout, joints, sizes, links, timing, forward
-        )
+        return cls(folder.name, truth, model, cad, tree, layout, joints, sizes, links, timing, forward)
 
     @property
     def axes(self) -> tuple[str, ...]:

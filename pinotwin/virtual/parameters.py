@@ -150,9 +150,7 @@ def _spring_row(spec: Passive | Bend, inertia: float) -> tuple[float, ...]:
     return (k, d, spec.hardening, spec.hysteresis, max(slip, 1e-12))
 
 
-def tables(
-    truth: Truth, layout: Layout, tree: Tree, timing: Timing, cad: Mapping[str, float]
-) -> Axes:
+def tables(truth: Truth, layout: Layout, tree: Tree, timing: Timing, cad: Mapping[str, float]) -> Axes:
     """Return the kernel's tables of a machine.
 
     Args:

@@ -75,10 +75,13 @@ def write_random_machine(folder: Path, seed: int) -> Path:
     parts = _parts(rng)
     truths = {part.name: _limits(part, rng) for part in parts}
     sealed = {
-        "seed": int(rng.integers(1, 10_000)), "control_rate": 4000.0,
-        "log_rate": 500.0, "inertial_error": [0.05, 0.2],
-        "scatter": float(rng.uniform(0.003, 0.01)), "axes": truths,
-    }  # fmt: skip
+        "seed": int(rng.integers(1, 10_000)),
+        "control_rate": 4000.0,
+        "log_rate": 500.0,
+        "inertial_error": [0.05, 0.2],
+        "scatter": float(rng.uniform(0.003, 0.01)),
+        "axes": truths,
+    }
     listed: dict[str, dict[str, Any]] = {part.name: {"joint": part.name} for part in parts}
     machine = {"name": name, "urdf": f"{name}.urdf", "axes": listed}
     folder.mkdir(parents=True, exist_ok=True)
@@ -157,21 +160,27 @@ def _limits(part: Part, rng: np.random.Generator) -> dict[str, Any]:
     speed = float(rng.uniform(1.5, 5.0) if part.rotary else rng.uniform(0.2, 0.6))
     push = speed / float(rng.uniform(0.08, 0.2))
     # A ramp of acceleration takes ten samples of the log or more: a shorter one is no longer in it.
-    limits = {"speed": speed, "acceleration": push, "jerk": push / float(rng.uniform(0.02, 0.04)),
-              "travel": [-part.travel, part.travel]}  # fmt: skip
+    limits = {
+        "speed": speed,
+        "acceleration": push,
+        "jerk": push / float(rng.uniform(0.02, 0.04)),
+        "travel": [-part.travel, part.travel],
+    }
     return {"limits": limits, "controller": _controller(rng)}
 
 
 def _friction(scale: Scale, rng: np.random.Generator) -> dict[str, Any]:
     """Return friction, and a ripple on some axes, of the usual share of the rated effort."""
     small = (1e-5, 6e-5) if scale.rotary else (4e-6, 1.5e-5)
-    out: dict[str, Any] = {"friction": {
-        "coulomb": float(rng.uniform(0.02, 0.1) * scale.rated),
-        "viscous": float(rng.uniform(0.03, 0.12) * scale.rated / scale.speed),
-        "static": float(rng.uniform(1.15, 1.5)) if rng.uniform() < 0.6 else 1.0,
-        "stribeck_speed": float(rng.uniform(0.008, 0.03) * scale.speed),
-        "presliding": float(rng.uniform(*small)),
-    }}  # fmt: skip
+    out: dict[str, Any] = {
+        "friction": {
+            "coulomb": float(rng.uniform(0.02, 0.1) * scale.rated),
+            "viscous": float(rng.uniform(0.03, 0.12) * scale.rated / scale.speed),
+            "static": float(rng.uniform(1.15, 1.5)) if rng.uniform() < 0.6 else 1.0,
+            "stribeck_speed": float(rng.uniform(0.008, 0.03) * scale.speed),
+            "presliding": float(rng.uniform(*small)),
+        }
+    }
     if rng.uniform() < 0.4:
         turns, pitch = int(rng.integers(9, 40)), float(rng.uniform(0.012, 0.04))
         period = 2.0 * np.pi / turns if scale.rotary else pitch
@@ -190,8 +199,11 @@ def _listing(truth: Mapping[str, Any]) -> list[Any]:
 def _controller(rng: np.random.Generator) -> dict[str, Any]:
     forward = float(rng.uniform(0.5, 1.0))
     if rng.uniform() < 0.5:
-        return {"kind": "p_pi", "bandwidth": float(rng.uniform(14.0, 35.0)),
-                "acceleration_feedforward": forward}  # fmt: skip
+        return {
+            "kind": "p_pi",
+            "bandwidth": float(rng.uniform(14.0, 35.0)),
+            "acceleration_feedforward": forward,
+        }
     poles = [
         float(rng.uniform(40.0, 60.0)),
         float(rng.uniform(7.0, 12.0)),
@@ -202,9 +214,7 @@ def _controller(rng: np.random.Generator) -> dict[str, Any]:
 
 def _urdf(name: str, parts: list[Part]) -> str:
     body = "".join(_xml(part, parts) for part in parts)
-    return (
-        f'<?xml version="1.0"?>\n<robot name="{name}">\n<link name="base_link"/>\n{body}</robot>\n'
-    )
+    return f'<?xml version="1.0"?>\n<robot name="{name}">\n<link name="base_link"/>\n{body}</robot>\n'
 
 
 def _xml(part: Part, parts: list[Part]) -> str:

@@ -89,8 +89,13 @@ def empty_pose(nv: int) -> Pose:
 def place(tree, q, pose):  # type: ignore[no-untyped-def]
     """Fill ``pose.E`` and ``pose.r`` for the positions ``q``, shape (nv,)."""
     P, E, r, axis, offset, rotary = (
-        tree.placement, pose.E, pose.r, tree.axis, tree.offset, tree.rotary,
-    )  # fmt: skip
+        tree.placement,
+        pose.E,
+        pose.r,
+        tree.axis,
+        tree.offset,
+        tree.rotary,
+    )
     for i in range(len(q)):
         x, y, z = axis[i, 0], axis[i, 1], axis[i, 2]
         if rotary[i] == 1:
@@ -204,8 +209,13 @@ def apply_load(pose, body, point, load, at):  # type: ignore[no-untyped-def]
     k, m = at
     R, f, n = pose.R, pose.f, pose.n
     fx, fy, fz, nx, ny, nz = (
-        load[k, m, 0], load[k, m, 1], load[k, m, 2], load[k, m, 3], load[k, m, 4], load[k, m, 5],
-    )  # fmt: skip
+        load[k, m, 0],
+        load[k, m, 1],
+        load[k, m, 2],
+        load[k, m, 3],
+        load[k, m, 4],
+        load[k, m, 5],
+    )
     b0 = R[body, 0, 0] * fx + R[body, 1, 0] * fy + R[body, 2, 0] * fz
     b1 = R[body, 0, 1] * fx + R[body, 1, 1] * fy + R[body, 2, 1] * fz
     b2 = R[body, 0, 2] * fx + R[body, 1, 2] * fy + R[body, 2, 2] * fz

@@ -138,9 +138,19 @@ def equilibrium(machine: VirtualMachine, axes: Axes, drive: Drive) -> State:
     z = np.zeros
     queue = np.repeat(u[:, None], c.MAX_DELAY, axis=1)
     return State(
-        q, z(nv), z(nv), qm, z(na), z((na, c.ELEMENTS)), z(len(axes.sprung)), u.copy(), z(na),
-        control, queue, np.zeros(1, dtype=np.intp),
-    )  # fmt: skip
+        q,
+        z(nv),
+        z(nv),
+        qm,
+        z(na),
+        z((na, c.ELEMENTS)),
+        z(len(axes.sprung)),
+        u.copy(),
+        z(na),
+        control,
+        queue,
+        np.zeros(1, dtype=np.intp),
+    )
 
 
 def empty_record(every: int, rows: int, na: int, nv: int) -> Record:
@@ -154,9 +164,7 @@ def empty_room(nv: int) -> Room:
     """Return scratch arrays for a tree of ``nv`` joints."""
     z = np.zeros
     m = (nv, nv)
-    return Room(
-        empty_pose(nv), z(m), z(m), z(m), z(nv), z(nv), z(nv), z(nv), z(nv), z((2, nv)), z(nv)
-    )
+    return Room(empty_pose(nv), z(m), z(m), z(m), z(nv), z(nv), z(nv), z(nv), z(nv), z((2, nv)), z(nv))
 
 
 def _log(

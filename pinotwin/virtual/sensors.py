@@ -9,9 +9,7 @@ from pinotwin.arrays import Floats
 from pinotwin.virtual.axis_truth import EffortSensor
 
 
-def coloured_noise(
-    n: int, rms: float, corner: float, rate: float, rng: np.random.Generator
-) -> Floats:
+def coloured_noise(n: int, rms: float, corner: float, rate: float, rng: np.random.Generator) -> Floats:
     """Return first-order low-passed noise that is stationary from its first sample, shape (n,).
 
     Args:

@@ -218,9 +218,7 @@ def constant_speeds(
     return _one_axis(machine, axis, plan, limits)
 
 
-def _one_axis(
-    machine: HasLimits, axis: str, plan: Sequence[float], limits: Sequence[Triple]
-) -> Trajectory:
+def _one_axis(machine: HasLimits, axis: str, plan: Sequence[float], limits: Sequence[Triple]) -> Trajectory:
     if axis not in machine.limits:
         raise DataError(f"no axis {axis!r}; known: {', '.join(machine.limits)}")
     centre = {n: float(np.mean(_travel(lim))) for n, lim in machine.limits.items()}

@@ -56,9 +56,7 @@ def tree_of(model: pin.Model) -> Tree:
     axis, placement, offset, moment = (np.zeros((nv, *s)) for s in ((3,), (3, 3), (3,), (3,)))
     mass, inertia = np.zeros(nv), np.zeros((nv, 3, 3))
     for i in range(nv):
-        column = pin.getJointJacobian(model, data, i + 1, pin.LOCAL).reshape(6, -1)[
-            :, model.idx_vs[i + 1]
-        ]
+        column = pin.getJointJacobian(model, data, i + 1, pin.LOCAL).reshape(6, -1)[:, model.idx_vs[i + 1]]
         rotary[i] = int(np.linalg.norm(column[3:]) > 0.5)
         axis[i] = column[3:] if rotary[i] else column[:3]
         placement[i] = model.jointPlacements[i + 1].rotation

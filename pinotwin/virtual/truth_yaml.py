@@ -71,9 +71,7 @@ def _tuple(args: tuple[Any, ...], raw: Any, where: str) -> tuple[Any, ...]:
     kinds = [args[0]] * len(raw) if len(args) == 2 and args[1] is Ellipsis else list(args)
     if len(kinds) != len(raw):
         raise MachineError(f"{where}: expected {len(kinds)} values, found {len(raw)}")
-    return tuple(
-        build(k, v, f"{where}[{i}]") for i, (k, v) in enumerate(zip(kinds, raw, strict=True))
-    )
+    return tuple(build(k, v, f"{where}[{i}]") for i, (k, v) in enumerate(zip(kinds, raw, strict=True)))
 
 
 def _scalar(kind: Any, raw: Any, where: str) -> Any:

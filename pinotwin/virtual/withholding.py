@@ -20,9 +20,7 @@ def _controller(**changes: float) -> AxisChange:
 
 
 def _no_presliding(a: AxisTruth) -> AxisTruth:
-    return replace(
-        a, friction=replace(a.friction, presliding=(a.friction.presliding or 0.0) / 20.0)
-    )
+    return replace(a, friction=replace(a.friction, presliding=(a.friction.presliding or 0.0) / 20.0))
 
 
 def _no_modulation(a: AxisTruth) -> AxisTruth:

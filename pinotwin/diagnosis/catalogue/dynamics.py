@@ -65,9 +65,15 @@ def _flexibility(context: Context, axis: str, joint: int) -> Family:
         for z in DAMPING
     ]
     return Family(
-        "drive_flexibility", axis, ("share",), shaken(context, joint, values, LOAD), shapes,
-        positive=True, shakes=True, fine={"frequency": 0.1, "damping": 0.5},
-    )  # fmt: skip
+        "drive_flexibility",
+        axis,
+        ("share",),
+        shaken(context, joint, values, LOAD),
+        shapes,
+        positive=True,
+        shakes=True,
+        fine={"frequency": 0.1, "damping": 0.5},
+    )
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
@@ -101,7 +107,7 @@ def _sprung(load: Floats, ratio: Floats, w: float, zeta: float, step: float) -> 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
 def _carried(
     q: Floats, extra: Floats, ratio: Floats, gap: float, w: float, zeta: float, step: float
-) -> Floats:  # fmt: skip
+) -> Floats:
     """Return the effort per inertia that a drive with a gap carries, given the motor's path.
 
     The load (unit inertia) follows ``x'' + extra = T``, ``T = w^2 dz(q - x; gap) + 2 zeta w (q' - x')``
@@ -154,13 +160,17 @@ def _backlash(context: Context, axis: str, joint: int) -> Family:
             out[part] = _carried(q[part], rest[part], ratio[part], *play, step)
         return LOAD * M * out - s.rigid[:, joint] + (1.0 - LOAD) * M * s.motion.a[:, joint]
 
-    shapes = [
-        {"gap": usual * float(g), "frequency": f, "damping": z} for g in GAPS for f, z in CONTACTS
-    ]
+    shapes = [{"gap": usual * float(g), "frequency": f, "damping": z} for g in GAPS for f, z in CONTACTS]
     return Family(
-        "backlash", axis, ("share",), shaken(context, joint, values, LOAD), shapes,
-        positive=True, shakes=True, fine={"gap": 0.25, "frequency": 0.3, "damping": 0.5},
-    )  # fmt: skip
+        "backlash",
+        axis,
+        ("share",),
+        shaken(context, joint, values, LOAD),
+        shapes,
+        positive=True,
+        shakes=True,
+        fine={"gap": 0.25, "frequency": 0.3, "damping": 0.5},
+    )
 
 
 def _coupling(context: Context, axis: str, joint: int) -> Iterator[Family]:
@@ -249,9 +259,7 @@ def _tilt(context: Context, axis: str, joint: str, pi: Floats) -> Family:
     direction = _direction(model, at)
     for side in _across(direction):
         copy = model.copy()
-        copy.jointPlacements[at] = model.jointPlacements[at] * pin.SE3(
-            pin.exp3(TILT * side), np.zeros(3)
-        )
+        copy.jointPlacements[at] = model.jointPlacements[at] * pin.SE3(pin.exp3(TILT * side), np.zeros(3))
         tilted.append(copy)
 
     def make(s: Scene, _: Shape) -> Blocks:

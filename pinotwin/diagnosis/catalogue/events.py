@@ -70,15 +70,11 @@ def _matched(stage: Stage, piece: Piece, R: Floats, width: float):  # type: igno
     cuts = np.flatnonzero(np.diff(piece.kept) > 1) + 1
     for a, b in zip(np.r_[0, cuts], np.r_[cuts, len(piece.kept)], strict=True):
         if b - a > len(template):
-            score = np.einsum(
-                "mdl,l->md", sliding_window_view(R[a:b], len(template), axis=0), template
-            )
+            score = np.einsum("mdl,l->md", sliding_window_view(R[a:b], len(template), axis=0), template)
             yield int(a), score**2 / float(template @ template)
 
 
-def _events(
-    stage: Stage, piece: Piece, first: int, gain: Floats, width: float
-) -> list[Event]:  # fmt: skip
+def _events(stage: Stage, piece: Piece, first: int, gain: Floats, width: float) -> list[Event]:
     """Return the peaks of a run."""
     motion = stage.rows.motions[piece.channel.log]
     padded = np.concatenate([[-1.0], gain, [-1.0]])
@@ -113,8 +109,11 @@ def pushes(axis: str, joint: int, events: Sequence[Event], price: float) -> Fami
                 out[:, k] = np.where((x > 0.0) & (x < 1.0), np.sin(np.pi * x), 0.0)
         return out
 
-    shape = {f"{name}{k}": x for k, e in enumerate(events) for name, x in
-             (("log", float(e.log)), ("start", e.start), ("width", e.width))}  # fmt: skip
+    shape = {
+        f"{name}{k}": x
+        for k, e in enumerate(events)
+        for name, x in (("log", float(e.log)), ("start", e.start), ("width", e.width))
+    }
     names = tuple(f"push{k}" for k in range(len(events)))
     return Family(
         "external_force",

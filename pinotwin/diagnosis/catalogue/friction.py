@@ -27,12 +27,11 @@ def friction(context: Context, axis: str, joint: int) -> Iterator[Family]:
         yield Family(label, axis, (NAMES[label],), on(joint, values), positive=positive)
     yield _load(context, axis, joint)
     if not context.has("viscous_asymmetric", axis):
-        yield Family("viscous_asymmetric", axis, ("b_diff",),
-                     on(joint, lambda s, _: np.abs(s.motion.v[:, joint])))  # fmt: skip
-    if not any(context.has(e, axis) for e in ("coulomb", "coulomb_asymmetric", "offset")):
         yield Family(
-            "coulomb_asymmetric", axis, ("c_plus", "c_minus"), on(joint, _both_ways(joint))
+            "viscous_asymmetric", axis, ("b_diff",), on(joint, lambda s, _: np.abs(s.motion.v[:, joint]))
         )
+    if not any(context.has(e, axis) for e in ("coulomb", "coulomb_asymmetric", "offset")):
+        yield Family("coulomb_asymmetric", axis, ("c_plus", "c_minus"), on(joint, _both_ways(joint)))
     if not (structure and context.has("stribeck", axis)):
         yield _stribeck(context, axis, joint)
     if not (structure and context.has("presliding", axis)):  # its own form was found in this log
@@ -41,8 +40,12 @@ def friction(context: Context, axis: str, joint: int) -> Iterator[Family]:
 
 
 NAMES = {
-    "viscous": "b", "coulomb": "c", "quadratic_drag": "b2", "offset": "f0", "coulomb_asymmetric": "f0",
-}  # fmt: skip
+    "viscous": "b",
+    "coulomb": "c",
+    "quadratic_drag": "b2",
+    "offset": "f0",
+    "coulomb_asymmetric": "f0",
+}
 Values = Callable[[Scene, Shape], Floats]
 
 
@@ -71,9 +74,13 @@ def _load(context: Context, axis: str, joint: int) -> Family:
         return (np.abs(load) * s.direction)[:, joint]
 
     return Family(
-        "load_friction", axis, ("mu",), on(joint, values), ({"total": 0.0}, {"total": 1.0}),
+        "load_friction",
+        axis,
+        ("mu",),
+        on(joint, values),
+        ({"total": 0.0}, {"total": 1.0}),
         positive=not context.base.change,
-    )  # fmt: skip
+    )
 
 
 def _stribeck(context: Context, axis: str, joint: int) -> Family:
@@ -85,9 +92,14 @@ def _stribeck(context: Context, axis: str, joint: int) -> Family:
 
     shapes = [{"v_s": float(x), "exponent": 2.0} for x in np.geomspace(0.006, 0.3, 6) * top]
     return Family(
-        "stribeck", axis, ("s",), on(joint, values), shapes, positive=not context.base.change,
+        "stribeck",
+        axis,
+        ("s",),
+        on(joint, values),
+        shapes,
+        positive=not context.base.change,
         fine={"v_s": 0.6},
-    )  # fmt: skip
+    )
 
 
 def _presliding(context: Context, axis: str, joint: int) -> Family:
@@ -108,6 +120,4 @@ def _thermal(axis: str, joint: int) -> Family:
         return np.asarray(s.motion.v[:, joint] * -np.expm1(-t / shape["tau"]))
 
     shapes = [{"tau": tau} for tau in WARMING]
-    return Family(
-        "viscous_thermal", axis, ("b_warm",), on(joint, values), shapes, fine={"tau": 0.6}
-    )
+    return Family("viscous_thermal", axis, ("b_warm",), on(joint, values), shapes, fine={"tau": 0.6})

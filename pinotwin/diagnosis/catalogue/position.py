@@ -38,9 +38,14 @@ def ripple(context: Context, axis: str, joint: int) -> Family:
     # Half a step of the grid, as a share of a pitch in the middle of it.
     fine = 0.5 / (4.0 * travel) * pitches[len(pitches) // 2]
     return Family(
-        "ripple", axis, ("a1", "b1"), on(joint, values), [{"period": p} for p in pitches],
-        price=price, fine={"period": fine},
-    )  # fmt: skip
+        "ripple",
+        axis,
+        ("a1", "b1"),
+        on(joint, values),
+        [{"period": p} for p in pitches],
+        price=price,
+        fine={"period": fine},
+    )
 
 
 def modulated(plain: Family, joint: int, periods: Sequence[float]) -> Family:
@@ -53,9 +58,14 @@ def modulated(plain: Family, joint: int, periods: Sequence[float]) -> Family:
 
     shapes = [{"period": p, "eps": float(eps)} for p in periods for eps in ANGLES]
     return Family(
-        "ripple_modulated", plain.axis, ("a", "b", "a_mod", "b_mod"), on(joint, values), shapes,
-        price=plain.price + 2.0, fine=plain.fine,
-    )  # fmt: skip
+        "ripple_modulated",
+        plain.axis,
+        ("a", "b", "a_mod", "b_mod"),
+        on(joint, values),
+        shapes,
+        price=plain.price + 2.0,
+        fine=plain.fine,
+    )
 
 
 def _pitches(travel: float, shortest: float, longest: float) -> list[float]:

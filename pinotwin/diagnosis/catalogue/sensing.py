@@ -26,12 +26,12 @@ def sensing(context: Context, axis: str, joint: int) -> Iterator[Family]:
     def late(s: Scene, shape: Shape) -> Floats:
         return _late(s.motion, s.effort[:, joint], shape["span"])
 
-    yield Family("delay", axis, ("seconds",), on(joint, late), [{"span": x} for x in SPANS],
-                 fine={"span": 0.4})  # fmt: skip
+    yield Family(
+        "delay", axis, ("seconds",), on(joint, late), [{"span": x} for x in SPANS], fine={"span": 0.4}
+    )
     # Without a twin the scale of one axis shows by its coupling with others alone: a slight witness.
     doubt = 0.0 if context.base.change else 12.0
-    yield Family("effort_scale", axis, ("share",), on(joint, lambda s, _: s.effort[:, joint]),
-                 price=doubt)  # fmt: skip
+    yield Family("effort_scale", axis, ("share",), on(joint, lambda s, _: s.effort[:, joint]), price=doubt)
     yield _encoder(context, axis, joint, step)
 
 
@@ -61,6 +61,11 @@ def _encoder(context: Context, axis: str, joint: int, step: float) -> Family:
 
     shapes = [{"period": float(p)} for p in periods]
     return Family(
-        "encoder_error", axis, ("a", "b"), shaken(context, joint, values), shapes, shakes=True,
+        "encoder_error",
+        axis,
+        ("a", "b"),
+        shaken(context, joint, values),
+        shapes,
+        shakes=True,
         fine={} if rotary else {"period": 0.05},
-    )  # fmt: skip
+    )

@@ -1,0 +1,1 @@
+"""What a twin tells about its machine: the generalised disturbance, its decomposition, structural modes."""

@@ -1,0 +1,150 @@
+"""Which cause makes how much of the tracking error (thesis Fig. 4-14 to 4-16).
+
+    e = G_eq q_r + sum over causes of G_ed d_cause
+
+The response is simulated from the command alone; the generalised disturbance of each axis is told
+apart by :mod:`pinotwin.analysis.disturbance`, and each part, and the command, goes through the identified
+transfer functions on its own. They are linear, so the parts add up to the whole exactly.
+
+All is computed at the internal step of the simulation and read at the rows of the log. What the
+tables of the simulation differ from the effects themselves (1e-4 and less) is counted as ``other``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinotwin.analysis.disturbance import CAUSES, split
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+from pinotwin.log import Log
+from pinotwin.simulation.run import Loops, as_motion, respond
+from pinotwin.threads import one_blas_thread
+
+if TYPE_CHECKING:
+    from pinotwin.loop import LoopModel
+    from pinotwin.twin import Twin
+
+COMMAND = "command"
+
+
+@dataclass(frozen=True, eq=False)
+class Decomposition:
+    """Disturbances and tracking errors by cause, over a window of n rows; joint coordinates, SI.
+
+    Attributes:
+        t: time [s], shape (n,).
+        axes: axes with a closed loop.
+        disturbances: axis -> cause -> its part of the generalised disturbance [N or N·m], shape (n,).
+        errors: axis -> cause, or ``command`` -> the tracking error it makes [m or rad], shape (n,).
+        notes: of the simulation.
+    """
+
+    t: Floats
+    axes: tuple[str, ...]
+    disturbances: Mapping[str, Mapping[str, Floats]]
+    errors: Mapping[str, Mapping[str, Floats]]
+    notes: tuple[str, ...] = ()
+
+    def disturbance(self, axis: str) -> Floats:
+        """Return the generalised disturbance of an axis, shape (n,)."""
+        return np.sum(list(self.disturbances[axis].values()), axis=0)
+
+    def error(self, axis: str) -> Floats:
+        """Return the tracking error of an axis, shape (n,)."""
+        return np.sum(list(self.errors[axis].values()), axis=0)
+
+    def shares(self, axis: str) -> dict[str, float]:
+        """Return each cause's share of the integrals of |e| (Fig. 4-16); they add up to 1."""
+        sizes = {c: float(np.trapezoid(np.abs(x), self.t)) for c, x in self.errors[axis].items()}
+        total = sum(sizes.values())
+        return {c: size / total if total > 0.0 else 0.0 for c, size in sizes.items()}
+
+    def table(self) -> tuple[dict[str, Any], ...]:
+        """Return one row an axis and cause, largest share first.
+
+        Keys: ``axis``, ``cause``, ``disturbance_rms`` (None for the command), ``error_rms``,
+        ``error_peak``, ``share``.
+        """
+        rows: list[dict[str, Any]] = []
+        for axis in self.axes:
+            shares = self.shares(axis)
+            for cause in sorted(shares, key=lambda c: -shares[c]):
+                e = self.errors[axis][cause]
+                d = self.disturbances[axis].get(cause)
+                rows.append(
+                    {
+                        "axis": axis,
+                        "cause": cause,
+                        "disturbance_rms": None if d is None else _rms(d),
+                        "error_rms": _rms(e),
+                        "error_peak": float(np.abs(e).max(initial=0.0)),
+                        "share": shares[cause],
+                    }
+                )
+        return tuple(rows)
+
+
+@one_blas_thread
+def decompose(
+    twin: Twin, log: Log, window: tuple[float, float] | None = None, *, controller: Loops = "black"
+) -> Decomposition:
+    """Tell apart, by cause, the disturbances and the tracking error that a command will meet.
+
+    Args:
+        twin: the machine, with its loops.
+        log: ``t``, ``<axis>.qr`` and external loads; nothing measured is used.
+        window: first and last time to keep [s]; all when None.
+        controller: which loops, see :func:`pinotwin.simulation.simulate`.
+
+    Raises:
+        DataError: nothing of the log lies in the window.
+    """
+    found = respond(twin, log, controller=controller, every_step=True)
+    asked = found.request
+    parts = dict(split(twin, as_motion(twin, asked, found)).parts)
+    rest = found.d - np.sum(list(parts.values()), axis=0)
+    parts["other"] = parts["other"] + rest if "other" in parts else rest
+    rows = _rows(asked.t, asked.source, window)
+    axes = tuple(name for name in twin.machine.axes if name in found.loops)
+    disturbances: dict[str, dict[str, Floats]] = {}
+    errors: dict[str, dict[str, Floats]] = {}
+    for name in axes:
+        i = twin.machine.axes[name].index
+        own = {c: parts[c][:, i] for c in CAUSES if c in parts and np.any(parts[c][:, i])}
+        made = _errors(found.loops[name], asked.qr[:, i], asked.vr[:, i], own, asked.step)
+        disturbances[name] = {c: asked.at_stamps(x)[rows] for c, x in own.items()}
+        errors[name] = {c: asked.at_stamps(x)[rows] for c, x in made.items()}
+    return Decomposition(asked.t[rows], axes, disturbances, errors, found.notes)
+
+
+def _errors(
+    loop: LoopModel, qr: Floats, vr: Floats, parts: Mapping[str, Floats], step: float
+) -> dict[str, Floats]:
+    """Return the tracking error that the command and each part of the disturbance make."""
+    none = np.zeros_like(qr)
+    out = {COMMAND: loop.simulate(qr, none, vr=vr, step=step)[:, 0]}
+    for cause, d in parts.items():
+        out[cause] = loop.simulate(none, d, vr=none, ar=none, step=step)[:, 0]
+    return out
+
+
+def _rows(t: Floats, source: str, window: tuple[float, float] | None) -> slice:
+    if window is None:
+        return slice(0, len(t))
+    first = int(np.searchsorted(t, window[0], "left"))
+    last = int(np.searchsorted(t, window[1], "right"))
+    if last - first < 2:
+        raise DataError(
+            f"{source}: window {window[0]:g} to {window[1]:g} s holds {max(last - first, 0)} rows; the "
+            f"log runs from {t[0]:g} to {t[-1]:g} s"
+        )
+    return slice(first, last)
+
+
+def _rms(x: Floats) -> float:
+    return float(np.sqrt(np.mean(x**2)))

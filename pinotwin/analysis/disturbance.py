@@ -1,0 +1,279 @@
+"""The split of the motor effort into linear terms and the generalised disturbance (thesis Eq. 4.1-4.4).
+
+    u = M_D a + C v + K q + d(q, v, a)                                             (Eq. 4.3)
+
+For any machine, from its effects: C and K are the coefficients of its viscous effects and springs,
+d is everything else, and each part of d has a cause. With the motion that was measured this is
+Eq. 4.19.
+
+M_D is diagonal and constant. Where M_ii depends on the posture the source keeps its constant term,
+which depends on how the equation is written; here M_D is the mean of M_ii(q) over 64 postures (a
+Halton sequence, the same in every run) in the travel of the logs that were identified. Any other
+choice moves effort between M_D a and d, so the closed loops belong to the M_D with which they were
+identified, and a twin keeps it: ``twin.diagonal``.
+
+The rigid body's effort is told apart by evaluating it with parts of the motion set to zero:
+
+    gravity               g(q),      coriolis_centrifugal  c(q, v)
+    inertial_coupling     M(q) a - M_D a: the other axes' accelerations, and M_ii(q) - M_D_ii
+    flexibility           what the motion of passive joints adds to all three
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.effects import Effect, RigidBody
+from pinotwin.errors import DataError
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+
+if TYPE_CHECKING:
+    from pinotwin.twin import Twin
+
+CAUSES = (
+    "friction",
+    "position",
+    "gravity",
+    "inertial_coupling",
+    "coriolis_centrifugal",
+    "flexibility",
+    "external",
+    "other",
+)
+"""Causes of the generalised disturbance; ``position`` is ripple, tables and offsets."""
+
+POSTURES = 64
+_BLOCK = 20000  # rows: keeps the regressor of a long log small
+
+
+@dataclass(frozen=True)
+class Split:
+    """Effort of a motion, told apart; arrays of shape (n, nv) [N or N·m].
+
+    Attributes:
+        names: joint name of every column.
+        linear: ``inertia`` M_D a, ``viscous`` C v, ``stiffness`` K q.
+        parts: cause -> its part of the generalised disturbance; absent causes are left out.
+    """
+
+    names: tuple[str, ...]
+    linear: Mapping[str, Floats]
+    parts: Mapping[str, Floats]
+
+    @property
+    def disturbance(self) -> Floats:
+        """The generalised disturbance d."""
+        return _total(self.parts.values())
+
+    @property
+    def effort(self) -> Floats:
+        """The motor effort u = M_D a + C v + K q + d."""
+        return _total(self.linear.values()) + self.disturbance
+
+
+def diagonal(twin: Twin, motion: Motion) -> dict[str, Floats]:
+    """Return the constant diagonals M_D, C and K of a twin over the travel of a motion, each (nv,).
+
+    The keys are ``inertia``, ``viscous`` and ``stiffness``; the result is stored as
+    ``twin.diagonal``, since the closed loops depend on it. With passive joints there is also ``ground``:
+    the inertia of those that an axis sits on, when both are counted from the ground (Eq. 5.4).
+    """
+    q = np.concatenate([motion.q[s] for s in motion.segments])
+    postures = halton(POSTURES, q.min(axis=0), q.max(axis=0))
+    M = _mean_inertia(twin, postures)
+    inertia = np.diag(M).copy()
+    viscous, stiffness = np.zeros(twin.machine.nv), np.zeros(twin.machine.nv)
+    for effect, theta in _effects(twin):
+        for k, cause in enumerate(causes(effect)):
+            if cause in ("viscous", "stiffness"):
+                assert effect.axis is not None
+                kept = viscous if cause == "viscous" else stiffness
+                kept[twin.machine.names.index(effect.axis)] += theta[k]
+    found = {"inertia": inertia, "viscous": viscous, "stiffness": stiffness}
+    if twin.machine.passive:
+        found["ground"] = _ground(twin.machine, M)
+    return found
+
+
+def reacting(machine: Machine) -> dict[str, str]:
+    """Return the axis that sits on each passive joint: its motor's reaction moves the joint."""
+    parents = machine.model.parents
+    out: dict[str, str] = {}
+    for name, axis in machine.axes.items():
+        below = int(parents[axis.index + 1]) - 1
+        if below >= 0 and machine.names[below] in machine.passive:
+            out.setdefault(machine.names[below], name)
+    return out
+
+
+def _ground(machine: Machine, M: Floats) -> Floats:
+    out = np.diag(M).copy()
+    for passive, axis in reacting(machine).items():
+        p, i = machine.names.index(passive), machine.axes[axis].index
+        out[p] = M[p, p] - 2.0 * M[p, i] + M[i, i]
+    return out
+
+
+def diagonal_inertia(twin: Twin, postures: Floats) -> Floats:
+    """Return the mean of the diagonal of M(q) over postures of shape (k, nv), shape (nv,)."""
+    return np.diag(_mean_inertia(twin, postures)).copy()
+
+
+def _mean_inertia(twin: Twin, postures: Floats) -> Floats:
+    """Return the mean of M(q) over postures, shape (nv, nv)."""
+    zero = np.zeros_like(postures)
+    held = _rigid_effort(twin, postures, zero, zero)
+    out = np.zeros((postures.shape[1], postures.shape[1]))
+    for i in range(len(out)):
+        unit = zero.copy()
+        unit[:, i] = 1.0
+        out[:, i] = np.mean(_rigid_effort(twin, postures, zero, unit) - held, axis=0)
+    return out
+
+
+def generalised_disturbance(twin: Twin, motion: Motion, diagonal: Mapping[str, Floats]) -> Floats:
+    """Return the generalised disturbance of a motion, shape (n, nv) [N or N·m] (Eq. 4.4, 4.19).
+
+    External loads of the log are part of it, with the sign of a disturbance.
+
+    Args:
+        twin: the plant; its loops are not used.
+        motion: measured or simulated.
+        diagonal: M_D, C, K as :func:`diagonal` returns them.
+    """
+    total = _rigid_effort(twin, motion.q, motion.v, motion.a)
+    for effect, theta in _effects(twin):
+        if not isinstance(effect, RigidBody):
+            total += _effort(effect, theta, motion, total.shape[1])
+    if motion.external is not None:
+        total -= motion.external
+    return total - _total(_linear(motion, diagonal).values())
+
+
+def split(twin: Twin, motion: Motion) -> Split:
+    """Return the effort of a motion by its terms and causes; they sum to ``twin.effort(motion)``.
+
+    Raises:
+        DataError: the twin was identified without its diagonal.
+    """
+    if not twin.diagonal:
+        raise DataError(f"{twin.machine.name}: the twin holds no diagonal; identify it again")
+    parts: dict[str, Floats] = {}
+    n, nv = motion.q.shape
+    for effect, theta in _effects(twin):
+        if isinstance(effect, RigidBody):
+            continue
+        words = causes(effect)
+        for cause in dict.fromkeys(words):
+            if cause not in ("viscous", "stiffness"):
+                own = np.where([w == cause for w in words], theta, 0.0)
+                parts[cause] = parts.get(cause, np.zeros((n, nv))) + _effort(effect, own, motion, nv)
+    linear = _linear(motion, twin.diagonal)
+    for cause, effort in _rigid_parts(twin, motion, linear["inertia"]).items():
+        parts[cause] = parts[cause] + effort if cause in parts else effort
+    if motion.external is not None:
+        parts["external"] = -motion.external
+    return Split(motion.names, linear, {c: parts[c] for c in CAUSES if c in parts})
+
+
+def causes(effect: Effect) -> tuple[str, ...]:
+    """Return the cause that each coefficient of an effect counts as."""
+    count = len(effect.coefficients())
+    words: tuple[str, ...] = effect.causes
+    return words * count if len(words) == 1 else words
+
+
+def _rigid_parts(twin: Twin, motion: Motion, inertia: Floats) -> dict[str, Floats]:
+    """Return the parts of the rigid body's effort without M_D a."""
+    moving = np.array([name in twin.machine.axes for name in motion.names], dtype=bool)
+    q, v, a = (_only(x, moving) for x in (motion.q, motion.v, motion.a))
+    zero = np.zeros_like(q)
+    g = _rigid_effort(twin, q, zero, zero)
+    gc = _rigid_effort(twin, q, v, zero)
+    whole = _rigid_effort(twin, q, v, a)
+    parts = {
+        "gravity": g,
+        "inertial_coupling": whole - gc - _only(inertia, moving),
+        "coriolis_centrifugal": gc - g,
+    }
+    if not moving.all():
+        full = _rigid_effort(twin, motion.q, motion.v, motion.a)
+        parts["flexibility"] = full - whole - (inertia - _only(inertia, moving))
+    return parts
+
+
+def _only(x: Floats, kept: Mask) -> Floats:
+    return np.where(kept, x, 0.0)
+
+
+def _rigid_effort(twin: Twin, q: Floats, v: Floats, a: Floats) -> Floats:
+    """Return the effort of the tree with the coefficients that were found, shape (n, nv)."""
+    total = np.zeros_like(q)
+    for effect, theta in _effects(twin):
+        if isinstance(effect, RigidBody):
+            for s in _rows(len(q)):
+                total[s] += effect.base.regressor(effect.model, q[s], v[s], a[s]) @ theta
+    return total
+
+
+def _effort(effect: Effect, theta: Floats, motion: Motion, nv: int) -> Floats:
+    """Return the effort of one effect, in blocks where it has no memory (a table is wide)."""
+    if effect.depends not in ("position", "velocity"):
+        return effect.columns(motion).effort(theta, nv)
+    parts = [effect.columns(motion.cut(s.start, s.stop)).effort(theta, nv) for s in _rows(len(motion))]
+    return np.concatenate(parts) if parts else np.zeros((0, nv))
+
+
+def _rows(n: int) -> Iterator[slice]:
+    for start in range(0, n, _BLOCK):
+        yield slice(start, min(start + _BLOCK, n))
+
+
+def _linear(motion: Motion, diagonal: Mapping[str, Floats]) -> dict[str, Floats]:
+    pairs = {"inertia": motion.a, "viscous": motion.v, "stiffness": motion.q}
+    return {name: x * np.asarray(diagonal[name], dtype=float) for name, x in pairs.items()}
+
+
+def _effects(twin: Twin) -> Iterator[tuple[Effect, Floats]]:
+    for effect, s in zip(twin.effects, twin.slices, strict=True):
+        yield effect, twin.theta[s]
+
+
+def _total(arrays: Iterable[Floats]) -> Floats:
+    total: Floats | None = None
+    for x in arrays:
+        total = x.copy() if total is None else total + x
+    return np.zeros(()) if total is None else total
+
+
+def halton(count: int, lower: Floats, upper: Floats) -> Floats:
+    """Return the first points of a Halton sequence in a box, shape (count, nv) (Halton 1960)."""
+    out = np.empty((count, len(lower)))
+    for j, base in enumerate(_primes(len(lower))):
+        out[:, j] = [_radical_inverse(k, base) for k in range(1, count + 1)]
+    return np.asarray(lower) + out * (np.asarray(upper) - np.asarray(lower))
+
+
+def _radical_inverse(k: int, base: int) -> float:
+    out, scale = 0.0, 1.0
+    while k:
+        k, digit = divmod(k, base)
+        scale /= base
+        out += digit * scale
+    return out
+
+
+def _primes(count: int) -> list[int]:
+    found: list[int] = []
+    k = 2
+    while len(found) < count:
+        if all(k % p for p in found):
+            found.append(k)
+        k += 1
+    return found

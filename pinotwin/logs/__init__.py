@@ -1,0 +1,1 @@
+"""Everything about logs: reading files, naming channels, judging and preparing them."""

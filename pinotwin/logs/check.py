@@ -1,0 +1,235 @@
+"""``check``: what is wrong with a machine or a log, and what a log can identify, before any fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.excitation import Excitation, excitation
+from pinotwin.dynamics.parameters import parameters
+from pinotwin.errors import InputError, MachineError
+from pinotwin.log import Log
+from pinotwin.logs.channels import finite
+from pinotwin.logs.columns import bind
+from pinotwin.logs.prepare import prepare
+from pinotwin.logs.quality import Finding, Limits, Quality, inspect
+from pinotwin.machine import Machine
+from pinotwin.machine.urdf import impossible_bodies
+from pinotwin.machine.urdf_check import mimics, read_tree
+
+
+@dataclass(frozen=True)
+class Check:
+    """What the examination of a machine, and of a log with it, found.
+
+    Attributes:
+        machine: the machine.
+        findings: about machine and log, gravest first.
+        quality: of the log, None without one.
+        excited: what the log can tell of the base parameters, None where it cannot be said.
+    """
+
+    machine: Machine
+    findings: tuple[Finding, ...]
+    quality: Quality | None = None
+    excited: Excitation | None = None
+    determined: Mapping[str, bool] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing forbids going on."""
+        return not any(finding.severity == "error" for finding in self.findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result in JSON's types."""
+        base = self.machine.base
+        return {
+            "machine": self.machine.name,
+            "ok": self.ok,
+            "axes": {
+                name: {
+                    "joint": axis.joint,
+                    "rotary": axis.rotary,
+                    "effects": [effect.name for effect in axis.effects],
+                }
+                for name, axis in self.machine.axes.items()
+            },
+            "base_parameters": [
+                {
+                    "name": label,
+                    "meaning": name,
+                    "unit": unit,
+                    "excited": self.determined.get(label),
+                }
+                for label, name, unit in zip(base.labels, base.names, base.units, strict=True)
+            ],
+            "findings": [
+                {"severity": f.severity, "channel": f.channel, "message": f.message} for f in self.findings
+            ],
+            "log": None if self.quality is None else self.quality.as_dict(),
+            "condition": None if self.excited is None else self.excited.condition,
+        }
+
+
+def check(machine: Machine, log: Log | None = None) -> Check:
+    """Examine a machine, and what a log of it can identify.
+
+    Args:
+        machine: the machine.
+        log: a servo log of it, raw or in the names of the contract.
+    """
+    findings = machine_findings(machine)
+    if log is None:
+        return Check(machine, tuple(findings))
+    quality = inspect_log(machine, log)
+    findings += quality.findings
+    excited, determined = None, {}
+    if quality.ok:
+        try:
+            excited = _excitation(machine, log)
+        except InputError as error:
+            findings.append(Finding("error", "", str(error)))
+        else:
+            findings += _excitation_findings(machine, excited)
+            known = set(excited.determined)
+            determined = {label: label in known for label in machine.base.labels}
+    order = {"error": 0, "warning": 1, "info": 2}
+    findings.sort(key=lambda f: order[f.severity])
+    return Check(machine, tuple(findings), quality, excited, determined)
+
+
+def inspect_log(machine: Machine, log: Log) -> Quality:
+    """Return what a log of a machine is worth, before anything is fitted."""
+    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
+    return inspect(finite(bind(log, machine.columns)), rotary, _limits(machine))
+
+
+def _limits(machine: Machine) -> dict[str, Limits]:
+    model = machine.model
+    out = {}
+    for name, axis in machine.axes.items():
+        i = axis.index
+        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+        speed = float(model.upperVelocityLimit[i])
+        effort = axis.effort_limit
+        # A transmission scales and mixes what is logged: a joint's limits do not fit its motor.
+        plain = machine.transmission is None
+        out[name] = Limits(
+            position=(low, high) if plain and high - low < 1e8 else None,
+            velocity=speed if plain and 0 < speed < 1e8 else None,
+            effort=effort if plain and np.isfinite(effort) else None,
+        )
+    return out
+
+
+def machine_findings(machine: Machine) -> list[Finding]:
+    """Return what a second reader of URDFs (yourdfpy) and the tree itself say."""
+    out = [*_second_reader(machine.urdf)]
+    for joint, problem in impossible_bodies(machine.model).items():
+        text = f"what it moves cannot exist: {problem}; correct the <inertial> of its links"
+        out.append(Finding("error", joint, text))
+    root = read_tree(machine.urdf)
+    for joint, leader in mimics(root).items():
+        if joint not in machine.model.names:
+            text = f"follows {leader!r} in the URDF (mimic); held at zero here"
+            out.append(Finding("warning", joint, text))
+    for link in root.findall("link"):
+        if link.find("inertial") is None and _is_child_of_moving(root, str(link.get("name"))):
+            out.append(
+                Finding(
+                    "warning",
+                    str(link.get("name")),
+                    "link of a moving joint without <inertial>: its mass counts as zero",
+                )
+            )
+    without = machine.base.without_effect
+    if without:
+        shown = ", ".join(without[:6]) + (" ..." if len(without) > 6 else "")
+        out.append(Finding("info", "", f"{len(without)} inertial parameters never act on a joint: {shown}"))
+    return out
+
+
+def _is_child_of_moving(root: Any, link: str) -> bool:
+    for joint in root.findall("joint"):
+        if joint.find("child").get("link") == link:
+            return joint.get("type") in ("revolute", "continuous", "prismatic")
+    return False
+
+
+def _second_reader(urdf: Path) -> list[Finding]:
+    import logging
+
+    import yourdfpy
+
+    logger = logging.getLogger("yourdfpy")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        robot = yourdfpy.URDF.load(
+            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
+        )
+        valid = bool(robot.validate())
+    except (ValueError, KeyError, AttributeError, TypeError) as error:
+        raise MachineError(f"{urdf}: yourdfpy cannot read it: {error}") from None
+    finally:
+        logger.setLevel(level)
+    if valid:
+        return []
+    problems = "; ".join(str(e) for e in robot.errors) or "yourdfpy finds it invalid"
+    return [Finding("warning", "", f"URDF: {problems}")]
+
+
+def _excitation(machine: Machine, log: Log) -> Excitation:
+    """Return what a log's usable rows tell of the base parameters, joints weighed by effort."""
+    motion = prepare(machine, log)
+    w = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)
+    rows = []
+    for joint in range(machine.nv):
+        usable = motion.use[:, joint] & np.isfinite(motion.u[:, joint])
+        inside = np.zeros(len(motion), bool)
+        for s in motion.segments:
+            inside[s] = True
+        usable &= inside
+        size = float(np.sqrt(np.mean(motion.u[usable, joint] ** 2))) if usable.any() else 0.0
+        if size > 0.0:
+            rows.append(w[usable, joint] / size)
+    if not rows:
+        raise MachineError(f"{log.source}: no axis has both motion and effort")
+    return excitation(np.concatenate(rows), machine.base.labels, size=_usual_sizes(machine))
+
+
+def _usual_sizes(machine: Machine) -> Floats:
+    """Return the magnitude to expect of each base parameter.
+
+    A parameter that the CAD puts at zero may still be a tenth of the others of its kind.
+    """
+    beta = np.abs(machine.base.from_standard(parameters(machine.model)))
+    units = np.array(machine.base.units)
+    floor = {unit: 0.1 * float(np.sqrt(np.mean(beta[units == unit] ** 2))) for unit in set(units)}
+    return np.maximum(beta, [floor[unit] or 1e-3 for unit in units])
+
+
+def _excitation_findings(machine: Machine, excited: Excitation) -> list[Finding]:
+    out = []
+    meaning = dict(zip(machine.base.labels, machine.base.names, strict=True))
+    for group in excited.unexcited:
+        names = [meaning[name] for name in group.names]
+        if len(names) == group.free == 1:
+            text = f"{names[0]}: this log does not excite it; move the axes that carry it harder"
+        else:
+            text = f"not separable on this log: {'; '.join(names)}"
+        out.append(Finding("warning", "", text))
+    out.append(
+        Finding(
+            "info",
+            "",
+            f"{len(excited.determined)} of {len(excited.names)} base parameters can be identified, "
+            f"condition {excited.condition:.3g}",
+        )
+    )
+    return out

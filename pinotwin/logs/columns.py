@@ -1,0 +1,264 @@
+"""How a controller names and scales its channels: from a file's columns to the contract's channels.
+
+    SI = raw * si_factor(unit) * factor + offset
+
+``raw`` is what the file holds, ``unit`` what it is in, ``factor`` what remains: the torque
+constant and gear of a current, a sign. ``factor`` may name a scalar of the file (``factor:
+gtau``), and ``offset`` is in SI. A clock may come from a rate instead of a column (``t: {rate:
+5000}``).
+
+The names of the contract: ``t``; ``<axis>.`` q, qr, u, v, a, e, temperature; ``<link>.`` fx fy fz
+mx my mz; IMU ``gx gy gz ax ay az``. Further channels (a feed rate, a program number) may be mapped
+to any name without a dot. A ``column`` is the channel's name as read, the header as the file has
+it (with its unit), or ``"[k]"`` for the one channel that ends so: column k of a file without
+header, whatever its name.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import LogError, MachineError, nearest
+from pinotwin.log import Log, split_unit
+from pinotwin.units import SI_FACTOR, si_factor
+
+AXIS_SIGNALS = ("q", "qr", "u", "v", "a", "e", "temperature")
+LOAD_SIGNALS = ("fx", "fy", "fz", "mx", "my", "mz")
+IMU_SIGNALS = ("gx", "gy", "gz", "ax", "ay", "az")
+
+_NAME = re.compile(r"[A-Za-z_]\w*$")
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where one channel comes from.
+
+    Attributes:
+        column: name in the file; None only for a clock made from ``rate``.
+        unit: unit of the numbers in the file; "" takes the one that the file states, else SI.
+        factor: remaining factor to SI, or the name of a scalar of the file that holds it.
+        offset: added after scaling [SI].
+        rate: sampling rate [Hz] of a clock without a column.
+    """
+
+    column: str | None = None
+    unit: str = ""
+    factor: float | str = 1.0
+    offset: float = 0.0
+    rate: float | None = None
+
+
+def is_contract_name(name: str) -> bool:
+    """Whether a channel of that name is SI by contract."""
+    owner, _, signal = name.rpartition(".")
+    if owner:
+        return signal in AXIS_SIGNALS or signal in LOAD_SIGNALS
+    return name == "t" or name in IMU_SIGNALS
+
+
+def parse_columns(mapping: Mapping[str, object] | None, where: str) -> dict[str, Column]:
+    """Return the columns that the ``columns`` part of a machine.yaml describes.
+
+    Args:
+        mapping: channel -> dict of the fields of :class:`Column`, or just the column's name.
+        where: path of the mapping in the file, for messages (``columns``).
+
+    Raises:
+        MachineError: unknown key, wrong type, unknown unit; the message has the path.
+    """
+    if mapping is None:
+        return {}
+    if not isinstance(mapping, Mapping):
+        raise MachineError(f"{where} must map channels to columns, not {mapping!r}")
+    return {str(name): _column(str(name), entry, where) for name, entry in mapping.items()}
+
+
+def _column(name: str, entry: object, where: str) -> Column:
+    path = f"{where}.{name}"
+    if not (is_contract_name(name) or _NAME.match(name)):
+        signals = (*AXIS_SIGNALS, *LOAD_SIGNALS)
+        raise MachineError(f"{path}: no such signal; {nearest(name.rpartition('.')[2], signals)}")
+    if isinstance(entry, str):
+        return Column(entry)
+    if not isinstance(entry, Mapping):
+        raise MachineError(f"{path} must be a column's name or a mapping, not {entry!r}")
+    known = [field.name for field in dataclasses.fields(Column)]
+    for key in entry:
+        if key not in known:
+            raise MachineError(f"{path}.{key}: unknown key; {nearest(str(key), known)}")
+    column = Column(
+        column=_text(entry, "column", path),
+        unit=_text(entry, "unit", path) or "",
+        factor=_factor(entry, path),
+        offset=_number(entry, "offset", path) or 0.0,
+        rate=_number(entry, "rate", path),
+    )
+    _check(column, name, path)
+    return column
+
+
+def _check(column: Column, name: str, path: str) -> None:
+    if column.unit and column.unit.strip() not in SI_FACTOR:
+        hint = nearest(column.unit, SI_FACTOR)
+        raise MachineError(f"{path}.unit: unknown unit {column.unit!r}; {hint}")
+    if column.rate is not None and (name != "t" or column.rate <= 0 or column.column):
+        raise MachineError(f"{path}.rate: only t may have a rate, above 0 Hz and instead of a column")
+    if column.rate is None and column.column is None:
+        raise MachineError(f"{path}: has no column; add column: <name in the log>")
+
+
+def _text(entry: Mapping[str, object], key: str, path: str) -> str | None:
+    value = entry.get(key)
+    if value is None or isinstance(value, str):
+        return value
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"[{value}]" if key == "column" else str(value)
+    raise MachineError(f"{path}.{key} must be text, not {value!r}")
+
+
+def _number(entry: Mapping[str, object], key: str, path: str) -> float | None:
+    value = entry.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise MachineError(f"{path}.{key} must be a finite number, not {value!r}")
+    return float(value)
+
+
+def _factor(entry: Mapping[str, object], path: str) -> float | str:
+    value = entry.get("factor")
+    if isinstance(value, str) and value.strip():
+        return value.strip()
+    factor = _number(entry, "factor", path)
+    if factor == 0:
+        raise MachineError(f"{path}.factor is 0, which erases the channel; correct it")
+    return 1.0 if factor is None else factor
+
+
+def bind(log: Log, columns: Mapping[str, Column]) -> Log:
+    """Return the log with SI channels named per the contract; a bound log is returned as it is.
+
+    Channels that are not mapped (or whose column is missing) but already have a name of the
+    contract pass through: as SI, or converted where the file states another unit (said in the
+    notes). All others are left out.
+
+    Raises:
+        LogError: a column or scalar is not in the file, or a unit is unknown.
+    """
+    if log.scale:
+        return log
+    channels: dict[str, Floats] = {}
+    scale: dict[str, tuple[float, float]] = {}
+    units: dict[str, str] = {}
+    notes = list(log.notes)
+    used: set[str] = set()
+    for name, column in columns.items():
+        if column.rate is not None:
+            if name in log and not _maps_any(log, columns):
+                continue
+            channels[name] = np.arange(len(log)) / column.rate
+            notes.append(f"t: made from the rate {column.rate:g} Hz, not recorded")
+            continue
+        source = _find(log, column.column or name, name)
+        if source is None:  # the log is in the names of the contract already
+            continue
+        used.add(source)
+        unit = column.unit.strip() or log.units.get(source, "1")
+        notes += _contradiction(name, column.unit.strip(), log.units.get(source))
+        scale[name] = (_si(unit, name, log) * _scalar(log, column.factor, name), column.offset)
+        channels[name] = log[source] * scale[name][0] + column.offset
+        units[name] = unit
+    for name, unit in _passing(log, channels):
+        used.add(name)
+        scale[name] = (_si(unit, name, log), 0.0)
+        units[name] = unit
+        channels[name] = log[name] * scale[name][0]
+        if scale[name][0] != 1.0:
+            notes.append(f"{name}: the file states {unit}, converted to SI")
+    if not channels:
+        raise LogError(
+            f"{log.source}: no channel has a name of the contract (t, <axis>.q, <axis>.u...) and "
+            "no columns are mapped; map them under `columns` in machine.yaml; "
+            f"channels: {_some(list(log.channels))}"
+        )
+    left = [name for name in log.channels if name not in used]
+    if left:
+        notes.append(f"not mapped and left out: {_some(left)}")
+    return Log(channels, log.source, log.scalars, tuple(notes), units, scale)
+
+
+def _maps_any(log: Log, columns: Mapping[str, Column]) -> bool:
+    """Whether any mapped column is in the log; else it was not written by that controller."""
+    wanted = [c.column for c in columns.values() if c.column]
+    return any(split_unit(w)[0] in log or w in log or w.startswith("[") for w in wanted)
+
+
+def _passing(log: Log, channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
+    for name in log.channels:
+        if is_contract_name(name) and name not in channels:
+            yield name, log.units.get(name, "1")
+
+
+def _find(log: Log, column: str, name: str) -> str | None:
+    """Return the channel that a mapping means; None if the log has ``name`` itself instead."""
+    for spelling in (column, split_unit(column)[0]):
+        if spelling in log:
+            return spelling
+    if re.fullmatch(r"\[\d+\]", column):
+        ending = [channel for channel in log.channels if channel.endswith(column)]
+        if len(ending) == 1:
+            return ending[0]
+        if ending:
+            raise LogError(
+                f"{log.source}: {name}: {column} could be any of {_some(ending)}; name one in full"
+            )
+    if name in log and is_contract_name(name):
+        return None
+    raise LogError(f"{log.source}: {name}: no column {column!r}; {_nearest_few(column, log)}")
+
+
+def _nearest_few(column: str, log: Log) -> str:
+    if len(log.channels) <= 12:
+        return nearest(column, log.channels)
+    import difflib
+
+    close = difflib.get_close_matches(column, list(log.channels), n=4, cutoff=0.3)
+    return f"nearest of {len(log.channels)}: {', '.join(close) if close else 'none is similar'}"
+
+
+def _contradiction(name: str, mapped: str, stated: str | None) -> list[str]:
+    if not mapped or stated is None or SI_FACTOR.get(stated) == SI_FACTOR[mapped]:
+        return []
+    return [f"{name}: the mapping says {mapped}, the file says {stated}; the mapping was followed"]
+
+
+def _si(unit: str, name: str, log: Log) -> float:
+    try:
+        return si_factor(unit)
+    except LogError as error:
+        raise LogError(f"{log.source}: {name}: {error}; set unit in machine.yaml") from None
+
+
+def _scalar(log: Log, factor: float | str, name: str) -> float:
+    if not isinstance(factor, str):
+        return factor
+    if factor not in log.scalars:
+        raise LogError(
+            f"{log.source}: {name}: no scalar {factor!r} for factor; {nearest(factor, log.scalars)}"
+        )
+    value = log.scalars[factor]
+    if value == 0 or not math.isfinite(value):
+        raise LogError(f"{log.source}: {name}: the scalar {factor!r} is {value}; give a number")
+    return value
+
+
+def _some(names: list[str], most: int = 8) -> str:
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(names[:most]) + rest) if names else "none"

@@ -1,0 +1,62 @@
+"""MATLAB files up to v7.2 (v7.3 files are HDF5 and go to :mod:`pinotwin.logs.files.hdf5`)."""
+
+from __future__ import annotations
+
+import warnings
+import zlib
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+from scipy.io.matlab import MatReadError, MatReadWarning, mat_struct
+
+from pinotwin.logs.files.content import Content, damaged
+
+# What scipy's reader lets through when a record is damaged; UnboundLocalError is a bug of its own.
+_BROKEN = (
+    MatReadError,
+    ValueError,
+    TypeError,
+    NotImplementedError,
+    KeyError,
+    IndexError,
+    OverflowError,
+    AttributeError,
+    UnboundLocalError,
+    MemoryError,
+    OSError,
+    EOFError,
+    zlib.error,
+)
+
+
+def load(path: Path, source: str) -> Content:
+    """Return the variables of a MAT file; fields of a struct get dotted names (``rec.act_pos``)."""
+    content = Content()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MatReadWarning)
+            stored = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True)
+    except _BROKEN as error:
+        raise damaged(source, error) from None
+    for name, value in stored.items():
+        if not str(name).startswith("__") and str(name) != "None":
+            _flatten(str(name), value, content)
+    return content
+
+
+def _flatten(name: str, value: object, content: Content) -> None:
+    if isinstance(value, mat_struct):
+        for part in value._fieldnames:
+            _flatten(f"{name}.{part}", getattr(value, part), content)
+    elif isinstance(value, np.ndarray) and value.dtype == object and value.size:
+        structs = [x for x in value.flat if isinstance(x, mat_struct)]
+        if len(structs) == value.size and value.size <= 16:
+            for i, item in enumerate(structs):
+                _flatten(f"{name}[{i}]", item, content)
+        else:
+            content.left_out.append(name)
+    elif isinstance(value, np.ndarray | np.generic | int | float):
+        content.add(name, value)
+    else:
+        content.left_out.append(name)

@@ -1,0 +1,188 @@
+"""One door to all formats: choose the reader by content and ending, join files side by side."""
+
+from __future__ import annotations
+
+import importlib
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import LogError
+from pinotwin.log import Log
+from pinotwin.logs.files.content import to_log
+
+# Format -> module with `load(path: Path, source: str) -> Content`. Imported on use: pyarrow, h5py
+# and scipy.io are slow to import and a CSV user needs only one of them.
+_READERS = {
+    "csv": "pinotwin.logs.files.text",
+    "parquet": "pinotwin.logs.files.parquet",
+    "mat": "pinotwin.logs.files.mat",
+    "hdf5": "pinotwin.logs.files.hdf5",
+    "mcap": "pinotwin.logs.files.mcap",
+    "npy": "pinotwin.logs.files.npy",
+}
+
+_ENDINGS = {
+    ".csv": "csv",
+    ".txt": "csv",
+    ".tsv": "csv",
+    ".dat": "csv",
+    ".asc": "csv",
+    ".log": "csv",
+    ".parquet": "parquet",
+    ".pq": "parquet",
+    ".mat": "mat",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".hdf": "hdf5",
+    ".mcap": "mcap",
+    ".npy": "npy",
+    ".npz": "npy",
+}
+
+_MAGIC: tuple[tuple[bytes, str], ...] = (
+    (b"PAR1", "parquet"),
+    (b"\x89HDF\r\n\x1a\n", "hdf5"),
+    (b"MATLAB 7.3", "hdf5"),
+    (b"MATLAB 5.0", "mat"),
+    (b"\x89MCAP", "mcap"),
+    (b"\x93NUMPY", "npy"),
+)
+
+_REFUSED = {
+    ".xls": "save the sheet as CSV",
+    ".xlsx": "save the sheet as CSV",
+    ".gz": "unpack it first",
+    ".zip": "unpack it first",
+    ".bag": "convert it with `mcap convert`",
+    ".db3": "convert it with `ros2 bag convert` to MCAP with JSON messages",
+    ".json": "write the signals as CSV or Parquet",
+    ".pkl": "a pickle can run code; save the signals as CSV or Parquet",
+}
+
+
+def read(*paths: str | Path, only: str | None = None) -> Log:
+    """Read a recording; several files are joined side by side.
+
+    Args:
+        paths: CSV/TXT, Parquet, MAT (v5, v7.3), HDF5, MCAP, NPY or NPZ files of equal length.
+        only: keep only names that begin with this, for a file that holds several clocks.
+
+    Raises:
+        LogError: a file cannot be used; the message names it and the remedy.
+    """
+    if not paths:
+        raise LogError("no log file given; name at least one")
+    logs = [_read_one(Path(path), only) for path in paths]
+    return logs[0] if len(logs) == 1 else join(logs, [Path(path).stem for path in paths])
+
+
+def read_argument(text: str, only: str | None = None) -> Log:
+    """Read what the command line names: one path, or several joined by ``+``."""
+    if Path(text).exists() or "+" not in text:
+        return read(text, only=only)
+    parts = [part.strip() for part in text.split("+")]
+    if not all(parts):
+        raise LogError(f"{text}: an empty name beside '+'; write a.csv+b.csv")
+    return read(*parts, only=only)
+
+
+def _read_one(path: Path, only: str | None) -> Log:
+    source = str(path)
+    head = _head(path)
+    kind, note = _format(path, head)
+    loader = importlib.import_module(_READERS[kind])
+    content = loader.load(path, source)
+    content.notes[:0] = note
+    return to_log(content, source, only)
+
+
+def _head(path: Path) -> bytes:
+    """Return the first bytes of a file that can be read and is not empty."""
+    if path.is_dir():
+        raise LogError(f"{path}: is a folder; name a log file inside it")
+    try:
+        with path.open("rb") as file:
+            head = file.read(512)
+    except FileNotFoundError:
+        raise LogError(f"{path}: no such file; {_siblings(path)}") from None
+    except OSError as error:
+        raise LogError(f"{path}: cannot be opened ({error.strerror}); check its access") from None
+    if not head:
+        raise LogError(f"{path}: is empty; record or export it again")
+    return head
+
+
+def _siblings(path: Path) -> str:
+    if not path.parent.is_dir():
+        return f"the folder {path.parent} does not exist either"
+    names = sorted(p.name for p in path.parent.iterdir() if p.suffix.lower() in _ENDINGS)
+    return f"logs in its folder: {', '.join(names[:8]) if names else 'none'}"
+
+
+def _format(path: Path, head: bytes) -> tuple[str, list[str]]:
+    """Return the format and a note when content and ending disagree."""
+    ending = path.suffix.lower()
+    by_ending = _ENDINGS.get(ending)
+    by_content = next((kind for magic, kind in _MAGIC if head.startswith(magic)), None)
+    if by_content is None and ending == ".npz" and head.startswith(b"PK"):
+        by_content = "npy"
+    if by_content and by_ending not in (by_content, None):
+        matlab = ending == ".mat" and by_content == "hdf5"
+        note = [] if matlab else [f"the content is {by_content}, not what {ending} promises"]
+        return by_content, note
+    if by_content:
+        return by_content, []
+    if ending in _REFUSED:
+        raise LogError(f"{path}: {ending} files cannot be read; {_REFUSED[ending]}")
+    if by_ending is None:
+        raise LogError(f"{path}: unknown ending {ending!r}; known: {', '.join(sorted(_ENDINGS))}")
+    if by_ending != "csv" and not (by_ending == "mat" and head.startswith(b"\x00\x00\x00\x00")):
+        raise LogError(
+            f"{path}: is not a {by_ending} file although it ends in {ending}; "
+            f"it begins with {head[:8]!r}; export it again or correct the ending"
+        )
+    return by_ending, []
+
+
+def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
+    """Join logs of equal length side by side.
+
+    A name that occurs in several files gets the file's stem in front (``pos_data.Joint_1``); a
+    clock ``t`` that all files share, number for number, is kept once.
+
+    Raises:
+        LogError: the lengths differ, or two files have one stem and share names.
+    """
+    lengths = {log.source: len(log) for log in logs}
+    if len(set(lengths.values())) > 1:
+        said = ", ".join(f"{name} {n}" for name, n in lengths.items())
+        raise LogError(f"cannot join files of different length (rows: {said}); cut them alike first")
+    notes = [f"{log.source}: {note}" for log in logs for note in log.notes]
+    shared = _shared_clock(logs)
+    if shared:
+        notes.append("t is the same in all joined files and kept once")
+    channels: dict[str, Floats] = {"t": logs[0].t} if shared else {}
+    counts = Counter(name for log in logs for name in {*log.channels, *log.scalars})
+    scalars: dict[str, float] = {}
+    units: dict[str, str] = {"t": logs[0].units["t"]} if shared and "t" in logs[0].units else {}
+    for log, stem in zip(logs, stems, strict=True):
+        rename = {name: f"{stem}.{name}" if counts[name] > 1 else name for name in counts}
+        for name, x in log.channels.items():
+            if name == "t" and shared:
+                continue
+            if rename[name] in channels:
+                raise LogError(f"{log.source}: {rename[name]!r} is in another joined file as well")
+            channels[rename[name]] = x
+        scalars.update({rename[name]: value for name, value in log.scalars.items()})
+        units.update({rename[k]: u for k, u in log.units.items() if not (k == "t" and shared)})
+    return Log(channels, "+".join(lengths), scalars, tuple(notes), units)
+
+
+def _shared_clock(logs: Sequence[Log]) -> bool:
+    if not all("t" in log for log in logs):
+        return False
+    return all(np.array_equal(logs[0].t, log.t, equal_nan=True) for log in logs)

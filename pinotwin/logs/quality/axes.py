@@ -1,0 +1,222 @@
+"""What the axes do in a log: which move, how fast, how far, and whether efforts come in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import nearest
+from pinotwin.log import Log
+from pinotwin.logs.quality.lead import causes, effort_lead
+from pinotwin.logs.quality.results import AxisQuality, ChannelQuality, Finding, Limits
+from pinotwin.logs.quality.sampling import SLOW
+from pinotwin.logs.quality.values import quantisation_step
+from pinotwin.signals import (
+    Clock,
+    autocorrelation,
+    derivatives,
+    edge_samples,
+    interior,
+    low_pass,
+    segments,
+    suggest_cutoff,
+)
+
+_SHORTEST = 40  # samples; below this a stretch has no interior after filtering
+_CRAWL = 0.05  # share of the top speed below which friction is no function of speed (presliding)
+_GAIN = 0.05  # fall of the residual's power below which a lead is not worth telling
+_FAR = {False: 50.0, True: 500.0}  # m, rad
+
+
+def inspect_axes(
+    log: Log, axes: Mapping[str, bool], ticks: Clock | None
+) -> tuple[dict[str, AxisQuality], float]:
+    """Return the table of the axes with a position, and the corner that these suggest."""
+    present = [name for name in axes if f"{name}.q" in log and np.isfinite(log[f"{name}.q"]).any()]
+    table = {name: _still(log, name, axes[name]) for name in present}
+    moving = [name for name in present if table[name].moves]
+    if ticks is None or not moving:
+        return table, np.inf
+    q = np.column_stack([log[f"{name}.q"] for name in moving])
+    stretches = [
+        s
+        for s in segments(log.t, valid=np.asarray(np.isfinite(q).all(axis=1)))
+        if s.stop - s.start >= _SHORTEST
+    ]
+    if not stretches:
+        return table, np.inf
+    cutoff = suggest_cutoff(q, ticks.rate, stretches)
+    q, v, a = derivatives(q, ticks.rate, cutoff, segments=stretches)
+    inside = _inside(len(q), cutoff, ticks.rate, stretches)
+    for i, name in enumerate(moving):
+        table[name] = replace(
+            table[name],
+            speed=float(np.abs(v[inside, i]).max()),
+            acceleration=float(np.abs(a[inside, i]).max()),
+        )
+    if ticks.rate >= SLOW:
+        columns = causes(q, v, a)
+        for i, name in enumerate(moving):
+            speed = np.abs(v[:, i])
+            rows = inside & (speed > _CRAWL * speed[inside].max())
+            table[name] = _with_lead(table[name], log, name, columns, (ticks.rate, cutoff, rows))
+    return table, cutoff
+
+
+def _inside(n: int, cutoff: float, rate: float, stretches: Sequence[slice]) -> Mask:
+    longest = max(s.stop - s.start for s in stretches)
+    edge = min(edge_samples(cutoff, rate), longest // 4)
+    return interior(n, edge, stretches)
+
+
+def _still(log: Log, name: str, rotary: bool) -> AxisQuality:
+    q = log[f"{name}.q"]
+    good = q[np.isfinite(q)]
+    low, high = float(good.min()), float(good.max())
+    step = quantisation_step(good) or 0.0
+    moves = high - low > max(10.0 * step, 1e-6) and len(good) > 10
+    # Noise about a held position has no memory; any motion has, even at ten samples a stroke.
+    moves = moves and bool(autocorrelation(good, 1)[1] > 0.5)
+    return AxisQuality(rotary, moves, low, high, 0.0, 0.0)
+
+
+def _with_lead(
+    axis: AxisQuality, log: Log, name: str, columns: Floats, how: tuple[float, float, Mask]
+) -> AxisQuality:
+    rate, cutoff, usable = how
+    if f"{name}.u" not in log:
+        return axis
+    u = log[f"{name}.u"]
+    if not np.isfinite(u).all() or np.ptp(u) == 0 or len(u) < _SHORTEST:
+        return axis
+    rows = np.flatnonzero(usable)
+    lead = effort_lead(low_pass(u, rate, cutoff), columns, rate, rows)
+    if lead is None or lead.gain < _GAIN:
+        return axis
+    return replace(axis, lead=lead.seconds, lead_error=lead.error)
+
+
+def axis_findings(
+    log: Log,
+    axes: Mapping[str, bool],
+    table: Mapping[str, AxisQuality],
+    channels: Mapping[str, ChannelQuality],
+    limits: Mapping[str, Limits],
+    ticks: Clock | None,
+) -> Iterator[Finding]:
+    """Say what is wrong with, or missing from, the axes."""
+    for name in axes:
+        if name not in table:
+            hint = nearest(f"{name}.q", log.channels)
+            remedy = f"map it under columns in machine.yaml; {hint}"
+            yield Finding("error", name, f"no position {name}.q; {remedy}")
+            continue
+        axis = table[name]
+        if f"{name}.u" not in log:
+            yield Finding("warning", name, f"no effort {name}.u: its parameters cannot be identified; log it")
+        if not axis.moves:
+            yield Finding("warning", name, "does not move: nothing of it can be identified")
+        yield from _unit_findings(name, axis)
+        yield from _limit_findings(name, axis, channels.get(f"{name}.u"), limits.get(name))
+        yield from _agreement(log, name)
+    yield from _lead_findings(table, ticks.step if ticks else np.inf)
+    if table and not any(axis.moves for axis in table.values()):
+        yield Finding("error", "", "no axis moves; record a motion")
+
+
+def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
+    far = max(abs(axis.low), abs(axis.high))
+    if far > _FAR[axis.rotary]:
+        reached, unit = ("rad", "deg") if axis.rotary else ("m", "mm")
+        yield Finding(
+            "warning",
+            f"{name}.q",
+            f"reaches {far:.4g} {reached}: looks like {unit}, set unit: {unit} under columns in "
+            f"machine.yaml if so",
+        )
+
+
+def _lead_findings(table: Mapping[str, AxisQuality], step: float) -> Iterator[Finding]:
+    """Say in one sentence by how much the efforts are ahead of, or behind, the positions.
+
+    Up to one step of the clock is the sampling of any digital controller and not worth a word.
+    """
+    sure = {
+        name: (axis.lead, axis.lead_error)
+        for name, axis in table.items()
+        if axis.lead is not None
+        and axis.lead_error is not None
+        and abs(axis.lead) > max(3.0 * axis.lead_error, step)
+    }
+    for sign, how in ((1, "leads"), (-1, "lags")):
+        leads = {name: 1e3 * abs(x) for name, (x, _) in sure.items() if x * sign > 0}
+        if leads:
+            each = ", ".join(f"{k} {x:.1f} ± {1e3 * sure[k][1]:.1f}" for k, x in leads.items())
+            yield Finding(
+                "warning",
+                ", ".join(f"{name}.u" for name in leads),
+                f"effort {how} the position by about {np.median(list(leads.values())):.1f} ms (by "
+                f"axis: {each}): the channels are not taken at the same instant; shift them or "
+                "add the effect `delay`",
+            )
+
+
+def _limit_findings(
+    name: str, axis: AxisQuality, effort: ChannelQuality | None, limits: Limits | None
+) -> Iterator[Finding]:
+    if limits is None:
+        return
+    if limits.position is not None:
+        low, high = limits.position
+        slack = 0.01 * (high - low)
+        if axis.low < low - slack or axis.high > high + slack:
+            yield Finding(
+                "warning",
+                f"{name}.q",
+                f"ranges from {axis.low:.4g} to {axis.high:.4g}, outside the URDF's limits "
+                f"{low:.4g} to {high:.4g}: check unit and zero under columns in machine.yaml",
+            )
+    if limits.velocity is not None and axis.speed > 1.05 * limits.velocity:
+        yield Finding(
+            "warning",
+            f"{name}.q",
+            f"reaches the speed {axis.speed:.4g}, above the URDF's limit {limits.velocity:.4g}",
+        )
+    top = 0.0 if effort is None else max(abs(effort.low), abs(effort.high))
+    if limits.effort is not None and top > 1.05 * limits.effort:
+        yield Finding(
+            "warning",
+            f"{name}.u",
+            f"reaches {top:.4g}, above the URDF's limit {limits.effort:.4g}: check its factor",
+        )
+
+
+def _agreement(log: Log, name: str) -> Iterator[Finding]:
+    """Compare position with command and with velocity: other units or other axes show at once."""
+    q = log[f"{name}.q"]
+    if f"{name}.qr" in log:
+        command = log[f"{name}.qr"]
+        both = np.isfinite(q) & np.isfinite(command)
+        if both.any() and np.std((q - command)[both]) > 0.5 * np.std(q[both]) > 0:
+            yield Finding(
+                "warning",
+                f"{name}.qr",
+                "command and position do not agree: another unit, sign or axis? check columns",
+            )
+    if f"{name}.v" in log and "t" in log:
+        good = np.isfinite(q) & np.isfinite(log[f"{name}.v"]) & np.isfinite(log.t)
+        rise, t = np.diff(q[good]), np.diff(log.t[good])
+        v = log[f"{name}.v"][good]
+        moved = (v[1:] + v[:-1]) / 2.0 * t
+        power = float(moved @ moved)
+        ratio = float(rise @ moved) / power if power > 0 else 1.0
+        fits = power > 0 and float(rise @ moved) ** 2 > 0.5 * power * float(rise @ rise)
+        if fits and not 0.8 < ratio < 1.25:
+            yield Finding(
+                "warning",
+                f"{name}.v",
+                f"the position changes {ratio:.4g} times as fast as this velocity says: check both units",
+            )

@@ -1,0 +1,71 @@
+"""Least squares under bounds on the coefficients, on the small factor.
+
+    minimise || R theta - z ||^2   subject to   lower <= theta <= upper
+
+An active-set method (Stark & Parker 1995, `scipy.optimize.lsq_linear`, BVLS) on scaled columns. The
+directions that the data leave open are held at the prior by weak extra rows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError
+from pinotwin.solve.rank import Rank
+
+WEAK = 1e-6
+"""Weight of the rows that hold unseen directions at the prior, relative to a unit column."""
+
+
+def bounded(
+    R: Floats, z: Floats, lower: Floats, upper: Floats, start: Floats, rank: Rank
+) -> tuple[Floats, Mask]:
+    """Return theta within its bounds and the mask of active bounds, each of shape (p,).
+
+    Args:
+        R: factor of the weighted regressor, shape (k, p).
+        z: right side, shape (k,).
+        lower: smallest values, shape (p,), -inf for free.
+        upper: largest values, shape (p,).
+        start: prior mean, held where the data are silent, shape (p,).
+        rank: analysis of R.
+    """
+    if (lower > upper).any():
+        raise DataError("a lower bound lies above its upper bound")
+    length = np.linalg.norm(R, axis=0)
+    unit = np.where(length > 0, 1.0 / np.where(length > 0, length, 1.0), rank.scale)
+    hold = rank.null.T / rank.scale
+    A = np.concatenate([R, WEAK * hold]) * unit
+    b = np.concatenate([z, WEAK * (hold @ start)])
+    low, high = lower / unit, upper / unit
+    limited = np.isfinite(low) | np.isfinite(high)
+    theta = np.zeros(len(unit))
+    Q, T = np.linalg.qr(A[:, ~limited])
+    theta[limited] = _within(*_without(Q, A[:, limited], b), low[limited], high[limited])
+    if (~limited).any():
+        theta[~limited] = np.linalg.lstsq(T, Q.T @ (b - A[:, limited] @ theta[limited]), rcond=None)[0]
+    theta = np.clip(theta * unit, lower, upper)
+    return theta, (theta <= lower) | (theta >= upper)
+
+
+def _without(Q: Floats, A: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Return columns and right side with the unbounded columns projected out: they follow anyway."""
+    return A - Q @ (Q.T @ A), b - Q @ (Q.T @ b)
+
+
+def _within(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the bounded solution of the columns that have bounds."""
+    fixed = low == high
+    out = np.where(fixed, low, 0.0)
+    if not fixed.all():
+        found = lsq_linear(
+            A[:, ~fixed],
+            b - A[:, fixed] @ out[fixed],
+            (low[~fixed], high[~fixed]),
+            method="bvls",
+            tol=1e-14,
+        )
+        out[~fixed] = found.x
+    return out

@@ -1,0 +1,107 @@
+"""Prediction error on data that were not fitted: stretches of time, with a guard gap beside them.
+
+Neighbouring residuals are alike, so random folds would let the fit see its own test. Each fold here
+is one stretch of time, and ``guard`` slots on both sides of it are used neither to fit nor to test.
+Every piece of rows is reduced once to its R factor, so that all folds cost about one fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.errors import DataError
+from pinotwin.solve.linear import Options, Reduced, linear, reduce, solve
+from pinotwin.solve.problem import Problem
+from pinotwin.solve.tsqr import r_factor
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Error on held-out rows, per axis in the order of ``problem.slices``.
+
+    Attributes:
+        rms: RMS prediction error [unit of the effort].
+        nrmse: the same divided by the effort's RMS.
+        nrmse_std: the same divided by the effort's standard deviation.
+        theta: coefficients of each fold, shape (folds, p).
+        error: prediction error of every row, shape (rows,).
+    """
+
+    rms: Floats
+    nrmse: Floats
+    nrmse_std: Floats
+    theta: Floats
+    error: Floats
+
+
+def held_out(
+    problem: Problem, folds: int = 5, guard: int | None = None, options: Options | None = None
+) -> HeldOut:
+    """Return the blocked K-fold prediction error of a linear problem.
+
+    Args:
+        problem: rows; for a separable problem pass that of its fit, the shapes stay as found.
+        folds: number of stretches of time.
+        guard: slots left out on each side of the stretch; default a twentieth of a stretch.
+        options: how to fit. Noise levels that are not given are taken from a fit of all rows.
+
+    Raises:
+        DataError: fewer instants than two per fold.
+    """
+    options = replace(options or Options(), whiten=0)
+    order = _order(problem)
+    times = int(order.max()) + 1
+    if folds < 2 or times < 2 * folds:
+        raise DataError(f"{times} instants cannot be split into {folds} folds of at least two")
+    guard = times // (20 * folds) if guard is None else guard
+    if options.sigma is None:
+        options = replace(options, sigma=linear(problem, options).sigma)
+    edges = np.linspace(0, times, folds + 1).astype(int)
+    cuts = np.unique(np.clip(np.concatenate([edges - guard, edges, edges + guard]), 0, times))
+    pieces = [problem.rows((order >= a) & (order < b)) for a, b in pairwise(cuts)]
+    factors = [reduce(piece) for piece in pieces]
+    theta = np.empty((folds, problem.parameters))
+    error = np.empty(len(problem.y))
+    for k, (a, b) in enumerate(pairwise(edges)):
+        outside = (cuts[1:] <= a - guard) | (cuts[:-1] >= b + guard)
+        chosen = [(p, f) for p, f, use in zip(pieces, factors, outside, strict=True) if use]
+        theta[k] = solve(_merge(problem, chosen), options).theta
+        inside = (order >= a) & (order < b)
+        error[inside] = problem.y[inside] - problem.W[inside] @ theta[k]
+    return _judge(problem, theta, error)
+
+
+def _order(problem: Problem) -> Ints:
+    """Return each row's place in time: instants of all blocks counted one after the other."""
+    starts = problem.grid.starts(0)
+    _, order = np.unique(starts[problem.grid.block] + problem.grid.slot, return_inverse=True)
+    return order
+
+
+def _merge(problem: Problem, chosen: Iterable[tuple[Problem, Reduced]]) -> Reduced:
+    """Return the factors of several pieces together, an axis without rows as zeros."""
+    width = problem.parameters + 1
+    stacks: dict[int, list[Floats]] = {i: [np.zeros((1, width))] for i in problem.slices}
+    rows = dict.fromkeys(problem.slices, 0)
+    for piece, reduced in chosen:
+        for i, F, n in zip(piece.slices, reduced.factors, reduced.rows, strict=True):
+            stacks[i].append(F)
+            rows[i] += n
+    factors = tuple(r_factor(np.concatenate(stacks[i])) for i in problem.slices)
+    return Reduced(factors, tuple(rows.values()))
+
+
+def _judge(problem: Problem, theta: Floats, error: Floats) -> HeldOut:
+    """Return the error's size per axis."""
+    parts = list(problem.slices.values())
+    rms = np.array([np.sqrt(np.mean(error[s] ** 2)) for s in parts])
+    size = np.array([np.sqrt(np.mean(problem.y[s] ** 2)) for s in parts])
+    spread = np.array([np.std(problem.y[s]) for s in parts])
+    ratio = np.divide(rms, size, out=np.full(len(parts), np.inf), where=size > 0)
+    ratio_std = np.divide(rms, spread, out=np.full(len(parts), np.inf), where=spread > 0)
+    return HeldOut(rms, ratio, ratio_std, theta, error)

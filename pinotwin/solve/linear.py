@@ -1,0 +1,286 @@
+"""Weighted, rank-revealing linear least squares with an honest covariance.
+
+    minimise  sum over axes of || y_i - W_i theta ||^2 / sigma_i^2
+
+The noise level of each axis is found with theta: ordinary least squares first, then weights from
+the residuals, until both rest (iterated generalised least squares; Gautier 1997 weights robots so).
+Each axis is reduced once to the R factor of ``[W_i y_i]``, so that the iterations cost nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError
+from pinotwin.solve.autoregression import autoregressions, whiten
+from pinotwin.solve.bounds import bounded
+from pinotwin.solve.covariance import Inference, spread
+from pinotwin.solve.problem import Problem
+from pinotwin.solve.rank import Rank, analyse
+from pinotwin.solve.result import LinearFit
+from pinotwin.solve.tsqr import r_factor
+
+TOLERANCE = 1e-9
+"""Smallest pivot of the scaled columns, relative to the largest, that counts as seen."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is believed before the data, e.g. the CAD values.
+
+    Attributes:
+        mean: shape (p,).
+        std: how far off each may be, shape (p,); sets which of several equally good theta is taken.
+            None takes the inverse column length.
+        soft: also weigh the belief against the data, so that every parameter is determined, by data
+            and belief together; otherwise the belief only fills what the data leave open.
+    """
+
+    mean: Floats
+    std: Floats | None = None
+    soft: bool = False
+
+
+@dataclass(frozen=True)
+class Options:
+    """How :func:`linear` solves.
+
+    Attributes:
+        prior: see :class:`Prior`; None is zero.
+        ridge: standard deviation of a weak belief that a coefficient is near the prior's mean,
+            shape (p,), inf for none; it keeps coefficients with hardly any data (the edge knots of
+            a table) from running away, but never makes one count as determined.
+        lower: bounds on theta, shape (p,); None for none.
+        upper: bounds on theta, shape (p,); None for none.
+        sigma: known noise level per axis; None to find it.
+        tolerance: smallest relative pivot that counts as seen.
+        inference: see :mod:`pinotwin.solve.covariance`.
+        whiten: order of the autoregression that whitens each axis' rows; 0 for none.
+    """
+
+    prior: Prior | None = None
+    ridge: Floats | None = None
+    lower: Floats | None = None
+    upper: Floats | None = None
+    sigma: Floats | None = None
+    tolerance: float = TOLERANCE
+    inference: Inference = "hac"
+    whiten: int = 0
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Rows of a problem reduced to one factor per axis; all that the estimate itself needs.
+
+    Attributes:
+        factors: R of ``[W_i y_i]`` per axis, each of shape (p + 1, p + 1).
+        rows: number of rows per axis.
+    """
+
+    factors: tuple[Floats, ...]
+    rows: tuple[int, ...]
+
+    def stacked(self, sigma: Floats) -> tuple[Floats, Floats]:
+        """Return R, z of all axes together, each axis divided by its noise level."""
+        R = r_factor(np.concatenate([F / s for F, s in zip(self.factors, sigma, strict=True)]))
+        return R[:-1, :-1], R[:-1, -1]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Theta of a reduced problem, without a covariance.
+
+    Attributes:
+        theta: shape (p,).
+        sigma: noise level per axis.
+        rank: analysis of the weighted factor (and of the soft prior, if any).
+        active: parameters on a bound, shape (p,).
+        factor: weighted R, shape (p, p).
+        right: weighted z, shape (p,).
+    """
+
+    theta: Floats
+    sigma: Floats
+    rank: Rank
+    active: Mask
+    factor: Floats
+    right: Floats
+
+
+def reduce(problems: Problem | Iterable[Problem]) -> Reduced:
+    """Return the factors of a problem, or of its consecutive pieces read one after the other."""
+    pieces = [problems] if isinstance(problems, Problem) else problems
+    factors: dict[int, Floats] = {}
+    rows: dict[int, int] = {}
+    for piece in pieces:
+        for i, part in piece.slices.items():
+            block = np.column_stack([piece.W[part], piece.y[part]])
+            old = [factors[i]] if i in factors else []
+            factors[i] = r_factor(np.concatenate([*old, block]) if old else block)
+            rows[i] = rows.get(i, 0) + len(block)
+    order = sorted(factors)
+    return Reduced(tuple(factors[i] for i in order), tuple(rows[i] for i in order))
+
+
+def linear(problem: Problem, options: Options | None = None) -> LinearFit:
+    """Fit a linear problem.
+
+    Args:
+        problem: rows to fit.
+        options: how; see :class:`Options`.
+
+    Raises:
+        DataError: options that do not fit the problem.
+    """
+    options = options or Options()
+    fit = _fit(problem, options)
+    if options.whiten <= 0:
+        return fit
+    models = autoregressions(problem, fit.residual, options.whiten)
+    values, keep = whiten(problem, np.column_stack([problem.W, problem.y]), models)
+    if not keep.any():
+        raise DataError(
+            f"no unbroken run is longer than the whitening order {options.whiten}: lower the order"
+        )
+    whitened = replace(problem, W=values[:, :-1], y=values[:, -1]).rows(keep)
+    return replace(_fit(whitened, replace(options, sigma=None)), problem=problem)
+
+
+def _fit(problem: Problem, options: Options) -> LinearFit:
+    """Return the fit of the rows as they are."""
+    found = solve(reduce(problem), options)
+    if len(problem.y) <= found.rank.rank:
+        raise DataError(
+            f"{len(problem.y)} rows for {problem.parameters} parameters leave nothing to judge the "
+            "fit by: record more motion, or relax the data selection"
+        )
+    weight = 1.0 / found.sigma[problem.axis_place]
+    scaled = replace(problem, W=problem.W * weight[:, None], y=problem.y * weight)
+    error = scaled.y - scaled.W @ found.theta
+    spreading = spread(scaled, error, found.rank.root, options.inference)
+    covariance = spreading.covariance
+    if options.prior is not None and options.prior.soft and options.prior.std is not None:
+        believed = found.rank.root.T @ (found.rank.root / options.prior.std[:, None] ** 2)
+        covariance = covariance + found.rank.root @ believed @ found.rank.root.T
+    p = problem.parameters
+    return LinearFit(
+        problem=problem,
+        theta=found.theta,
+        covariance=covariance,
+        dof=spreading.dof,
+        sigma=found.sigma,
+        rank=found.rank.rank,
+        condition=found.rank.condition,
+        determined=found.rank.determined,
+        unexcited=found.rank.unexcited,
+        groups=found.rank.groups,
+        active=found.active,
+        lower=_or(options.lower, -np.inf, p),
+        upper=_or(options.upper, np.inf, p),
+        factor=found.factor,
+        right=found.right,
+        lags=spreading.lags,
+    )
+
+
+def solve(reduced: Reduced, options: Options | None = None) -> Solution:
+    """Return theta and the noise levels of a reduced problem.
+
+    Args:
+        reduced: factors, e.g. of a log too long to hold.
+        options: how; ``inference`` and ``whiten`` are not used.
+    """
+    options = options or Options()
+    _check(reduced, options)
+    sigma = _first_levels(reduced) if options.sigma is None else np.asarray(options.sigma, float)
+    for _ in range(50):
+        found = _weighted(reduced, sigma, options)
+        if options.sigma is not None:
+            break
+        new = _levels(reduced, found)
+        if np.all(np.abs(new - sigma) <= 1e-8 * sigma):
+            break
+        sigma = new
+    return found
+
+
+def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
+    """Return theta for given noise levels."""
+    R, z = reduced.stacked(sigma)
+    p = R.shape[1]
+    prior = options.prior
+    mean = np.zeros(p) if prior is None else np.asarray(prior.mean, float)
+    std = None if prior is None else prior.std
+    A, b = R, z
+    if prior is not None and prior.soft and std is not None:
+        A, b = np.concatenate([R, np.diag(1 / std)]), np.concatenate([z, mean / std])
+    rank = analyse(A, options.tolerance, std)
+    if options.ridge is not None:
+        weak = np.flatnonzero(np.isfinite(options.ridge))
+        extra = np.zeros((len(weak), p))
+        extra[np.arange(len(weak)), weak] = 1.0 / options.ridge[weak]
+        A, b = np.concatenate([A, extra]), np.concatenate([b, extra @ mean])
+        rank = _with_ridge(rank, analyse(A, options.tolerance, std))
+    theta = mean + rank.nearest(rank.root @ (rank.root.T @ (A.T @ (b - A @ mean))))
+    theta += rank.root @ (rank.root.T @ (A.T @ (b - A @ theta)))
+    active = np.zeros(p, bool)
+    lower, upper = _or(options.lower, -np.inf, p), _or(options.upper, np.inf, p)
+    if ((theta < lower) | (theta > upper)).any():
+        theta, active = bounded(A, b, lower, upper, mean, rank)
+    return Solution(theta, sigma, rank, active, R, z)
+
+
+def _with_ridge(data: Rank, both: Rank) -> Rank:
+    """Return the solution's rank analysis with the ridge, and what the data alone determine."""
+    return replace(
+        both,
+        rank=data.rank,
+        condition=data.condition,
+        determined=data.determined,
+        unexcited=data.unexcited,
+        groups=data.groups,
+    )
+
+
+def _first_levels(reduced: Reduced) -> Floats:
+    """Return the effort's RMS per axis: unit weights up to the axis' size."""
+    size = np.array([np.linalg.norm(F[:, -1]) for F in reduced.factors])
+    level = size / np.sqrt(reduced.rows)
+    return np.where(level > 0, level, 1.0)
+
+
+def _levels(reduced: Reduced, found: Solution) -> Floats:
+    """Return the residuals' level per axis, with the degrees of freedom that each axis has left."""
+    floor = 1e-10 * _first_levels(reduced)
+    out = np.empty(len(reduced.rows))
+    step = np.concatenate([found.theta, [-1.0]])
+    for i, (F, n) in enumerate(zip(reduced.factors, reduced.rows, strict=True)):
+        used = float(np.sum((F[:, :-1] @ found.rank.root) ** 2)) / found.sigma[i] ** 2
+        left = max(n - used, 0.5 * n / (1 + used))
+        out[i] = np.linalg.norm(F @ step) / np.sqrt(left)
+    return np.maximum(out, floor)
+
+
+def _or(bound: Floats | None, default: float, p: int) -> Floats:
+    return np.full(p, default) if bound is None else np.asarray(bound, float)
+
+
+def _check(reduced: Reduced, options: Options) -> None:
+    """Refuse options whose lengths do not fit."""
+    p = reduced.factors[0].shape[1] - 1
+    given = {"lower": options.lower, "upper": options.upper}
+    if options.prior is not None:
+        given |= {"prior.mean": options.prior.mean, "prior.std": options.prior.std}
+        if options.prior.soft and options.prior.std is None:
+            raise DataError("a soft prior needs standard deviations: set prior.std")
+    for name, value in given.items():
+        if value is not None and np.shape(value) != (p,):
+            raise DataError(f"{name} has shape {np.shape(value)}, the problem has {p} parameters")
+    if options.sigma is not None and np.shape(options.sigma) != (len(reduced.rows),):
+        raise DataError(
+            f"sigma has shape {np.shape(options.sigma)}, the problem has {len(reduced.rows)} axes"
+        )

@@ -1,0 +1,150 @@
+"""The joint refinement of all shapes by variable projection.
+
+    minimise over x  || P(x) y ||^2,   P(x) = projector off the columns W(x)
+
+with Kaufman's Jacobian -P dW/dx theta (Kaufman 1975, doi:10.1007/BF01932995; Golub & Pereyra 2003,
+doi:10.1088/0266-5611/19/2/201), in the small coordinates of :mod:`pinotwin.solve.projection`, by the
+bounded trust-region method of `scipy.optimize.least_squares`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lstsq
+from scipy.optimize import least_squares
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.solve.bounds import bounded
+from pinotwin.solve.projection import Projection, Span
+from pinotwin.solve.rank import analyse
+from pinotwin.solve.tsqr import r_factor
+
+MAX_EVALUATIONS = 40
+CLOSE = 1e-9
+"""Relative fall of the cost that ends the search: far below one unit of deviance in 1e6 rows."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds on the linear coefficients; see :class:`pinotwin.solve.linear.Options`.
+
+    Attributes:
+        lower: shape (p,).
+        upper: shape (p,).
+        tolerance: smallest relative pivot that counts as seen.
+    """
+
+    lower: Floats
+    upper: Floats
+    tolerance: float
+
+    @property
+    def any(self) -> bool:
+        """Whether any bound is finite."""
+        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+
+
+@dataclass(frozen=True)
+class Polished:
+    """A local optimum of all shapes.
+
+    Attributes:
+        x: search coordinates of all blocks, one after the other, shape (s,).
+        cost: weighted residual sum of squares.
+        evaluations: number of evaluations.
+        converged: whether the search ended by itself.
+    """
+
+    x: Floats
+    cost: float
+    evaluations: int
+    converged: bool
+
+
+class VariableProjection:
+    """Residual and Jacobian of the variable projection as functions of the search coordinates."""
+
+    def __init__(self, projection: Projection, sigma: Floats, limits: Limits) -> None:
+        """Prepare for given noise levels.
+
+        Args:
+            projection: the problem.
+            sigma: noise level per axis.
+            limits: bounds on the linear coefficients, fixed columns first.
+        """
+        self._projection = projection
+        self._sigma = sigma
+        self._limits = limits
+        self._linear = np.delete(np.arange(projection.width), projection.fixed)
+        self._cuts = np.cumsum([0, *(len(m.shapes) for m in projection.moving)])
+        self._last: tuple[Floats, Floats, Floats] | None = None
+
+    def split(self, x: Floats) -> list[Floats]:
+        """Return the search coordinates of each block."""
+        return [x[a:b] for a, b in zip(self._cuts[:-1], self._cuts[1:], strict=True)]
+
+    def residual(self, x: Floats) -> Floats:
+        """Return the residual in small coordinates."""
+        return self._evaluate(x)[0]
+
+    def jacobian(self, x: Floats) -> Floats:
+        """Return Kaufman's Jacobian of the residual."""
+        return self._evaluate(x)[1]
+
+    def _evaluate(self, x: Floats) -> tuple[Floats, Floats]:
+        if self._last is not None and np.array_equal(self._last[2], x):
+            return self._last[:2]
+        P = self._projection
+        parts = self.split(x)
+        columns = [m.at(part) for m, part in zip(P.moving, parts, strict=True)]
+        pieces = [(b, C, P.numbers(b)) for b, C in enumerate(columns)]
+        theta, free = self._solve(P.small(pieces, self._sigma, P.width))
+        for b, (m, part) in enumerate(zip(P.moving, parts, strict=True)):
+            slopes = m.slopes(part, theta[P.numbers(b) - 1])
+            pieces.append((b, slopes, P.width + np.arange(self._cuts[b], self._cuts[b + 1])))
+        small = P.small(pieces, self._sigma, P.width + len(x))
+        W, y = small[:, self._linear], small[:, P.fixed]
+        base = Span.of(W[:, free], np.arange(int(free.sum()))).basis
+        slope = small[:, P.width :]
+        jacobian = -(slope - base @ (base.T @ slope))
+        self._last = (y - W @ theta, jacobian, x.copy())
+        return self._last[:2]
+
+    def _solve(self, small: Floats) -> tuple[Floats, Mask]:
+        """Return theta and which of its entries are free of bounds."""
+        W, y = small[:, self._linear], small[:, self._projection.fixed]
+        length = np.linalg.norm(W, axis=0)
+        unit = 1.0 / np.where(length > 0, length, 1.0)
+        # gelsy: pivoted QR, several times faster than singular values where tables make p large
+        theta = (
+            unit
+            * lstsq(W * unit, y, cond=self._limits.tolerance, lapack_driver="gelsy", check_finite=False)[0]
+        )
+        free = np.ones(len(theta), bool)
+        outside = (theta < self._limits.lower) | (theta > self._limits.upper)
+        if self._limits.any and outside.any():
+            rank = analyse(r_factor(W), self._limits.tolerance)
+            start = np.zeros(len(theta))
+            theta, active = bounded(W, y, self._limits.lower, self._limits.upper, start, rank)
+            free = ~active
+        return theta, free
+
+
+def polish(problem: VariableProjection, start: Floats, lower: Floats, upper: Floats) -> Polished:
+    """Return the optimum of all shapes near ``start``, within bounds, in search coordinates."""
+    width = upper - lower
+    inside = np.clip(start, lower + 1e-9 * width, upper - 1e-9 * width)
+    found = least_squares(
+        problem.residual,
+        inside,
+        problem.jacobian,
+        bounds=(lower, upper),
+        x_scale="jac",
+        ftol=CLOSE,
+        xtol=1e-9,
+        gtol=1e-12,
+        max_nfev=MAX_EVALUATIONS,
+    )
+    return Polished(np.asarray(found.x), 2 * float(found.cost), int(found.nfev), found.status > 0)

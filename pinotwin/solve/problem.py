@@ -1,0 +1,181 @@
+"""A linear least-squares problem whose rows remember which axis and which instant they belong to.
+
+    y[r] = W[r] @ theta + e[r],    row r = (axis, block, time)
+
+Keeping the axis lets every axis have its own noise level; keeping the time lets the covariance
+respect that neighbouring residuals are alike. A *block* is a stretch of one log: no correlation is
+looked for across blocks, while rows missing inside a block (thrown out by data selection) only
+leave a hole in its time axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.errors import DataError
+
+
+@dataclass(frozen=True)
+class AxisRows:
+    """The rows of one axis, times increasing inside each block.
+
+    Attributes:
+        W: regressor, shape (n, p).
+        y: measured effort, shape (n,).
+        time: sample index, shape (n,).
+        block: identity of the unbroken stretch, shape (n,); None for a single one.
+    """
+
+    W: Floats
+    y: Floats
+    time: Ints
+    block: Ints | None = None
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Rows of one linear problem, sorted by axis, then block, then time.
+
+    Attributes:
+        W: regressor, shape (rows, p).
+        y: measured effort, shape (rows,).
+        axis: axis number of each row, ascending, shape (rows,).
+        time: sample index of each row; lags are differences of it, shape (rows,).
+        names: name of every parameter, length p.
+        block: identity of the unbroken stretch each row belongs to, shape (rows,).
+    """
+
+    W: Floats
+    y: Floats
+    axis: Ints
+    time: Ints
+    names: tuple[str, ...]
+    block: Ints
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    @classmethod
+    def stack(cls, parts: Sequence[AxisRows], names: Sequence[str]) -> Self:
+        """Return the problem of several axes, numbered in the order given."""
+        blocks = [np.zeros(len(x.y), int) if x.block is None else x.block for x in parts]
+        return cls(
+            W=np.concatenate([x.W for x in parts]),
+            y=np.concatenate([x.y for x in parts]),
+            axis=np.repeat(np.arange(len(parts)), [len(x.y) for x in parts]),
+            time=np.concatenate([x.time for x in parts]).astype(np.intp),
+            names=tuple(names),
+            block=np.concatenate(blocks).astype(np.intp),
+        )
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters p."""
+        return self.W.shape[1]
+
+    @cached_property
+    def slices(self) -> dict[int, slice]:
+        """Rows of each axis that has any, keyed by axis number."""
+        numbers, first = np.unique(self.axis, return_index=True)
+        ends = [*first[1:], len(self.axis)]
+        return {int(i): slice(int(a), int(b)) for i, a, b in zip(numbers, first, ends, strict=True)}
+
+    @cached_property
+    def axis_place(self) -> Ints:
+        """Place of each row's axis in :attr:`slices`, shape (rows,)."""
+        return np.searchsorted(np.array(list(self.slices)), self.axis)
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The uniform time axis on which the rows of all axes lie."""
+        return Grid.of(self.block, self.time)
+
+    def rows(self, keep: Mask) -> Self:
+        """Return the problem of the rows marked True in ``keep``, shape (rows,)."""
+        return replace(
+            self,
+            W=self.W[keep],
+            y=self.y[keep],
+            axis=self.axis[keep],
+            time=self.time[keep],
+            block=self.block[keep],
+        )
+
+    def with_columns(self, W: Floats, names: Sequence[str]) -> Self:
+        """Return the same rows with another regressor."""
+        return replace(self, W=W, names=tuple(names))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Slots of a uniform time axis, one block after the other.
+
+    Attributes:
+        slot: slot of each row inside its block, shape (rows,).
+        block: place of each row's block in ``lengths``, shape (rows,).
+        lengths: number of slots of each block, holes included.
+        times: number of distinct instants that hold at least one row.
+    """
+
+    slot: Ints
+    block: Ints
+    lengths: tuple[int, ...]
+    times: int
+
+    @classmethod
+    def of(cls, block: Ints, time: Ints) -> Self:
+        """Return the grid of rows given by block and sample index."""
+        pairs = np.unique(np.stack([block, time], axis=1), axis=0)
+        same = pairs[1:, 0] == pairs[:-1, 0]
+        gaps = np.diff(pairs[:, 1])[same]
+        step = int(np.gcd.reduce(gaps)) if len(gaps) else 1
+        numbers, place = np.unique(block, return_inverse=True)
+        first = np.array([pairs[pairs[:, 0] == b, 1].min() for b in numbers])
+        slot = (time - first[place]) // max(step, 1)
+        lengths = np.zeros(len(numbers), int)
+        np.maximum.at(lengths, place, slot + 1)
+        return cls(slot, place, tuple(int(x) for x in lengths), len(pairs))
+
+    def starts(self, padding: int) -> Ints:
+        """First slot of each block when ``padding`` empty slots follow every block."""
+        sizes = np.array(self.lengths) + padding
+        return np.concatenate([[0], np.cumsum(sizes)])
+
+    def spread(self, values: Floats, padding: int) -> Floats:
+        """Add row values into the slots of the grid, shape (slots, k); holes stay zero.
+
+        Args:
+            values: one value per row, shape (rows, k).
+            padding: empty slots after every block.
+        """
+        starts = self.starts(padding)
+        index = starts[self.block] + self.slot
+        rows = np.arange(len(index))
+        adder = csr_array((np.ones(len(index)), (index, rows)), (int(starts[-1]), len(index)))
+        return np.asarray(adder @ values)
+
+
+def _check(problem: Problem) -> None:
+    """Refuse rows that do not form a problem."""
+    rows = len(problem.y)
+    if problem.W.ndim != 2 or problem.W.shape[1] != len(problem.names):
+        raise DataError(f"regressor has shape {problem.W.shape} for {len(problem.names)} named parameters")
+    for name in ("W", "axis", "time", "block"):
+        if len(getattr(problem, name)) != rows:
+            raise DataError(f"{name} has {len(getattr(problem, name))} rows, y has {rows}")
+    if rows == 0:
+        raise DataError("no rows left to fit: relax the data selection or record more motion")
+    if not (np.isfinite(problem.W).all() and np.isfinite(problem.y).all()):
+        raise DataError("regressor or effort holds NaN or infinite values; select the rows first")
+    key = np.stack([problem.axis, problem.block, problem.time])
+    step = np.diff(key, axis=1)
+    later = (step[0] > 0) | ((step[0] == 0) & ((step[1] > 0) | ((step[1] == 0) & (step[2] > 0))))
+    if not later.all():
+        raise DataError("rows must be sorted by axis, then block, then strictly increasing time")

@@ -1,0 +1,125 @@
+"""Which directions of theta the data determine, and what to do about the others.
+
+Columns are scaled to unit length, then a pivoted QR of the R factor splits the parameters' space
+into what the data see and a null space (Golub & Van Loan 2013, section 5.4). In the null space
+theta stays at the prior: of all theta that fit equally well the one nearest the prior is taken,
+measured in units of the prior's standard deviation. A parameter is determined when the null space
+has no component along it; parameters tied together by the null space form a group that these data
+cannot tell apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import qr, solve_triangular
+from scipy.sparse.csgraph import connected_components
+
+from pinotwin.arrays import Floats, Mask
+
+EMPTY = 1e-13
+"""A column shorter than this times the longest one is taken as empty."""
+LINKED = 1e-6
+"""Entries of the null space's projector above this tie two parameters together."""
+
+
+@dataclass(frozen=True)
+class Rank:
+    """The split of the parameters' space into seen and unseen directions.
+
+    Attributes:
+        rank: number of directions that the data determine.
+        condition: ratio of the largest to the smallest singular value of the seen, scaled columns.
+        root: F with F F' = (W'W)^+ in the prior's metric, shape (p, rank).
+        null: basis of the unseen directions, orthonormal in that metric, shape (p, p - rank).
+        scale: the metric, one length per parameter, shape (p,).
+        determined: per parameter, shape (p,).
+        unexcited: parameters whose column is empty.
+        groups: parameters that cannot be told apart, each group ascending.
+    """
+
+    rank: int
+    condition: float
+    root: Floats
+    null: Floats
+    scale: Floats
+    determined: Mask
+    unexcited: tuple[int, ...]
+    groups: tuple[tuple[int, ...], ...]
+
+    def nearest(self, delta: Floats) -> Floats:
+        """Return ``delta`` without its component in the unseen directions."""
+        return delta - self.scale * (self.null @ (self.null.T @ (delta / self.scale)))
+
+
+def analyse(R: Floats, tolerance: float, scale: Floats | None = None, linked: float = LINKED) -> Rank:
+    """Split the parameters' space of a factor.
+
+    Args:
+        R: factor of the weighted regressor, shape (k, p).
+        tolerance: smallest diagonal of the scaled pivoted factor, relative to its largest.
+        scale: length that counts as one unit of each parameter; default the inverse column length.
+        linked: entries of the null space's projector above this tie two parameters together.
+    """
+    p = R.shape[1]
+    length = np.linalg.norm(R, axis=0)
+    empty = length <= EMPTY * length.max(initial=0.0)
+    used = np.flatnonzero(~empty)
+    unit = np.where(empty, 1.0, 1.0 / np.where(empty, 1.0, length))
+    scale = unit if scale is None else np.where(scale > 0, scale, unit)
+    if not len(used):
+        eye = np.eye(p)
+        return Rank(0, np.inf, np.zeros((p, 0)), eye, scale, np.zeros(p, bool), tuple(range(p)), ())
+    T, pivot = qr(R[:, used] * unit[used], mode="r", pivoting=True)[0:2]
+    diagonal = np.abs(np.diag(T))
+    rank = int(np.sum(diagonal > tolerance * diagonal[0]))
+    T11, T12 = T[:rank, :rank], T[:rank, rank:]
+    null = _null_space(T11, T12, used[pivot], p, unit, scale, empty)
+    root = np.zeros((p, rank))
+    root[used[pivot[:rank]]] = solve_triangular(T11, np.eye(rank))
+    root *= unit[:, None]
+    root -= scale[:, None] * (null @ (null.T @ (root / scale[:, None])))
+    singular = np.linalg.svd(T[:rank], compute_uv=False)
+    projector = _plain_projector(null, scale, unit)
+    determined = ~empty & (np.abs(np.diag(projector)) < linked)
+    return Rank(
+        rank,
+        float(singular[0] / singular[-1]),
+        root,
+        null,
+        scale,
+        determined,
+        tuple(np.flatnonzero(empty).tolist()),
+        _groups(projector, ~determined & ~empty, linked),
+    )
+
+
+def _null_space(
+    T11: Floats, T12: Floats, order: Floats, p: int, unit: Floats, scale: Floats, empty: Mask
+) -> Floats:
+    """Return the basis of the unseen directions, orthonormal in units of ``scale``."""
+    rank, missing = T12.shape
+    blank = np.flatnonzero(empty)
+    basis = np.zeros((p, missing + len(blank)))
+    basis[order[:rank], :missing] = -solve_triangular(T11, T12) if missing else 0.0
+    basis[order[rank:], :missing] = np.eye(missing)
+    basis *= unit[:, None]
+    basis[blank, missing:] = np.eye(len(blank))
+    return np.linalg.qr(basis / scale[:, None])[0]
+
+
+def _plain_projector(null: Floats, scale: Floats, unit: Floats) -> Floats:
+    """Return the orthogonal projector on the unseen directions in units of column length."""
+    Q = np.linalg.qr(null * (scale / unit)[:, None])[0]
+    return Q @ Q.T
+
+
+def _groups(projector: Floats, among: Mask, linked: float) -> tuple[tuple[int, ...], ...]:
+    """Return the sets of parameters that the projector ties together."""
+    index = np.flatnonzero(among)
+    if not len(index):
+        return ()
+    tied = np.abs(projector[np.ix_(index, index)]) > linked
+    count, label = connected_components(tied, directed=False)
+    return tuple(tuple(index[label == k].tolist()) for k in range(count))

@@ -1,0 +1,127 @@
+"""What a linear fit found, how sure it is, and how well it judges itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import stdtrit
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.solve.problem import Problem
+from pinotwin.solve.rank import analyse
+from pinotwin.solve.whiteness import Whiteness, whiteness
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """The result of :func:`pinotwin.solve.linear`; it keeps its problem.
+
+    Attributes:
+        problem: the rows that were fitted.
+        theta: coefficients, shape (p,).
+        covariance: of theta, shape (p, p). In directions that the data leave open it is zero (theta
+            stays at the prior there), so it holds for every combination that the data determine;
+            :attr:`standard_errors` says infinity for each parameter that is not determined.
+        dof: degrees of freedom of the covariance, for Student's t.
+        sigma: noise level per axis, in the order of ``problem.slices`` [unit of the effort].
+        rank: number of directions that the data determine.
+        condition: condition number of the seen, scaled columns.
+        determined: whether the data determine each parameter, shape (p,).
+        unexcited: parameters whose column is empty in these data.
+        groups: parameters that these data cannot tell apart.
+        active: parameters that sit on a bound, shape (p,).
+        lower: bounds, shape (p,), -inf for none.
+        upper: bounds, shape (p,), inf for none.
+        factor: R of the rows divided by sigma, shape (p, p).
+        right: z with || R theta - z || the weighted residual up to a constant, shape (p,).
+        lags: bandwidth of the covariance, in slots of the time axis.
+    """
+
+    problem: Problem
+    theta: Floats
+    covariance: Floats
+    dof: float
+    sigma: Floats
+    rank: int
+    condition: float
+    determined: Mask
+    unexcited: tuple[int, ...]
+    groups: tuple[tuple[int, ...], ...]
+    active: Mask
+    lower: Floats
+    upper: Floats
+    factor: Floats
+    right: Floats
+    lags: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every parameter."""
+        return self.problem.names
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Measured minus fitted effort, shape (rows,)."""
+        return self.problem.y - self.problem.W @ self.theta
+
+    @cached_property
+    def standard_errors(self) -> Floats:
+        """Standard error of every parameter, infinite where it is not determined, shape (p,)."""
+        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return np.where(self.determined, deviation, np.inf)
+
+    def interval(self, level: float = 0.95) -> Floats:
+        """Return the confidence interval of every parameter, cut at its bounds, shape (p, 2)."""
+        reach = float(stdtrit(self.dof, 0.5 + level / 2)) * self.standard_errors
+        low = np.maximum(self.theta - reach, self.lower)
+        high = np.minimum(self.theta + reach, self.upper)
+        return np.stack([low, high], axis=1)
+
+    def combination(self, weights: Floats) -> tuple[float, float]:
+        """Return a combination of parameters and its standard error, e.g. of a group's sum.
+
+        Args:
+            weights: shape (p,). The error is infinite where the data leave the combination open.
+        """
+        value = float(weights @ self.theta)
+        seen = self.factor.T @ np.linalg.lstsq(self.factor.T, weights, rcond=1e-10)[0]
+        if np.linalg.norm(seen - weights) > 1e-6 * np.linalg.norm(weights):
+            return value, np.inf
+        return value, float(np.sqrt(max(float(weights @ self.covariance @ weights), 0.0)))
+
+    @cached_property
+    def relative_error(self) -> float:
+        """Residual norm divided by the norm of the effort, all axes together."""
+        return _ratio(self.residual, self.problem.y)
+
+    @cached_property
+    def relative_errors(self) -> Floats:
+        """The same per axis, in the order of ``problem.slices``."""
+        y = self.problem.y
+        return np.array([_ratio(self.residual[s], y[s]) for s in self.problem.slices.values()])
+
+    @cached_property
+    def whiteness(self) -> Whiteness:
+        """Tests of the residuals' whiteness, per axis."""
+        return whiteness(self.problem, self.residual)
+
+    def nearly_tied(self, tolerance: float = 0.01, share: float = 0.1) -> tuple[tuple[int, ...], ...]:
+        """Return groups of parameters that these data tell apart only weakly.
+
+        Args:
+            tolerance: a direction counts as weak when its scaled columns cancel down to this share
+                of their length.
+            share: parameters with more than this share in a weak direction belong to the group.
+        """
+        return analyse(self.factor, tolerance, linked=share).groups
+
+    def group_names(self) -> tuple[tuple[str, ...], ...]:
+        """Return the groups by name."""
+        return tuple(tuple(self.names[i] for i in group) for group in self.groups)
+
+
+def _ratio(error: Floats, y: Floats) -> float:
+    size, left = float(np.linalg.norm(y)), float(np.linalg.norm(error))
+    return left / size if size > 0 else (np.inf if left > 0 else 0.0)

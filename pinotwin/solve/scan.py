@@ -1,0 +1,188 @@
+"""Search of one moving block with everything else projected out.
+
+For a candidate C of the block's columns the drop of the weighted sum of squares is
+
+    gain = g' G^-1 g,   g = C' P r,   G = C' P C
+
+with P the projector off all other columns and r the residual they leave. It costs one thin product
+per candidate, so the block's whole grid is scanned, the best basins are kept, and each is refined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from pinotwin.arrays import Floats
+from pinotwin.solve.moving import Moving
+from pinotwin.solve.projection import RANK, Projection, Span
+
+KEPT = 4
+"""Basins of a block that are refined."""
+RIDGE = 1e-10
+"""Share of a candidate's length that must lie outside the other columns."""
+
+
+@dataclass(frozen=True)
+class Basin:
+    """A local optimum of one block's shapes.
+
+    Attributes:
+        x: search coordinates, shape (s,).
+        gain: drop of the weighted sum of squares that the block brings there.
+    """
+
+    x: Floats
+    gain: float
+
+
+class Scan:
+    """The gain of one block as a function of its shapes, all other columns held.
+
+    Attributes:
+        block: the block.
+        evaluations: number of candidates looked at so far.
+    """
+
+    def __init__(
+        self,
+        projection: Projection,
+        b: int,
+        others: Sequence[tuple[int, Floats]],
+        sigma: Floats,
+    ) -> None:
+        """Project out the fixed columns and those of other blocks.
+
+        Args:
+            projection: the problem.
+            b: which block.
+            others: (block, columns) of the blocks to hold.
+            sigma: noise level per axis.
+        """
+        self.block: Moving = projection.moving[b]
+        self.evaluations = 0
+        pieces = [(k, C, projection.numbers(k)) for k, C in others]
+        spans = [s.wider(*projection.on_axis(i, pieces)) for i, s in enumerate(projection.spans)]
+        sizes = [s.basis.shape[1] for s in spans]
+        offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        small = np.zeros((int(offsets[-1]), projection.width))
+        for i, span in enumerate(spans):
+            small[offsets[i] : offsets[i + 1], span.index] = span.coordinates / sigma[i]
+        effort = small[:, projection.fixed]
+        rest = np.delete(small, projection.fixed, axis=1)
+        base = Span.of(rest, np.arange(rest.shape[1])).basis
+        self._base = base
+        self._residual = effort - base @ (base.T @ effort)
+        self._residual -= base @ (base.T @ self._residual)
+        self._where = [
+            (spans[i].basis, place, slice(offsets[i], offsets[i + 1]), 1 / sigma[i])
+            for i, place in projection.placed[b].items()
+        ]
+        self._rows = int(offsets[-1])
+
+    def gain(self, x: Floats) -> float:
+        """Return the drop of the weighted sum of squares at search coordinates x."""
+        return float(self.gains(x[None])[0])
+
+    def gains(self, points: Floats) -> Floats:
+        """Return the gain at every point, shape (m,), for points of shape (m, s)."""
+        self.evaluations += len(points)
+        c = len(self.block.names)
+        inside = np.zeros((len(points), self._rows, c))
+        gram = np.zeros((len(points), c, c))
+        for k, x in enumerate(points):
+            C = self.block.at(x)
+            for basis, place, where, weight in self._where:
+                part = place.take(C, len(basis))
+                inside[k, where] = (basis.T @ part) * weight
+                gram[k] += (part.T @ part) * weight**2
+        length = np.diagonal(gram, axis1=1, axis2=2)
+        scale = np.sqrt(np.where(length > 0, length, 1.0))
+        left = inside - self._base @ (self._base.T @ inside)
+        gram = gram - np.swapaxes(inside, 1, 2) @ inside + np.swapaxes(left, 1, 2) @ left
+        values, vectors = np.linalg.eigh(gram / (scale[:, :, None] * scale[:, None, :]))
+        slope = (np.swapaxes(left, 1, 2) @ self._residual) / scale
+        part = np.squeeze(np.swapaxes(vectors, 1, 2) @ slope[:, :, None], axis=2)
+        good = values > np.maximum(RIDGE, RANK * values[:, -1:])
+        return np.sum(np.where(good, part**2 / np.where(good, values, 1.0), 0.0), axis=1)
+
+    def basins(self, start: Floats, refine: bool = True) -> list[Basin]:
+        """Return the best basins of the block, best first.
+
+        The longest grid is scanned first with the other shapes at ``start``, then each further
+        shape from every basin kept.
+
+        Args:
+            start: search coordinates from which to scan, shape (s,).
+            refine: also search between the values of the grid.
+        """
+        grids = self.block.grids
+        kept = [Basin(start, self.gain(start))]
+        for k in sorted(range(len(grids)), key=lambda k: -len(grids[k])):
+            found = [peak for basin in kept for peak in self._peaks(basin.x, k)]
+            kept = self._best([*found, *kept])
+        if not refine:
+            return kept
+        return self._best([self._refined(basin) for basin in kept])
+
+    def _peaks(self, x: Floats, k: int) -> list[Basin]:
+        """Return the local maxima along the grid of shape k, best first."""
+        grid = self.block.grids[k]
+        points = np.repeat(x[None], len(grid), axis=0)
+        points[:, k] = grid
+        gains = self.gains(points)
+        padded = np.concatenate([[-np.inf], gains, [-np.inf]])
+        peak = (gains >= padded[:-2]) & (gains >= padded[2:])
+        order = np.flatnonzero(peak)[np.argsort(-gains[peak], kind="stable")]
+        return [Basin(points[i], float(gains[i])) for i in order[:KEPT]]
+
+    def _best(self, basins: Sequence[Basin]) -> list[Basin]:
+        """Return the best few basins, of neighbours within half a grid cell only the best."""
+        out: list[Basin] = []
+        for basin in sorted(basins, key=lambda b: -b.gain):
+            if not any(self._same(basin.x, kept.x) for kept in out):
+                out.append(basin)
+        return out[:KEPT]
+
+    def _same(self, one: Floats, other: Floats) -> bool:
+        """Return whether two points lie within half a cell of the grid."""
+        for k, value in enumerate(other):
+            low, high = self._neighbours(value, k)
+            if abs(one[k] - value) > 0.25 * (high - low):
+                return False
+        return True
+
+    def _refined(self, basin: Basin) -> Basin:
+        """Return the optimum near a basin: one shape at a time, each within its grid neighbours."""
+        x, best = basin.x.copy(), basin.gain
+        count = len(x)
+        for _ in range(min(count, 2)):
+            for k in range(count):
+                low, high = self._neighbours(x[k], k)
+                if high <= low:
+                    continue
+
+                def loss(value: float, k: int = k) -> float:
+                    trial = x.copy()
+                    trial[k] = value
+                    return -self.gain(trial)
+
+                found = minimize_scalar(
+                    loss,
+                    bounds=(low, high),
+                    method="bounded",
+                    options={"xatol": 1e-2 * (high - low)},
+                )
+                if -found.fun > best:
+                    x[k], best = found.x, -found.fun
+        return Basin(x, float(best))
+
+    def _neighbours(self, value: float, k: int) -> tuple[float, float]:
+        """Return the grid values on both sides of a value, or the bounds beyond the ends."""
+        low, high = (float(bound[k]) for bound in self.block.bounds)
+        grid = self.block.grids[k]
+        below, above = grid[grid < value], grid[grid > value]
+        return float(below[-1]) if len(below) else low, float(above[0]) if len(above) else high

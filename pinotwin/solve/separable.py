@@ -1,0 +1,220 @@
+"""Least squares with a few nonlinear shapes: variable projection with a global start strategy.
+
+    y = W0 theta0 + sum over blocks of C_b(shape_b) theta_b + e
+
+For given shapes all coefficients follow by linear least squares, so only the shapes are searched,
+and never all at once: each block is scanned over its own grid with everything else projected out,
+the strongest block first, then all again with the others at their new values. The best basins of
+every block are refined, and a bounded Gauss-Newton search polishes all shapes together. The
+covariance comes from the full Jacobian at the optimum, so it says how the shapes' uncertainty
+widens that of theta.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError
+from pinotwin.solve.covariance import spread
+from pinotwin.solve.linear import Options, linear, reduce, solve
+from pinotwin.solve.moving import Moving
+from pinotwin.solve.polish import Limits, Polished, VariableProjection, polish
+from pinotwin.solve.problem import Problem
+from pinotwin.solve.projection import Projection
+from pinotwin.solve.rank import analyse
+from pinotwin.solve.scan import Basin, Scan
+from pinotwin.solve.shapes import SeparableFit, ShapeFit
+from pinotwin.solve.tsqr import r_factor
+
+SWEEPS = 3
+"""Most sweeps over the blocks after the first look at each."""
+RIVAL = 0.9
+"""Share of the best gain from which another basin counts as a rival."""
+POLISHED = 3
+"""Most rival basins that are polished beside the best."""
+
+
+def separable(problem: Problem, moving: Sequence[Moving], options: Options | None = None) -> SeparableFit:
+    """Fit fixed columns and moving blocks together.
+
+    Args:
+        problem: rows whose regressor holds the fixed columns (at least none).
+        moving: the blocks with shapes.
+        options: prior and bounds cover fixed coefficients first, then those of each block in turn.
+
+    Raises:
+        DataError: options that do not fit.
+    """
+    options = options or Options()
+    if options.whiten:
+        raise DataError("whitened rows are for linear fits; set whiten=0 when shapes are searched")
+    if not moving:
+        fit = linear(problem, options)
+        return SeparableFit(fit, (), np.zeros(0), np.zeros((0, 0)), (), 0, True)
+    search = _Search(problem, tuple(moving), options)
+    search.look()
+    search.sweep()
+    return search.finish()
+
+
+class _Search:
+    """The state of one search: where the shapes are now, and what has been found on the way."""
+
+    def __init__(self, problem: Problem, moving: tuple[Moving, ...], options: Options) -> None:
+        self.problem = problem
+        self.moving = moving
+        self.options = options
+        self.projection = Projection.of(problem, moving)
+        self.names = (*problem.names, *(name for m in moving for name in m.names))
+        p = len(self.names)
+        self.limits = Limits(
+            np.full(p, -np.inf) if options.lower is None else options.lower,
+            np.full(p, np.inf) if options.upper is None else options.upper,
+            options.tolerance,
+        )
+        self.x = [np.array([g[len(g) // 2] for g in m.grids]) for m in moving]
+        self.basins: list[list[Basin]] = [[] for _ in moving]
+        self.evaluations = 0
+        fixed = Options(sigma=options.sigma, tolerance=options.tolerance)
+        self.sigma = solve(reduce(problem), fixed).sigma
+
+    def look(self) -> None:
+        """Scan every block alone and take the best of each as a first guess."""
+        for b in range(len(self.moving)):
+            self.scan(b, [], refine=False)
+        self.reweigh()
+
+    def sweep(self) -> None:
+        """Scan every block with the others in place, strongest first, until none jumps."""
+        columns = [m.at(x) for m, x in zip(self.moving, self.x, strict=True)]
+        for _ in range(SWEEPS):
+            order = sorted(range(len(self.moving)), key=lambda b: -self.basins[b][0].gain)
+            jumped = False
+            for b in order:
+                before = self.x[b]
+                self.scan(b, [(k, C) for k, C in enumerate(columns) if k != b])
+                jumped |= self.cell(b, before) != self.cell(b, self.x[b])
+                columns[b] = self.moving[b].at(self.x[b])
+            self.reweigh()
+            if not jumped or len(self.moving) == 1:
+                break
+
+    def scan(self, b: int, others: Sequence[tuple[int, Floats]], refine: bool = True) -> None:
+        """Scan one block and move it to its best basin."""
+        scan = Scan(self.projection, b, others, self.sigma)
+        self.basins[b] = scan.basins(self.x[b], refine)
+        self.x[b] = self.basins[b][0].x
+        self.evaluations += scan.evaluations
+
+    def cell(self, b: int, x: Floats) -> tuple[int, ...]:
+        """Return the grid value nearest each shape of a block."""
+        grids = self.moving[b].grids
+        return tuple(int(np.argmin(np.abs(g - v))) for g, v in zip(grids, x, strict=True))
+
+    def full(self, x: Sequence[Floats]) -> Problem:
+        """Return the problem with all columns at given shapes."""
+        W = np.zeros((len(self.problem.y), len(self.names)))
+        at = self.problem.parameters
+        W[:, :at] = self.problem.W
+        for m, part in zip(self.moving, x, strict=True):
+            W[m.rows, at : at + len(m.names)] = m.at(part)
+            at += len(m.names)
+        return self.problem.with_columns(W, self.names)
+
+    def reweigh(self) -> bool:
+        """Find the noise levels anew; return whether they changed by more than a percent."""
+        if self.options.sigma is not None:
+            return False
+        old = self.sigma
+        self.sigma = solve(reduce(self.full(self.x)), self.options).sigma
+        return bool(np.any(np.abs(self.sigma - old) > 0.01 * old))
+
+    def finish(self) -> SeparableFit:
+        """Polish the best combination and its rivals, and judge the winner."""
+        low = np.concatenate([m.bounds[0] for m in self.moving])
+        high = np.concatenate([m.bounds[1] for m in self.moving])
+        reduced = VariableProjection(self.projection, self.sigma, self.limits)
+        found = [polish(reduced, start, low, high) for start in self.starts()]
+        best = min(found, key=lambda p: p.cost)
+        self.evaluations += sum(p.evaluations for p in found)
+        for _ in range(3):
+            self.x = reduced.split(best.x)
+            if not self.reweigh():
+                break
+            reduced = VariableProjection(self.projection, self.sigma, self.limits)
+            best = polish(reduced, best.x, low, high)
+            self.evaluations += best.evaluations
+        return self.judge(best)
+
+    def starts(self) -> list[Floats]:
+        """Return the best combination, then those with one block in a rival basin."""
+        best = np.concatenate(self.x)
+        rivals: list[tuple[float, Floats]] = []
+        for b, basins in enumerate(self.basins):
+            for rival in basins[1:]:
+                if rival.gain >= RIVAL * basins[0].gain:
+                    x = [*self.x[:b], rival.x, *self.x[b + 1 :]]
+                    rivals.append((basins[0].gain - rival.gain, np.concatenate(x)))
+        rivals.sort(key=lambda pair: pair[0])
+        return [best, *(x for _, x in rivals[:POLISHED])]
+
+    def judge(self, best: Polished) -> SeparableFit:
+        """Return the result with the covariance of coefficients and shapes together."""
+        full = self.full(self.x)
+        sigma = self.sigma if self.options.sigma is None else self.options.sigma
+        fit = linear(full, replace(self.options, sigma=sigma))
+        p = full.parameters
+        slopes = np.zeros((len(full.y), len(best.x)))
+        at, k = self.problem.parameters, 0
+        for m, x in zip(self.moving, self.x, strict=True):
+            theta = fit.theta[at : at + len(m.names)]
+            slopes[m.rows, k : k + len(x)] = m.slopes(x, theta)
+            at, k = at + len(m.names), k + len(x)
+        names = (*self.names, *(f"{m.name}.{s}" for m in self.moving for s in m.shapes))
+        weight = 1.0 / fit.sigma[full.axis_place]
+        joint = replace(
+            full,
+            W=np.column_stack([full.W, slopes]) * weight[:, None],
+            y=full.y * weight,
+            names=names,
+        )
+        rank = analyse(r_factor(joint.W), self.options.tolerance)
+        found = spread(joint, fit.residual * weight, rank.root, self.options.inference)
+        fit = replace(
+            fit,
+            covariance=found.covariance[:p, :p],
+            dof=found.dof,
+            lags=found.lags,
+            determined=fit.determined & rank.determined[:p],
+        )
+        shapes = self.shapes(found.covariance[p:, p:], rank.determined[p:], found.dof)
+        basins = tuple(
+            tuple(Basin(m.values(c.x), c.gain) for c in found)
+            for m, found in zip(self.moving, self.basins, strict=True)
+        )
+        return SeparableFit(fit, shapes, best.x, found.covariance, basins, self.evaluations, best.converged)
+
+    def shapes(self, covariance: Floats, determined: Mask, dof: float) -> tuple[ShapeFit, ...]:
+        """Return what was found about every shape."""
+        out: list[ShapeFit] = []
+        error = np.where(determined, np.sqrt(np.maximum(np.diag(covariance), 0)), np.inf)
+        for m, x in zip(self.moving, self.x, strict=True):
+            low, high = m.bounds
+            for k, name in enumerate(m.shapes):
+                out.append(
+                    ShapeFit(
+                        block=m.name,
+                        name=name,
+                        x=float(x[k]),
+                        error=float(error[len(out)]),
+                        dof=dof,
+                        lower=float(low[k]),
+                        upper=float(high[k]),
+                        log=bool(m.log[k]),
+                    )
+                )
+        return tuple(out)

@@ -1,0 +1,172 @@
+"""A log beside the twin's prediction of it: what every study and every report looks at.
+
+The rows are those of the fit (the same zero-phase filter, the same decimation), so that measured
+and predicted effort went through the same hands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.effects import RigidBody
+from pinotwin.errors import DataError, nearest
+from pinotwin.identification.assemble import choose_rows, thin
+from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+
+_PIECE = 20_000  # rows of the rigid-body regressor held in memory at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Measured and predicted effort at the rows of the fit; arrays of shape (m, nv), SI.
+
+    Attributes:
+        names: joint of every column.
+        rotary: whether each column is a rotation.
+        measured: columns that have a measured effort.
+        t: time from the first row on, running on from log to log [s], shape (m,).
+        block: number of the unbroken stretch of each row, shape (m,).
+        q: position; likewise velocity ``v`` and acceleration ``a``.
+        u: measured effort [N or N·m].
+        parts: effort of every effect, by its key in the twin.
+        use: rows that the fit uses, shape (m, nv).
+        rate: rows per second [Hz].
+        source: where the log came from.
+    """
+
+    names: tuple[str, ...]
+    rotary: tuple[bool, ...]
+    measured: tuple[int, ...]
+    t: Floats
+    block: Ints
+    q: Floats
+    v: Floats
+    a: Floats
+    u: Floats
+    parts: Mapping[str, Floats]
+    use: Mask
+    rate: float
+    source: str
+
+    @cached_property
+    def predicted(self) -> Floats:
+        """Effort that the twin expects, shape (m, nv)."""
+        return np.sum(list(self.parts.values()), axis=0)
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Measured minus predicted effort, shape (m, nv)."""
+        return self.u - self.predicted
+
+    def without(self, keys: Sequence[str]) -> Floats:
+        """Return the measured effort minus every effect but those of ``keys``, shape (m, nv)."""
+        kept = [self.parts[key] for key in keys]
+        return self.residual + np.sum(kept, axis=0)
+
+    def index(self, axis: str) -> int:
+        """Return the column of a measured axis.
+
+        Raises:
+            DataError: there is no such axis, or it has no effort.
+        """
+        known = [self.names[j] for j in self.measured]
+        if axis not in known:
+            raise DataError(f"{self.source}: no measured effort of axis {axis!r}; {nearest(axis, known)}")
+        return self.names.index(axis)
+
+
+def evidence(twin: Twin, log: Log | Sequence[Log]) -> Evidence:
+    """Return a log (or several of one machine) beside the twin's prediction.
+
+    Raises:
+        LogError: a channel is missing.
+        DataError: no row of the log can be used.
+    """
+    motion = prepare(twin.machine, log, **twin.settings)
+    rows = choose_rows(motion)
+    pick, step = rows.sample, motion.decimation
+    parts = {key: thin(motion, part) for key, part in _parts(twin, motion).items()}
+    if motion.external is not None:
+        parts["external_force"] = -thin(motion, motion.external)
+    return Evidence(
+        names=motion.names,
+        rotary=motion.rotary,
+        measured=rows.joints,
+        t=_running(motion.t[pick], rows.block, motion.step * step),
+        block=rows.block,
+        q=motion.q[pick],
+        v=motion.v[pick],
+        a=motion.a[pick],
+        u=_thin_effort(motion, rows.joints),
+        parts=parts,
+        use=motion.use[pick],
+        rate=1.0 / (motion.step * step),
+        source=motion.source,
+    )
+
+
+def _thin_effort(motion: Motion, joints: Sequence[int]) -> Floats:
+    u = thin(motion, np.nan_to_num(motion.u))
+    missing = [j for j in range(u.shape[1]) if j not in joints]
+    u[:, missing] = np.nan
+    return u
+
+
+def _running(t: Floats, block: Ints, step: float) -> Floats:
+    """Return a time that starts at zero and never jumps back where one log follows another."""
+    out = t - t[0]
+    for k in np.flatnonzero(np.diff(block)) + 1:
+        if out[k] <= out[k - 1]:
+            out[k:] += out[k - 1] - out[k] + step
+    return out
+
+
+def _parts(twin: Twin, motion: Motion) -> dict[str, Floats]:
+    """Return the effort of each effect at every sample; the tree's regressor piece by piece."""
+    nv = twin.machine.nv
+    out = {}
+    for key, effect, where in zip(twin.keys, twin.effects, twin.slices, strict=True):
+        theta = twin.theta[where]
+        if isinstance(effect, RigidBody):
+            out[key] = _rigid(twin, motion.q, motion.v, motion.a)
+        else:
+            out[key] = effect.columns(motion).effort(theta, nv)
+    return out
+
+
+def _rigid(twin: Twin, q: Floats, v: Floats, a: Floats) -> Floats:
+    """Return the rigid-body effort from the base parameters that were fitted, shape (n, nv)."""
+    base, model = twin.machine.base, twin.machine.model
+    beta = twin.coefficients("rigid_body")
+    out = np.empty_like(q)
+    for start in range(0, len(q), _PIECE):
+        rows = slice(start, start + _PIECE)
+        out[rows] = base.regressor(model, q[rows], v[rows], a[rows]) @ beta
+    return out
+
+
+def split_rigid_body(twin: Twin, given: Evidence) -> Evidence:
+    """Return the evidence with ``rigid_body`` as ``inertia``, ``gravity`` and ``coupling``.
+
+    ``inertia`` is what an axis' own acceleration takes, ``coupling`` what the others' accelerations
+    and all velocities add (Coriolis, centrifugal). The three sum to the rigid-body effort exactly.
+    """
+    q, v, a = given.q, given.v, given.a
+    zero = np.zeros_like(q)
+    gravity = _rigid(twin, q, zero, zero)
+    coupling = _rigid(twin, q, v, a) - gravity
+    for j in range(q.shape[1]):
+        alone = zero.copy()
+        alone[:, j] = a[:, j]
+        coupling[:, j] -= _rigid(twin, q, zero, alone)[:, j] - gravity[:, j]
+    rest = {key: part for key, part in given.parts.items() if key != "rigid_body"}
+    inertia = given.parts["rigid_body"] - gravity - coupling
+    return replace(given, parts={"inertia": inertia, "gravity": gravity, "coupling": coupling, **rest})
