@@ -14,6 +14,7 @@ from pinotwin.errors import DataError
 from pinotwin.identification.assemble import assemble
 from pinotwin.identification.flexible import with_tied_loops, with_vibration_loops
 from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
+from pinotwin.identification.misfit import misfit_of
 from pinotwin.identification.plant import Plant, fit_options, fit_plant
 from pinotwin.identification.springs import with_springs
 from pinotwin.identification.table import at_bounds, parameter_table, refined_table
@@ -88,7 +89,8 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         settings=settings,
         groups=plant.fit.group_names(),
     )
-    return _with_loops(twin, motion, loop and motion.qr is not None, tell)
+    twin = _with_loops(twin, motion, loop and motion.qr is not None, tell)
+    return replace(twin, misfit=misfit_of(twin, motion))
 
 
 def _with_loops(twin: Twin, motion: Motion, loop: bool, tell: Callable[[str, float], None]) -> Twin:

@@ -54,8 +54,7 @@ def held_out(
         DataError: fewer instants than two per fold.
     """
     options = replace(options or Options(), whiten=0)
-    order = _order(problem)
-    times = int(order.max()) + 1
+    order, times = fold_order(problem)
     if folds < 2 or times < 2 * folds:
         raise DataError(f"{times} instants cannot be split into {folds} folds of at least two")
     guard = times // (20 * folds) if guard is None else guard
@@ -76,11 +75,11 @@ def held_out(
     return _judge(problem, theta, error)
 
 
-def _order(problem: Problem) -> Ints:
-    """Return each row's place in time: instants of all blocks counted one after the other."""
+def fold_order(problem: Problem) -> tuple[Ints, int]:
+    """Return each row's place in time, and how many there are: instants of all blocks one after the other."""
     starts = problem.grid.starts(0)
     _, order = np.unique(starts[problem.grid.block] + problem.grid.slot, return_inverse=True)
-    return order
+    return order, int(order.max()) + 1
 
 
 def _merge(problem: Problem, chosen: Iterable[tuple[Problem, Reduced]]) -> Reduced:

@@ -16,6 +16,7 @@ from pinotwin.errors import TwinError
 from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
 from pinotwin.machine.urdf import with_inertias
+from pinotwin.twin.misfit import FILE, Misfit, read_misfit, write_misfit
 from pinotwin.twin.parameters import Parameter
 from pinotwin.twin.twin import Twin, effect_slices
 
@@ -28,6 +29,8 @@ def save(twin: Twin, folder: Path) -> Path:
     machine = twin.machine
     (folder / f"{machine.name}.urdf").write_bytes(with_inertias(machine.urdf, twin.model))
     (folder / "machine.yaml").write_text(_yaml(twin), encoding="utf-8")
+    if twin.misfit is not None:
+        write_misfit(twin.misfit, folder / FILE)
     (folder / "twin.json").write_text(_text(document(twin)), encoding="utf-8")
     return folder
 
@@ -84,6 +87,7 @@ def document(twin: Twin) -> dict[str, Any]:
             "not_separable": [list(group) for group in twin.groups],
             "data": list(twin.data),
             "settings": twin.settings,
+            "misfit": None if twin.misfit is None else twin.misfit.summary,
         }
     )
 
@@ -113,7 +117,7 @@ def load(folder: Path) -> Twin:
         raise TwinError(f"{path}: schema {found!r}, this version reads {SCHEMA!r}; identify again")
     machine = Machine.load(path.parent)
     try:
-        return _twin(machine, content)
+        return dataclasses.replace(_twin(machine, content), misfit=_misfit(path.parent, machine, content))
     except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
         raise TwinError(f"{path}: damaged twin ({error}); identify it again") from None
 
@@ -138,6 +142,13 @@ def _twin(machine: Machine, content: dict[str, Any]) -> Twin:
         settings=content["settings"],
         groups=content["not_separable"],
     )
+
+
+def _misfit(folder: Path, machine: Machine, content: dict[str, Any]) -> Misfit | None:
+    summary = content.get("misfit")
+    if not summary or not (folder / FILE).is_file():
+        return None
+    return read_misfit(folder / FILE, machine.names, machine.rotary, summary)
 
 
 def _symmetric(lower: list[list[float]]) -> Floats:

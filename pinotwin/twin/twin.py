@@ -18,6 +18,7 @@ from pinotwin.errors import TwinError, nearest
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class Twin:
         data: fingerprints of the logs that were used.
         settings: how they were prepared.
         groups: parameters that these data cannot tell apart.
+        misfit: what it leaves of its own logs when it does not know them; None for a twin without logs.
     """
 
     machine: Machine
@@ -59,6 +61,7 @@ class Twin:
     data: Sequence[Mapping[str, Any]] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
     groups: Sequence[Sequence[str]] = ()
+    misfit: Misfit | None = None
 
     @cached_property
     def keys(self) -> tuple[str, ...]:

@@ -1,0 +1,158 @@
+"""The twin's cross-validated residual on its own logs (see :mod:`pinotwin.twin.misfit`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.errors import DataError
+from pinotwin.identification.assemble import Rows, assemble, choose_rows
+from pinotwin.identification.plant import fit_options
+from pinotwin.motion import Motion
+from pinotwin.signals import rms
+from pinotwin.solve.crossval import fold_order, held_out
+from pinotwin.solve.linear import linear
+from pinotwin.solve.problem import Problem
+from pinotwin.twin import Twin
+from pinotwin.twin.misfit import Misfit
+
+FOLDS = 5
+MOST_ROWS = 60_000
+"""Rows of the own logs that are kept: two minutes at 500 Hz say what a twin leaves."""
+_PIECES = 12
+_BANDS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+
+
+def misfit_of(twin: Twin, motion: Motion) -> Misfit | None:
+    """Return what a twin leaves of the logs it was identified from; None where they are too short.
+
+    The parts are predicted by least squares on the others, moved by what physical consistency and the
+    closed loop moved the twin itself away from least squares on all of them.
+
+    Args:
+        twin: with its final effects and coefficients.
+        motion: the logs it was identified from, prepared.
+    """
+    motion = _shortened(motion)
+    rows = choose_rows(motion)
+    problem = assemble(motion, twin.effects, rows)
+    options = fit_options(twin.machine, twin.effects, motion)
+    try:
+        held = held_out(problem, folds=FOLDS, options=options)
+    except DataError:
+        return None
+    moved = twin.theta - linear(problem, options).theta
+    theta = held.theta + moved
+    fold = _fold_of_rows(problem, rows, len(motion))
+    residual = _residual(twin, motion, theta, fold)
+    return Misfit(motion, fold, theta, _summary(motion, residual))
+
+
+def own_residual(twin: Twin) -> Floats:
+    """Return the cross-validated residual on every row of the own logs, shape (n, nv) [N or N·m].
+
+    Raises:
+        DataError: the twin does not hold its own logs.
+    """
+    if twin.misfit is None:
+        raise DataError(f"{twin.machine.name}: this twin does not know its own misfit; identify it again")
+    return _residual(twin, twin.misfit.motion, twin.misfit.theta, twin.misfit.fold)
+
+
+def _residual(twin: Twin, motion: Motion, theta: Floats, fold: Ints) -> Floats:
+    effort = np.zeros((len(motion), twin.machine.nv))
+    for effect, where in zip(twin.effects, twin.slices, strict=True):
+        columns = effect.columns(motion)
+        at = list(columns.joints)
+        effort[:, at] += np.einsum("nkp,np->nk", columns.values, theta[:, where][fold])
+    if motion.external is not None:
+        effort = effort - motion.external
+    return motion.u - effort
+
+
+def _fold_of_rows(problem: Problem, rows: Rows, length: int) -> Ints:
+    """Return the part each row of the motion belongs to: that of the fitted row before it."""
+    order, times = fold_order(problem)
+    edges = np.linspace(0, times, FOLDS + 1).astype(int)
+    fold = np.clip(np.searchsorted(edges, order, side="right") - 1, 0, FOLDS - 1)
+    sample = _samples(problem, rows)
+    out = np.full(length, -1)
+    out[sample] = fold
+    known = np.flatnonzero(out >= 0)
+    return out[known[np.clip(np.searchsorted(known, np.arange(length), side="right") - 1, 0, None)]]
+
+
+def _samples(problem: Problem, rows: Rows) -> Ints:
+    return rows.sample[problem.time]
+
+
+def _shortened(motion: Motion) -> Motion:
+    """Return a motion of at most so many rows: pieces spread evenly over the whole."""
+    if len(motion) <= MOST_ROWS:
+        return motion
+    size = MOST_ROWS // _PIECES
+    starts = np.linspace(0, len(motion) - size, _PIECES).astype(int)
+    return Motion.join([motion.cut(int(s), int(s) + size) for s in starts])
+
+
+def _summary(motion: Motion, residual: Floats) -> dict[str, Any]:
+    """Return axis -> size of the residual in every regime, its spectrum and correlation time."""
+    inside = np.zeros(len(motion), dtype=bool)
+    for s in motion.segments:
+        inside[s] = True
+    out: dict[str, Any] = {}
+    for j, name in enumerate(motion.names):
+        usable = inside & np.isfinite(residual[:, j])
+        moving = usable & motion.use[:, j]
+        if moving.sum() < 10:
+            continue
+        r = np.nan_to_num(residual[:, j])
+        out[name] = {
+            "unit": "N·m" if motion.rotary[j] else "N",
+            "rms": rms(r[usable]),
+            "moving": rms(r[moving]),
+            "resting": rms(r[usable & ~motion.use[:, j]]) if (usable & ~motion.use[:, j]).any() else None,
+            "by_speed": _by(np.abs(motion.v[:, j]), r, moving),
+            "by_acceleration": _by(np.abs(motion.a[:, j]), r, moving),
+            "by_position": _by(motion.q[:, j], r, moving),
+            "correlation_time": correlation_time(r, motion.segments, motion.step),
+            "spectrum": _bands(r, motion.segments, motion.step),
+        }
+    return out
+
+
+def _by(x: Floats, r: Floats, rows: Mask, count: int = 6) -> dict[str, list[float]]:
+    """Return the RMS of ``r`` in ``count`` bins of equal population of ``x``."""
+    edges = np.quantile(x[rows], np.linspace(0.0, 1.0, count + 1))
+    at = np.clip(np.searchsorted(edges, x[rows], side="right") - 1, 0, count - 1)
+    power = np.bincount(at, r[rows] ** 2, count) / np.maximum(np.bincount(at, minlength=count), 1)
+    return {"edges": edges.tolist(), "rms": np.sqrt(power).tolist()}
+
+
+def correlation_time(r: Floats, segments: Sequence[slice], step: float) -> float:
+    """Return the integral time of the autocorrelation of a residual up to its first zero [s]."""
+    longest = max(segments, key=lambda s: s.stop - s.start)
+    x = r[longest] - r[longest].mean()
+    n = len(x)
+    spectrum = np.abs(np.fft.rfft(x, 2 * n)) ** 2
+    c = np.fft.irfft(spectrum)[: n // 2]
+    if c[0] <= 0.0:
+        return step
+    c = c / c[0]
+    below = np.flatnonzero(c <= 0.0)
+    return float(step * (0.5 + c[1 : int(below[0]) if len(below) else len(c)].sum()))
+
+
+def _bands(r: Floats, segments: Sequence[slice], step: float) -> dict[str, list[float]]:
+    """Return the share of the residual's power in frequency bands [Hz]."""
+    edges = np.array([f for f in _BANDS if f < 0.5 / step] + [0.5 / step])
+    power = np.zeros(len(edges) - 1)
+    for s in segments:
+        x = r[s]
+        if len(x) >= 32:
+            line = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)))) ** 2
+            power += np.histogram(np.fft.rfftfreq(len(x), step), edges, weights=line)[0]
+    return {"edges": edges.tolist(), "share": (power / max(power.sum(), 1e-300)).tolist()}

@@ -1,0 +1,102 @@
+"""What a twin leaves of its own logs: the floor under every later comparison.
+
+A model of a real machine is never exact. What it leaves on the logs it was identified from, predicted
+from the other parts of them (blocked cross-validation), is noise *and* everything it never had. A later
+log differs only by what exceeds that, and a cause is new only by what exceeds what the own logs ask for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.errors import TwinError
+from pinotwin.motion import Motion
+
+FILE = "misfit.npz"
+_DOUBLE = ("t", "q", "qr")
+"""Channels that are differentiated or compared closely; single precision does for the others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """The twin's own logs, and what it leaves of them when it does not know them.
+
+    Attributes:
+        motion: the own logs as prepared, long ones in part.
+        fold: part of the cross-validation that each row belongs to, shape (n,).
+        theta: coefficients with which that part was predicted, shape (folds, p).
+        summary: axis -> size by regime, spectrum and correlation time; what ``twin.json`` shows.
+    """
+
+    motion: Motion
+    fold: Ints
+    theta: Floats
+    summary: Mapping[str, Any]
+
+    @cached_property
+    def rows(self) -> int:
+        """Number of rows kept."""
+        return len(self.motion)
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{k} {v['moving']:.3g} {v['unit']}" for k, v in self.summary.items())
+        return f"Misfit({sizes}; {self.rows} rows)"
+
+
+def write_misfit(misfit: Misfit, path: Path) -> None:
+    """Write the own logs and the parts' coefficients."""
+    arrays: dict[str, Any] = {"fold": misfit.fold.astype(np.int8), "theta": misfit.theta}
+    for f in fields(Motion):
+        value = getattr(misfit.motion, f.name)
+        if isinstance(value, np.ndarray):
+            single = value.dtype == np.float64 and f.name not in _DOUBLE
+            arrays[f"motion_{f.name}"] = value.astype(np.float32) if single else value
+        elif f.name == "segments":
+            arrays["motion_segments"] = np.array([(s.start, s.stop) for s in value], dtype=np.int64)
+        elif value is not None and f.name not in ("names", "rotary"):
+            arrays[f"motion_{f.name}"] = np.array(value)
+    with path.open("wb") as out:
+        np.savez_compressed(out, **arrays)
+
+
+def read_misfit(
+    path: Path, names: tuple[str, ...], rotary: tuple[bool, ...], summary: Mapping[str, Any]
+) -> Misfit:
+    """Read what :func:`write_misfit` wrote.
+
+    Raises:
+        TwinError: the file is damaged or of another machine.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            found = {k: data[k] for k in data.files}
+        motion = _motion(found, names, rotary)
+        fold, theta = found["fold"].astype(np.intp), found["theta"].astype(float)
+        if len(fold) != len(motion) or motion.q.shape[1] != len(names):
+            raise ValueError("its arrays do not fit the machine")
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise TwinError(f"{path}: damaged ({error}); identify the twin again") from None
+    return Misfit(motion, fold, theta, summary)
+
+
+def _motion(found: Mapping[str, Any], names: tuple[str, ...], rotary: tuple[bool, ...]) -> Motion:
+    values: dict[str, Any] = {}
+    for f in fields(Motion):
+        key = f"motion_{f.name}"
+        if key not in found:
+            continue
+        x = found[key]
+        if f.name == "segments":
+            values[f.name] = tuple(slice(int(a), int(b)) for a, b in x)
+        elif x.ndim == 0:
+            values[f.name] = x.item()
+        else:
+            values[f.name] = x.astype(float) if x.dtype == np.float32 else x
+    return Motion(names=names, rotary=rotary, **values)

@@ -1,0 +1,49 @@
+"""The twin knows what it leaves of its own logs, and still does after it was saved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinotwin as pt
+from pinotwin.identification.misfit import correlation_time, own_residual
+from pinotwin.virtual import VirtualMachine, random_trajectory
+
+
+@pytest.fixture(scope="module")
+def twin() -> pt.Twin:
+    virtual = VirtualMachine.load(pt.machines()["trunnion"])
+    log = virtual.record(random_trajectory(virtual, 8.0, 3), seed=3).to_log()
+    return pt.identify(pt.Machine.load("trunnion"), log, loop=False)
+
+
+def test_the_residual_of_the_own_logs_survives_the_disk(twin: pt.Twin, tmp_path: Path) -> None:
+    before = own_residual(twin)
+    after = own_residual(pt.Twin.load(twin.save(tmp_path)))
+    assert np.nanmax(np.abs(after - before)) < 1e-3 * np.nanstd(before)
+
+
+def test_the_summary_is_the_size_of_that_residual(twin: pt.Twin) -> None:
+    assert twin.misfit is not None
+    motion, residual = twin.misfit.motion, own_residual(twin)
+    rows = motion.use[:, 0].copy()
+    inside = np.zeros(len(motion), dtype=bool)
+    for s in motion.segments:
+        inside[s] = True
+    measured = np.sqrt(np.mean(residual[rows & inside, 0] ** 2))
+    axis = twin.misfit.summary[motion.names[0]]
+    assert axis["moving"] == pytest.approx(measured, rel=1e-9)
+    assert sum(axis["spectrum"]["share"]) == pytest.approx(1.0)
+
+
+def test_correlation_time_of_a_known_process() -> None:
+    rng = np.random.default_rng(0)
+    phi, n = 0.95, 40_000
+    noise = rng.normal(size=n)
+    x = np.zeros(n)
+    for k in range(1, n):
+        x[k] = phi * x[k - 1] + noise[k]
+    expected = 0.001 * (0.5 + phi / (1.0 - phi))
+    assert correlation_time(x, [slice(0, n)], 0.001) == pytest.approx(expected, rel=0.25)
