@@ -1,4 +1,4 @@
-"""The regressor of whole logs against Pinocchio, sample by sample."""
+"""The regressor of whole logs: Pinocchio's own efforts for any parameters; shapes, columns, refusals."""
 
 from __future__ import annotations
 
@@ -9,20 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinotwin.dynamics import parameters, regressor, regressor_blocks, regressor_loop
-from pinotwin.dynamics.plan import plan_columns
-from pinotwin.dynamics.tree import tree
+from pinotwin.dynamics import regressor, with_parameters
 from pinotwin.errors import DataError, MachineError
-from tests.dynamics_models import PANDA, UR10, driller, motion, random_tree, robot
-
-
-def oracle(model, q, v, a):
-    """W by Pinocchio alone, rotor inertia appended."""
-    data = model.createData()
-    rows = [pin.computeJointTorqueRegressor(model, data, *x) for x in zip(q, v, a, strict=True)]
-    rotor = [np.diag(x) for x in a]
-    flat = np.array(rows).reshape(len(q), model.nv, -1)  # Pinocchio drops the axis if nv is 1
-    return np.concatenate([flat, np.array(rotor)], axis=2)
+from tests.dynamics_models import PANDA, UR10, driller, motion, random_body, random_tree, robot
 
 
 def rnea(model, q, v, a):
@@ -30,42 +19,38 @@ def rnea(model, q, v, a):
     return np.array([pin.rnea(model, data, *x) for x in zip(q, v, a, strict=True)])
 
 
+def assert_gives_the_efforts(model, seed, n=20):
+    """W @ pi is Pinocchio's RNEA, also of other bodies on the same joints: every column is right."""
+    rng = np.random.default_rng(seed)
+    q, v, a = motion(rng, model, n)
+    W = regressor(model, q, v, a)
+    for _ in range(3):
+        pi = np.concatenate(
+            [*(random_body(rng).toDynamicParameters() for _ in model.names[1:]), rng.uniform(size=model.nv)]
+        )
+        tau = rnea(with_parameters(model, pi), q, v, a)
+        np.testing.assert_allclose(W @ pi, tau, rtol=0, atol=1e-12 * np.abs(tau).max())
+
+
 @pytest.mark.parametrize("seed", range(25))
 def test_random_trees(seed):
-    rng = np.random.default_rng(seed)
-    model = random_tree(rng, joints=int(rng.integers(1, 9)))
-    q, v, a = motion(rng, model)
-    W = regressor(model, q, v, a)
-    expected = oracle(model, q, v, a)
-    np.testing.assert_allclose(W, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    tau = rnea(model, q, v, a)
-    np.testing.assert_allclose(W @ parameters(model), tau, atol=1e-12 * np.abs(tau).max())
+    joints = int(np.random.default_rng(seed).integers(1, 9))
+    assert_gives_the_efforts(random_tree(np.random.default_rng(seed), joints=joints), seed)
 
 
 @pytest.mark.parametrize("make", [driller, lambda: robot(UR10), lambda: robot(PANDA)])
 def test_machines(make):
-    model = make()
-    q, v, a = motion(np.random.default_rng(3), model)
-    expected = oracle(model, q, v, a)
-    W = regressor(model, q, v, a)
-    np.testing.assert_allclose(W, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    assert_gives_the_efforts(make(), 3)
 
 
-@pytest.mark.parametrize("n", [0, 1, 7, 8, 127, 128, 129, 300])
-def test_any_length(n):
-    model = driller()
-    q, v, a = motion(np.random.default_rng(n), model, n)
-    W = regressor(model, q, v, a)
-    assert W.shape == (n, 5, 55)
-    np.testing.assert_allclose(W, regressor_loop(model, q, v, a), rtol=0, atol=1e-12)
+def test_logs_longer_than_a_block():
+    assert_gives_the_efforts(driller(), 0, n=2 * 1024 + 1)
 
 
 def test_gravity_in_any_direction():
-    rng = np.random.default_rng(8)
-    model = random_tree(rng)
+    model = random_tree(np.random.default_rng(8))
     model.gravity.linear = np.array([1.0, -2.0, 3.0])
-    q, v, a = motion(rng, model)
-    np.testing.assert_allclose(regressor(model, q, v, a), oracle(model, q, v, a), rtol=0, atol=1e-12)
+    assert_gives_the_efforts(model, 8)
 
 
 @pytest.mark.parametrize("columns", [[], [54], [3, 50, 3], [49, 0, 54, 20]])
@@ -77,22 +62,8 @@ def test_columns_are_those_of_the_full_matrix(columns):
     np.testing.assert_array_equal(regressor(model, q, v, a, columns), full[:, :, columns])
 
 
-def test_blocks_are_the_whole():
-    model = random_tree(np.random.default_rng(2))
-    q, v, a = motion(np.random.default_rng(2), model, 50)
-    whole = regressor(model, q, v, a)
-    parts = list(regressor_blocks(model, q, v, a, block=16))
-    assert [rows for rows, _ in parts] == [
-        slice(0, 16),
-        slice(16, 32),
-        slice(32, 48),
-        slice(48, 50),
-    ]
-    np.testing.assert_allclose(np.concatenate([W for _, W in parts]), whole, rtol=0, atol=1e-13)
-
-
 def odd_model():
-    """A screw joint and a three-axis slide between ordinary joints: left to Pinocchio."""
+    """A screw joint and a three-axis slide between ordinary joints."""
     model = random_tree(np.random.default_rng(5), joints=3)
     for joint in (pin.JointModelHX(0.1), pin.JointModelTranslation()):
         i = model.addJoint(model.njoints - 1, joint, pin.SE3.Random(), f"odd{model.njoints}")
@@ -101,21 +72,8 @@ def odd_model():
     return model
 
 
-def test_unusual_joints_fall_back():
-    model = odd_model()
-    assert tree(model) is None
-    q, v, a = motion(np.random.default_rng(5), model)
-    tau = rnea(model, q, v, a)
-    np.testing.assert_allclose(regressor(model, q, v, a) @ parameters(model), tau, atol=1e-11)
-    parts = [W for _, W in regressor_blocks(model, q, v, a, np.array([0, 52]), block=8)]
-    full = oracle(model, q, v, a)
-    np.testing.assert_array_equal(np.concatenate(parts), full[:, :, [0, 52]])
-
-
-def test_only_entries_that_can_differ_from_zero_are_computed():
-    # 31 of the 250 entries of the five-axis machine: a slide knows no centre of mass.
-    plan = plan_columns(tree(driller()), np.arange(50))
-    assert len(plan.entries) == 31
+def test_unusual_joints():
+    assert_gives_the_efforts(odd_model(), 5)
 
 
 def test_continuous_joints_are_refused_with_a_remedy():

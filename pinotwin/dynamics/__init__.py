@@ -2,9 +2,6 @@
 
 from pinotwin.dynamics.base import BaseParameters as BaseParameters
 from pinotwin.dynamics.base import base_parameters as base_parameters
-from pinotwin.dynamics.batch import bias as bias
-from pinotwin.dynamics.batch import forward as forward
-from pinotwin.dynamics.batch import gravity as gravity
 from pinotwin.dynamics.batch import inverse as inverse
 from pinotwin.dynamics.batch import mass_matrix as mass_matrix
 from pinotwin.dynamics.excitation import Excitation as Excitation
@@ -23,5 +20,3 @@ from pinotwin.dynamics.parameters import parameter_units as parameter_units
 from pinotwin.dynamics.parameters import parameters as parameters
 from pinotwin.dynamics.parameters import with_parameters as with_parameters
 from pinotwin.dynamics.regressor import regressor as regressor
-from pinotwin.dynamics.regressor import regressor_blocks as regressor_blocks
-from pinotwin.dynamics.regressor import regressor_loop as regressor_loop

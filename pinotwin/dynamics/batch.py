@@ -23,28 +23,6 @@ def inverse(model: pin.Model, q: Floats, v: Floats, a: Floats) -> Floats:
     return tau.T
 
 
-def forward(model: pin.Model, q: Floats, v: Floats, tau: Floats) -> Floats:
-    """Return the acceleration that an effort causes [m/s² or rad/s²], shape (n, nv)."""
-    q, v, tau = as_log(model, q=q, v=v, tau=tau)
-    a = np.empty((model.nv, len(q)), order="F")
-    if len(q):
-        pin.abaInParallel(1, pin.ModelPool(model, 1), q.T, v.T, tau.T, a)
-    return a.T
-
-
-def bias(model: pin.Model, q: Floats, v: Floats) -> Floats:
-    """Return Coriolis, centrifugal and gravity effort c(q, v) + g(q) [N or N·m], shape (n, nv)."""
-    q, v = as_log(model, q=q, v=v)
-    return inverse(model, q, v, np.zeros_like(q))
-
-
-def gravity(model: pin.Model, q: Floats) -> Floats:
-    """Return the effort that holds the machine still, g(q) [N or N·m], shape (n, nv)."""
-    (q,) = as_log(model, q=q)
-    zero = np.zeros_like(q)
-    return inverse(model, q, zero, zero)
-
-
 def mass_matrix(model: pin.Model, q: Floats) -> Floats:
     """Return the joint-space mass matrix M(q) with rotor inertia, shape (n, nv, nv).
 

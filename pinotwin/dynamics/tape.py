@@ -24,7 +24,6 @@ import pinocchio as pin
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.symbols import Expression, Trace
-from pinotwin.dynamics.tree import Tree, tree
 from pinotwin.errors import MachineError
 
 _TINY = 1e-15
@@ -69,17 +68,11 @@ def record(model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float
     Raises:
         MachineError: a joint that neither turns about nor slides along one axis.
     """
-    geometry = tree(model)
-    if geometry is None:
-        raise MachineError(
-            f"machine {model.name!r}: has a joint that is neither revolute nor prismatic; only those "
-            "can be simulated"
-        )
     if np.shape(pi) != (parameter_count(model),):
         raise MachineError(f"machine {model.name!r}: pi has shape {np.shape(pi)}")
     nv = model.nv
     trace = Trace(4 * nv)
-    bodies = _Bodies(geometry, np.asarray(pi, dtype=float), trace)
+    bodies = _Bodies(model, np.asarray(pi, dtype=float), trace)
     mass = bodies.mass_matrix()
     bias = bodies.bias()
     for i, j, inertia, viscous in coupled:
@@ -95,7 +88,7 @@ def record(model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float
         start,
         ops,
         sign,
-        np.flatnonzero(geometry.revolute).astype(np.intp),
+        np.flatnonzero(bodies.revolute).astype(np.intp),
         np.array(entries, dtype=np.intp).reshape(-1, 3),
         np.array(efforts, dtype=np.intp).reshape(-1, 2),
     )
@@ -104,20 +97,24 @@ def record(model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float
 class _Bodies:
     """The tree with symbols for the joints' positions and velocities."""
 
-    def __init__(self, geometry: Tree, pi: Floats, trace: Trace) -> None:
-        nv = len(geometry.parent)
-        self.parent = [int(k) - 1 for k in geometry.parent]
-        self.revolute = geometry.revolute > 0.5
-        self.axis = [_clean(x) for x in geometry.axis]
+    def __init__(self, model: pin.Model, pi: Floats, trace: Trace) -> None:
+        nv = model.nv
+        self.parent = [int(k) - 1 for k in list(model.parents)[1:]]
         self.armature = pi[10 * nv :]
-        self.gravity = _clean(geometry.gravity)
+        self.gravity = _clean(np.array(model.gravity.linear))
         self.v = [trace.input(3 * nv + i) for i in range(nv)]
-        self.R, self.p, self.body = [], [], []
+        data = model.createData()
+        self.revolute, self.axis, self.R, self.p, self.body = [], [], [], [], []
         for i in range(nv):
             c, s, q = (trace.input(k * nv + i) for k in range(3))
-            parts = [_clean(x[i]) for x in (geometry.still, geometry.cosine, geometry.sine)]
-            self.R.append((parts[0] + c * parts[1] + s * parts[2]).reshape(3, 3))
-            self.p.append(_clean(geometry.origin[i]) + q * _clean(geometry.slide[i]))
+            turns, axis = _axis(model, data, i + 1)
+            R0, p0 = model.jointPlacements[i + 1].rotation, model.jointPlacements[i + 1].translation
+            along = R0 @ np.outer(axis, axis)  # Rodrigues: R0 (a a^T + cos q (1 - a a^T) + sin q skew(a))
+            turned = _clean(along) + c * _clean(R0 - along) + s * _clean(R0 @ pin.skew(axis))
+            self.revolute.append(turns)
+            self.axis.append(_clean(axis))
+            self.R.append(turned if turns else _clean(R0))
+            self.p.append(_clean(p0) if turns else _clean(p0) + q * _clean(R0 @ axis))
             self.body.append(_inertia(pi[10 * i : 10 * i + 10]))
 
     def mass_matrix(self) -> dict[tuple[int, int], Expression]:
@@ -181,6 +178,21 @@ class _Bodies:
             f = m * a + _cross(dw, h) + _cross(w, _cross(w, h))
             forces.append((f, inertia @ dw + _cross(w, inertia @ w) + _cross(h, a)))
         return forces
+
+
+def _axis(model: pin.Model, data: pin.Data, joint: int) -> tuple[bool, Floats]:
+    """Return whether a joint turns, and the unit vector that it turns about or slides along."""
+    kind = model.joints[joint]
+    J = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
+    column = J.reshape(6, model.nv)[:, kind.idx_v]  # Pinocchio drops the last axis if nv is 1
+    slides, turns = np.linalg.norm(column[:3]), np.linalg.norm(column[3:])
+    single = kind.nq == kind.nv == 1 and kind.shortname().startswith(("JointModelR", "JointModelP"))
+    if not single or abs(slides + turns - 1.0) > 1e-14 or min(slides, turns) > 0.0:
+        raise MachineError(
+            f"machine {model.name!r}: joint {model.names[joint]!r} is neither revolute nor prismatic; only "
+            "those can be simulated"
+        )
+    return bool(turns > 0.0), column[3:] if turns > 0.0 else column[:3]
 
 
 def _inertia(body: Floats):  # type: ignore[no-untyped-def]

@@ -17,8 +17,7 @@ step, at the predicted state, the scheme is of second order.
 
 from __future__ import annotations
 
-from pinotwin.dynamics.leaf import leaf
-from pinotwin.dynamics.stepping import gather, replay
+from pinotwin.dynamics.stepping import gather, leaf, replay
 from pinotwin.simulation.blocks import (
     D_RATE,
     D_RATE2,

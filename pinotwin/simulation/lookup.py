@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinotwin.dynamics.leaf import leaf
+from pinotwin.dynamics.stepping import leaf
 
 
 @leaf
