@@ -22,8 +22,9 @@ from pinotwin.effects import (
     Presliding,
     Stribeck,
 )
+from pinotwin.effects.layout import effect_slices
 from pinotwin.motion import Motion
-from pinotwin.twin.twin import Twin, effect_slices
+from pinotwin.twin.twin import Twin
 
 DRY = (Coulomb, CoulombAsymmetric, Stribeck)
 SCATTERED = ("coulomb", "viscous", "coulomb_asymmetric", "viscous_asymmetric", "presliding")

@@ -14,9 +14,9 @@ from pinotwin.diagnosis.bristle import bristles
 from pinotwin.diagnosis.rows import Rows
 from pinotwin.diagnosis.stage import Blocks
 from pinotwin.effects import Presliding, RigidBody
+from pinotwin.effects.layout import effect_slices
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.twin.twin import effect_slices
 
 LIGHTEST = 0.05
 """Of the largest inertia of a joint: below it is an error of the base model (it may even be negative), and

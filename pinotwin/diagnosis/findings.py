@@ -17,7 +17,7 @@ from pinotwin.diagnosis.prepare import Ready
 from pinotwin.diagnosis.result import Found, Shrink
 from pinotwin.diagnosis.shrinking import held_out, on_fitted, shrink
 from pinotwin.diagnosis.verdict import Left
-from pinotwin.twin.twin import effect_keys
+from pinotwin.effects.layout import effect_keys
 
 SET = 0.9  # probability that the stated alternatives cover
 WARMTH = 0.01  # temperature per gain that columns of first order ask for, whatever injections say

@@ -17,9 +17,10 @@ from pinotwin.diagnosis.noise import Noise, estimate, white_noise
 from pinotwin.diagnosis.rows import Bend, Rows, at_rest_too, coarsest, take_rows
 from pinotwin.diagnosis.shapes import shaped_base
 from pinotwin.diagnosis.stage import Stage, build_stage
+from pinotwin.effects.layout import effect_slices
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.twin.twin import Twin, effect_slices
+from pinotwin.twin.twin import Twin
 
 QUICK = 3  # by how much fewer samples and rows a quick look takes at most
 

@@ -16,12 +16,12 @@ from pinotwin.diagnosis.rows import Rows
 from pinotwin.diagnosis.stage import Blocks, Piece, Stage, build_stage
 from pinotwin.diagnosis.worth import worth
 from pinotwin.effects import Effect, PositionTable, Presliding, Stribeck
+from pinotwin.effects.layout import effect_slices
 from pinotwin.identification.plant import Plant, fit_plant
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.twin.twin import effect_slices
 
 ENOUGH = 0.35  # of a joint's travel, for its pitches to be found
 FADES = (

@@ -16,7 +16,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.base import Base, is_scattered
 from pinotwin.diagnosis.noise import Noise
 from pinotwin.diagnosis.rows import Channel, Rows
-from pinotwin.twin.twin import effect_slices
+from pinotwin.effects.layout import effect_slices
 
 Blocks = list[tuple[int, Floats]]
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects import Effect
+from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.errors import DataError
 from pinotwin.motion import Motion
 from pinotwin.signals import decimate_zero_phase
 from pinotwin.solve.problem import Problem
-from pinotwin.twin.twin import effect_keys, effect_slices
 
 
 @dataclass(frozen=True)

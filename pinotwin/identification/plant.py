@@ -10,13 +10,13 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.parameters import body_count, parameters
 from pinotwin.effects import Effect, PositionTable, RigidBody
+from pinotwin.effects.layout import effect_slices
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.consistency import Bodies, ConsistentFit, Evidence, consistent
 from pinotwin.solve.linear import Options, Prior, linear
 from pinotwin.solve.result import LinearFit
-from pinotwin.twin.twin import effect_slices
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,13 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects import Effect
+from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.identification.assemble import Rows, assemble, coefficient_names, thin
 from pinotwin.motion import Motion
 from pinotwin.solve.linear import Options, Prior
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.result import LinearFit
 from pinotwin.solve.separable import separable
-from pinotwin.twin.twin import effect_keys, effect_slices
 
 Found = tuple[LinearFit, tuple[Effect, ...], Floats, Mask]
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect, RigidBody
+from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.identification.plant import Plant
 from pinotwin.machine import Machine
 from pinotwin.twin.parameters import Parameter, verdict
-from pinotwin.twin.twin import Twin, effect_keys, effect_slices
+from pinotwin.twin.twin import Twin
 
 if TYPE_CHECKING:
     from pinotwin.identification.loops import Loops

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pinotwin.machine.bundled import machines
-from pinotwin.machine.machine import Axis, DataSettings, Imu, LoopShape, Machine, Passive
+from pinotwin.machine.machine import Machine
+from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 
 __all__ = ["Axis", "DataSettings", "Imu", "LoopShape", "Machine", "Passive", "machines"]

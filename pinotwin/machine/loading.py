@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.bundled import bundled_path, machines
-from pinotwin.machine.machine import Axis, Machine, Passive
+from pinotwin.machine.machine import Machine
+from pinotwin.machine.parts import Axis, Passive
 from pinotwin.machine.sections import columns, data_settings, imus, loops, transmission
 from pinotwin.machine.urdf import check_inertia, load_model
 from pinotwin.machine.urdf_check import MOVING, mimics, moving_joints, read_tree

@@ -14,7 +14,7 @@ import pinocchio as pin
 from pinotwin.arrays import Floats
 from pinotwin.errors import MachineError, nearest
 from pinotwin.logs.columns import AXIS_SIGNALS, LOAD_SIGNALS, Column, parse_columns
-from pinotwin.machine.machine import Axis, DataSettings, Imu, LoopShape
+from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape
 from pinotwin.machine.urdf_check import read_tree
 from pinotwin.machine.yaml_file import check_keys, mapping, number, truth, whole
 

@@ -12,13 +12,14 @@ import yaml
 
 from pinotwin.arrays import Floats, plain
 from pinotwin.effects import Effect
+from pinotwin.effects.layout import effect_slices
 from pinotwin.errors import TwinError
 from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
 from pinotwin.machine.urdf import with_inertias
 from pinotwin.twin.misfit import FILE, Misfit, read_misfit, write_misfit
 from pinotwin.twin.parameters import Parameter
-from pinotwin.twin.twin import Twin, effect_slices
+from pinotwin.twin.twin import Twin
 
 SCHEMA = "pinotwin.twin/1"
 

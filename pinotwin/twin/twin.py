@@ -14,6 +14,7 @@ import pinocchio as pin
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import Effect
+from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.errors import TwinError, nearest
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -148,20 +149,3 @@ class Twin:
         from pinotwin.twin.files import load
 
         return load(Path(folder))
-
-
-def effect_keys(effects: Sequence[Effect]) -> tuple[str, ...]:
-    """Return a unique key for each effect."""
-    keys: list[str] = []
-    for effect in effects:
-        plain = effect.name if effect.axis is None else f"{effect.axis}.{effect.name}"
-        count = sum(k == plain or k.startswith(plain + "#") for k in keys)
-        keys.append(plain if count == 0 else f"{plain}#{count + 1}")
-    return tuple(keys)
-
-
-def effect_slices(effects: Sequence[Effect]) -> tuple[slice, ...]:
-    """Return where each effect's coefficients lie when all are put end to end."""
-    counts = [len(effect.coefficients()) for effect in effects]
-    ends = np.cumsum(counts)
-    return tuple(slice(int(e - c), int(e)) for e, c in zip(ends, counts, strict=True))

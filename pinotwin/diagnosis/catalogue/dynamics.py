@@ -16,7 +16,7 @@ from pinotwin.dynamics.batch import inverse
 from pinotwin.dynamics.parameters import parameters, with_parameters
 from pinotwin.dynamics.regressor import regressor
 from pinotwin.effects import RigidBody
-from pinotwin.twin.twin import effect_slices
+from pinotwin.effects.layout import effect_slices
 
 LOAD = 0.65  # share of the inertia behind a spring or a gap that is assumed
 DAMPING = (0.03, 0.08, 0.2)
