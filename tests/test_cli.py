@@ -16,9 +16,10 @@ import pytest
 from pinotwin.cli import check as check_command
 from pinotwin.cli import progress as bars
 from pinotwin.cli.main import COMMANDS, main
-from pinotwin.cli.output import plain, whole_folder, write_json, write_text
+from pinotwin.cli.output import plain, write_json
 from pinotwin.errors import InputError
 from pinotwin.twin import Twin
+from pinotwin.writing import whole_folder, write_text
 from tests.rig import TRUTH, good_log, run, write_log, write_machine
 
 THERE = [name for name in COMMANDS if importlib.util.find_spec(f"pinotwin.cli.{name}")]
@@ -196,7 +197,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyte
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(InputError, match=r"No space left on device; the earlier one is kept"):
         write_text(target, "new")
     assert target.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["r.json"]

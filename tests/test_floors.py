@@ -21,6 +21,7 @@ FLOORS = {
     "arrays": 0,
     "threads": 0,
     "units": 1,
+    "writing": 1,
     "log": 2,
     "motion": 2,
     "signals": 2,

@@ -84,3 +84,33 @@ def test_a_damaged_twin_is_refused_in_one_line(saved, tmp_path):
     (tmp_path / "twin.json").write_text('{"schema": "pinotwin.twin/0"}')
     with pytest.raises(TwinError, match="identify again"):
         pt.Twin.load(tmp_path)
+
+
+def test_files_of_another_run_and_edits_are_refused(tmp_path, saved):
+    """A twin is its three files together; only what a log calls its channels may be edited."""
+    twin = saved[0]
+    name = f"{twin.machine.name}.urdf"
+
+    def loaded_after(change):
+        folder = tmp_path / f"t{len(list(tmp_path.iterdir()))}"
+        twin.save(folder)
+        change(folder)
+        return pt.Twin.load(folder)
+
+    def replaced(file, old, new):
+        def change(folder):
+            text = (folder / file).read_text()
+            assert old in text
+            (folder / file).write_text(text.replace(old, new, 1))
+
+        return change
+
+    loaded_after(replaced("machine.yaml", "axes:", "columns: {t: Time}\naxes:"))
+    for change, said in [
+        (replaced(name, "</robot>", "<!-- of another run --></robot>"), rf"{name}: is not the one"),
+        (replaced("machine.yaml", "viscous", "quadratic_drag"), r"machine\.yaml: is not the one"),
+        (replaced("twin.json", '"value": ', '"value": 1'), r"twin\.json: damaged twin \(changed"),
+        (replaced("twin.json", '"schema"', '"x": ' + 5000 * "9" + ', "schema"'), r"not valid JSON"),
+    ]:
+        with pytest.raises(TwinError, match=said):
+            loaded_after(change)

@@ -194,7 +194,7 @@ def test_missing_files_are_named(urdf_dir: Path, tmp_path: Path) -> None:
         scene(broken)
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="file is not a folder"):
         save_html(blocked / "page.html", scene(of(urdf_dir, "emps")))
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pinotwin.cli.output import add_common, check_folder, say, write_json, write_text
+from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
+from pinotwin.writing import write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +60,6 @@ def run(args: argparse.Namespace) -> int:
     from pinotwin.report.blind import bench_page
 
     _check(args)
-    check_folder(args.out)
     folder = Path(args.out)
     drawn = draw_cases(args.machines or MACHINES, args.seeds, situations=args.situations, seed=args.seed)
     cases = some(drawn, args.cases)

@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.output import add_common, say, whole_folder, write_json, write_text
+from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
     from pinotwin.logs.check import Check

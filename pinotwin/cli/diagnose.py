@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinotwin.cli.inputs import read_logs
-from pinotwin.cli.output import add_common, say, whole_folder, write_json
+from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
+from pinotwin.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
     from pinotwin.diagnosis import Diagnosis
@@ -57,10 +58,10 @@ def run(args: argparse.Namespace) -> int:
             report=report,
             seed=args.seed,
         )
-        with whole_folder(args.out) as folder:
+        with whole_folder(args.out, replaces=("machine", "advice_*.csv")) as folder:
             write(found, folder)
             page = diagnosis_report(found, logs, validate)
-            (folder / "report.html").write_text(page, encoding="utf-8")
+            write_text(folder / "report.html", page)
             write_view(found, subject, logs[0], folder)
     if args.json:
         write_json(args.json, found.to_dict())

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinotwin.cli.inputs import add_preparation, read_logs, settings
-from pinotwin.cli.output import add_common, check_folder, say, whole_folder, write_json
+from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
+from pinotwin.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
     from pinotwin.log import Log
@@ -39,9 +40,8 @@ def run(args: argparse.Namespace) -> int:
     from pinotwin.identification import identify
     from pinotwin.machine import Machine
     from pinotwin.report import identification_report
-    from pinotwin.twin.files import document
+    from pinotwin.twin.files import write_twin
 
-    check_folder(args.out)
     options = settings(args)
     machine = Machine.load(args.machine).require_physical()
     _spare_the_machine(machine, Path(args.out))
@@ -59,12 +59,12 @@ def run(args: argparse.Namespace) -> int:
         )
         with whole_folder(args.out) as folder:
             report("writing the twin", 0.9)
-            twin.save(folder)
+            content = write_twin(twin, folder)
             report("writing the report", 0.95)
             page = identification_report(twin, logs, validate)
-            (folder / "report.html").write_text(page, encoding="utf-8")
+            write_text(folder / "report.html", page)
     if args.json:
-        write_json(args.json, document(twin))
+        write_json(args.json, content)
     for line in [*summary(twin), *_doubts(machine, logs)]:
         say(line)
     say(f"twin and report written to {args.out}")

@@ -10,7 +10,9 @@ import argparse
 import importlib
 import importlib.util
 import os
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 
 from pinotwin.errors import PinotwinError
@@ -62,11 +64,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: the words after ``pinotwin``; those of the process when None.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its own threads slow small problems
+    _end_in_order()
     words = list(sys.argv[1:] if argv is None else argv)
     named = [w for w in words[:1] if w in COMMANDS]
     try:
         args = _parser(named).parse_args(words)
-        _check_files(args)
+        _check_outputs(args)
         module = importlib.import_module(f"pinotwin.cli.{args.verb}")
         code = int(module.run(args))
         sys.stdout.flush()  # a reader that has gone is noticed here, not at exit
@@ -85,13 +88,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(f"{error.filename or 'the system says'}: {error.strerror}")
 
 
-def _check_files(args: argparse.Namespace) -> None:
-    """Refuse result files that cannot be written before the work for them is done."""
-    from pinotwin.cli.output import check_file
+def _end_in_order() -> None:
+    """Let a polite kill (SIGTERM) end the work as Ctrl-C does: half-made files are removed."""
+    if threading.current_thread() is threading.main_thread():
+        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
 
-    for name in ("json", "html"):
-        if getattr(args, name, None):
-            check_file(getattr(args, name), folder=getattr(args, "out", None))
+
+def _check_outputs(args: argparse.Namespace) -> None:
+    """Refuse results that cannot be written before the work for them is done."""
+    from pinotwin.cli.output import check_outputs  # needs NumPy, which the help does not
+
+    check_outputs(args)
 
 
 def _complain(text: str) -> int:

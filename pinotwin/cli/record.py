@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pinotwin.cli.output import add_common, check_file, say, write_json
+from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.writing import check_file
 
 LONGEST = 3600.0
 """Longest recording [s]: an hour at 4 kHz already takes gigabytes."""
@@ -45,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LINK",
         help="link that carries it, in the order of --imu (from machine.yaml)",
     )
-    add_common(parser, out="log to write (.csv or .parquet)", required=True)
+    add_common(parser, out="log to write (.csv or .parquet)", required=True, file=True)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -63,7 +64,6 @@ def run(args: argparse.Namespace) -> int:
             raise InputError(f"--{name.replace('_', '-')}: must not be negative")
     if out.suffix not in (".csv", ".parquet"):
         raise InputError(f"--out: {out.name}: a log ends in .csv or .parquet")
-    check_file(out)
     for path in args.imu:
         if Path(path).suffix not in (".csv", ".parquet"):
             raise InputError(f"--imu: {path}: a log ends in .csv or .parquet")

@@ -6,7 +6,8 @@ import argparse
 import io
 from pathlib import Path
 
-from pinotwin.cli.output import add_common, say, write_json, write_text
+from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.writing import write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "passive joint as output, or identified controllers",
     )
     parser.add_argument("--step", type=float, metavar="S", help="longest internal step")
-    add_common(parser, out="prediction to write (.csv)", required=True)
+    add_common(parser, out="prediction to write (.csv)", required=True, file=True)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinotwin.cli.inputs import read_logs
-from pinotwin.cli.output import add_common, check_file, say, write_json, write_text
+from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
+from pinotwin.writing import write_text
 
 if TYPE_CHECKING:
     from pinotwin.reconstruction import Vibration
@@ -53,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--report", metavar="FILE", help="write an HTML report here")
     parser.add_argument("--no-methods", action="store_true", help="leave out the table that compares methods")
-    add_common(parser, out="deflection on the servo clock (.csv or .parquet)", required=True)
+    add_common(parser, out="deflection on the servo clock (.csv or .parquet)", required=True, file=True)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -65,8 +66,6 @@ def run(args: argparse.Namespace) -> int:
 
     if Path(args.out).suffix not in (".csv", ".parquet"):
         raise InputError(f"--out: {args.out}: a log ends in .csv or .parquet")
-    for path in filter(None, (args.out, args.report)):
-        check_file(path)
     if args.imu_cutoff < 0 or args.servo_cutoff <= 0:
         raise InputError("--imu-cutoff must not be negative, --servo-cutoff must be positive")
     machine = Machine.load(args.machine)

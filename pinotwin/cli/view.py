@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.output import add_common, say, whole_folder, write_json
+from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.writing import whole_folder
 
 if TYPE_CHECKING:
     from pinotwin.analysis.modal import Modes

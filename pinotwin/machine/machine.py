@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -22,6 +21,7 @@ from pinotwin.logs.columns import Column
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
+from pinotwin.writing import write_bytes, write_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,15 +174,14 @@ class Machine:
         from pinotwin.machine.loading import machine_spec
 
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
         target = folder / self.urdf.name
         if target.resolve() != self.urdf.resolve():
             root = read_tree(self.urdf)
             if resolve_meshes(root, self.urdf):
-                target.write_bytes(etree.tostring(root, xml_declaration=True, encoding="utf-8"))
+                write_bytes(target, etree.tostring(root, xml_declaration=True, encoding="utf-8"))
             else:
-                shutil.copyfile(self.urdf, target)
+                write_bytes(target, self.urdf.read_bytes())
         path = folder / "machine.yaml"
         text = yaml.safe_dump(machine_spec(self), sort_keys=False, allow_unicode=True)
-        path.write_text(text, encoding="utf-8")
+        write_text(path, text)
         return path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -17,23 +18,50 @@ from pinotwin.errors import TwinError
 from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
 from pinotwin.machine.urdf import with_inertias
+from pinotwin.machine.yaml_file import read_yaml
 from pinotwin.twin.misfit import FILE, Misfit, read_misfit, write_misfit
 from pinotwin.twin.parameters import Parameter
 from pinotwin.twin.twin import Twin
+from pinotwin.writing import whole_folder, write_bytes, write_text
 
 SCHEMA = "pinotwin.twin/1"
 
 
 def save(twin: Twin, folder: Path) -> Path:
     """See :meth:`Twin.save`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    machine = twin.machine
-    (folder / f"{machine.name}.urdf").write_bytes(with_inertias(machine.urdf, twin.model))
-    (folder / "machine.yaml").write_text(_yaml(twin), encoding="utf-8")
+    with whole_folder(folder, replaces=(FILE,)) as part:
+        write_twin(twin, part)
+    return folder
+
+
+def write_twin(twin: Twin, folder: Path) -> dict[str, Any]:
+    """Write a twin into a folder that is there; return what twin.json holds, digests included."""
+    name = f"{twin.machine.name}.urdf"
+    write_bytes(folder / name, with_inertias(twin.machine.urdf, twin.model))
+    write_text(folder / "machine.yaml", _yaml(twin))
     if twin.misfit is not None:
         write_misfit(twin.misfit, folder / FILE)
-    (folder / "twin.json").write_text(_text(document(twin)), encoding="utf-8")
-    return folder
+    content = document(twin)
+    content["files"] = _digests(folder, folder / name)
+    content["digest"] = _digest(content)
+    write_text(folder / "twin.json", _text(content))
+    return content
+
+
+def _digest(content: dict[str, Any]) -> str:
+    """Return the digest of a document without its own, whatever the order and layout of its text."""
+    rest = {key: value for key, value in content.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def _digests(folder: Path, urdf: Path) -> dict[str, str]:
+    """Return the digests of a twin's companions; what a log calls its channels is no part of the twin."""
+    spec = {k: v for k, v in read_yaml(folder / "machine.yaml").items() if k != "columns"}
+    out = {"machine.yaml": hashlib.sha256(json.dumps(spec, sort_keys=True, default=str).encode()).hexdigest()}
+    for file in (urdf, folder / FILE):
+        if file.is_file():
+            out[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    return out
 
 
 def _text(content: dict[str, Any]) -> str:
@@ -111,16 +139,32 @@ def load(folder: Path) -> Twin:
         raise TwinError(f"{path}: no such file; give the folder that `pinotwin identify` wrote")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # of JSON, of UTF-8, of a number of 5000 digits
         raise TwinError(f"{path}: not valid JSON ({error}); identify the twin again") from None
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else None
         raise TwinError(f"{path}: schema {found!r}, this version reads {SCHEMA!r}; identify again")
     machine = Machine.load(path.parent)
+    _check_digests(path, content, machine)
     try:
         return dataclasses.replace(_twin(machine, content), misfit=_misfit(path.parent, machine, content))
-    except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
+    except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
         raise TwinError(f"{path}: damaged twin ({error}); identify it again") from None
+
+
+def _check_digests(path: Path, content: dict[str, Any], machine: Machine) -> None:
+    """Refuse a twin that was changed by hand, or whose files come from different runs."""
+    if content.get("digest") != _digest(content):
+        raise TwinError(
+            f"{path}: damaged twin (changed after it was saved: its digest differs); identify it again"
+        )
+    saved, found = content["files"], _digests(path.parent, machine.urdf)
+    for name in (*saved, *found):
+        if saved.get(name) != found.get(name):
+            raise TwinError(
+                f"{path.parent / name}: is not the one that this twin was saved with (its digest in "
+                "twin.json differs); put it back, or identify the twin again"
+            )
 
 
 def _twin(machine: Machine, content: dict[str, Any]) -> Twin:

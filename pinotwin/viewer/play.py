@@ -14,9 +14,10 @@ import pinocchio as pin
 from meshcat.animation import Animation
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import DataError, InputError
+from pinotwin.errors import DataError
 from pinotwin.viewer.scene import Scene, joint_path, joint_poses, place_joints
 from pinotwin.viewer.stage import corners, set_stage
+from pinotwin.writing import write_text
 
 MAX_FRAMES = 1800
 """Longest animation; a longer log is shown at fewer frames per second."""
@@ -81,11 +82,7 @@ def save_html(path: str | Path, drawn: Scene, *, controls: bool = True) -> Path:
         InputError: the file cannot be written.
     """
     path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(drawn.page.html(drawn.name, controls), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: the page cannot be written ({error.strerror})") from None
+    write_text(path, drawn.page.html(drawn.name, controls))
     return path
 
 

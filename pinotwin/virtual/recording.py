@@ -12,6 +12,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
 from pinotwin.log import Log
 from pinotwin.virtual.rigid import Tree, body_forces, empty_pose, move, place, place_in_world
+from pinotwin.writing import whole_file
 
 
 @dataclass(frozen=True)
@@ -145,13 +146,14 @@ def write_log(path: Path | str, log: Mapping[str, Floats]) -> None:
         log: channel -> values, ``t`` first.
     """
     path = Path(path)
-    if path.suffix == ".parquet":
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        pq.write_table(pa.table({k: np.asarray(x) for k, x in log.items()}), path)
-        return
-    if path.suffix != ".csv":
+    if path.suffix not in (".csv", ".parquet"):
         raise InputError(f"{path}: a log is written as .csv or .parquet, not {path.suffix!r}")
-    table = np.column_stack([np.asarray(x) for x in log.values()])
-    np.savetxt(path, table, fmt="%.12g", delimiter=",", header=",".join(log), comments="")
+    with whole_file(path) as part:
+        if path.suffix == ".parquet":
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+
+            pq.write_table(pa.table({k: np.asarray(x) for k, x in log.items()}), part)
+            return
+        table = np.column_stack([np.asarray(x) for x in log.values()])
+        np.savetxt(part, table, fmt="%.12g", delimiter=",", header=",".join(log), comments="")

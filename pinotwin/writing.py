@@ -1,0 +1,315 @@
+"""Files and folders that are written whole or not at all.
+
+A result is made beside its target under a hidden name, ``.<name>.<random>.part``, and takes the target's
+place by a rename when it is complete. A full disk, an error or a kill therefore leaves what was there
+before. Whoever makes such a part holds a lock on it (``flock``, which ends with the process), so that the
+next command of the same target can tell what a killed process left, and removes it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import errno
+import fcntl
+import os
+import re
+import shutil
+import stat
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from pinotwin.errors import InputError
+
+_EXCHANGE = 2  # RENAME_EXCHANGE of renameat2(2), Linux 3.15: swaps two names in one step
+_AT_CWD = -100
+_NAME = 40  # letters of the target's name in that of its part: file systems stop at 255 bytes
+
+
+def check_file(path: str | Path) -> None:
+    """Refuse a file that cannot be written, before any work is done for it.
+
+    Raises:
+        InputError: with what to do.
+    """
+    if not str(path).strip():
+        raise InputError("no name given for an output; give a file")
+    target = Path(path)
+    if target.is_dir():
+        raise InputError(f"{target}: is a folder; give a file name")
+    if target.exists() and not (target.is_file() or _is_sink(target)):
+        raise InputError(f"{target}: is no ordinary file; give another name")
+    _check_parent(target)
+
+
+def check_folder(path: str | Path) -> None:
+    """Refuse an output folder that cannot be made or filled, before any work is done for it.
+
+    Raises:
+        InputError: with what to do.
+    """
+    target = Path(path)
+    if not str(path).strip():
+        raise InputError("--out: no name given; give a folder")
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file; give a folder for --out")
+    if target.is_dir():
+        _try_writing(target, target)
+    _check_parent(target)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file (UTF-8), whole or not at all."""
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Write a file, whole or not at all."""
+    with whole_file(path) as part:
+        part.write_bytes(content)
+
+
+@contextmanager
+def whole_file(path: str | Path) -> Iterator[Path]:
+    """Yield a file to write, of the same suffix; it takes the place of ``path`` only if nothing fails.
+
+    Missing folders are made.
+
+    Raises:
+        InputError: it cannot be written (full disk, no permission); the earlier file is kept.
+    """
+    check_file(path)
+    target = Path(path).resolve()  # a symbolic link stays one
+    with _in_one_line(target):
+        if _is_sink(target):
+            yield target
+            return
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with _part(target) as part:
+            yield part
+            _settle(part)
+            part.chmod(_mode(target, 0o666))
+            os.replace(part, target)
+
+
+@contextmanager
+def whole_folder(path: str | Path, replaces: Sequence[str] = ()) -> Iterator[Path]:
+    """Yield a folder to fill; it takes the place of ``path`` only if nothing fails.
+
+    What else lies in an earlier folder of that name is carried over, so that nobody's own notes are lost.
+
+    Args:
+        path: the folder.
+        replaces: patterns of names that belong to the result: those of an earlier run are not carried over.
+
+    Raises:
+        InputError: it cannot be written (full disk, no permission); the earlier folder is kept.
+    """
+    check_folder(path)
+    target = Path(path).resolve()
+    with _in_one_line(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with _part(target, folder=True) as part:
+            yield part
+            for file in part.rglob("*"):
+                if file.is_file():
+                    _settle(file)
+            part.chmod(_mode(target, 0o777))
+            _take_place(part, target, replaces)
+
+
+def _take_place(part: Path, target: Path, replaces: Sequence[str]) -> None:
+    if not target.exists():
+        os.rename(part, target)
+        return
+    own = os.listdir(part)
+    if not _is_in_use(target):
+        _carry_over(target, part, replaces)
+        if _exchange(part, target):
+            return
+    for name in [n for n in os.listdir(target) if n not in own and _matches(n, replaces)]:
+        _remove(target / name)
+    for name in own:
+        _move(part / name, target / name)
+
+
+def _is_in_use(target: Path) -> bool:
+    """Whether a folder should not be swapped: somebody's shell stands in it, or it is a mount."""
+    here = Path.cwd()
+    return target.is_mount() or here == target or target in here.parents
+
+
+def _exchange(part: Path, target: Path) -> bool:
+    """Swap two folders in one step, or by two renames where the system cannot; False if neither can."""
+    with contextlib.suppress(AttributeError, OSError):
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+        if rename(_AT_CWD, os.fsencode(part), _AT_CWD, os.fsencode(target), _EXCHANGE) == 0:
+            return True
+    aside = part.with_name(part.name.removesuffix(".part") + ".old.part")
+    try:
+        os.rename(target, aside)
+    except OSError:
+        return False
+    try:
+        os.rename(part, target)
+    except OSError:
+        os.rename(aside, target)
+        return False
+    _remove(aside)
+    return True
+
+
+def _carry_over(old: Path, new: Path, replaces: Sequence[str] = ()) -> None:
+    """Link what only the old folder has into the new one (copy where a link is not possible)."""
+    for entry in os.scandir(old):
+        place = new / entry.name
+        if entry.is_dir(follow_symlinks=False):
+            if place.is_dir():
+                continue  # a folder of the result, written anew
+            if not place.exists() and not _matches(entry.name, replaces):
+                place.mkdir()
+                _carry_over(Path(entry.path), place)
+                shutil.copystat(entry.path, place)
+        elif not os.path.lexists(place) and not _matches(entry.name, replaces):
+            try:
+                os.link(entry.path, place, follow_symlinks=False)
+            except OSError:
+                shutil.copy2(entry.path, place, follow_symlinks=False)
+
+
+def _matches(name: str, patterns: Sequence[str]) -> bool:
+    return any(Path(name).match(pattern) for pattern in patterns)
+
+
+def _move(source: Path, target: Path) -> None:
+    """Put a file or folder in the place of another, file by file."""
+    if target.is_dir() and not source.is_dir():
+        _remove(target)
+    if source.is_dir() and not target.is_dir():
+        target.unlink(missing_ok=True)
+    if source.is_dir() and target.is_dir():
+        _remove(target)
+    os.replace(source, target)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _part(target: Path, *, folder: bool = False) -> Iterator[Path]:
+    """Yield a new file or folder beside the target, locked; whatever has its name afterwards is removed."""
+    _sweep(target)
+    while True:
+        made = _new(target, folder)
+        lock = os.open(made, os.O_RDONLY)
+        with contextlib.suppress(OSError):  # a file system without locks: nothing is swept there
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        if made.exists():  # else another process swept it before it was locked
+            break
+        os.close(lock)
+    try:
+        yield made
+    finally:
+        _remove(made)
+        os.close(lock)
+
+
+def _new(target: Path, folder: bool) -> Path:
+    start = f".{target.name[:_NAME]}."
+    if folder:
+        return Path(tempfile.mkdtemp(dir=target.parent, prefix=start, suffix=".part"))
+    suffix = f".part{target.suffix}" if len(target.suffix) < 20 else ".part"
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=start, suffix=suffix)
+    os.close(handle)
+    return Path(name)
+
+
+def _sweep(target: Path) -> None:
+    """Remove what killed processes left of this target; put back a folder that was only renamed aside."""
+    pattern = re.compile(rf"\.{re.escape(target.name[:_NAME])}\.\w{{8}}(\.old)?\.part(\.\w+)?")
+    for entry in target.parent.iterdir():
+        if pattern.fullmatch(entry.name):
+            with contextlib.suppress(OSError):
+                lock = os.open(entry, os.O_RDONLY | os.O_NOFOLLOW)
+                try:
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    if ".old.part" in entry.name and not target.exists():
+                        os.rename(entry, target)
+                    else:
+                        _remove(entry)
+                finally:
+                    os.close(lock)
+
+
+def _settle(file: Path) -> None:
+    """Wait until a file is on the disk: a rename may overtake its contents when the power fails."""
+    handle = os.open(file, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _mode(target: Path, usual: int) -> int:
+    """Return the mode of what is replaced, else the usual one of this user."""
+    if target.exists():
+        return stat.S_IMODE(target.stat().st_mode)
+    mask = os.umask(0)
+    os.umask(mask)
+    return usual & ~mask
+
+
+def _is_sink(target: Path) -> bool:
+    """Whether a target is a device or pipe, such as /dev/null, which cannot be replaced."""
+    try:
+        mode = target.stat().st_mode
+    except OSError:
+        return False
+    return stat.S_ISCHR(mode) or stat.S_ISFIFO(mode)
+
+
+def _check_parent(target: Path) -> None:
+    parent = Path(os.path.abspath(target)).parent
+    while not parent.exists() and parent != parent.parent:
+        parent = parent.parent
+    if not parent.is_dir():
+        raise InputError(f"{target}: {parent} is not a folder; choose another")
+    if not _is_sink(target):
+        _try_writing(parent, target)
+
+
+def _try_writing(folder: Path, target: Path) -> None:
+    try:  # whether one may write somewhere is best found out by writing
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"x")
+    except OSError as error:
+        raise InputError(
+            f"{target}: folder {folder} cannot be written to: {_why(error)}; choose another"
+        ) from None
+
+
+@contextmanager
+def _in_one_line(target: Path) -> Iterator[None]:
+    """Turn what the system says of a write into one line that says what became of the target."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        if error.filename is not None and not str(error.filename).startswith(str(target.parent)):
+            raise  # trouble with another file, which the command line names
+        kept = "the earlier one is kept" if target.is_file() or target.is_dir() else "nothing is kept"
+        raise InputError(f"{target}: cannot be written: {_why(error)}; {kept}") from None
+
+
+def _why(error: OSError) -> str:
+    if error.errno is not None and error.errno in errno.errorcode:
+        return os.strerror(error.errno)
+    return " ".join(str(error).split())[:200]
