@@ -90,9 +90,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _end_in_order() -> None:
     """Let a polite kill (SIGTERM) end the work as Ctrl-C does: half-made files are removed."""
-    if threading.current_thread() is threading.main_thread():
-        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-            signal.signal(signal.SIGTERM, signal.default_int_handler)
+    inside = threading.current_thread() is not threading.main_thread()  # signals are the main thread's
+    if not inside and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def _check_outputs(args: argparse.Namespace) -> None:
