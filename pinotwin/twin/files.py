@@ -158,9 +158,8 @@ def _check_digests(path: Path, content: dict[str, Any], machine: Machine) -> Non
         raise TwinError(
             f"{path}: damaged twin (changed after it was saved: its digest differs); identify it again"
         )
-    saved, found = content["files"], _digests(path.parent, machine.urdf)
-    for name in (*saved, *found):
-        if saved.get(name) != found.get(name):
+    for name, digest in _digests(path.parent, machine.urdf).items():
+        if content["files"].get(name) != digest:
             raise TwinError(
                 f"{path.parent / name}: is not the one that this twin was saved with (its digest in "
                 "twin.json differs); put it back, or identify the twin again"
