@@ -103,6 +103,7 @@ def test_identify_writes_a_twin_that_loads(
     assert said.err == ""  # a pipe: no progress bar
     assert {p.name for p in out.iterdir()} == {
         "twin.json",
+        "misfit.npz",
         "machine.yaml",
         "rig.urdf",
         "report.html",
