@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pinotwin.effects import EFFECTS
-from pinotwin.machine.yaml_file import make_effects, settings_of
+from pinotwin.machine.yaml_file import settings_of
 
 HEAD = """# Effects
 
@@ -20,21 +20,34 @@ line in its table.
 
 def page() -> str:
     """Return the text of docs/effects.md."""
-    return HEAD + "\n".join(_section(name) for name in EFFECTS)
+    return HEAD + "\n".join(_section(name) for name in EFFECTS if name != "rigid_body")
 
 
 def _section(name: str) -> str:
-    spec = {name: {"with": "A"}} if name == "wrist_coupling" else name
-    (effect,) = make_effects([spec], "X", False, "effects")
+    effect = EFFECTS[name](axis="X", rotary=False)  # type: ignore[call-arg]
     text = (type(effect).__doc__ or "").split("\n\n    Attributes")[0]
     lines = [line.strip() for line in text.strip().splitlines()]
     coefficients = ", ".join(f"`{c.name}` [{c.unit}]" for c in effect.coefficients()) or "from the log"
     shapes = ", ".join(f"`{s.name}` [{s.unit}], {s.lower:.3g} to {s.upper:.3g}" for s in effect.shapes())
     settings = ", ".join(f"`{key}`" for key in settings_of(type(effect)))
-    rows = [f"## {name}", "", *lines, "", f"- coefficients: {coefficients}"]
+    rows = [f"## {name}", "", _sentence(effect.words), "", *lines, ""]
+    rows += [f"- coefficients: {coefficients}"]
     rows += [f"- shapes searched: {shapes}"] if shapes else []
-    rows += [f"- settings in YAML: {settings}"] if settings else []
-    return "\n".join([*rows, ""])
+    if effect.unlisted:
+        rows += [f"- not listed: it {effect.unlisted}"]
+    else:
+        rows += [f"- settings in YAML: {settings}"] if settings else []
+    for title, names in (
+        ("contains", effect.contains),
+        ("easily taken for", effect.imitates),
+        ("one axis cannot tell it from", effect.inseparable),
+    ):
+        rows += [f"- {title}: {', '.join(names)}"] if names else []
+    return "\n".join([*rows, f"- what to do: {effect.remedy}", ""])
+
+
+def _sentence(words: str) -> str:
+    return words[0].upper() + words[1:] + "."
 
 
 if __name__ == "__main__":

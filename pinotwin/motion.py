@@ -16,7 +16,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
 
-CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external")
+CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external", "model", "rigid", "mass")
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,11 @@ class Motion:
         u: motor effort [N or N·m]; NaN where the joint has no motor or no such channel.
         qr: command, or None where the log has none; likewise its derivatives ``vr`` and ``ar``.
         external: joint effort of the logged external loads (J^T f), zero where none.
+        model: effort of a twin's model in this motion, None outside of a twin. Effects that scale with
+            effort (delay, effort_scale, saturation) take it from here, never from the measured effort,
+            which holds what they are to explain. :func:`pinotwin.effects.with_model` fills it.
+        rigid: the rigid-body part of ``model``: what gear and bearing carry.
+        mass: inertia matrix along the motion, shape (n, nv, nv) [kg, kg·m or kg·m²].
         segments: stretches of unbroken, uniform sampling.
         step: sampling interval [s].
         use: rows that identification may use, per joint: away from edges, above the thresholds.
@@ -82,6 +87,9 @@ class Motion:
     vr: Floats | None = None
     ar: Floats | None = None
     external: Floats | None = None
+    model: Floats | None = None
+    rigid: Floats | None = None
+    mass: Floats | None = None
     decimation: int = 1
     cutoff: float = np.inf
     source: str = ""

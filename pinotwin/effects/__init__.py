@@ -1,61 +1,87 @@
-"""The effects that pinotwin knows, one family a file, and the table of their YAML names."""
+"""The effects that pinotwin knows, one family a file, and the table of their names.
+
+How an effect is written and used: :mod:`pinotwin.effects.effect`.
+"""
 
 from __future__ import annotations
 
-from pinotwin.effects.coupling import WristCoupling
-from pinotwin.effects.effect import AxisEffect, Coefficient, Columns, Effect, Shape
-from pinotwin.effects.friction import (
-    Coulomb,
-    CoulombAsymmetric,
-    QuadraticDrag,
-    Stribeck,
-    Viscous,
-    ViscousAsymmetric,
-)
-from pinotwin.effects.position import Offset, PositionTable, Ripple, RippleModulated
-from pinotwin.effects.presliding import Presliding
-from pinotwin.effects.rigid_body import RigidBody
-from pinotwin.effects.spring import Spring
+from pinotwin.effects.coupling import WristCoupling as WristCoupling
+from pinotwin.effects.effect import AxisEffect as AxisEffect
+from pinotwin.effects.effect import Coefficient as Coefficient
+from pinotwin.effects.effect import Columns as Columns
+from pinotwin.effects.effect import Effect as Effect
+from pinotwin.effects.effect import Shape as Shape
+from pinotwin.effects.family import FAMILIES as FAMILIES
+from pinotwin.effects.family import Family as Family
+from pinotwin.effects.friction import Coulomb as Coulomb
+from pinotwin.effects.friction import CoulombAsymmetric as CoulombAsymmetric
+from pinotwin.effects.friction import LoadFriction as LoadFriction
+from pinotwin.effects.friction import QuadraticDrag as QuadraticDrag
+from pinotwin.effects.friction import Stribeck as Stribeck
+from pinotwin.effects.friction import Viscous as Viscous
+from pinotwin.effects.friction import ViscousAsymmetric as ViscousAsymmetric
+from pinotwin.effects.friction import ViscousThermal as ViscousThermal
+from pinotwin.effects.load import ExternalForce as ExternalForce
+from pinotwin.effects.load import GeometricError as GeometricError
+from pinotwin.effects.load import InertialCoupling as InertialCoupling
+from pinotwin.effects.load import Payload as Payload
+from pinotwin.effects.position import Offset as Offset
+from pinotwin.effects.position import PositionTable as PositionTable
+from pinotwin.effects.position import Ripple as Ripple
+from pinotwin.effects.position import RippleModulated as RippleModulated
+from pinotwin.effects.presliding import Presliding as Presliding
+from pinotwin.effects.rigid_body import RigidBody as RigidBody
+from pinotwin.effects.scene import needs_model as needs_model
+from pinotwin.effects.scene import total_effort as total_effort
+from pinotwin.effects.scene import with_model as with_model
+from pinotwin.effects.sensing import Delay as Delay
+from pinotwin.effects.sensing import EffortScale as EffortScale
+from pinotwin.effects.sensing import EncoderError as EncoderError
+from pinotwin.effects.servo import Feedforward as Feedforward
+from pinotwin.effects.servo import LoopGain as LoopGain
+from pinotwin.effects.servo import Saturation as Saturation
+from pinotwin.effects.sight import Sight as Sight
+from pinotwin.effects.spring import Spring as Spring
+from pinotwin.effects.transmission import Backlash as Backlash
+from pinotwin.effects.transmission import DriveFlexibility as DriveFlexibility
+from pinotwin.effects.transmission import JointFlexibility as JointFlexibility
+from pinotwin.effects.tree import Tree as Tree
 
 EFFECTS: dict[str, type[Effect]] = {
     effect.name: effect
     for effect in (
+        RigidBody,
         Viscous,
         ViscousAsymmetric,
         Coulomb,
         CoulombAsymmetric,
         Stribeck,
         Presliding,
+        LoadFriction,
+        ViscousThermal,
         QuadraticDrag,
         Offset,
         Ripple,
         RippleModulated,
         PositionTable,
         Spring,
+        InertialCoupling,
         WristCoupling,
+        DriveFlexibility,
+        JointFlexibility,
+        Backlash,
+        Delay,
+        EffortScale,
+        EncoderError,
+        Payload,
+        ExternalForce,
+        GeometricError,
+        Feedforward,
+        LoopGain,
+        Saturation,
     )
 }
-"""YAML name -> effect of an axis. ``rigid_body`` needs no listing: every machine has it."""
+"""Name -> effect. ``LISTED`` has those that machine.yaml may list under an axis."""
 
-__all__ = [
-    "EFFECTS",
-    "AxisEffect",
-    "Coefficient",
-    "Columns",
-    "Coulomb",
-    "CoulombAsymmetric",
-    "Effect",
-    "Offset",
-    "PositionTable",
-    "Presliding",
-    "QuadraticDrag",
-    "RigidBody",
-    "Ripple",
-    "RippleModulated",
-    "Shape",
-    "Spring",
-    "Stribeck",
-    "Viscous",
-    "ViscousAsymmetric",
-    "WristCoupling",
-]
+LISTED: tuple[str, ...] = tuple(name for name, effect in EFFECTS.items() if not effect.unlisted)
+"""Names that an axis may list in machine.yaml."""

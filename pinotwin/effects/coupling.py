@@ -14,7 +14,10 @@ from typing import ClassVar
 import numpy as np
 
 from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect
+from pinotwin.effects.family import BODY, Family
+from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
+from pinotwin.effects.tree import HasTree, others
 from pinotwin.motion import Motion
 
 
@@ -22,11 +25,20 @@ from pinotwin.motion import Motion
 class WristCoupling(Effect):
     """Inertia and friction of a motor that is geared to two joints at once.
 
+        tau_i = Ia_m a_j + b_m v_j + c_m sign(v_i + v_j),      tau_j the same with i and j exchanged
+
     Attributes:
         partner: the other joint (``with`` in YAML).
     """
 
     name: ClassVar[str] = "wrist_coupling"
+    family: ClassVar[Family] = BODY
+    title: ClassVar[str] = "Wrist coupling"
+    words: ClassVar[str] = "turning one axis drags another through the gearing"
+    remedy: ClassVar[str] = "check the coupling ratio of the wrist in `transmission`"
+    colour: ClassVar[str] = "#3a7d7b"
+    contains: ClassVar[tuple[str, ...]] = ("inertial_coupling",)
+    imitates: ClassVar[tuple[str, ...]] = ("inertial_coupling", "payload", "rigid_body")
     causes: ClassVar[tuple[Cause, ...]] = ("inertial_coupling", "friction", "friction")
     axis: str
     rotary: bool = True
@@ -40,6 +52,15 @@ class WristCoupling(Effect):
             Coefficient("b_m", f"{f}·s/{x}", lower=0.0),
             Coefficient("c_m", f, lower=0.0),
         )
+
+    @classmethod
+    def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Effect, ...]:
+        """See :meth:`Effect.candidates`: with every other rotary axis, where both move."""
+        turns = dict(zip(machine.names, machine.rotary, strict=True))
+        partners = [x for x in others(tuple(machine.names), axis) if turns[x] and turns[axis]]
+        if not Sight.of(motion, axis).moves:
+            return ()
+        return tuple(cls(axis, True, partner=x) for x in partners if Sight.of(motion, x).moves)
 
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""

@@ -4,16 +4,36 @@
 
 ``theta`` are the linear coefficients that least squares finds; ``shape`` the few numbers inside a
 column (a Stribeck speed, a ripple pitch) that a bounded search finds. An effect never stores what was
-found: it states the equation. A new effect is one small final class with ``coefficients`` and
-``columns`` (or ``axis_columns``), listed once in the table of :mod:`pinotwin.effects`.
+found: it states the equation. Effects are frozen dataclasses; their fields are what the YAML may set.
 
-Effects are frozen dataclasses. Their fields are what the YAML may set.
+Identification, simulation, diagnosis, report and documentation read everything they need from here:
+
+* ``effect.columns(motion)``: the regressor. Effects whose column is made of the model's own effort
+  (``needs`` names the channels: ``model``, ``rigid``, ``mass``) want a motion that holds it:
+  ``motion = with_model(motion, effects, theta)`` of :mod:`pinotwin.effects.scene`, once a model.
+* ``effect.coefficients()``, ``effect.shapes()``, ``effect.shaped(values)``: names, units, bounds.
+* ``EFFECTS[name].candidates(machine, axis, motion)``: the instances worth trying on one axis of this
+  motion. Empty when the log cannot show the effect (presliding in a coarse log, a Stribeck curve
+  without slow rows). ``machine`` may be a machine or a :class:`pinotwin.effects.tree.Tree` that holds a
+  twin's inertias. Every candidate keeps its shapes: ``candidate.shapes()`` bounds a further polish,
+  ``candidate.shape_values()`` is where it starts. ``EFFECTS[name].searched`` says how many numbers the
+  search has chosen: its price. ``found.richer()`` are effects to try where this one was found, and
+  ``found.settled()`` is what machine.yaml is to list.
+* ``family.acts``: on the effort, on hidden states, on a sensor, or in the controller's loop. An effect
+  of the loop gives columns of the effort that the controller adds; the plant stays what it is.
+* ``contains``: simpler effects that are cases of this one: not asked for beside it. ``imitates``: other
+  effects whose columns can look alike. ``inseparable``: those that the signals of one axis cannot tell
+  apart whatever the motion.
+* ``title``, ``words``, ``remedy``, ``colour``: for people.
+
+A new effect is one small final class, listed once in the table of :mod:`pinotwin.effects`.
 """
 
 from __future__ import annotations
 
 import abc
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
@@ -21,10 +41,25 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.effects.family import Family
+from pinotwin.effects.sight import Sight
+from pinotwin.effects.tree import HasTree, Tree
+from pinotwin.errors import DataError
 from pinotwin.motion import AxisMotion, Motion
 
-Cause = Literal["stiffness", "viscous", "friction", "position", "inertial_coupling", "rigid_body", "other"]
+Cause = Literal[
+    "stiffness",
+    "viscous",
+    "friction",
+    "position",
+    "inertial_coupling",
+    "flexibility",
+    "external",
+    "rigid_body",
+    "other",
+]
 Depends = Literal["position", "velocity", "direction", "displacement", "other"]
+Need = Literal["model", "rigid", "mass"]
 
 
 @dataclass(frozen=True)
@@ -83,13 +118,53 @@ class Columns:
 
 
 class Effect(abc.ABC):
-    """One cause of joint effort; see the module's docstring for the equation."""
+    """One cause of joint effort; see the module's docstring for the equation and for how to use it."""
 
     name: ClassVar[str]
     """Name in YAML, JSON and reports."""
 
+    family: ClassVar[Family]
+    """Its family, which says what it acts on."""
+
+    title: ClassVar[str]
+    """Name in a heading."""
+
+    words: ClassVar[str]
+    """What it is on the machine, in one sentence without a capital or a full stop."""
+
+    remedy: ClassVar[str]
+    """What a person can check or do, in one sentence."""
+
+    colour: ClassVar[str]
+    """Its colour in every figure."""
+
+    contains: ClassVar[tuple[str, ...]] = ()
+    """Simpler effects that are special cases of this one on the same axis."""
+
+    imitates: ClassVar[tuple[str, ...]] = ()
+    """Effects that look much like it in an ordinary log."""
+
+    inseparable: ClassVar[tuple[str, ...]] = ()
+    """Effects that no motion of the axis can tell from it by the axis' own signals."""
+
+    unlisted: ClassVar[str] = ""
+    """Why it cannot be listed under an axis in machine.yaml, and what to write instead; empty if it can."""
+
+    several: ClassVar[bool] = False
+    """Whether an axis may list it more than once (ripples of several pitches)."""
+
+    needs: ClassVar[tuple[Need, ...]] = ()
+    """Channels of the motion that :func:`pinotwin.effects.with_model` must have filled."""
+
+    searched: ClassVar[int] = 0
+    """How many numbers a search over its candidates chooses: the price of finding it."""
+
     uses_standstill: ClassVar[bool] = False
     """Whether rows at standstill help to identify it (presliding): they are kept for its axis."""
+
+    held: ClassVar[bool] = False
+    """Whether its coefficients are held weakly within the size of the effort: knots that a log hardly
+    passes would run away."""
 
     causes: ClassVar[tuple[Cause, ...]] = ("other",)
     """What its effort counts as in the generalised disturbance: one word for all coefficients, or one
@@ -128,6 +203,11 @@ class Effect(abc.ABC):
         del motion
         return self
 
+    def bound(self, tree: Tree) -> Self:
+        """Return the effect with what it takes from its machine (a body's regressor, an endless joint)."""
+        del tree
+        return self
+
     def shape_values(self) -> tuple[float, ...]:
         """Return the present values of the shapes."""
         return tuple(float(getattr(self, s.name)) for s in self.shapes())
@@ -136,6 +216,53 @@ class Effect(abc.ABC):
         """Return the same effect with other shape values."""
         changes = {s.name: float(x) for s, x in zip(self.shapes(), values, strict=True)}
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+    @classmethod
+    def on(cls, machine: HasTree, axis: str) -> Self:
+        """Return the effect on an axis with its default settings."""
+        tree = Tree.of(machine)
+        made = cls(axis=axis, rotary=tree.rotary[tree.index(axis)])  # type: ignore[call-arg]
+        return made.bound(tree)
+
+    @classmethod
+    def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Effect, ...]:
+        """Return the instances worth trying on one axis of a motion; none if it cannot show the effect.
+
+        Args:
+            machine: whose axis, or a :class:`pinotwin.effects.tree.Tree`.
+            axis: name of the axis.
+            motion: prepared log(s), with the model's channels where ``needs`` asks for them.
+        """
+        sight = Sight.of(motion, axis)
+        if not sight.moves:
+            return ()
+        return tuple(e.fitted_to(motion) for e in cls.on(machine, axis).trials(motion, sight))
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """Return this effect at the shapes that a moving axis can show: see :meth:`candidates`."""
+        del motion, sight
+        return (self,)
+
+    def over(self, *grids: Sequence[float] | Floats) -> tuple[Self, ...]:
+        """Return the effect at every combination of shape values, one grid a shape."""
+        return tuple(self.shaped([float(x) for x in values]) for values in itertools.product(*grids))
+
+    def warm_up(self, motion: Motion) -> float:
+        """Return for how long a stretch's columns depend on what came before it [s].
+
+        Zero for an effect without states, and for dry friction once the axis moves; inf where the
+        beginning is never forgotten (an integral, a time since switching on).
+        """
+        del motion
+        return 0.0
+
+    def settled(self) -> Self:
+        """Return the effect as machine.yaml is to hold it once it was found: with the shapes it has."""
+        return self
+
+    def richer(self) -> tuple[Effect, ...]:
+        """Return effects that contain this one, to try where it was found; none as a rule."""
+        return ()
 
 
 class AxisEffect(Effect):
@@ -150,3 +277,18 @@ class AxisEffect(Effect):
         assert self.axis is not None
         axis = motion.axis(self.axis)
         return Columns((axis.index,), self.axis_columns(axis)[:, None, :])
+
+
+def channel(effect: Effect, motion: Motion, name: Need) -> Floats:
+    """Return a channel of the motion that holds the model's effort.
+
+    Raises:
+        DataError: the motion holds none.
+    """
+    found: Floats | None = getattr(motion, name)
+    if found is None:
+        raise DataError(
+            f"{effect.axis}.{effect.name} needs the effort of a model along the motion; "
+            "call with_model(motion, effects, theta) first"
+        )
+    return found

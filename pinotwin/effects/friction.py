@@ -8,16 +8,35 @@ Each term is an effect of its own, so that it can be listed, left out, withheld 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.direction import default_width, direction
-from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Shape
+from pinotwin.effects.effect import (
+    AxisEffect,
+    Cause,
+    Coefficient,
+    Columns,
+    Depends,
+    Effect,
+    Need,
+    Shape,
+    channel,
+)
+from pinotwin.effects.family import FRICTION, Family
+from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
-from pinotwin.motion import AxisMotion
+from pinotwin.motion import AxisMotion, Motion
+
+FADES = np.geomspace(0.006, 0.3, 6)
+"""Speeds at which friction may have faded, as shares of the top speed."""
+SLOW_ROWS = 30
+"""Rows slower than a fading speed without which it cannot be seen."""
+WARMING = (5.0, 15.0, 40.0)
+"""Time constants of warming that are tried [s]."""
 
 
 def _d(motion: AxisMotion, width: float | None) -> Floats:
@@ -29,6 +48,20 @@ class Viscous(AxisEffect):
     """Friction in proportion to speed: tau = b v."""
 
     name: ClassVar[str] = "viscous"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Viscous friction"
+    words: ClassVar[str] = "friction that grows with speed"
+    remedy: ClassVar[str] = (
+        "check the lubricant and its temperature; a bearing or seal that was changed or over-greased"
+    )
+    colour: ClassVar[str] = "#f28e2b"
+    imitates: ClassVar[tuple[str, ...]] = (
+        "viscous_asymmetric",
+        "viscous_thermal",
+        "quadratic_drag",
+        "stribeck",
+        "delay",
+    )
     causes: ClassVar[tuple[Cause, ...]] = ("viscous",)
     depends: ClassVar[Depends] = "velocity"
     axis: str
@@ -48,6 +81,15 @@ class ViscousAsymmetric(AxisEffect):
     """Viscous friction with its own coefficient per direction: tau = b+ max(v, 0) + b- min(v, 0)."""
 
     name: ClassVar[str] = "viscous_asymmetric"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Viscous friction by direction"
+    words: ClassVar[str] = "friction that grows with speed, more in one direction than in the other"
+    remedy: ClassVar[str] = (
+        "check seals, wipers and brushes that lean one way, and a cable that is pulled one way and pushed back"
+    )
+    colour: ClassVar[str] = "#e0b040"
+    contains: ClassVar[tuple[str, ...]] = ("viscous",)
+    imitates: ClassVar[tuple[str, ...]] = ("coulomb_asymmetric", "offset", "quadratic_drag")
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "velocity"
     axis: str
@@ -72,6 +114,12 @@ class Coulomb(AxisEffect):
     """
 
     name: ClassVar[str] = "coulomb"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Dry friction"
+    words: ClassVar[str] = "dry friction: the same force at any speed, against the motion"
+    remedy: ClassVar[str] = "check preload of bearings, guides and gears, wipers, a brake that drags"
+    colour: ClassVar[str] = "#e15759"
+    imitates: ClassVar[tuple[str, ...]] = ("presliding", "stribeck", "load_friction")
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "direction"
     axis: str
@@ -81,6 +129,11 @@ class Coulomb(AxisEffect):
     def coefficients(self) -> tuple[Coefficient, ...]:
         """See :meth:`Effect.coefficients`."""
         return (Coefficient("c", effort(self.rotary), lower=0.0),)
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: in one direction alone it is an offset."""
+        del motion
+        return (self,) if sight.both_ways else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
@@ -95,6 +148,16 @@ class CoulombAsymmetric(AxisEffect):
     """
 
     name: ClassVar[str] = "coulomb_asymmetric"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Dry friction by direction"
+    words: ClassVar[str] = "dry friction that is larger in one direction than in the other"
+    remedy: ClassVar[str] = (
+        "hold several postures with the brake off and read the effort: a weight or counterbalance pulls at rest too"
+    )
+    colour: ClassVar[str] = "#c2405a"
+    contains: ClassVar[tuple[str, ...]] = ("coulomb", "offset")
+    inseparable: ClassVar[tuple[str, ...]] = ("offset",)
+    imitates: ClassVar[tuple[str, ...]] = ("viscous_asymmetric", "rigid_body")
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "direction"
     axis: str
@@ -105,6 +168,11 @@ class CoulombAsymmetric(AxisEffect):
         """See :meth:`Effect.coefficients`."""
         unit = effort(self.rotary)
         return (Coefficient("c_plus", unit, lower=0.0), Coefficient("c_minus", unit, lower=0.0))
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`."""
+        del motion
+        return (self,) if sight.both_ways else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
@@ -122,6 +190,13 @@ class Stribeck(AxisEffect):
     """
 
     name: ClassVar[str] = "stribeck"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Stribeck friction"
+    words: ClassVar[str] = "extra friction at very low speed, as where a lubricating film has not yet formed"
+    remedy: ClassVar[str] = "check the lubricant: amount, kind, age; run the axis in over its whole travel"
+    colour: ClassVar[str] = "#b6992d"
+    searched: ClassVar[int] = 1
+    imitates: ClassVar[tuple[str, ...]] = ("coulomb", "presliding", "viscous", "load_friction", "backlash")
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "direction"
     axis: str
@@ -139,6 +214,16 @@ class Stribeck(AxisEffect):
         low, high = (1e-3, 3.0) if self.rotary else (5e-4, 0.3)
         return (Shape("v_s", f"{length(self.rotary)}/s", low, high),)
 
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: fading speeds below which there are rows, and above which too."""
+        (shape,) = self.shapes()
+        least = max(shape.lower, 2.0 * (default_width(self.rotary) if self.width is None else self.width))
+        speeds = [x for x in FADES * sight.top if least <= x <= shape.upper]
+        speeds = [x for x in speeds if sight.rows_slower(x) >= SLOW_ROWS]
+        if not sight.both_ways:
+            return ()
+        return tuple(replace(self, v_s=float(x), exponent=k) for x in speeds for k in (1.0, 2.0))
+
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
         fade = np.exp(-(np.abs(motion.v / self.v_s) ** self.exponent))
@@ -150,6 +235,12 @@ class QuadraticDrag(AxisEffect):
     """Drag that grows with the square of speed (fans, churning oil): tau = b2 v |v|."""
 
     name: ClassVar[str] = "quadratic_drag"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Quadratic drag"
+    words: ClassVar[str] = "resistance that grows with the square of speed: air, fan, splashing oil"
+    remedy: ClassVar[str] = "check oil level, covers and fans on the moving part"
+    colour: ClassVar[str] = "#ff7f8a"
+    imitates: ClassVar[tuple[str, ...]] = ("viscous", "viscous_thermal", "viscous_asymmetric")
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "velocity"
     axis: str
@@ -163,3 +254,106 @@ class QuadraticDrag(AxisEffect):
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
         return (motion.v * np.abs(motion.v))[:, None]
+
+
+@dataclass(frozen=True)
+class LoadFriction(Effect):
+    """Dry friction that grows with the load on bearing, guide or gear: tau = mu |load| d(v).
+
+    The load is what the bodies ask of the axis (gravity, inertia, coupling), and with ``total`` the
+    friction of the axis as well.
+
+    Attributes:
+        total: 1 for the whole effort of the model as load, 0 for its rigid-body part.
+        width: velocity over which the direction turns [m/s or rad/s].
+    """
+
+    name: ClassVar[str] = "load_friction"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Friction of the load"
+    words: ClassVar[str] = "friction that grows with the load on bearing or gear"
+    remedy: ClassVar[str] = (
+        "check gear and bearings under load; move the same path with and without a known payload"
+    )
+    colour: ClassVar[str] = "#8a4f5e"
+    imitates: ClassVar[tuple[str, ...]] = ("coulomb", "effort_scale", "stribeck", "viscous_asymmetric")
+    needs: ClassVar[tuple[Need, ...]] = ("model", "rigid")
+    searched: ClassVar[int] = 1
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    axis: str
+    rotary: bool = False
+    total: int = 0
+    width: float | None = None
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """See :meth:`Effect.coefficients`."""
+        return (Coefficient("mu", "-", lower=0.0),)
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: a load that never changes is dry friction."""
+        load = np.abs(channel(self, motion, "rigid")[:, motion.index(self.axis)])
+        if not sight.both_ways or load.std() < 0.05 * max(load.mean(), 1e-300):
+            return ()
+        return self, replace(self, total=1)
+
+    def columns(self, motion: Motion) -> Columns:
+        """See :meth:`Effect.columns`."""
+        own = motion.axis(self.axis)
+        load = channel(self, motion, "model" if self.total else "rigid")[:, own.index]
+        return Columns((own.index,), (np.abs(load) * _d(own, self.width))[:, None, None])
+
+
+@dataclass(frozen=True)
+class ViscousThermal(AxisEffect):
+    """Viscous friction that changes as the machine warms up: tau = b_warm v [1 - exp(-t / warming)].
+
+    Beside ``viscous``, which is the cold value; t counts from the start of the log.
+
+    Attributes:
+        warming: time constant [s]; searched.
+    """
+
+    name: ClassVar[str] = "viscous_thermal"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Warming"
+    words: ClassVar[str] = "friction that falls or rises as the machine warms up"
+    remedy: ClassVar[str] = "warm the machine up before recording, or record the same motion cold and warm"
+    colour: ClassVar[str] = "#d9722e"
+    imitates: ClassVar[tuple[str, ...]] = ("viscous", "quadratic_drag")
+    searched: ClassVar[int] = 1
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    axis: str
+    rotary: bool = False
+    warming: float = 15.0
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """See :meth:`Effect.coefficients`."""
+        return (Coefficient("b_warm", f"{effort(self.rotary)}·s/{length(self.rotary)}"),)
+
+    def shapes(self) -> tuple[Shape, ...]:
+        """See :meth:`Effect.shapes`."""
+        return (Shape("warming", "s", 0.5, 3600.0),)
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: time constants of which the log is long enough."""
+        del sight
+        length_of = float(motion.t[-1] - motion.t[0]) if len(motion) else 0.0
+        return self.over([tau for tau in WARMING if tau < 2.0 * length_of])
+
+    def warm_up(self, motion: Motion) -> float:
+        """See :meth:`Effect.warm_up`: it counts from the start of the log."""
+        del motion
+        return np.inf
+
+    def axis_columns(self, motion: AxisMotion) -> Floats:
+        """See :meth:`AxisEffect.axis_columns`."""
+        return (motion.v * -np.expm1(-_since_start(motion.t) / self.warming))[:, None]
+
+
+def _since_start(t: Floats) -> Floats:
+    """Return the time since the start of the log [s]; where logs are joined, since that of each."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(t) < 0.0) + 1]) if len(t) else np.zeros(0, int)
+    first = np.zeros(len(t))
+    for k, start in enumerate(starts):
+        first[start : starts[k + 1] if k + 1 < len(starts) else None] = t[start]
+    return np.asarray(t - first)

@@ -12,12 +12,23 @@ from typing import ClassVar, Self
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Shape
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Effect, Shape
+from pinotwin.effects.family import POSITION, Family
+from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
+from pinotwin.effects.tree import Tree
 from pinotwin.errors import MachineError
 from pinotwin.motion import AxisMotion, Motion
 
 _TURN = 2.0 * np.pi
+ANGLES = np.linspace(-0.5, 0.5, 7)[:-1] * np.pi
+"""Angles of a modulation that are tried [rad]."""
+TURNS = 200
+"""Most ripples a turn that are tried on an axis without stops."""
+PITCHES = 900
+"""Most pitches that are tried on one travel."""
+KNOTS = 24
+"""Knots of a table that is tried on a travel."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +36,13 @@ class Offset(AxisEffect):
     """A constant effort: current offset, or the pull of a counterbalance: tau = f0."""
 
     name: ClassVar[str] = "offset"
+    family: ClassVar[Family] = POSITION
+    title: ClassVar[str] = "Constant effort"
+    words: ClassVar[str] = "a constant force: weight, counterbalance, current offset"
+    remedy: ClassVar[str] = "check counterbalance and brake, and the drive's current offset"
+    colour: ClassVar[str] = "#a05195"
+    inseparable: ClassVar[tuple[str, ...]] = ("coulomb_asymmetric",)
+    imitates: ClassVar[tuple[str, ...]] = ("viscous_asymmetric", "rigid_body", "position_table")
     causes: ClassVar[tuple[Cause, ...]] = ("position",)
     depends: ClassVar[Depends] = "position"
     axis: str
@@ -75,6 +93,14 @@ class Ripple(AxisEffect):
     """
 
     name: ClassVar[str] = "ripple"
+    family: ClassVar[Family] = POSITION
+    title: ClassVar[str] = "Ripple"
+    words: ClassVar[str] = "a force that repeats with every pole pitch, screw turn or ball passage"
+    remedy: ClassVar[str] = "compare the pitch with pole pitch, screw lead, ball passage and gear teeth"
+    colour: ClassVar[str] = "#b07aa1"
+    imitates: ClassVar[tuple[str, ...]] = ("position_table", "encoder_error", "geometric_error")
+    searched: ClassVar[int] = 1
+    several: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("position",)
     depends: ClassVar[Depends] = "position"
     axis: str
@@ -83,16 +109,21 @@ class Ripple(AxisEffect):
     harmonics: tuple[int, ...] = (1,)
     shortest: float | None = None
     longest: float | None = None
-    searched: bool = dataclasses.field(default=False, metadata={"internal": True})
+    free_pitch: bool = dataclasses.field(default=False, metadata={"internal": True})
+    endless: bool = dataclasses.field(default=False, compare=False, metadata={"internal": True})
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "harmonics", tuple(int(h) for h in self.harmonics))
         if self.period is None:
             low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
             object.__setattr__(self, "period", float(np.sqrt(low * high)))
-            object.__setattr__(self, "searched", True)
+            object.__setattr__(self, "free_pitch", True)
         if self.period is not None and self.period <= 0.0:
             raise MachineError(f"axes.{self.axis}: ripple period must be positive, not {self.period}")
+
+    def bound(self, tree: Tree) -> Self:
+        """See :meth:`Effect.bound`."""
+        return dataclasses.replace(self, endless=tree.endless(self.axis))
 
     def coefficients(self) -> tuple[Coefficient, ...]:
         """See :meth:`Effect.coefficients`."""
@@ -101,17 +132,45 @@ class Ripple(AxisEffect):
 
     def shapes(self) -> tuple[Shape, ...]:
         """See :meth:`Effect.shapes`."""
-        if not self.searched:
+        if not self.free_pitch:
             return ()
         low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
         return (Shape("period", length(self.rotary), low, high),)
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
         """See :meth:`Effect.grid`."""
-        if not self.searched:
+        if not self.free_pitch:
             return ()
         low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
         return (_pitch_grid(motion.axis(self.axis).q, low, high),)
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: pitches that travel, rate and resolution can show.
+
+        On an axis without stops that makes whole turns a ripple repeats with the turn.
+        """
+        del motion
+        low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
+        low = max(low, 3.0 * sight.pace, 10.0 * sight.noise)
+        if self.endless and sight.travel > _TURN:
+            return self.over([x for x in _TURN / np.arange(1, TURNS + 1) if x >= low])
+        high = 0.7 * sight.travel
+        if high <= low:
+            return ()
+        count = int(np.clip(4.0 * sight.travel * (1.0 / low - 1.0 / high), 8, PITCHES))
+        return self.over(1.0 / np.linspace(1.0 / high, 1.0 / low, count))
+
+    def richer(self) -> tuple[Effect, ...]:
+        """See :meth:`Effect.richer`: the modulated ripple of this pitch, on a rotary axis."""
+        if not self.rotary:
+            return ()
+        assert self.period is not None
+        same = RippleModulated(self.axis, self.rotary, period=self.period, free_pitch=True)
+        return same.over([self.period], ANGLES)
+
+    def settled(self) -> Self:
+        """See :meth:`Effect.settled`: the pitch is written and searched no more."""
+        return dataclasses.replace(self, free_pitch=False)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
@@ -123,10 +182,10 @@ class Ripple(AxisEffect):
 class RippleModulated(AxisEffect):
     """Torque ripple whose size varies over the turn by imperfect assembly (thesis Eq. 3.10).
 
-        tau = [R + R_a |sin(q + eps)|] sin(2 pi q / period + phi)
+        tau = a cos x + b sin x + |sin(q + eps)| (a_mod cos x + b_mod sin x),      x = 2 pi q / period
 
-    written with cos and sin for each of the two terms, which contains Eq. 3.10 (it lets the
-    modulated part have a phase of its own).
+    which contains Eq. 3.10, [R + R_a |sin(q + eps)|] sin(x + phi): the modulated part has a phase of
+    its own.
 
     Attributes:
         period: pitch of the ripple [rad]; searched when it is not given.
@@ -136,6 +195,15 @@ class RippleModulated(AxisEffect):
     """
 
     name: ClassVar[str] = "ripple_modulated"
+    family: ClassVar[Family] = POSITION
+    title: ClassVar[str] = "Modulated ripple"
+    words: ClassVar[str] = "a repeating force whose size changes with the place along the turn"
+    remedy: ClassVar[str] = "check the concentricity of rotor and stator, or of the gear wheel that runs out"
+    colour: ClassVar[str] = "#8e5fa8"
+    contains: ClassVar[tuple[str, ...]] = ("ripple",)
+    imitates: ClassVar[tuple[str, ...]] = ("position_table", "encoder_error")
+    searched: ClassVar[int] = 2
+    several: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("position",)
     depends: ClassVar[Depends] = "position"
     axis: str
@@ -144,13 +212,13 @@ class RippleModulated(AxisEffect):
     eps: float = 0.0
     shortest: float | None = None
     longest: float | None = None
-    searched: bool = dataclasses.field(default=False, metadata={"internal": True})
+    free_pitch: bool = dataclasses.field(default=False, metadata={"internal": True})
 
     def __post_init__(self) -> None:
         if self.period is None:
             low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
             object.__setattr__(self, "period", float(np.sqrt(low * high)))
-            object.__setattr__(self, "searched", True)
+            object.__setattr__(self, "free_pitch", True)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
         """See :meth:`Effect.coefficients`."""
@@ -160,7 +228,7 @@ class RippleModulated(AxisEffect):
     def shapes(self) -> tuple[Shape, ...]:
         """See :meth:`Effect.shapes`."""
         eps = Shape("eps", "rad", -0.5 * np.pi, 0.5 * np.pi, log=False)
-        if not self.searched:
+        if not self.free_pitch:
             return (eps,)
         low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
         return (Shape("period", length(self.rotary), low, high), eps)
@@ -168,10 +236,22 @@ class RippleModulated(AxisEffect):
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
         """See :meth:`Effect.grid`."""
         eps = np.linspace(-0.5, 0.5, 13)[:-1] * np.pi
-        if not self.searched:
+        if not self.free_pitch:
             return (eps,)
         low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
         return (_pitch_grid(motion.axis(self.axis).q, low, high), eps)
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: whole parts of a turn; :meth:`Ripple.richer` tries other pitches."""
+        if not self.rotary or sight.travel < 0.25 * _TURN:
+            return ()
+        low = max(_pitch_bounds(True, self.shortest, self.longest)[0], 3.0 * sight.pace, 10.0 * sight.noise)
+        del motion
+        return self.over([x for x in _TURN / np.arange(1, 101) if low <= x <= 0.7 * sight.travel], ANGLES)
+
+    def settled(self) -> Self:
+        """See :meth:`Effect.settled`: the pitch is written and searched no more."""
+        return dataclasses.replace(self, free_pitch=False)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
@@ -187,7 +267,8 @@ class PositionTable(AxisEffect):
 
         tau = sum_k m_k max(0, 1 - |p_k - q| / spacing)
 
-    The knots cover the travel that the effect was fitted to; beyond it the last value holds.
+    The knots cover the travel that the effect was fitted to; beyond it the last value holds. On an axis
+    without stops the effort repeats with every turn, and so do the knots once the log makes a whole one.
 
     Attributes:
         spacing: distance of the knots [m or rad]; 1 mm or 1 degree when not given.
@@ -196,6 +277,14 @@ class PositionTable(AxisEffect):
     """
 
     name: ClassVar[str] = "position_table"
+    family: ClassVar[Family] = POSITION
+    title: ClassVar[str] = "Effort along the travel"
+    words: ClassVar[str] = "a force that depends on the place along the travel: guideway, cable, cover"
+    remedy: ClassVar[str] = "look at guideway, cable carrier and cover where the curve peaks"
+    colour: ClassVar[str] = "#9c755f"
+    contains: ClassVar[tuple[str, ...]] = ("offset",)
+    imitates: ClassVar[tuple[str, ...]] = ("ripple", "ripple_modulated", "spring", "geometric_error")
+    held: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("position",)
     depends: ClassVar[Depends] = "position"
     axis: str
@@ -203,6 +292,7 @@ class PositionTable(AxisEffect):
     spacing: float | None = None
     start: float | None = None
     stop: float | None = None
+    endless: bool = dataclasses.field(default=False, compare=False, metadata={"internal": True})
 
     def __post_init__(self) -> None:
         if self.spacing is None:
@@ -212,12 +302,24 @@ class PositionTable(AxisEffect):
                 f"axes.{self.axis}: position_table spacing must be positive, not {self.spacing}"
             )
 
+    def bound(self, tree: Tree) -> Self:
+        """See :meth:`Effect.bound`."""
+        return dataclasses.replace(self, endless=tree.endless(self.axis))
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: one smooth table over the travel."""
+        del motion
+        return (dataclasses.replace(self, spacing=min(sight.travel, _TURN) / (KNOTS - 1)),)
+
     def fitted_to(self, motion: Motion) -> Self:
         """See :meth:`Effect.fitted_to`: lay the knots over the travel of this motion."""
         if self.start is not None and self.stop is not None:
             return self
         assert self.spacing is not None
         q = motion.axis(self.axis).q
+        if self.endless and np.ptp(q) > _TURN - self.spacing:
+            spacing = _TURN / max(round(_TURN / self.spacing), 3)
+            return dataclasses.replace(self, spacing=spacing, start=0.0, stop=_TURN - spacing)
         start = float(np.floor(q.min() / self.spacing)) * self.spacing
         count = max(int(np.ceil((float(q.max()) - start) / self.spacing)), 1)
         if count > 5000:
@@ -242,13 +344,30 @@ class PositionTable(AxisEffect):
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
-        knots = self.knots
+        knots, q = self.knots, motion.q
         assert self.spacing is not None
-        place = np.clip((motion.q - knots[0]) / self.spacing, 0.0, len(knots) - 1)
+        if self.endless:
+            if len(knots) * self.spacing > _TURN - 1e-6 * self.spacing:
+                return self._round(q, len(knots))
+            centre = 0.5 * (knots[0] + knots[-1])
+            q = q - _TURN * np.round((q - centre) / _TURN)
+        place = np.clip((q - knots[0]) / self.spacing, 0.0, len(knots) - 1)
         below = np.minimum(place.astype(int), len(knots) - 2)
         share = place - below
         out = np.zeros((len(motion.q), len(knots)))
         rows = np.arange(len(motion.q))
         out[rows, below] = 1.0 - share
         out[rows, below + 1] += share
+        return out
+
+    def _round(self, q: Floats, count: int) -> Floats:
+        """Return the weights of knots that close a circle, shape (n, count)."""
+        assert self.start is not None
+        assert self.spacing is not None
+        place = np.mod(q - self.start, _TURN) / self.spacing
+        below = np.minimum(place.astype(int), count - 1)
+        out = np.zeros((len(q), count))
+        rows = np.arange(len(q))
+        out[rows, below] = 1.0 - (place - below)
+        out[rows, (below + 1) % count] += place - below
         return out

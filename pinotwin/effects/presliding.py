@@ -25,13 +25,17 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Shape
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Effect, Shape
+from pinotwin.effects.family import FRICTION, Family
+from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.signals import roughness
 
 # Medians of six equal parts of the gamma(2) distribution, whose slip elements add up to 1 - exp(-x).
 YIELDS = gammaincinv(2.0, (np.arange(6) + 0.5) / 6.0)
+DISTANCES = (2.0, 4.0, 8.0, 16.0, 40.0, 100.0)
+"""Presliding distances that are tried, times that of an ordinary guide or bearing (5 um, 20 urad)."""
 PAST = 20.0
 """Samples before a stretch in which the axis is taken to have moved as at its start."""
 
@@ -91,6 +95,16 @@ class Presliding(AxisEffect):
     """
 
     name: ClassVar[str] = "presliding"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Presliding"
+    words: ClassVar[str] = "the contact gives a little, like a spring, before it slides: seen at reversals"
+    remedy: ClassVar[str] = (
+        "record slow reversals of growing stroke, from a micrometre or millidegree upwards"
+    )
+    colour: ClassVar[str] = "#c7568f"
+    contains: ClassVar[tuple[str, ...]] = ("coulomb", "stribeck")
+    imitates: ClassVar[tuple[str, ...]] = ("backlash", "stribeck", "coulomb", "encoder_error")
+    searched: ClassVar[int] = 1
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "displacement"
     uses_standstill: ClassVar[bool] = True
@@ -140,6 +154,27 @@ class Presliding(AxisEffect):
         """See :meth:`Effect.grid`: the curves are smooth in both shapes, so few values will do."""
         del motion
         return tuple(np.geomspace(s.lower, s.upper, 9) for s in self.shapes())
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: slip elements alone, over distances that position and rate resolve.
+
+        The distance must be some encoder steps long, and some samples must lie within it after a
+        reversal, where x = a t² / 2.
+        """
+        del motion
+        if not sight.both_ways or sight.reversals < 2:
+            return ()
+        usual = 2e-5 if self.rotary else 5e-6
+        rise = self._rise(sight)
+        least = max(4.0 * sight.noise, 0.5 * rise * (2.0 * sight.step) ** 2)
+        found = [usual * k for k in DISTANCES if least <= usual * k <= 0.05 * sight.travel]
+        return tuple(replace(self, x_s=float(x), stribeck=0, bristle=0) for x in found)
+
+    def _rise(self, sight: Sight) -> float:
+        """Return the acceleration at which the axis turns round, about [m/s² or rad/s²]."""
+        slope = np.abs(np.diff(sight.speed)) / sight.step
+        slow = sight.speed[:-1] < 0.1 * sight.top
+        return float(np.median(slope[slow])) if slow.any() else float(np.median(slope))
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""

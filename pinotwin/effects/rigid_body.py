@@ -9,19 +9,23 @@ smallest set that the motion can show (Gautier & Khalil 1990, 10.1109/70.56655).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats
 from pinotwin.dynamics.base import BaseParameters
+from pinotwin.dynamics.parameters import parameters, with_parameters
 from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect
+from pinotwin.effects.family import BODY, Family
+from pinotwin.errors import MachineError
 from pinotwin.motion import Motion
-
-if TYPE_CHECKING:
-    import pinocchio as pin
 
 
 @dataclass(frozen=True, eq=False)
 class RigidBody(Effect):
-    """Inertia, coupling, Coriolis, centrifugal and gravity efforts of the tree.
+    """Inertia, coupling, Coriolis, centrifugal and gravity efforts of the tree: tau = W_b(q, v, a) beta.
 
     Attributes:
         model: the tree.
@@ -29,6 +33,13 @@ class RigidBody(Effect):
     """
 
     name: ClassVar[str] = "rigid_body"
+    family: ClassVar[Family] = BODY
+    title: ClassVar[str] = "Rigid bodies"
+    words: ClassVar[str] = "mass, inertia or centre of mass differs from what the model holds"
+    remedy: ClassVar[str] = "compare masses and centres of mass with the drawing; identify again"
+    colour: ClassVar[str] = "#4e79a7"
+    imitates: ClassVar[tuple[str, ...]] = ("payload", "inertial_coupling", "wrist_coupling", "effort_scale")
+    unlisted: ClassVar[str] = "belongs to every machine; leave it out of the list"
     causes: ClassVar[tuple[Cause, ...]] = ("rigid_body",)
     model: pin.Model
     base: BaseParameters
@@ -44,3 +55,15 @@ class RigidBody(Effect):
         """See :meth:`Effect.columns`."""
         values = self.base.regressor(self.model, motion.q, motion.v, motion.a)
         return Columns(tuple(range(self.model.nv)), values)
+
+    def model_with(self, beta: Floats) -> pin.Model:
+        """Return the tree with standard parameters near its own that have these base parameters.
+
+        The tree as it is where no body could have them.
+        """
+        pi = parameters(self.model)
+        try:
+            near = pi + np.linalg.pinv(self.base.P) @ (np.asarray(beta) - self.base.P @ pi)
+            return with_parameters(self.model, near)
+        except (MachineError, ValueError, RuntimeError):
+            return self.model

@@ -9,6 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.effect import AxisEffect, Cause, Coefficient
+from pinotwin.effects.family import POSITION, Family
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion
 
@@ -18,6 +19,13 @@ class Spring(AxisEffect):
     """Linear spring and damper: tau = k q + c v."""
 
     name: ClassVar[str] = "spring"
+    family: ClassVar[Family] = POSITION
+    title: ClassVar[str] = "Spring"
+    words: ClassVar[str] = "a spring between two parts: cable, hose, flexure"
+    remedy: ClassVar[str] = "check cables, hoses and covers that are stretched along the travel"
+    colour: ClassVar[str] = "#6b8e23"
+    contains: ClassVar[tuple[str, ...]] = ("viscous",)
+    imitates: ClassVar[tuple[str, ...]] = ("position_table", "rigid_body")
     causes: ClassVar[tuple[Cause, ...]] = ("stiffness", "viscous")
     axis: str
     rotary: bool = True

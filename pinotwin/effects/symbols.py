@@ -11,3 +11,8 @@ def effort(rotary: bool) -> str:
 def length(rotary: bool) -> str:
     """Return the unit of position."""
     return "rad" if rotary else "m"
+
+
+def inertia(rotary: bool) -> str:
+    """Return the unit of inertia."""
+    return "kg·m²" if rotary else "kg"

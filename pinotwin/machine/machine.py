@@ -15,7 +15,7 @@ from lxml import etree
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.base import BaseParameters, base_parameters
-from pinotwin.effects import Effect, RigidBody, Spring
+from pinotwin.effects import Effect, RigidBody, Spring, Tree
 from pinotwin.errors import MachineError, nearest
 from pinotwin.logs.columns import Column
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
@@ -111,7 +111,8 @@ class Machine:
         """Everything that acts: the tree, each axis' effects, each passive joint's spring."""
         of_axes = [effect for axis in self.axes.values() for effect in axis.effects]
         springs = [Spring(axis=p.name, rotary=p.rotary) for p in self.passive.values()]
-        return (self.rigid_body, *of_axes, *springs)
+        tree = Tree.of(self)
+        return (self.rigid_body, *(effect.bound(tree) for effect in (*of_axes, *springs)))
 
     def axis(self, name: str) -> Axis:
         """Return an axis.

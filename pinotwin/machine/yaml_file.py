@@ -10,7 +10,7 @@ from typing import Any, get_origin, get_type_hints
 import numpy as np
 import yaml
 
-from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects import EFFECTS, LISTED, Effect
 from pinotwin.errors import MachineError, nearest
 
 DEFAULT_EFFECTS: tuple[Any, ...] = ("viscous", "coulomb")
@@ -135,7 +135,7 @@ def make_effects(specs: Any, axis: str, rotary: bool, where: str) -> tuple[Effec
     effects = [_make(spec, axis, rotary, f"{where}[{i}]") for i, spec in enumerate(specs)]
     names = [effect.name for effect in effects]
     for name in names:
-        if names.count(name) > 1 and name not in ("ripple", "ripple_modulated"):
+        if names.count(name) > 1 and not EFFECTS[name].several:
             raise MachineError(f"{where}: {name} is listed twice")
     return tuple(effects)
 
@@ -148,11 +148,11 @@ def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
         settings = mapping(settings, f"{where}.{name}.")
     else:
         raise MachineError(f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}")
-    if name == "rigid_body":
-        raise MachineError(f"{where}: rigid_body belongs to every machine; leave it out of the list")
     if name not in EFFECTS:
-        raise MachineError(f"{where}: unknown effect {name!r}; {nearest(str(name), EFFECTS)}")
+        raise MachineError(f"{where}: unknown effect {name!r}; {nearest(str(name), LISTED)}")
     cls = EFFECTS[name]
+    if cls.unlisted:
+        raise MachineError(f"{where}: {name} {cls.unlisted}")
     fields, types = settings_of(cls), get_type_hints(cls)
     check_keys(settings, tuple(fields), f"{where}.{name}.")
     values = {
@@ -183,7 +183,7 @@ def settings_of(cls: type[Effect]) -> dict[str, str]:
     }
 
 
-_SIGNED = ("eps", "start", "stop", "width")  # may be zero or less; all others are sizes
+_SIGNED = ("eps", "start", "stop", "width", "span")  # may be zero or less; all others are sizes
 
 
 def _setting(value: Any, kind: Any, where: str) -> Any:
@@ -220,7 +220,7 @@ def effect_spec(effect: Effect) -> Any:
         if f.name in ("axis", "rotary") or f.metadata.get("internal"):
             continue
         value = getattr(effect, f.name)
-        if value == f.default or (f.name == "period" and getattr(effect, "searched", False)):
+        if value == f.default or (f.name == "period" and getattr(effect, "free_pitch", False)):
             continue
         plain = [x for x in value] if isinstance(value, tuple) else value
         settings[f.metadata.get("yaml", f.name)] = plain

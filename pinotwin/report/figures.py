@@ -10,6 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.effects import EFFECTS
 
 ACCENT = "var(--accent)"
 MEASURED = "var(--measured)"
@@ -17,23 +18,10 @@ RESIDUAL = "#d2691e"
 SOFT = "var(--soft)"
 
 _EFFECTS = {
+    **{name: effect.colour for name, effect in EFFECTS.items()},
     "inertia": "#4e79a7",
-    "rigid_body": "#4e79a7",
     "coupling": "#2fa6a0",
     "gravity": "#59a14f",
-    "viscous": "#f28e2b",
-    "viscous_asymmetric": "#f28e2b",
-    "coulomb": "#e15759",
-    "coulomb_asymmetric": "#e15759",
-    "stribeck": "#b6992d",
-    "ripple": "#b07aa1",
-    "ripple_modulated": "#8e5fa8",
-    "position_table": "#9c755f",
-    "offset": "#a05195",
-    "quadratic_drag": "#ff7f8a",
-    "spring": "#6b8e23",
-    "wrist_coupling": "#3a7d7b",
-    "external_force": "#d37295",
 }
 _OTHERS = ("#8c6bb1", "#41ab5d", "#c994c7", "#fd8d3c", "#6baed6", "#bd9e39")
 POINTS = 3000

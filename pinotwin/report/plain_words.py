@@ -6,40 +6,13 @@ import math
 from collections.abc import Sequence
 
 from pinotwin.diagnosis.result import Region
+from pinotwin.effects import EFFECTS as TABLE
 from pinotwin.report.display import number
 
 EFFECTS = {
-    "rigid_body": "mass, inertia or centre of mass differs from what the model holds",
-    "viscous": "friction that grows with speed",
-    "viscous_asymmetric": "friction that grows with speed, more in one direction than in the other",
-    "coulomb": "dry friction: the same force at any speed, against the motion",
-    "coulomb_asymmetric": "dry friction that is larger in one direction than in the other",
-    "stribeck": "extra friction at very low speed, as where a lubricating film has not yet formed",
-    "load_friction": "friction that grows with the load on bearing or gear",
-    "presliding": "the contact gives a little, like a spring, before it slides: seen at reversals",
-    "ripple": "a force that repeats with every pole pitch, screw turn or ball passage",
-    "ripple_modulated": "a repeating force whose size depends on the motor's effort",
-    "position_table": "a force that depends on the place along the travel: guideway, cable, cover",
-    "offset": "a constant force: weight, counterbalance, current offset",
+    **{name: effect.words for name, effect in TABLE.items()},
     "rotor_inertia": "the motor's own inertia, felt through the gear, is not in the model",
     "gravity": "weight that the model does not have",
-    "payload": "a mass at the end of the chain that the model does not have",
-    "inertial_coupling": "another axis' acceleration pushes this one more than the model says",
-    "wrist_coupling": "turning one axis drags another through the gearing",
-    "drive_flexibility": "screw, belt or gear gives like a spring: motor and load swing apart",
-    "spring": "a spring between two parts: cable, hose, flexure",
-    "joint_flexibility": "the structure gives like a spring",
-    "backlash": "play: at reversal the motor moves before the load does",
-    "delay": "one signal was recorded late against the others",
-    "effort_scale": "the effort is off by a factor: torque constant, gear ratio, unit",
-    "encoder_error": "the position sensor repeats a small error with its own period",
-    "viscous_thermal": "friction that falls or rises as the machine warms up",
-    "feedforward": "the controller adds effort that the model does not know",
-    "loop_gain": "a gain of the controller is not what it was",
-    "saturation": "the motor reached its limit",
-    "external_force": "something pushes from outside: a process force, a hand, a collision",
-    "geometric_error": "an axis is tilted against the drawing",
-    "quadratic_drag": "resistance that grows with the square of speed: air, fan, splashing oil",
 }
 """Effect -> what it is on the machine."""
 

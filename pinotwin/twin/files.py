@@ -128,7 +128,7 @@ def _fields(effect: Effect) -> dict[str, Any]:
     return {
         f.name: getattr(effect, f.name)
         for f in dataclasses.fields(effect)  # type: ignore[arg-type]
-        if f.name not in ("axis", "rotary")
+        if f.name not in ("axis", "rotary") and f.compare  # the rest comes from the machine
     }
 
 

@@ -1,0 +1,307 @@
+"""Drive trains that are not stiff: the encoder sits on the motor and the load moves otherwise.
+
+What the load does is a state that no channel of the log holds, so each column compares the effort of a
+load behind a spring or a gap with that of a stiff drive, along the measured path of the motor:
+
+    tau = share (carried(load; shape) - load)                                      [N or N·m]
+
+The difference moves the load, and through the inertia matrix pushes the other axes as well:
+``tau_i = M_ij / M_jj`` times it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numba
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect, Need, Shape, channel
+from pinotwin.effects.family import TRANSMISSION, Family
+from pinotwin.effects.shaken import inertia, shaken
+from pinotwin.effects.sight import Sight
+from pinotwin.effects.symbols import length
+from pinotwin.motion import Motion
+
+FORGOTTEN = 24.0
+"""Time constants after which a vibration is gone: exp(-24) is 4e-11."""
+LOAD = 0.65
+"""Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it."""
+MODES = 15
+"""Frequencies of a mode that are tried."""
+LOWEST_MODE = 8.0
+"""Lowest of them [Hz]."""
+DAMPING = (0.03, 0.08, 0.2)
+"""Damping ratios that are tried."""
+GAPS = np.geomspace(0.1, 13.0, 13)
+"""Gaps that are tried, times 10 um or 0.1 mrad."""
+CONTACTS = ((90.0, 0.35), (150.0, 0.35), (220.0, 0.2), (300.0, 0.2))
+"""Mode [Hz] and damping ratio of a load against the faces of a gap that are tried.
+
+The softer ones are softer than faces are: the path is not known well enough to predict each impact, and
+the mean over unpredictable impacts settles more slowly than one of them.
+"""
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _sprung(load: Floats, ratio: Floats, w: float, zeta: float, step: float) -> Floats:
+    """Return the effort that a spring with a damper passes on of a load (n,) that acts if it is stiff.
+
+    With the mean inertia M, and ``ratio`` = M over that of the posture, the twist d of the spring follows
+    ``s'' + 2 zeta w ratio s' + w^2 ratio s = ratio load``, s = M d; it passes on ``w^2 s + 2 zeta w s'``.
+    Exact for a load that changes linearly, and an inertia that does not change, within a step.
+    """
+    n = len(load)
+    out = np.empty(n)
+    s, v, last = load[0] / (w * w), 0.0, -1.0
+    out[0] = load[0]
+    fade = c = sn = d = ww = wd = 0.0
+    for k in range(1, n):
+        r = 0.5 * (ratio[k - 1] + ratio[k])
+        if r != last:
+            d, ww, last = zeta * w * r, w * w * r, r
+            wd = np.sqrt(max(ww - d * d, 1e-6 * ww))
+            fade, c, sn = np.exp(-d * step), np.cos(wd * step), np.sin(wd * step) / wd
+        slope = r * (load[k] - load[k - 1]) / (step * ww)
+        level = r * load[k - 1] / ww - 2.0 * d * slope / ww
+        x, u = s - level, v - slope
+        s = level + slope * step + fade * (x * (c + d * sn) + u * sn)
+        v = slope + fade * (u * (c - d * sn) - x * ww * sn)
+        out[k] = w * w * s + 2.0 * zeta * w * v
+    return out
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _carried(
+    q: Floats, extra: Floats, ratio: Floats, gap: float, w: float, zeta: float, step: float
+) -> Floats:
+    """Return the effort per inertia that a drive with a gap carries, given the motor's path.
+
+    The load (unit inertia) follows ``x'' + extra = T``, ``T = w^2 dz(q - x; gap) + 2 zeta w (q' - x')``
+    in contact; ``extra`` is what else acts on it, per inertia; ``ratio`` as in :func:`_sprung`. Leapfrog
+    steps; the effort of a sample is the mean over half a step before and after it: a mean over the step
+    before it comes late, which of a small gap would be most that is seen.
+    """
+    parts = 2 * max(2, int(np.ceil(0.5 * step * w / 0.3)))
+    h = step / parts
+    out = np.zeros(len(q))
+    x, v = q[0], (q[1] - q[0]) / step
+    for k in range(1, len(q)):
+        rate = (q[k] - q[k - 1]) / step
+        stiff, damper = w * w * ratio[k], 2.0 * zeta * w * ratio[k]
+        for i in range(parts):
+            d = q[k - 1] + rate * h * i - x
+            effort = 0.0
+            if d > 0.5 * gap:
+                effort = max(stiff * (d - 0.5 * gap) + damper * (rate - v), 0.0)
+            elif d < -0.5 * gap:
+                effort = min(stiff * (d + 0.5 * gap) + damper * (rate - v), 0.0)
+            v += h * (effort - extra[k])
+            x += h * v
+            late = 0.0 if 2 * i < parts else 0.5 if 2 * i == parts else 1.0
+            out[k - 1] += (1.0 - late) * effort / parts
+            out[k] += late * effort / parts
+    return out
+
+
+@dataclass(frozen=True)
+class _Flexible(Effect):
+    """A load behind a spring and a damper: tau = share [sprung(load; frequency, damping) - load].
+
+    Attributes:
+        frequency: mode of the load against the motor held still [Hz]; searched.
+        damping: its damping ratio; searched.
+    """
+
+    family: ClassVar[Family] = TRANSMISSION
+    causes: ClassVar[tuple[Cause, ...]] = ("flexibility",)
+    needs: ClassVar[tuple[Need, ...]] = ("rigid", "mass")
+    searched: ClassVar[int] = 2
+    axis: str
+    rotary: bool = False
+    frequency: float = 30.0
+    damping: float = 0.05
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """See :meth:`Effect.coefficients`: the share of the load's effort that the spring carries."""
+        return (Coefficient("share", "-", lower=0.0, upper=1.0),)
+
+    def shapes(self) -> tuple[Shape, ...]:
+        """See :meth:`Effect.shapes`."""
+        return (Shape("frequency", "Hz", 2.0, 200.0), Shape("damping", "-", 0.005, 0.7))
+
+    def grid(self, motion: Motion) -> tuple[Floats, ...]:
+        """See :meth:`Effect.grid`: modes that the rows resolve."""
+        top = max(Sight.of(motion, self.axis).fastest_mode, 1.5 * LOWEST_MODE)
+        return np.geomspace(0.5 * LOWEST_MODE, min(top, 200.0), MODES), np.asarray(DAMPING)
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: none where the rows are too few for a mode."""
+        del motion
+        if sight.fastest_mode < LOWEST_MODE:
+            return ()
+        return self.over(np.geomspace(LOWEST_MODE, max(sight.fastest_mode, 16.0), MODES), DAMPING)
+
+    def warm_up(self, motion: Motion) -> float:
+        """See :meth:`Effect.warm_up`: until the mode has died away to 1e-9 and less."""
+        del motion
+        return FORGOTTEN / (self.damping * 2.0 * np.pi * self.frequency)
+
+    def columns(self, motion: Motion) -> Columns:
+        """See :meth:`Effect.columns`."""
+        joint = motion.index(self.axis)
+        load = channel(self, motion, "rigid")[:, joint]  # all the spring carries: gravity and coupling too
+        own = inertia(self, motion, joint)
+        ratio, w = float(np.mean(own)) / own, 2.0 * np.pi * self.frequency
+        out = np.zeros(len(load))
+        for part in motion.segments:
+            if part.stop > part.start:
+                out[part] = _sprung(load[part], ratio[part], w, self.damping, motion.step) - load[part]
+        return shaken(self, motion, joint, out[:, None], LOAD)
+
+
+@dataclass(frozen=True)
+class DriveFlexibility(_Flexible):
+    """Screw, belt, gear or shaft that twists: tau = share [sprung(load; frequency, damping) - load].
+
+    ``sprung`` passes on what a spring and a damper transmit of a load; the share is that of the axis'
+    inertia behind the spring.
+
+    Attributes:
+        frequency: mode of the load with the motor held [Hz]; searched.
+        damping: its damping ratio; searched.
+    """
+
+    name: ClassVar[str] = "drive_flexibility"
+    title: ClassVar[str] = "Flexible drive"
+    words: ClassVar[str] = "screw, belt or gear gives like a spring: motor and load swing apart"
+    remedy: ClassVar[str] = (
+        "check belt tension, coupling and nut; log a second encoder on the load if there is one"
+    )
+    colour: ClassVar[str] = "#1f9e89"
+    inseparable: ClassVar[tuple[str, ...]] = ("joint_flexibility",)
+    imitates: ClassVar[tuple[str, ...]] = (
+        "joint_flexibility",
+        "delay",
+        "encoder_error",
+        "backlash",
+        "rigid_body",
+    )
+
+
+@dataclass(frozen=True)
+class JointFlexibility(_Flexible):
+    """Structure that bends along an axis: tau = share [sprung(load; frequency, damping) - load].
+
+    The equation of a flexible drive: what bends lies behind the guide or the gear, which the signals of
+    the motor cannot tell. A joint of its own (``passive`` in machine.yaml) models the bend in full.
+
+    Attributes:
+        frequency: mode of the structure with the motor held [Hz]; searched.
+        damping: its damping ratio; searched.
+    """
+
+    name: ClassVar[str] = "joint_flexibility"
+    title: ClassVar[str] = "Flexible structure"
+    words: ClassVar[str] = "the structure gives like a spring"
+    remedy: ClassVar[str] = (
+        "tighten the mounting; put an accelerometer on the load and hit it with the brakes on"
+    )
+    colour: ClassVar[str] = "#35618f"
+    inseparable: ClassVar[tuple[str, ...]] = ("drive_flexibility",)
+    imitates: ClassVar[tuple[str, ...]] = ("drive_flexibility", "delay", "encoder_error")
+
+
+@dataclass(frozen=True)
+class Backlash(Effect):
+    """Play between motor and load: tau = share [carried(path; gap, frequency, damping) - load].
+
+    The load floats through the gap after a reversal, then meets the other face, on which it settles with
+    a contact mode.
+
+    Attributes:
+        gap: play [m or rad]; searched.
+        frequency: mode of the load against a face of the gap [Hz]; searched.
+        damping: its damping ratio; searched.
+    """
+
+    name: ClassVar[str] = "backlash"
+    family: ClassVar[Family] = TRANSMISSION
+    causes: ClassVar[tuple[Cause, ...]] = ("flexibility",)
+    title: ClassVar[str] = "Backlash"
+    words: ClassVar[str] = "play: at reversal the motor moves before the load does"
+    remedy: ClassVar[str] = (
+        "hold the load and turn the motor to and fro: measure the lost motion; adjust nut or gear"
+    )
+    colour: ClassVar[str] = "#c44e52"
+    imitates: ClassVar[tuple[str, ...]] = (
+        "presliding",
+        "stribeck",
+        "drive_flexibility",
+        "delay",
+    )
+    needs: ClassVar[tuple[Need, ...]] = ("rigid", "mass")
+    searched: ClassVar[int] = 3
+    axis: str
+    rotary: bool = False
+    gap: float | None = None
+    frequency: float = 150.0
+    damping: float = 0.35
+
+    def __post_init__(self) -> None:
+        if self.gap is None:
+            object.__setattr__(self, "gap", 1e-4 if self.rotary else 1e-5)
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """See :meth:`Effect.coefficients`."""
+        return (Coefficient("share", "-", lower=0.0, upper=1.5),)
+
+    def shapes(self) -> tuple[Shape, ...]:
+        """See :meth:`Effect.shapes`."""
+        low, high = (5e-6, 5e-2) if self.rotary else (5e-7, 5e-3)
+        return (
+            Shape("gap", length(self.rotary), low, high),
+            Shape("frequency", "Hz", 20.0, 400.0),
+            Shape("damping", "-", 0.05, 0.9),
+        )
+
+    def grid(self, motion: Motion) -> tuple[Floats, ...]:
+        """See :meth:`Effect.grid`."""
+        del motion
+        gaps, faces = self._usual() * GAPS, np.array(sorted({f for f, _ in CONTACTS}))
+        return gaps, faces, np.array(sorted({z for _, z in CONTACTS}))
+
+    def _usual(self) -> float:
+        return 1e-4 if self.rotary else 1e-5
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: gaps wider than the noise of the position, where there are reversals."""
+        del motion
+        if not sight.both_ways or sight.reversals < 2 or sight.rate < 50.0:
+            return ()
+        gaps = [g for g in self._usual() * GAPS if 2.0 * sight.noise < g < 0.05 * sight.travel]
+        return tuple(self.shaped((g, f, z)) for g in gaps for f, z in CONTACTS)
+
+    def warm_up(self, motion: Motion) -> float:
+        """See :meth:`Effect.warm_up`: until the load has settled on a face, which a reversal may delay."""
+        del motion
+        return 4.0 * FORGOTTEN / (self.damping * 2.0 * np.pi * self.frequency)
+
+    def columns(self, motion: Motion) -> Columns:
+        """See :meth:`Effect.columns`."""
+        assert self.gap is not None
+        joint = motion.index(self.axis)
+        rigid = channel(self, motion, "rigid")[:, joint]
+        own, a = inertia(self, motion, joint), motion.a[:, joint]
+        q = np.ascontiguousarray(motion.q[:, joint])
+        extra = (rigid / own - a) / LOAD
+        ratio, out = float(np.mean(own)) / own, np.zeros(len(q))
+        w = 2.0 * np.pi * self.frequency
+        for part in motion.segments:
+            if part.stop - part.start > 1:
+                pieces = (q[part], extra[part], ratio[part])
+                out[part] = _carried(*pieces, self.gap, w, self.damping, motion.step)
+        values = LOAD * own * out - rigid + (1.0 - LOAD) * own * a
+        return shaken(self, motion, joint, values[:, None], LOAD)

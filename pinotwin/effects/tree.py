@@ -1,0 +1,76 @@
+"""The tree that an effect belongs to: what an effect that needs more than one axis asks a machine for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import pinocchio as pin
+
+from pinotwin.errors import MachineError, nearest
+
+ENDLESS = 1e6
+"""A rotation that may go further than this [rad] has no stops: a continuous joint of the URDF."""
+
+
+class HasTree(Protocol):
+    """What a machine is for an effect."""
+
+    @property
+    def model(self) -> pin.Model:
+        """Pinocchio model."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Axis or passive name of every velocity."""
+
+    @property
+    def rotary(self) -> tuple[bool, ...]:
+        """Whether each is a rotation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """A model with the names of its axes; a machine gives its own, a twin that with its inertias.
+
+    Attributes:
+        model: Pinocchio model, one velocity a joint.
+        names: axis or passive name of every velocity.
+        rotary: whether each is a rotation.
+    """
+
+    model: pin.Model
+    names: tuple[str, ...]
+    rotary: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, machine: HasTree) -> Tree:
+        """Return the tree of a machine (or of another tree)."""
+        return cls(machine.model, tuple(machine.names), tuple(machine.rotary))
+
+    def index(self, axis: str) -> int:
+        """Return the velocity of an axis.
+
+        Raises:
+            MachineError: there is no such axis.
+        """
+        if axis not in self.names:
+            raise MachineError(f"{self.model.name}: no axis {axis!r}; {nearest(axis, self.names)}")
+        return self.names.index(axis)
+
+    def joint(self, axis: str) -> int:
+        """Return the joint id of an axis in the model."""
+        k = self.index(axis)
+        return next(j for j in range(1, self.model.njoints) if self.model.idx_vs[j] == k)
+
+    def endless(self, axis: str) -> bool:
+        """Whether an axis is a rotation without stops, whose position repeats with every turn."""
+        k = self.index(axis)
+        span = self.model.upperPositionLimit[k] - self.model.lowerPositionLimit[k]
+        return bool(self.rotary[k] and span > ENDLESS)
+
+
+def others(names: Sequence[str], axis: str) -> tuple[str, ...]:
+    """Return the names but one."""
+    return tuple(name for name in names if name != axis)
