@@ -23,19 +23,22 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import LogError, nearest
 from pinotwin.units import SI_FACTOR
 
-_UNIT_AT_END = re.compile(r"^(?P<name>.*\S)\s+[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]$")
+_UNIT_AT_END = re.compile(
+    r"^(?P<name>.*?\S)\s*(?:[\[(<]\s*(?P<unit>[^\])>]+?)\s*[\])>]|\s(?:/|in)\s+(?P<bare>[^\s\[\]()]+))$"
+)
 
 ONE_UNIT: tuple[float, float] = (1.0, 0.0)
 
 
 def split_unit(header: str) -> tuple[str, str | None]:
-    """Return name and unit of a header written ``name [unit]`` or ``name (unit)``.
+    """Return name and unit of a header written ``name [unit]``, ``name(unit)``, ``name / unit``.
 
-    A bracket that does not hold a unit known to :mod:`pinotwin.units` stays part of the name.
+    What is no unit known to :mod:`pinotwin.units` stays part of the name.
     """
     match = _UNIT_AT_END.match(header.strip())
-    if match and match["unit"] in SI_FACTOR and not match["unit"].isdigit():
-        return match["name"], match["unit"]
+    unit = match and (match["unit"] or match["bare"])
+    if match and unit and unit in SI_FACTOR and not unit.isdigit() and unit != "-":
+        return match["name"], unit
     return header.strip(), None
 
 

@@ -18,7 +18,10 @@ from mcap.writer import Writer
 from pinotwin.errors import LogError
 from pinotwin.logs.files import read, read_argument
 
-_ENDINGS = ".asc, .csv, .dat, .h5, .hdf, .hdf5, .log, .mat, .mcap, .npy, .npz, .parquet, .pq, .tsv, .txt"
+_ENDINGS = (
+    ".asc, .bag, .csv, .dat, .db3, .h5, .hdf, .hdf5, .json, .jsonl, .log, .mat, .mcap, .ndjson, .npy, .npz, "
+    ".parquet, .pq, .tsv, .txt"
+)
 _NO_NUMBERS = "holds no numbers; export the recorded signals as numeric columns"
 _NO_SERIES = "holds a single row or only single numbers; export time series"
 
@@ -83,8 +86,8 @@ CASES: list[tuple[str, bytes, str]] = [
     ),
     (
         "thousands.csv",
-        b"t;q\n0,5;1\n0,6;2\n" + b"0,7;3\n" * 300 + b"1.000,5;3\n",
-        "line 304, column 't': '1.000,5' is not a number; correct the cell or delete the line",
+        b"t;q\n0,5;1\n0,6;2\n" + b"0,7;3\n" * 700 + b"1.000;3\n",
+        "line 704, column 't': '1.000' is not a number; correct the cell or delete the line",
     ),
     (
         "decimals.csv",
@@ -187,10 +190,15 @@ CASES: list[tuple[str, bytes, str]] = [
     ),
     ("empty.h5", _hdf5(), _NO_NUMBERS),
     (
+        "other.mcap",
+        _mcap("protobuf", b"\x00\x01"),
+        "topic '/servo' is encoded as 'protobuf'; only JSON and ROS messages can be read, re-encode the "
+        "topic or export it as CSV",
+    ),
+    (
         "ros.mcap",
         _mcap("cdr", b"\x00\x01"),
-        "topic '/servo' is encoded as 'cdr'; only JSON messages of numbers can be read, re-encode "
-        "the topic or export it as CSV",
+        "is damaged or cut off (Profile is not ros2.); repair it with `ros2 bag reindex` or copy it again",
     ),
     ("none.mcap", _mcap("json", b"{}", messages=0), "holds no messages; record it again"),
     (

@@ -27,13 +27,15 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError, MachineError, nearest
 from pinotwin.log import Log, split_unit
-from pinotwin.units import SI_FACTOR, si_factor
+from pinotwin.units import COUNTS, SI_FACTOR, si_factor
 
 AXIS_SIGNALS = ("q", "qr", "u", "v", "a", "e", "temperature")
 LOAD_SIGNALS = ("fx", "fy", "fz", "mx", "my", "mz")
 IMU_SIGNALS = ("gx", "gy", "gz", "ax", "ay", "az")
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")
+_JOINT_STATE = re.compile(r"(?:.*/)?(?P<joint>[^/]+?)[./](?P<field>position|velocity|effort)$")
+_JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}
 
 
 @dataclass(frozen=True)
@@ -173,15 +175,16 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
         unit = column.unit.strip() or log.units.get(source, "1")
         notes += _contradiction(name, column.unit.strip(), log.units.get(source))
         scale[name] = (_si(unit, name, log) * _scalar(log, column.factor, name), column.offset)
+        _refuse_counts(unit, column.factor, name, log)
         channels[name] = log[source] * scale[name][0] + column.offset
         units[name] = unit
-    for name, unit in _passing(log, channels):
-        used.add(name)
+    for held, name, unit in _passing(log, channels, used):
+        used.add(held)
         scale[name] = (_si(unit, name, log), 0.0)
+        _refuse_counts(unit, 1.0, name, log)
         units[name] = unit
-        channels[name] = log[name] * scale[name][0]
-        if scale[name][0] != 1.0:
-            notes.append(f"{name}: the file states {unit}, converted to SI")
+        channels[name] = log[held] * scale[name][0]
+        notes += _said(held, name, unit, scale[name][0])
     if not channels:
         raise LogError(
             f"{log.source}: no channel has a name of the contract (t, <axis>.q, <axis>.u...) and "
@@ -200,10 +203,35 @@ def _maps_any(log: Log, columns: Mapping[str, Column]) -> bool:
     return any(split_unit(w)[0] in log or w in log or w.startswith("[") for w in wanted)
 
 
-def _passing(log: Log, channels: Mapping[str, Floats]) -> Iterator[tuple[str, str]]:
+def _passing(log: Log, channels: Mapping[str, Floats], used: set[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield channels that need no mapping: as the log holds them, as the contract calls them, unit.
+
+    Beside the contract's own names these are ROS' ``<joint>.position``, ``/joint_states/<joint>/effort``.
+    """
     for name in log.channels:
         if is_contract_name(name) and name not in channels:
-            yield name, log.units.get(name, "1")
+            yield name, name, log.units.get(name, "1")
+    for name in log.channels:
+        match = _JOINT_STATE.match(name)
+        if match and name not in used:
+            target = f"{match['joint']}.{_JOINT_SIGNALS[match['field']]}"
+            if target not in channels and target not in log:
+                yield name, target, log.units.get(name, "1")
+
+
+def _said(held: str, name: str, unit: str, factor: float) -> list[str]:
+    """Return what was done to a channel that passed without a mapping."""
+    converted = [f"{name}: the file states {unit}, converted to SI"] if factor != 1.0 else []
+    return converted + ([f"{name}: taken from {held}"] if held != name else [])
+
+
+def _refuse_counts(unit: str, factor: float | str, name: str, log: Log) -> None:
+    """Refuse a position in encoder counts of no stated size: it would pass as metres."""
+    if unit in COUNTS and factor == 1.0 and name.rpartition(".")[2] in ("q", "qr", "v", "a", "e"):
+        raise LogError(
+            f"{log.source}: {name} is in {unit}, which has no size of its own; give columns.{name} a "
+            f"`factor` in machine.yaml: metres or radians of one {unit}"
+        )
 
 
 def _find(log: Log, column: str, name: str) -> str | None:

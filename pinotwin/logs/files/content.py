@@ -35,6 +35,7 @@ class Content:
         left_out: names of what is no number (text, cells, references).
         notes: what the reader noticed.
         place: says where a row (counted from 0) is in the file, for messages.
+        clock: name of the array whose length is the log's; "" leaves it to the majority.
     """
 
     arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
@@ -42,6 +43,7 @@ class Content:
     left_out: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     place: Callable[[int], str] = "row {}".format
+    clock: str = ""
 
     def add(self, name: str, value: object) -> None:
         """Take one item: fields of a record array one by one, text and objects left out."""
@@ -85,7 +87,7 @@ def to_log(content: Content, source: str, only: str | None = None) -> Log:
     if not arrays:
         kind = f"no numbers whose name begins with {only!r}" if only else "no numbers"
         raise LogError(f"{source}: holds {kind}; export the recorded signals as numeric columns")
-    n = _clock_length(arrays)
+    n = len(arrays[content.clock]) if content.clock in arrays else _clock_length(arrays)
     if n < 2:
         raise LogError(f"{source}: holds a single row or only single numbers; export time series")
     channels: dict[str, Floats] = {}

@@ -1,5 +1,7 @@
 """How a text log is laid out: encoding, delimiter, decimal sign, header, unit row, comments.
 
+The numbers are found first: the rows that have most in common. What stands right above them is their
+header and units, what stands above that is kept as notes (:mod:`pinotwin.logs.files.preamble`).
 Everything is decided from the first lines and stated in a ``Layout``; nothing is guessed twice.
 """
 
@@ -9,10 +11,12 @@ import codecs
 import csv
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pinotwin.errors import LogError
-from pinotwin.units import SI_FACTOR
+from pinotwin.logs.files.preamble import read_preamble
+from pinotwin.units import SI_FACTOR, find_unit
 
 COMMENTS = ("#", "%", "//")
 MISSING = (
@@ -30,9 +34,16 @@ MISSING = (
     "nan(ind)",
     "-nan(ind)",
 )
+CLOCK_NAMES = ("t", "time", "zeit", "timestamp", "time stamp", "temps", "tiempo", "x_value")
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$", re.I)
-_SAMPLE = 200
+_NUMBER = re.compile(
+    r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$"
+    r"|[+-]?\d{1,3}(,\d{3})+\.\d*$|[+-]?\d{1,3}(\.\d{3})+,\d*$",
+    re.I,
+)
+_LIST = re.compile(r"[\[(].*[\])]$", re.S)
+_SEP = re.compile(r"\"?sep=(.)\"?[\s,;]*$", re.I)
+_SAMPLE = 400
 _WHITESPACE = " "
 
 
@@ -45,10 +56,13 @@ class Layout:
         delimiter: comma, semicolon, tab, or a space for runs of blanks.
         decimal: decimal sign.
         names: column names.
-        units: name -> unit from a row of units beneath the header.
+        units: name -> unit from a row of units beneath the header, or from the lines above it.
         skip: physical lines before the first row of numbers.
         comments: whether comment lines may occur after that.
         notes: what was noticed.
+        thousands: sign between groups of three digits, "" for none.
+        clocks: clock column -> columns that it stamps, where a file has several.
+        step: sample time that the lines above state [s], for a file without a time column.
     """
 
     text: bytes
@@ -59,6 +73,19 @@ class Layout:
     comments: bool
     units: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    thousands: str = ""
+    clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    step: float | None = None
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What the rows above the numbers say of the columns."""
+
+    names: list[str]
+    units: dict[str, str]
+    rows: int
+    clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
@@ -75,22 +102,23 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
     text, notes = _decode(raw, source)
     numbered = _leading_lines(text)
     body = [(i, line) for i, line in numbered if line.strip() and not is_comment(line)]
+    stated = _SEP.match(body[0][1]) if body else None
+    body = body[1:] if stated else body
     if not body:
         raise LogError(f"{source}: holds no lines of data; record or export it again")
-    delimiter = _delimiter([line for _, line in body])
+    delimiter = stated[1] if stated else _delimiter([line for _, line in body])
     cells = [split_cells(line, delimiter) for _, line in body]
-    headers, units_row = _header_rows(cells, source)
-    first = headers + units_row
-    if first >= len(body):
+    start = _first_row(cells)
+    if start >= len(body):
         raise LogError(f"{source}: has a header but no rows of numbers; record or export it again")
-    decimal = _decimal(cells[first:], delimiter, source)
-    if headers:
-        names = _header_names(cells[0], stem)
-    else:
-        names = _commented_names(numbered, body[0][0], delimiter, len(cells[0]))
-        names = names or [f"{stem}[{i}]" for i in range(len(cells[0]))]
-    units = dict(zip(names, cells[1], strict=False)) if units_row else {}
-    skip = body[first][0]
+    decimal, thousands = _decimal(cells[start:], delimiter, source)
+    header = _header(cells, start, stem)
+    names = header.names
+    if not names:
+        names = _commented_names(numbered, body[start][0], delimiter, len(cells[start]))
+        names = names or [f"{stem}[{i}]" for i in range(len(cells[start]))]
+    above = _above(numbered, body, start - header.rows, bool(stated))
+    preamble = read_preamble(above, cells[: start - header.rows], names)
     marks = tuple(mark.encode() for mark in COMMENTS)
     # The search for the bare mark is ten times as fast, and almost always the only one.
     rest = any(mark in text and b"\n" + mark in text for mark in marks)
@@ -99,11 +127,23 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
         delimiter,
         decimal,
         tuple(names),
-        skip,
+        body[start][0],
         rest,
-        {k: u.strip("[]() ") for k, u in units.items() if u},
-        tuple(notes),
+        {**preamble.units, **header.units},
+        (*notes, *preamble.notes),
+        thousands,
+        header.clocks,
+        preamble.step,
     )
+
+
+def _above(
+    numbered: Sequence[tuple[int, str]], body: Sequence[tuple[int, str]], header: int, stated: bool
+) -> list[str]:
+    """Return the lines above the header, comments among them unless there is nothing else."""
+    stop = body[header][0]
+    lines = [line for i, line in numbered if i < stop]
+    return [] if all(is_comment(line) or not line.strip() for line in lines) else lines[int(stated) :]
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
@@ -120,6 +160,23 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 def is_number(cell: str) -> bool:
     """Whether a cell is a number or one of the marks of a missing one."""
     return _NUMBER.match(cell) is not None or cell.lower() in MISSING
+
+
+def is_list(cell: str) -> bool:
+    """Whether a cell holds a list of numbers: ``[0.1, 0.2]``."""
+    return _LIST.match(cell) is not None and all(
+        map(is_number, cell[1:-1].replace(",", " ").split() or ["x"])
+    )
+
+
+def is_clock(name: str) -> bool:
+    """Whether a column is called as clocks are: ``Time``, ``Zeit [s]``, ``timestamp``."""
+    bare = re.split(r"[\[(/]", name.strip())[0].strip(" _").casefold()
+    return bare in CLOCK_NAMES or bare.startswith(("time ", "time_", "zeit"))
+
+
+def _value(cell: str) -> bool:
+    return bool(cell) and (is_number(cell) or is_list(cell))
 
 
 def _decode(raw: bytes, source: str) -> tuple[bytes, list[str]]:
@@ -178,18 +235,25 @@ def _leading_lines(text: bytes) -> list[tuple[int, str]]:
 
 def _delimiter(lines: list[str]) -> str:
     """Return the delimiter that splits most lines into equally many cells, mostly numbers."""
-    best, score = ",", (0, 0, -9)
+    best, score = ",", (0, 0, 0, -9)
     for candidate in ("\t", ";", ",", _WHITESPACE):
         rows = [split_cells(line, candidate) for line in lines]
+        numeric, width = _numeric_rows(rows)
         counts = Counter(map(len, rows))
         counts.pop(0, None)
-        width, votes = counts.most_common(1)[0] if counts else (0, 0)
-        numbers = sum(is_number(cell) for row in rows for cell in row)
-        share = round(100 * numbers / max(1, sum(map(len, rows))))
-        if width > 1 and (votes, share, -_preference(candidate)) > score:
-            best, score = candidate, (votes, share, -_preference(candidate))
-    if len(split_cells(lines[0], best)) == 1 and not is_number(lines[0].strip()):
-        return ";"  # one name above "0,5": one column with decimal commas
+        if not numeric and counts:
+            width = counts.most_common(1)[0][0]
+        cells = [cell for i in numeric for cell in rows[i]] or [c for row in rows for c in row]
+        share = round(100 * sum(map(_value, cells)) / max(1, len(cells)))
+        voted = (len(numeric), counts[width] if width else 0, share, -_preference(candidate))
+        if width > 1 and voted > score:
+            best, score = candidate, voted
+    if best == ",":
+        rows = [split_cells(line, ",") for line in lines]
+        start = _first_row(rows)
+        above = rows[start - 1] if 0 < start < len(rows) else rows[0]
+        if len(above) == 1 and not is_number(above[0]) and len(rows[min(start, len(rows) - 1)]) <= 2:
+            return ";"  # one name above "0,5": one column with decimal commas
     return best
 
 
@@ -198,22 +262,154 @@ def _preference(candidate: str) -> int:
     return {"\t": 1, ";": 2, ",": 3, _WHITESPACE: 4}[candidate]
 
 
-def _header_rows(cells: list[list[str]], source: str) -> tuple[int, int]:
-    """Return how many header rows (0 or 1) and rows of units (0 or 1) there are."""
-    words = [c for c in cells[0] if not is_number(c)]
-    if not words:
-        return 0, 0
-    if len(cells) > 1 and len(words) < len(cells[0]) / 2 and not any(map(is_number, cells[1])):
-        raise LogError(f"{source}: line 1 is neither a header nor numbers; add a header line")
-    if len(cells) > 1:
-        second = [c.strip("[]() ") for c in cells[1] if c]
-        if second and all(c in SI_FACTOR and not c.isdigit() for c in second if c != "-"):
-            return 1, int(any(c != "-" for c in second))
-    return 1, 0
+def _numeric_rows(rows: Sequence[Sequence[str]]) -> tuple[list[int], int]:
+    """Return the rows that are mostly numbers and as wide as most of these, and their width."""
+    mostly = [i for i, row in enumerate(rows) if any(map(_value, row)) and _share(row) >= 0.5]
+    if not mostly:
+        return [], 0
+    width = Counter(len(rows[i]) for i in mostly).most_common(1)[0][0]
+    return [i for i in mostly if len(rows[i]) == width], width
 
 
-def _header_names(header: list[str], stem: str) -> list[str]:
-    return [name or f"{stem}[{i}]" for i, name in enumerate(header)]
+def _share(row: Sequence[str]) -> float:
+    """Return the share of cells that are numbers, lists, or missing."""
+    return sum(not cell or _value(cell) for cell in row) / max(1, len(row))
+
+
+def _first_row(rows: Sequence[Sequence[str]]) -> int:
+    """Return the first row of numbers; without any, the row below the first (a table of words).
+
+    The rows of numbers decide which columns hold numbers; the first row that has them there is it.
+    A header block of ``Name;value`` rows does not: its first cell is a word.
+    """
+    numeric, width = _numeric_rows(rows)
+    if not numeric:
+        return 1 + (len(rows) > 1 and _unit_row(rows[1], rows[0]))
+    columns = [k for k in range(width) if 2 * sum(is_number(rows[i][k]) for i in numeric) > len(numeric)]
+    lists = [k for k in range(width) if 2 * sum(is_list(rows[i][k]) for i in numeric) > len(numeric)]
+    lead = min((*columns, *lists), default=0)
+    start = numeric[0]
+    for i in numeric:
+        good = sum(is_number(rows[i][k]) or is_list(rows[i][k]) for k in (*columns, *lists))
+        if (is_number(rows[i][lead]) or is_list(rows[i][lead])) and 2 * good >= len(columns) + len(lists):
+            start = i
+            break
+    return _with_ragged(rows, start, width)
+
+
+def _with_ragged(rows: Sequence[Sequence[str]], start: int, width: int) -> int:
+    """Return the row below the header if only rows of numbers of another width lie between."""
+    above = start
+    while above and len(rows[above - 1]) > 1 and all(map(_value, rows[above - 1])):
+        above -= 1
+    named = above and len(rows[above - 1]) == width and not any(map(_value, rows[above - 1]))
+    return above if named else start
+
+
+def _unit_row(row: Sequence[str], header: Sequence[str]) -> bool:
+    """Whether a row under a header holds its units, one of which may be unknown."""
+    bare = [cell for cell in row if cell and cell.strip("[]() ") not in ("", "-")]
+    if not any(row) or any(cell.isdigit() for cell in bare) or len(row) > len(header) + 1:
+        return False
+    known = [cell for cell in bare if cell.strip("[]() ") in SI_FACTOR or find_unit(cell)]
+    if all(re.fullmatch(r"[\[(].*[\])]", cell) for cell in row if cell not in ("", "-")):
+        return bool(bare)
+    return bool(bare) and 2 * len(known) > len(bare) and not any(map(_titled, header))
+
+
+def _titled(cell: str) -> bool:
+    return bool(cell) and _NUMBER.match(cell) is not None
+
+
+def _header(cells: list[list[str]], start: int, stem: str) -> _Header:
+    """Return names and units from the rows above the numbers; no names where none stand there."""
+    width, above = len(cells[start]), [_trimmed(row, len(cells[start])) for row in cells[:start]]
+    if not above:
+        return _Header([], {}, 0)
+    labelled = _labelled(above, width)
+    if labelled is not None:
+        return labelled
+    units_row = len(above) > 1 and _unit_row(above[-1], above[-2])
+    names = above[-1 - units_row]
+    rows = 1 + units_row
+    if not _names_columns(names, above[:-rows], width):
+        return _Header([], {}, 0)
+    named = _unique_clocks([name or f"{stem}[{i}]" for i, name in enumerate(names)])
+    units = {}
+    for name, cell in zip(named, above[-1] if units_row else (), strict=False):
+        unit = find_unit(cell) or cell.strip("[]() ")
+        if unit:
+            units[name] = unit
+    return _Header(named, units, rows, _stamped(named))
+
+
+def _trimmed(row: list[str], width: int) -> list[str]:
+    """Return a row of names without the empty cells that a delimiter at its end makes."""
+    end = len(row)
+    while end > width and not row[end - 1]:
+        end -= 1
+    return row[:end]
+
+
+def _names_columns(row: Sequence[str], above: Sequence[Sequence[str]], width: int) -> bool:
+    """Whether a row right above the numbers is their header, not the last line of a block."""
+    words = [cell for cell in row if not is_number(cell)]
+    if not words or (len(row) == 1 and width > 1):
+        return False
+    if above and _is_pair(row) and _is_pair(above[-1]):
+        return False  # "Samples;4000" under "Offset;0"
+    return not above or len(row) == width or (len(row) > 1 and len(row) >= 0.6 * width)
+
+
+def _is_pair(row: Sequence[str]) -> bool:
+    kept = [cell for cell in row if cell]
+    return len(kept) == 2 and not is_number(kept[0]) and is_number(kept[1])
+
+
+def _labelled(above: list[list[str]], width: int) -> _Header | None:
+    """Return the header of TwinCAT's Scope: rows that begin with what they say, a clock a channel.
+
+    A row ``Name  pos  Name  vel`` puts its label over each clock and the channel's name over the
+    channels that the clock stamps.
+    """
+    rows = {row[0].casefold(): row for row in above if row and len(row) > 1}
+    names = rows.get("name")
+    if names is None or len(names) < 2 or not {"unit", "symbolname", "sampletime[ms]"} & set(rows):
+        return None
+    named, clocks, clock = [], dict[str, list[str]](), ""
+    label = names[0]
+    for i, name in enumerate([*names, *[label] * (width - len(names))][:width]):
+        if name == label:
+            clock = f"{label}#{i}"
+            clocks[clock] = []
+            named.append(clock)
+        else:
+            named.append(name or f"[{i}]")
+            clocks[clock].append(named[-1])
+    cells = rows.get("unit", [])
+    units = {n: u for n, c in zip(named, cells, strict=False) if (u := find_unit(c)) and n not in clocks}
+    time = "ms" if "sampletime[ms]" in rows else "s"
+    units.update(dict.fromkeys(clocks, time))
+    return _Header(named, units, len(above) - above.index(names), {k: tuple(v) for k, v in clocks.items()})
+
+
+def _unique_clocks(names: list[str]) -> list[str]:
+    """Return the names with a number behind a clock's that occurs more than once."""
+    counts = Counter(names)
+    return [f"{n}#{i}" if counts[n] > 1 and is_clock(n) else n for i, n in enumerate(names)]
+
+
+def _stamped(names: list[str]) -> dict[str, tuple[str, ...]]:
+    """Return clock -> columns up to the next clock, where a header repeats its clock."""
+    clocks: dict[str, list[str]] = {}
+    clock = ""
+    for name in names:
+        if re.search(r"#\d+$", name) and is_clock(name.rpartition("#")[0]):
+            clock = name
+            clocks[clock] = []
+        elif clock:
+            clocks[clock].append(name)
+    return {k: tuple(v) for k, v in clocks.items()} if names and names[0] in clocks else {}
 
 
 def _commented_names(lines: list[tuple[int, str]], stop: int, delimiter: str, width: int) -> list[str]:
@@ -224,12 +420,19 @@ def _commented_names(lines: list[tuple[int, str]], stop: int, delimiter: str, wi
     return names if fits else []
 
 
-def _decimal(rows: list[list[str]], delimiter: str, source: str) -> str:
+def _decimal(rows: list[list[str]], delimiter: str, source: str) -> tuple[str, str]:
+    """Return the decimal sign and the sign between thousands ("" for none)."""
     cells = [cell for row in rows for cell in row if is_number(cell)]
+    both = [cell for cell in cells if "," in cell and "." in cell]
+    if both:
+        decimal = both[0][max(both[0].rfind(","), both[0].rfind("."))]
+        return decimal, "." if decimal == "," else ","
     commas = [cell for cell in cells if "," in cell]
     if delimiter == "," and not commas:
-        return "."
-    if commas and any("." in cell for cell in cells):
-        point = next(cell for cell in cells if "." in cell)
-        raise LogError(f"{source}: {commas[0]!r} and {point!r} use different decimal signs; export with one")
-    return "," if commas else "."
+        return ".", ""
+    points = [cell for cell in cells if "." in cell]
+    if commas and points:
+        raise LogError(
+            f"{source}: {commas[0]!r} and {points[0]!r} use different decimal signs; export with one"
+        )
+    return ("," if commas else "."), ""

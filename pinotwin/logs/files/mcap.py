@@ -1,15 +1,14 @@
-"""MCAP recordings whose messages are JSON objects of numbers.
+"""MCAP recordings: JSON objects of numbers here, ROS messages by :mod:`pinotwin.logs.files.rosbag`.
 
-Nested objects get dotted names and lists ``[i]``. With one topic the names are those in the
-message; with several each begins with its topic (``servo.Y.q``). Where a message has no ``t`` the
-time of logging is it, in seconds since the topic's first message.
+With one topic the names are those in the message; with several each begins with its topic
+(``servo.Y.q``). Where a message has no ``t`` the time of logging is it, in seconds since the topic's
+first message.
 """
 
 from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +18,9 @@ from mcap.reader import make_reader
 
 from pinotwin.errors import LogError
 from pinotwin.logs.files.content import Content, damaged
+from pinotwin.logs.files.messages import Table, numbers
 
-_Rows = list[dict[str, float]]
+ROS_ENCODINGS = ("cdr", "ros1", "ros1msg")
 
 # What the mcap package lets through when a record is damaged (ValueError: lengths, JSON, UTF-8;
 # RuntimeError: lz4).
@@ -40,53 +40,44 @@ _BROKEN = (
 
 def load(path: Path, source: str) -> Content:
     """Return the signals of an MCAP file, topic by topic."""
-    rows: dict[str, _Rows] = {}
+    tables: dict[str, Table] = {}
     times: dict[str, list[int]] = {}
     text: set[str] = set()
     try:
         with path.open("rb") as file:
             for _schema, channel, message in make_reader(file).iter_messages():
+                if channel.message_encoding in ROS_ENCODINGS:
+                    break
                 if channel.message_encoding != "json":
                     raise LogError(
                         f"{source}: topic {channel.topic!r} is encoded as "
-                        f"{channel.message_encoding!r}; only JSON messages of numbers can be read, "
+                        f"{channel.message_encoding!r}; only JSON and ROS messages can be read, "
                         f"re-encode the topic or export it as CSV"
                     )
-                values = dict(_numbers(json.loads(message.data), "", text))
-                rows.setdefault(channel.topic, []).append(values)
+                table = tables.setdefault(channel.topic, Table())
+                table.add(numbers(json.loads(message.data), "", text))
                 times.setdefault(channel.topic, []).append(message.log_time)
+            else:
+                return _content(tables, times, text, source)
     except _BROKEN as error:
         raise damaged(source, error, "recover it with `mcap recover`") from None
-    if not rows:
+    from pinotwin.logs.files.rosbag import load as load_ros
+
+    return load_ros(path, source)
+
+
+def _content(tables: dict[str, Table], times: dict[str, list[int]], text: set[str], source: str) -> Content:
+    if not tables:
         raise LogError(f"{source}: holds no messages; record it again")
     content = Content(left_out=sorted(text))
-    for topic, messages in rows.items():
-        prefix = "" if len(rows) == 1 else topic.strip("/").replace("/", ".") + "."
-        _take_topic(prefix, messages, times[topic], content)
+    for topic, table in tables.items():
+        prefix = "" if len(tables) == 1 else topic.strip("/").replace("/", ".") + "."
+        arrays = table.arrays()
+        for name, x in arrays.items():
+            content.add(prefix + name, x)
+        if "t" not in arrays:
+            stamps = times[topic]
+            content.add(f"{prefix}t", (np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9)
+            content.units[f"{prefix}t"] = "s"
+            content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")
     return content
-
-
-def _numbers(value: object, name: str, text: set[str]) -> Iterator[tuple[str, float]]:
-    if isinstance(value, bool | int | float):
-        yield name or "value", float(value)
-    elif value is None:
-        yield name or "value", float("nan")
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            yield from _numbers(item, f"{name}.{key}" if name else str(key), text)
-    elif isinstance(value, list):
-        for i, item in enumerate(value):
-            yield from _numbers(item, f"{name}[{i}]", text)
-    else:
-        text.add(name)
-
-
-def _take_topic(prefix: str, rows: _Rows, stamps: list[int], content: Content) -> None:
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    for name in names:
-        content.add(prefix + name, np.array([row.get(name, np.nan) for row in rows]))
-    if "t" not in names:
-        seconds = (np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9
-        content.add(f"{prefix}t", seconds)
-        content.units[f"{prefix}t"] = "s"
-        content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")

@@ -23,6 +23,8 @@ _READERS = {
     "hdf5": "pinotwin.logs.files.hdf5",
     "mcap": "pinotwin.logs.files.mcap",
     "npy": "pinotwin.logs.files.npy",
+    "json": "pinotwin.logs.files.json_text",
+    "ros": "pinotwin.logs.files.rosbag",
 }
 
 _ENDINGS = {
@@ -41,6 +43,11 @@ _ENDINGS = {
     ".mcap": "mcap",
     ".npy": "npy",
     ".npz": "npy",
+    ".json": "json",
+    ".jsonl": "json",
+    ".ndjson": "json",
+    ".db3": "ros",
+    ".bag": "ros",
 }
 
 _MAGIC: tuple[tuple[bytes, str], ...] = (
@@ -50,6 +57,8 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
     (b"MATLAB 5.0", "mat"),
     (b"\x89MCAP", "mcap"),
     (b"\x93NUMPY", "npy"),
+    (b"SQLite format 3\x00", "ros"),
+    (b"#ROSBAG", "ros"),
 )
 
 _REFUSED = {
@@ -57,9 +66,6 @@ _REFUSED = {
     ".xlsx": "save the sheet as CSV",
     ".gz": "unpack it first",
     ".zip": "unpack it first",
-    ".bag": "convert it with `mcap convert`",
-    ".db3": "convert it with `ros2 bag convert` to MCAP with JSON messages",
-    ".json": "write the signals as CSV or Parquet",
     ".pkl": "a pickle can run code; save the signals as CSV or Parquet",
 }
 
@@ -68,7 +74,8 @@ def read(*paths: str | Path, only: str | None = None) -> Log:
     """Read a recording; several files are joined side by side.
 
     Args:
-        paths: CSV/TXT, Parquet, MAT (v5, v7.3), HDF5, MCAP, NPY or NPZ files of equal length.
+        paths: CSV/TXT, JSON, Parquet, MAT (v5, v7.3), HDF5, MCAP, ROS bags (also folders), NPY or NPZ,
+            of equal length.
         only: keep only names that begin with this, for a file that holds several clocks.
 
     Raises:
@@ -92,8 +99,10 @@ def read_argument(text: str, only: str | None = None) -> Log:
 
 def _read_one(path: Path, only: str | None) -> Log:
     source = str(path)
-    head = _head(path)
-    kind, note = _format(path, head)
+    if (path / "metadata.yaml").is_file():  # a ROS 2 bag is a folder
+        kind, note = "ros", list[str]()
+    else:
+        kind, note = _format(path, _head(path))
     loader = importlib.import_module(_READERS[kind])
     content = loader.load(path, source)
     content.notes[:0] = note
@@ -140,7 +149,7 @@ def _format(path: Path, head: bytes) -> tuple[str, list[str]]:
         raise LogError(f"{path}: {ending} files cannot be read; {_REFUSED[ending]}")
     if by_ending is None:
         raise LogError(f"{path}: unknown ending {ending!r}; known: {', '.join(sorted(_ENDINGS))}")
-    if by_ending != "csv" and not (by_ending == "mat" and head.startswith(b"\x00\x00\x00\x00")):
+    if by_ending not in ("csv", "json") and not (by_ending == "mat" and head.startswith(b"\x00\x00\x00\x00")):
         raise LogError(
             f"{path}: is not a {by_ending} file although it ends in {ending}; "
             f"it begins with {head[:8]!r}; export it again or correct the ending"

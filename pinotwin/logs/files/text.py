@@ -7,7 +7,7 @@ numbers is an error that names line, column and cell.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +16,23 @@ import pyarrow.csv as pacsv
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import LogError
-from pinotwin.logs.files import arrow
+from pinotwin.logs.files import arrow, cells
+from pinotwin.logs.files.clocks import clock_groups, on_one_clock
 from pinotwin.logs.files.content import Content
 from pinotwin.logs.files.layout import (
     MISSING,
     Layout,
     inspect_layout,
+    is_clock,
     is_comment,
+    is_list,
     is_number,
     split_cells,
 )
 
 _NULLS = sorted({x for m in MISSING for x in (m, m.upper(), m.capitalize())} | {"NaN", "-NaN"})
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_ENDS = (b"eof", b"end", b"ende", b"[eof]", b"[end]", b"end of file")
 _TRAILING = " trailing"
 
 
@@ -44,6 +48,7 @@ class _Body:
         layout: the file's layout.
         source: the file's name, for messages.
         lines: line of the file of each row (from 0), where comments or blanks were taken out.
+        notes: what was taken out.
     """
 
     text: bytes
@@ -53,6 +58,7 @@ class _Body:
     layout: Layout
     source: str
     lines: Ints | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def delimiter(self) -> str:
@@ -78,31 +84,65 @@ def load(path: Path, source: str) -> Content:
     layout = inspect_layout(path.read_bytes(), path.stem, source)
     arrow.refuse_repeated(list(layout.names), source)
     body = _body(layout, source)
-    text, dates = _text_columns(body)
-    notes = list(layout.notes)
-    table = _parse(body, text, dates)
+    kinds = _kinds(body)
+    notes = [*layout.notes, *body.notes]
+    table = _parse(body, kinds)
     rows = body.text.count(b"\n", body.start, body.end) + 1
     if table is None or table.num_rows < rows:
         body = _without_comments(body)
         if body.lines is not None and len(body.lines) < rows and not layout.comments:
             notes.append(f"{rows - len(body.lines)} blank lines were skipped")
-        table = _parse(body, text, dates)
+        table = _parse(body, kinds)
     if table is None:
-        table = _parse_slowly(body, text)
+        table = _parse_slowly(body, kinds)
     content = Content(units=dict(layout.units), notes=notes)
     content.place = lambda row: f"line {body.line(row)}"
-    arrow.take(table.select(list(layout.names)), content, source)
+    arrow.take(_spelled_out(table.select(list(layout.names)), kinds, content), content, source)
+    _set_clock(layout, content, source)
     return content
+
+
+def _spelled_out(table: pa.Table, kinds: _Kinds, content: Content) -> pa.Table:
+    """Return the table with lists in cells as lists, times of day as seconds."""
+    for i, name in enumerate(table.column_names):
+        if name in kinds.lists:
+            table = table.set_column(i, name, cells.lists(table.column(name).to_pylist()))
+        elif name in kinds.times:
+            seconds, start = cells.seconds(table.column(name).to_pylist())
+            table = table.set_column(i, name, pa.array(seconds))
+            content.units[name] = "s"
+            content.notes.append(f"{name}: times of day were turned into seconds since {start}")
+    return table
+
+
+def _set_clock(layout: Layout, content: Content, source: str) -> None:
+    """Join the clocks of a file that has several; make the clock of one that has none."""
+    if layout.clocks:
+        groups = clock_groups(layout.clocks, content.arrays)
+        unit = next((layout.units[c] for c in layout.clocks if c in layout.units), None)
+        t, channels, notes = on_one_clock(groups, source)
+        content.arrays = {"t": t, **channels}
+        content.notes += notes
+        content.units.update({"t": unit} if unit else {})
+    elif layout.step is not None and not any(map(is_clock, content.arrays)):
+        rows = len(next(iter(content.arrays.values()), ()))
+        content.arrays = {"t": np.arange(rows) * layout.step, **content.arrays}
+        content.units["t"] = "s"
+        content.notes.append(f"t: made from the sample time {1e3 * layout.step:.6g} ms above the numbers")
 
 
 def _body(layout: Layout, source: str) -> _Body:
     start = 0
     for _ in range(layout.skip):
         start = layout.text.find(b"\n", start) + 1
-    end = len(layout.text)
-    while end > start and layout.text[end - 1 : end] in b"\r\n ":
-        end -= 1
-    body = _Body(layout.text, start, end, layout.names, layout, source)
+    end, notes = _end(layout.text, start), []
+    last = layout.text.rfind(b"\n", start, end) + 1
+    if layout.text[last:end].strip(b" ;,\t").lower() in _ENDS:
+        end = _end(layout.text, start, last)
+        notes.append("the mark of the file's end was skipped")
+    body = _Body(layout.text, start, end, layout.names, layout, source, None, tuple(notes))
+    if layout.clocks:
+        return _padded(body)
     if layout.comments or layout.delimiter == " ":
         body = _without_comments(body)
     first = body.head(1 << 16)[0]
@@ -111,33 +151,84 @@ def _body(layout: Layout, source: str) -> _Body:
     return body
 
 
-def _without_comments(body: _Body) -> _Body:
-    """Take comment and blank lines out, and runs of blanks where these delimit."""
-    if body.lines is not None:
-        return body
-    blanks, single = body.layout.delimiter == " ", len(body.names) == 1
+def _end(text: bytes, start: int, end: int | None = None) -> int:
+    end = len(text) if end is None else end
+    while end > start and text[end - 1 : end] in b"\r\n ":
+        end -= 1
+    return end
+
+
+def _padded(body: _Body) -> _Body:
+    """Fill the rows of a file with several clocks, in which a row ends with the clocks that still run."""
+    mark, width = body.delimiter.encode(), len(body.names)
     kept, numbers = [], []
-    rows = body.text[body.start : body.end].split(b"\n")
-    for i, row in enumerate(rows, start=body.layout.skip):
-        bare = row.strip()
-        if (bare or single) and not is_comment(bare[:8].decode(errors="replace")):
-            kept.append(b"\t".join(bare.split()) if blanks else row)
+    for i, row in enumerate(body.text[body.start : body.end].split(b"\n"), start=body.layout.skip):
+        cells_of_row = [cell.strip() for cell in row.split(mark)]
+        while len(cells_of_row) > width and not cells_of_row[-1]:
+            cells_of_row.pop()
+        if any(cells_of_row):
+            kept.append(mark.join(cells_of_row + [b""] * (width - len(cells_of_row))))
             numbers.append(i)
     text = b"\n".join(kept)
     return replace(body, text=text, start=0, end=len(text), lines=np.array(numbers))
 
 
-def _text_columns(body: _Body) -> tuple[set[str], set[str]]:
-    """Return the columns whose sampled cells are mostly words, and those of dates."""
-    rows = body.head(1 << 18)
-    text, dates = set(), set()
+def _without_comments(body: _Body) -> _Body:
+    """Take comment and blank lines out, and runs of blanks where these delimit."""
+    if body.lines is not None:
+        return body
+    blanks, single = body.layout.delimiter == " ", len(body.names) == 1
+    kept, numbers, lost = [], [], 0
+    rows = body.text[body.start : body.end].split(b"\n")
+    for i, row in enumerate(rows, start=body.layout.skip):
+        bare = row.strip()
+        if blanks and bare == b"overrun":  # LinuxCNC's halsampler: its buffer was full
+            lost += 1
+        elif (bare or single) and not is_comment(bare[:8].decode(errors="replace")):
+            kept.append(b"\t".join(bare.split()) if blanks else row)
+            numbers.append(i)
+    text = b"\n".join(kept)
+    notes = (f"{lost} overrun marks: samples were lost there",) if lost else ()
+    lines = np.array(numbers)
+    return replace(body, text=text, start=0, end=len(text), lines=lines, notes=(*body.notes, *notes))
+
+
+@dataclass(frozen=True)
+class _Kinds:
+    """Columns of which the cells are no plain numbers.
+
+    Attributes:
+        text: mostly words.
+        dates: dates with times.
+        lists: a list of numbers in every cell.
+        times: times of day.
+    """
+
+    text: set[str] = field(default_factory=set)
+    dates: set[str] = field(default_factory=set)
+    lists: set[str] = field(default_factory=set)
+    times: set[str] = field(default_factory=set)
+
+    @property
+    def words(self) -> set[str]:
+        """Columns to be read as text first."""
+        return self.text | self.lists | self.times
+
+
+def _kinds(body: _Body) -> _Kinds:
+    """Return what the columns hold, from a sample of rows."""
+    rows, kinds = body.head(1 << 18), _Kinds()
     for i, name in enumerate(body.names):
-        cells = [row[i] for row in rows if i < len(row) and row[i]]
-        if cells and all(_DATE.match(cell) for cell in cells):
-            dates.add(name)
-        elif sum(not is_number(cell) for cell in cells) > 0.5 * len(cells):
-            text.add(name)
-    return text, dates
+        sample = [row[i] for row in rows if i < len(row) and row[i]]
+        if sample and all(_DATE.match(cell) for cell in sample):
+            kinds.dates.add(name)
+        elif sample and all(cells.TIME_OF_DAY.match(cell) for cell in sample):
+            kinds.times.add(name)
+        elif sample and all(is_list(cell) for cell in sample):
+            kinds.lists.add(name)
+        elif sum(not is_number(cell) for cell in sample) > 0.5 * len(sample):
+            kinds.text.add(name)
+    return kinds
 
 
 def _read(body: _Body, types: dict[str, pa.DataType]) -> pa.Table:
@@ -157,17 +248,17 @@ def _read(body: _Body, types: dict[str, pa.DataType]) -> pa.Table:
     )
 
 
-def _parse(body: _Body, text: set[str], dates: set[str]) -> pa.Table | None:
+def _parse(body: _Body, kinds: _Kinds) -> pa.Table | None:
     """Return the table, or None if some cell or row is not what its column promises."""
-    types = {name: pa.string() if name in text else pa.float64() for name in body.names}
-    types.update({name: pa.timestamp("ns") for name in dates})
+    types = {name: pa.string() if name in kinds.words else pa.float64() for name in body.names}
+    types.update({name: pa.timestamp("ns") for name in kinds.dates})
     try:
         return _read(body, types)
     except pa.ArrowInvalid:
         return None
 
 
-def _parse_slowly(body: _Body, text: set[str]) -> pa.Table:
+def _parse_slowly(body: _Body, kinds: _Kinds) -> pa.Table:
     """Read every cell as text first; forgive blanks and plus signs, name what is no number."""
     try:
         table = _read(body, {name: pa.string() for name in body.names})
@@ -175,21 +266,25 @@ def _parse_slowly(body: _Body, text: set[str]) -> pa.Table:
         raise _ragged(body) or LogError(
             f"{body.source}: cannot be parsed ({str(error).splitlines()[0][:80]}); export it again"
         ) from None
-    columns = {
-        name: column.to_pylist() if name in text else _numbers(column.to_pylist(), name, body)
+    columns: dict[str, object] = {
+        name: column.to_pylist() if name in kinds.words else _numbers(column.to_pylist(), name, body)
         for name, column in zip(body.names, table.columns, strict=True)
     }
     return pa.table(columns)
 
 
-def _numbers(cells: list[str], name: str, body: _Body) -> Floats:
-    out = np.empty(len(cells))
+def _numbers(column: list[str], name: str, body: _Body) -> Floats:
+    out = np.empty(len(column))
+    thousands = body.layout.thousands
     foreign = "." if body.layout.decimal == "," else ","  # 1.234 would mean something else there
-    for row, cell in enumerate(cells):
+    for row, cell in enumerate(column):
         bare = cell.strip()
         if bare.lower() in MISSING:
             out[row] = np.nan
             continue
+        last = max(bare.rfind("."), bare.rfind(","))
+        if is_number(bare) and (thousands or (foreign in bare and bare[last] == body.layout.decimal)):
+            bare = bare.replace(foreign, "")
         if not is_number(bare) or foreign in bare:
             raise LogError(
                 f"{body.source}: line {body.line(row)}, column {name!r}: {cell!r} is not a number"
@@ -203,12 +298,12 @@ def _ragged(body: _Body) -> LogError | None:
     """Return the error for the first row that has not as many cells as there are names."""
     rows = body.text[body.start : body.end].decode(errors="replace").split("\n")
     for i, row in enumerate(rows):
-        cells = len(split_cells(row.rstrip("\r"), body.delimiter))
-        if cells != len(body.names) and row.strip():
+        found = len(split_cells(row.rstrip("\r"), body.delimiter))
+        if found != len(body.names) and row.strip():
             last = i == len(rows) - 1
             remedy = "the log was cut off, delete this last line" if last else "correct the line"
             return LogError(
-                f"{body.source}: line {body.line(i)} has {cells} cells where {len(body.names)} "
+                f"{body.source}: line {body.line(i)} has {found} cells where {len(body.names)} "
                 f"are expected; {remedy}"
             )
     return None

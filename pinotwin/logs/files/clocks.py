@@ -1,0 +1,100 @@
+"""Several clocks in one file: channels of equal clocks are joined, the others put on the main clock.
+
+The main clock is the one with most channels. A channel that was sampled at least about as often is
+interpolated onto it and said to be; one that was sampled less often is left out: between its samples
+nothing is known, and its derivative would be made up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import LogError
+
+_SLOWER = 1.5
+"""A clock with a step longer than so many of the main clock's is too slow for it."""
+
+
+@dataclass
+class Group:
+    """Channels that share a clock.
+
+    Attributes:
+        clock: name of the clock, for messages.
+        t: its time stamps, shape (n,), NaN where the clock has ended.
+        channels: name -> values, each of shape (n,).
+    """
+
+    clock: str
+    t: Floats
+    channels: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+
+    def whole(self, source: str) -> Group:
+        """Return the group without the rows behind the clock's end."""
+        rows = np.flatnonzero(np.isfinite(self.t))
+        if not len(rows):
+            raise LogError(f"{source}: the clock {self.clock!r} holds no number; export it again")
+        keep = slice(0, rows[-1] + 1)
+        return Group(self.clock, self.t[keep], {k: x[keep] for k, x in self.channels.items()})
+
+    @property
+    def step(self) -> float:
+        """Usual distance of two stamps, in the clock's unit."""
+        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else np.inf
+
+
+def on_one_clock(groups: list[Group], source: str) -> tuple[Floats, dict[str, Floats], list[str]]:
+    """Return the main clock, all channels on it, and what was done, in one sentence each."""
+    joined: list[Group] = []
+    for group in (g.whole(source) for g in groups if g.channels):
+        same = next((g for g in joined if np.array_equal(g.t, group.t, equal_nan=True)), None)
+        if same is None:
+            joined.append(Group(group.clock, group.t, dict(group.channels)))
+        else:
+            same.channels.update(group.channels)
+    if not joined:
+        raise LogError(f"{source}: holds clocks but no channels; export the signals too")
+    main = max(joined, key=lambda g: (len(g.channels), len(g.t)))
+    notes = []
+    if len(joined) == 1 and len(groups) > 1:
+        notes.append(f"{len(groups)} equal clocks were joined into t")
+    channels: dict[str, Floats] = {k: np.asarray(x, dtype=float) for k, x in main.channels.items()}
+    for group in joined:
+        if group is main:
+            continue
+        names = ", ".join(list(group.channels)[:8])
+        if not group.step <= _SLOWER * main.step:
+            notes.append(
+                f"left out, sampled every {group.step:.4g} where the others are every {main.step:.4g}: "
+                f"{names}; record them at one rate"
+            )
+            continue
+        notes.append(f"interpolated onto the clock of the others (own step {group.step:.4g}): {names}")
+        for name, x in group.channels.items():
+            channels[name] = _onto(main.t, group.t, np.asarray(x, dtype=float))
+    return main.t, channels, notes
+
+
+def _onto(t: Floats, own: Floats, x: Floats) -> Floats:
+    known = np.isfinite(own) & np.isfinite(x)
+    if known.sum() < 2:
+        return np.full(len(t), np.nan)
+    order = np.argsort(own[known], kind="stable")
+    out: Floats = np.interp(t, own[known][order], x[known][order], left=np.nan, right=np.nan)
+    return out
+
+
+def clock_groups(
+    clocks: Mapping[str, tuple[str, ...]], arrays: Mapping[str, NDArray[np.generic]]
+) -> list[Group]:
+    """Return the groups of a table: clock column -> the columns it stamps."""
+    return [
+        Group(clock, np.asarray(arrays[clock], dtype=float), {n: arrays[n] for n in names if n in arrays})
+        for clock, names in clocks.items()
+        if clock in arrays
+    ]

@@ -1,0 +1,93 @@
+"""JSON documents and JSON lines.
+
+A document may be columns (``{"t": [...], "Y.q": [...]}``), a list of messages, or either of them below
+keys, with single numbers beside. JSON lines hold one message a line.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from pinotwin.errors import LogError
+from pinotwin.logs.files.content import Content, damaged
+from pinotwin.logs.files.messages import Table, numbers, stamp
+
+
+def load(path: Path, source: str) -> Content:
+    """Return the signals of a JSON document or of JSON lines."""
+    content = Content()
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            first = file.readline()
+            second = file.readline().strip()
+            if second and _is_object(first):
+                _take_lines(path, content)
+                return content
+            file.seek(0)
+            value = json.load(file)
+    except (ValueError, RecursionError, OSError) as error:
+        raise damaged(source, error, "write it again") from None
+    if not isinstance(value, dict | list):
+        raise LogError(f"{source}: holds a single value; write the signals as lists")
+    _take(value, "", content)
+    return content
+
+
+def _is_object(line: str) -> bool:
+    try:
+        return isinstance(json.loads(line), dict)
+    except ValueError:
+        return False
+
+
+def _take_lines(path: Path, content: Content) -> None:
+    def lines() -> Iterator[object]:
+        with path.open(encoding="utf-8-sig") as file:
+            yield from (json.loads(line) for line in file if line.strip())
+
+    _take_rows(lines(), "", content)
+
+
+def _take(value: object, name: str, content: Content) -> None:
+    if isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+        _take_rows(value, name, content)
+    elif isinstance(value, Mapping):
+        only = sum(_is_table(item) for item in value.values()) == 1
+        for key, item in value.items():
+            plain = only and _is_table(item) and not name  # settings beside the one list of messages
+            _take(item, "" if plain else (f"{name}.{key}" if name else str(key)), content)
+    elif isinstance(value, list):
+        try:
+            content.add(name or "value", np.array(value, dtype=float))
+        except (ValueError, TypeError):
+            content.left_out.append(name)
+    elif isinstance(value, bool | int | float):
+        content.add(name, float(value))
+    elif value is not None:
+        content.left_out.append(name)
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(row, dict) for row in value)
+
+
+def _take_rows(rows: Iterable[object], name: str, content: Content) -> None:
+    table, text, stamps = Table(), set[str](), list[int]()
+    for row in rows:
+        if not isinstance(row, Mapping):
+            raise ValueError(f"row {table.rows} is no object")
+        table.add(numbers(row, "", text))
+        at = stamp(row)
+        stamps += [] if at is None else [at]
+    prefix = f"{name}." if name else ""
+    arrays = table.arrays()
+    for key, x in arrays.items():
+        content.add(prefix + key, x)
+    if "t" not in arrays and len(stamps) == table.rows:
+        content.add(f"{prefix}t", (np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9)
+        content.units[f"{prefix}t"] = "s"
+    content.left_out += sorted(text)

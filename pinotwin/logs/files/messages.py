@@ -1,0 +1,125 @@
+"""Messages of numbers (JSON objects, ROS messages as dicts) as columns.
+
+Nested objects get dotted names and lists ``[i]``. A message with parallel lists ``name``, ``position``,
+``velocity``, ``effort`` (ROS' JointState) names its joints itself: ``<joint>.q .v .u``. A trajectory
+controller's state gives the command ``<joint>.qr`` too. The stamp of a message's header is its time.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+
+JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}
+"""Field of a JointState -> signal of the contract."""
+
+_DESIRED, _ACTUAL = ("reference", "desired"), ("feedback", "actual")
+_SECONDS, _NANOSECONDS = ("sec", "secs"), ("nanosec", "nsec", "nsecs")
+
+
+class Table:
+    """Columns of numbers that grow row by row; what a row does not have is missing."""
+
+    def __init__(self) -> None:
+        self.rows = 0
+        self._columns: dict[str, array[float]] = {}
+
+    def add(self, pairs: Iterable[tuple[str, float]]) -> None:
+        """Append one row."""
+        for name, x in pairs:
+            column = self._columns.setdefault(name, array("d"))
+            if len(column) <= self.rows:
+                self._fill(column)
+                column.append(x)
+        self.rows += 1
+
+    def _fill(self, column: array[float]) -> None:
+        column.extend([np.nan] * (self.rows - len(column)))
+
+    def arrays(self) -> dict[str, Floats]:
+        """Return the columns, each of shape (rows,)."""
+        for column in self._columns.values():
+            self._fill(column)
+        return {name: np.frombuffer(column, dtype=float) for name, column in self._columns.items()}
+
+
+def stamp(message: Mapping[str, object]) -> int | None:
+    """Return the time of a message's header [ns], None where it has none or never set it."""
+    header = message.get("header")
+    given = header.get("stamp") if isinstance(header, Mapping) else None
+    if not isinstance(given, Mapping):
+        return None
+    seconds = next((given[k] for k in _SECONDS if k in given), None)
+    nanoseconds = next((given[k] for k in _NANOSECONDS if k in given), None)
+    if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
+        return None
+    return seconds * 10**9 + nanoseconds
+
+
+def numbers(value: object, name: str, text: set[str]) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of a message with their names; collect the names of what is none."""
+    if isinstance(value, bool | int | float):
+        yield name or "value", float(value)
+    elif value is None:
+        yield name or "value", float("nan")
+    elif isinstance(value, Mapping):
+        yield from _members(value, name, text)
+    elif isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
+        for i, item in enumerate(np.asarray(value).tolist() if isinstance(value, np.ndarray) else value):
+            yield from numbers(item, f"{name}[{i}]", text)
+    else:
+        text.add(name)
+
+
+def _members(value: Mapping[str, object], name: str, text: set[str]) -> Iterator[tuple[str, float]]:
+    joints = joint_names(value)
+    if joints:
+        yield from joint_signals(value, joints)
+    for key, item in value.items():
+        if key == "header" and stamp(value) is not None:
+            continue
+        if joints and key in ("name", "joint_names", *JOINT_SIGNALS, *_DESIRED, *_ACTUAL):
+            continue
+        yield from numbers(item, f"{name}.{key}" if name else str(key), text)
+
+
+def joint_names(message: Mapping[str, object]) -> list[str]:
+    """Return the joints that a message names beside lists of as many numbers; none if it does not."""
+    names = message.get("name", message.get("joint_names"))
+    if not isinstance(names, list | tuple) or not names or not all(isinstance(n, str) for n in names):
+        return []
+    fits = any(len(x) == len(names) for _, x in _lists(message))
+    return list(names) if fits else []
+
+
+def joint_signals(message: Mapping[str, object], joints: Sequence[str]) -> Iterator[tuple[str, float]]:
+    """Yield ``<joint>.q .v .u`` of a JointState, and ``.qr`` of a controller's state."""
+    for signal, values in _lists(message):
+        if len(values) == len(joints):
+            for joint, x in zip(joints, values, strict=True):
+                if isinstance(x, int | float):
+                    yield f"{joint}.{signal}", float(x)
+
+
+def _lists(message: Mapping[str, object]) -> Iterator[tuple[str, Sequence[object]]]:
+    for key, signal in JOINT_SIGNALS.items():
+        yield signal, _sequence(message.get(key))
+    for key in _ACTUAL:
+        part = message.get(key)
+        if isinstance(part, Mapping):
+            for field, signal in (("positions", "q"), ("velocities", "v"), ("effort", "u")):
+                yield signal, _sequence(part.get(field))
+    for key in _DESIRED:
+        part = message.get(key)
+        if isinstance(part, Mapping):
+            yield "qr", _sequence(part.get("positions"))
+
+
+def _sequence(value: object) -> Sequence[object]:
+    if isinstance(value, np.ndarray):
+        return list(value.tolist())
+    return value if isinstance(value, list | tuple) else ()

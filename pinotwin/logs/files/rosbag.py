@@ -1,0 +1,197 @@
+"""ROS recordings through ``rosbags``, without ROS: ROS 2 bags (MCAP or sqlite3, a file or a folder), ROS 1 bags.
+
+    JointState                                   <joint>.q .v .u, by the names in the message
+    JointTrajectoryControllerState (desired)     <joint>.qr
+    Imu                                          gx gy gz ax ay az
+    Wrench, WrenchStamped                        <frame>.fx .fy .fz .mx .my .mz
+
+Joint states and what belongs to them (commands, wrenches) go on one clock; everything else keeps the
+name of its topic and its own clock (``imu.t``), to be read by ``only=``. Messages are read one by one.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zstandard
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import ReaderError as Reader1Error
+from rosbags.rosbag2 import ReaderError as Reader2Error
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_typestore
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import LogError
+from pinotwin.logs.files.clocks import Group, on_one_clock
+from pinotwin.logs.files.content import Content, damaged
+from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, stamp
+
+_BROKEN = (
+    AnyReaderError,
+    Reader1Error,
+    Reader2Error,
+    SerdeError,
+    TypesysError,
+    sqlite3.Error,
+    zstandard.ZstdError,
+    struct.error,
+    OSError,
+    EOFError,
+    ValueError,
+    KeyError,
+    IndexError,
+    AssertionError,
+    UnicodeDecodeError,
+)
+_SERVO, _OTHER = "servo", "other"
+
+
+@dataclass
+class _Topic:
+    """What one topic held.
+
+    Attributes:
+        kind: whether it goes on the clock of the joints.
+        table: its numbers.
+        stamps: time of each message's header [ns]; 0 where it is not set.
+        logged: time of logging of each message [ns].
+    """
+
+    kind: str
+    table: Table = field(default_factory=Table)
+    stamps: list[int] = field(default_factory=list)
+    logged: list[int] = field(default_factory=list)
+
+    @property
+    def stamped(self) -> bool:
+        """Whether the headers carry a clock."""
+        return len(set(self.stamps)) > 0.5 * len(self.stamps)
+
+
+def load(path: Path, source: str) -> Content:
+    """Return the signals of a ROS bag."""
+    topics: dict[str, _Topic] = {}
+    text: set[str] = set()
+    unknown: dict[str, str] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            known = [c for c in reader.connections if _known(reader, c, unknown)]
+            for connection, logged, raw in reader.messages(connections=known) if known else ():
+                message = reader.deserialize(raw, connection.msgtype)
+                _take(message, connection, logged, topics, text)
+    except _BROKEN as error:
+        raise damaged(source, error, "repair it with `ros2 bag reindex` or copy it again") from None
+    if not topics:
+        held = ", ".join(f"{t} ({kind})" for t, kind in unknown.items()) or "none"
+        raise LogError(f"{source}: holds no messages of numbers (topics: {held}); record /joint_states")
+    return _content(topics, text, unknown, source)
+
+
+def _known(reader: AnyReader, connection: Connection, unknown: dict[str, str]) -> bool:
+    """Whether the message type of a topic is known, and one of numbers."""
+    heavy = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/PointCloud2")
+    if connection.msgtype in reader.typestore.fielddefs and connection.msgtype not in heavy:
+        return True
+    unknown[connection.topic] = connection.msgtype
+    return False
+
+
+def _take(
+    message: Any, connection: Connection, logged: int, topics: dict[str, _Topic], text: set[str]
+) -> None:
+    kind = connection.msgtype.rpartition("/")[2]
+    value = _plain(message)
+    joints = joint_names(value)
+    servo = bool(joints) or kind in ("Wrench", "WrenchStamped")
+    topic = topics.setdefault(connection.topic, _Topic(_SERVO if servo else _OTHER))
+    if joints:
+        pairs: Iterator[tuple[str, float]] = joint_signals(value, joints)
+    elif servo:
+        frame = str(value.get("header", {}).get("frame_id") or connection.topic.strip("/").replace("/", "_"))
+        pairs = _wrench(value.get("wrench", value), frame)
+    elif kind == "Imu":
+        pairs = _imu(value)
+    else:
+        pairs = numbers(value, "", text)
+    topic.table.add(pairs)
+    topic.stamps.append(stamp(value) or 0)
+    topic.logged.append(logged)
+
+
+def _plain(message: Any) -> Any:
+    """Return a message as dicts, lists and arrays."""
+    if is_dataclass(message):
+        return {
+            f.name: _plain(getattr(message, f.name)) for f in fields(message) if not f.name.startswith("__")
+        }
+    return [_plain(item) for item in message] if isinstance(message, list) else message
+
+
+def _wrench(value: dict[str, Any], frame: str) -> Iterator[tuple[str, float]]:
+    for part, letter in (("force", "f"), ("torque", "m")):
+        for axis in "xyz":
+            yield f"{frame}.{letter}{axis}", float(value[part][axis])
+
+
+def _imu(value: dict[str, Any]) -> Iterator[tuple[str, float]]:
+    for part, letter in (("angular_velocity", "g"), ("linear_acceleration", "a")):
+        for axis in "xyz":
+            yield f"{letter}{axis}", float(value[part][axis])
+
+
+def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str], source: str) -> Content:
+    content = Content(left_out=sorted(text))
+    if unknown:
+        held = ", ".join(f"{topic} ({kind})" for topic, kind in unknown.items())
+        content.notes.append(f"topics left out, their messages are no known numbers: {held}")
+    by_header = all(topic.stamped for topic in topics.values())
+    clock = "the messages' headers" if by_header else "time of logging"
+    content.notes.append(f"t: {clock}, in seconds since the first message")
+    times = {name: topic.stamps if by_header else topic.logged for name, topic in topics.items()}
+    origin = min(min(t) for t in times.values())
+    servo = {name: topic for name, topic in topics.items() if topic.kind == _SERVO}
+    if servo:
+        groups = [
+            Group(name, _seconds(times[name], origin), dict(topic.table.arrays()))
+            for name, topic in servo.items()
+        ]
+        t, channels, notes = on_one_clock(_without_doubles(groups, content), source)
+        content.arrays.update({"t": t, **channels})
+        content.units["t"] = "s"
+        content.clock = "t"
+        content.notes += notes
+    for name, topic in topics.items():
+        if topic.kind == _OTHER:
+            prefix = "" if len(topics) == 1 else name.strip("/").replace("/", ".") + "."
+            content.arrays[f"{prefix}t"] = _seconds(times[name], origin)
+            content.units[f"{prefix}t"] = "s"
+            content.arrays.update({prefix + key: x for key, x in topic.table.arrays().items()})
+    return content
+
+
+def _seconds(stamps: list[int], origin: int) -> Floats:
+    return np.asarray((np.array(stamps, dtype=np.int64) - origin) * 1e-9)
+
+
+def _without_doubles(groups: list[Group], content: Content) -> list[Group]:
+    """Keep a channel that several topics hold (a controller repeats the joint states) once, from the first.
+
+    The topic with most measured channels is asked first.
+    """
+    measured = sorted(groups, key=lambda g: -sum(name.endswith(".u") for name in g.channels))
+    held: set[str] = set()
+    out = []
+    for group in measured:
+        double = held & set(group.channels)
+        if double:
+            content.notes.append(f"{group.clock}: {len(double)} channels that another topic holds were left")
+        out.append(Group(group.clock, group.t, {k: x for k, x in group.channels.items() if k not in held}))
+        held |= set(group.channels)
+    return out
