@@ -71,6 +71,7 @@ class Motion:
         decimation: keep one row in so many when the rows are fitted.
         cutoff: corner of the zero-phase low-pass that every channel went through [Hz], inf for none.
         source: where the log came from.
+        notes: what was done to its clock and holes, one sentence each, after the log's name.
     """
 
     names: tuple[str, ...]
@@ -93,6 +94,7 @@ class Motion:
     decimation: int = 1
     cutoff: float = np.inf
     source: str = ""
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.t)
@@ -163,4 +165,5 @@ class Motion:
             values = [getattr(part, name) for part in parts]
             missing = any(x is None for x in values)
             arrays[name] = None if missing else np.concatenate(values)
-        return replace(first, segments=tuple(segments), **arrays)
+        notes = tuple(note for part in parts for note in part.notes)
+        return replace(first, segments=tuple(segments), notes=notes, **arrays)

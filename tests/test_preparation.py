@@ -118,22 +118,67 @@ def test_a_break_splits_the_log_and_nothing_leaks_over_it(rig: Machine, broken: 
     elif broken == "backward":
         log["t"][row:] -= 1.0
     elif broken == "nan stamp":
-        log["t"][row] = np.nan
+        log["t"][row : row + 3] = np.nan
     else:
-        log["X.u" if broken == "nan effort" else "X.q"][row] = np.inf if broken == "inf" else np.nan
+        value = np.inf if broken == "inf" else np.nan
+        log["X.u" if broken == "nan effort" else "X.q"][row : row + 3] = value
+    kept = np.isfinite(log["t"])
     motion = prepare(rig, Log(log), cutoff=50.0)
     first, second = motion.segments
     assert first.stop <= row < second.start
     rows = inside(motion)
+    q, v, a = q[kept], v[kept], a[kept]
     np.testing.assert_allclose(motion.q[rows, 0], q[rows], atol=1e-3 * np.ptp(q))
     np.testing.assert_allclose(motion.v[rows, 0], v[rows], atol=2e-3 * np.ptp(v))
     np.testing.assert_allclose(motion.a[rows, 0], a[rows], atol=1e-2 * np.ptp(a))
 
 
+@pytest.mark.parametrize("hole", ["rows", "stamps", "values"])
+def test_single_missing_samples_are_bridged_and_counted(rig: Machine, hole: str) -> None:
+    t, q, v, a = multisine()
+    lost = np.arange(50, N - 50, 97)
+    log = {name: x.copy() for name, x in log_of(q + 1.0).channels.items()}
+    if hole == "rows":
+        log = {name: np.delete(x, lost) for name, x in log.items()}
+    else:
+        log["t" if hole == "stamps" else "X.q"][lost] = np.nan
+    motion = prepare(rig, Log(log, "here.csv"), cutoff=50.0)
+    assert len(motion.segments) == 1
+    assert len(motion) == N
+    assert f"{len(lost)} missing" in " ".join(motion.notes)
+    rows = inside(motion)[200:-200]
+    np.testing.assert_allclose(motion.t, t, atol=1e-9)
+    np.testing.assert_allclose(motion.v[rows, 0], v[rows], atol=2e-3 * np.ptp(v))
+    np.testing.assert_allclose(motion.a[rows, 0], a[rows], atol=5e-3 * np.ptp(a))
+
+
+@pytest.mark.parametrize("clock", ["even", "held", "uneven"])
+def test_the_motion_tells_scattered_stamps_from_uneven_sampling(rig: Machine, clock: str) -> None:
+    """The position is sampled evenly, or evenly but read unevenly, or unevenly as the stamps say."""
+    rng = np.random.default_rng(4)
+    even = np.arange(N) / RATE
+    stamps = (1.01 * even if clock == "held" else even) + 0.2e-3 * rng.uniform(-1.0, 1.0, N)
+    sampled = {"even": even, "held": np.floor(stamps * RATE) / RATE, "uneven": stamps}[clock]
+    phase = np.array([0.3, 1.0, 2.0])
+    size, w = np.array([0.1, 0.03, 0.004]), 2 * np.pi * np.array([0.5, 2.1, 8.0])
+    q = np.sin(np.outer(sampled, w) + phase) @ size
+    log = {"t": stamps, "X.q": q, "B.q": 2.0 * q, "X.u": 30.0 * q, "B.u": -4.0 * q}
+    motion = prepare(rig, Log(log, "here.csv"), cutoff=50.0)
+    words = {"even": "around an even clock", "held": "repeat a sample", "uneven": "and so does the motion"}
+    assert words[clock] in " ".join(motion.notes)
+    assert len(motion.segments) == 1
+    assert motion.step == pytest.approx(1e-3, rel=2e-3)
+    rows = inside(motion)[200:-200]
+    truth = -np.sin(np.outer(motion.t[rows], w) + phase) @ (size * w**2)
+    # What is read was sampled up to one step before, and ticks near standstill may be off by one or two.
+    late = 3e-3 * np.abs(np.gradient(truth, 1e-3)).max() if clock == "held" else 0.0
+    assert np.abs(motion.a[rows, 0] - truth).max() < 0.01 * np.ptp(truth) + late
+
+
 @pytest.mark.parametrize("piece", [15, 20, 22, 26, 32, 40, 60])
 def test_a_scrap_between_two_holes_is_left_out_not_fatal(rig: Machine, piece: int) -> None:
     _, q, _, _ = multisine()
-    q[1000] = q[1000 + piece + 1] = np.nan
+    q[998:1001] = q[1000 + piece + 1 : 1000 + piece + 4] = np.nan
     motion = prepare(rig, log_of(q), cutoff=100.0)
     assert len(motion.segments) == 2
     assert motion.decimation > 1
@@ -144,7 +189,7 @@ def test_a_scrap_between_two_holes_is_left_out_not_fatal(rig: Machine, piece: in
 def test_holes_in_a_load_break_the_log_too(rig: Machine) -> None:
     _, q, _, _ = multisine()
     load = np.ones(N)
-    load[3000] = np.nan
+    load[3000:3003] = np.nan
     motion = prepare(rig, log_of(q, arm_fz=load), cutoff=50.0)
     assert len(motion.segments) == 2
 

@@ -101,7 +101,7 @@ def summary(twin: Twin) -> list[str]:
         errors = (row["fit"], held["nrmse"], held["nrmse_std"])
         lines.append(f"{name:<{wide}}" + "".join(f"{_percent(x):>10}" for x in errors))
     lines.append(f"all{quality['relative_error']:>13.2%}   (error norm / effort norm)")
-    for warning in quality["warnings"]:
+    for warning in [*quality.get("preparation", ()), *quality["warnings"]]:
         lines.append(f"note: {warning}")
     return lines
 

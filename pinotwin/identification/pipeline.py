@@ -68,12 +68,13 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         machine = machine.with_rigid_joints()
     motion = prepare(machine, logs, cutoff=cutoff, decimate=decimate)
     tell("fitting the plant", 0.1)
-    plant = fit_plant(machine, motion, consistent_inertia=consistent and not machine.passive)
+    plant = _plant(machine, motion, consistent and not machine.passive)
     tell("judging the plant", 0.4)
     settings = {"cutoff": _finite(motion.cutoff) or 0.0, "decimate": motion.decimation}
     table = parameter_table(machine, plant)
     quality = _quality(machine, motion, plant)
     quality["at_bound"] = at_bounds(table)
+    quality["preparation"] = list(motion.notes)
     if validate is not None:
         _validate(machine, plant, validate, settings, quality)
     quality["warnings"] = warnings(quality, dict(zip(machine.names, machine.rotary, strict=True)))
@@ -91,6 +92,17 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     )
     twin = _with_loops(twin, motion, loop and motion.qr is not None, tell)
     return replace(twin, misfit=misfit_of(twin, motion))
+
+
+def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
+    """Return the plant; a failure after repairs of the clock names these first."""
+    try:
+        return fit_plant(machine, motion, consistent_inertia=consistent)
+    except DataError as error:
+        clock = [note for note in motion.notes if ": t: " in note]
+        if not clock:
+            raise
+        raise DataError(f"{clock[0]}; check the clock before anything else ({error})") from None
 
 
 def _with_loops(twin: Twin, motion: Motion, loop: bool, tell: Callable[[str, float], None]) -> Twin:
@@ -197,7 +209,7 @@ def _provenance(log: Log, motion: Motion) -> dict[str, Any]:
         "samples": len(log),
         "rate": 1.0 / motion.step,
         "fingerprint": log.fingerprint(),
-        "notes": list(log.notes),
+        "notes": [*log.notes, *(note.removeprefix(f"{log.source}: ") for note in motion.notes)],
     }
 
 

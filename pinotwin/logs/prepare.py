@@ -1,15 +1,16 @@
 """From a log to a motion: SI names, joint coordinates, one filter for every channel, rows chosen.
 
 Positions are low-passed without phase shift and differentiated by central differences; commands,
-efforts and external loads go through the same filter, so that no channel leads another. Nothing is
-repaired: a hole or a jump of the clock splits the log into stretches, and a NaN does too. An axis
-that only trembles with the noise of its encoder is taken as standing still.
+efforts and external loads go through the same filter, so that no channel leads another. The clock is made
+even and holes of a sample or two are bridged (:mod:`pinotwin.logs.clock`, said in the motion's notes); nothing
+else is repaired: a longer hole or a jump of the clock splits the log into stretches, and missing values do
+too. An axis that only trembles with the noise of its encoder is taken as standing still.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from pinotwin.logs.channels import (
     stretches,
     usable,
 )
+from pinotwin.logs.clock import even_clock
 from pinotwin.logs.columns import bind
 from pinotwin.logs.quality.axes import inspect_axes
 from pinotwin.machine import Machine
@@ -57,11 +59,12 @@ def prepare(
     logs = [log] if isinstance(log, Log) else list(log)
     if not logs:
         raise DataError(f"{machine.name}: no log given; give at least one")
-    bound = [usable(machine, bind(item, machine.columns)) for item in logs]
+    bound, notes = zip(*(_regular(machine, item) for item in logs), strict=True)
     corner = cutoff if cutoff is not None else machine.data.cutoff
     if corner is None:
         corner = min(_corner(machine, item) for item in bound)
-    parts = [_prepare_one(machine, item, corner, decimate) for item in bound]
+    pairs = zip(bound, notes, strict=True)
+    parts = [replace(_prepare_one(machine, item, corner, decimate), notes=said) for item, said in pairs]
     steps = [part.step for part in parts]
     if max(steps) > (1.0 + _SAME_RATE) * min(steps):
         each = ", ".join(f"{part.source} at {1.0 / part.step:.4g} Hz" for part in parts)
@@ -69,12 +72,17 @@ def prepare(
     return Motion.join(parts) if len(parts) > 1 else parts[0]
 
 
+def _regular(machine: Machine, log: Log) -> tuple[Log, tuple[str, ...]]:
+    """Return a log in the names and units of the contract on an even clock, and what was done to it."""
+    bound = usable(machine, bind(log, machine.columns))
+    even = even_clock(bound, list(machine.axes))
+    return even, tuple(f"{log.source}: {note}" for note in even.notes[len(bound.notes) :])
+
+
 def _corner(machine: Machine, log: Log) -> float:
-    t = log.t
-    longest = max(stretches(machine, log), key=lambda s: s.stop - s.start)
-    step = _step(t, [longest])
-    q = np.stack([log[f"{name}.q"][longest] for name in machine.axes], axis=1)
-    return suggest_cutoff(q, 1.0 / step)
+    parts = stretches(machine, log)
+    q = np.stack([log[f"{name}.q"] for name in machine.axes], axis=1)
+    return suggest_cutoff(q, 1.0 / _step(log.t, parts), parts)
 
 
 def _step(t: Floats, parts: Sequence[slice]) -> float:

@@ -9,6 +9,7 @@ from pinotwin.signals.filters import low_pass as low_pass
 from pinotwin.signals.hats import hats as hats
 from pinotwin.signals.sampling import Clock as Clock
 from pinotwin.signals.sampling import clock as clock
+from pinotwin.signals.sampling import lagrange_error as lagrange_error
 from pinotwin.signals.sampling import segments as segments
 from pinotwin.signals.sampling import uniform as uniform
 from pinotwin.signals.size import clipped_rms as clipped_rms
@@ -34,6 +35,7 @@ __all__ = [
     "fit_ar",
     "hats",
     "interior",
+    "lagrange_error",
     "low_pass",
     "rms",
     "roughness",

@@ -90,6 +90,27 @@ def segments(t: Floats, tol: float = 0.5, valid: Mask | None = None) -> tuple[sl
     return tuple(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True) if good[a] and b > a)
 
 
+def lagrange_error(t: Floats, x: Floats) -> Floats:
+    """Return how far samples lie from the cubic through their two neighbours on either side.
+
+    Args:
+        t: when each was taken, increasing, shape (n,).
+        x: samples, shape (n, k).
+
+    Returns:
+        shape (n - 4, k); zero for a cubic in ``t`` (Lagrange's formula).
+    """
+    near = [t[k : len(t) - 4 + k] for k in (0, 1, 3, 4)]
+    error = np.array(x[2:-2], dtype=float)
+    for i, k in enumerate((0, 1, 3, 4)):
+        weight = np.ones(len(t) - 4)
+        for j, other in enumerate(near):
+            if j != i:
+                weight *= (t[2:-2] - other) / (near[i] - other)
+        error -= weight[:, None] * x[k : len(x) - 4 + k]
+    return error
+
+
 def uniform(
     t: Floats, x: Floats, rate: float, stretches: Sequence[slice]
 ) -> tuple[Floats, Floats, tuple[slice, ...]]:

@@ -27,6 +27,7 @@ from pinotwin.signals import (
 
 _SHORTEST = 40  # samples; below this a stretch has no interior after filtering
 _CRAWL = 0.05  # share of the top speed below which friction is no function of speed (presliding)
+_WIDER = 3.0  # corner for leads over that of the motion
 _GAIN = 0.05  # fall of the residual's power below which a lead is not worth telling
 _FAR = {False: 50.0, True: 500.0}  # m, rad
 
@@ -58,11 +59,14 @@ def inspect_axes(
             acceleration=float(np.abs(a[inside, i]).max()),
         )
     if ticks.rate >= SLOW:
-        columns = causes(q, v, a)
+        # Reversals of dry friction tell a lead above the band of the motion.
+        raw = np.column_stack([log[f"{name}.q"] for name in moving])
+        cutoff_lead = min(_WIDER * cutoff, 0.45 * ticks.rate)
+        columns = causes(*derivatives(raw, ticks.rate, cutoff_lead, segments=stretches))
         for i, name in enumerate(moving):
             speed = np.abs(v[:, i])
             rows = inside & (speed > _CRAWL * speed[inside].max())
-            table[name] = _with_lead(table[name], log, name, columns, (ticks.rate, cutoff, rows))
+            table[name] = _with_lead(table[name], log, name, columns, (ticks.rate, cutoff_lead, rows))
     return table, cutoff
 
 

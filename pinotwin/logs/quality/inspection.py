@@ -8,6 +8,7 @@ import numpy as np
 
 from pinotwin.errors import DataError
 from pinotwin.log import Log
+from pinotwin.logs.clock import even_clock
 from pinotwin.logs.quality.axes import axis_findings, inspect_axes
 from pinotwin.logs.quality.results import ChannelQuality, Finding, Limits, Quality
 from pinotwin.logs.quality.rows import row_findings
@@ -33,7 +34,7 @@ def inspect(log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | N
     for name, channel in channels.items():
         findings += _channel_findings(log, name, channel)
     findings += _digit_findings(channels)
-    table, cutoff = inspect_axes(log, axes, ticks)
+    table, cutoff = inspect_axes(*_even(log, axes, ticks))
     findings += axis_findings(log, axes, table, channels, limits or {}, ticks)
     findings += row_findings(log)
     findings += [Finding("info", "", note) for note in log.notes]
@@ -49,6 +50,17 @@ def inspect(log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | N
         axes=table,
         findings=tuple(findings),
     )
+
+
+def _even(
+    log: Log, axes: Mapping[str, bool], ticks: Clock | None
+) -> tuple[Log, Mapping[str, bool], Clock | None]:
+    """Return what the axes are inspected with: the log on an even clock, as preparation takes it."""
+    present = [name for name in axes if f"{name}.q" in log]
+    if ticks is None or not present:
+        return log, axes, ticks
+    even = even_clock(log, present)
+    return even, axes, clock(even.t)
 
 
 def _clock(log: Log, findings: list[Finding]) -> Clock | None:

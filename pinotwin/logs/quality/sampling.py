@@ -41,14 +41,14 @@ def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
             "t",
             f"{len(c.gaps)} gaps, {c.missing} samples missing at {at}, the longest "
             f"{c.longest:.4g} s{' (a jump of the clock?)' if jump else ''}, first at row "
-            f"{c.gaps[0]}; the log is cut there and nothing is made up",
+            f"{c.gaps[0]}; single samples are bridged, the log is cut at longer gaps",
         )
     if c.jitter_rms > 0.02 * c.step:
         yield Finding(
             "warning",
             "t",
             f"irregular sampling: interval {1e3 * c.step:.4g} ms, jitter {1e3 * c.jitter_rms:.3g} "
-            f"ms rms, {1e3 * c.jitter_max:.3g} ms at most; resample the log (pt.resample)",
+            f"ms rms, {1e3 * c.jitter_max:.3g} ms at most; preparation takes the clock that the motion shows",
         )
     if c.rate < 2.0:
         yield Finding(

@@ -1,0 +1,246 @@
+"""The clock of a log made even: held rows, skipped rows and scattered stamps are told from the motion.
+
+A controller samples by an even clock. The program that writes the log reads the latest values when it gets
+to it: its stamps scatter, a sample that it reads twice stands twice, one that it misses is lost. Then the
+positions advance by whole multiples of ``v T`` whatever the stamps say. A logger that samples by itself at
+uneven times gives positions that are smooth over its stamps. Both are tried, and the clock over which the
+positions are smoother is taken; where neither is, rows are taken as even. Gaps of a sample or two are
+bridged (cubic in positions and commands, linear in all else) and counted; longer ones are left open.
+
+Measured on a libfranka log (Franka Panda, 1 kHz, stamps scattered by 14 %): the positions deviate by 2 µrad
+from a cubic through their neighbours over the clock told from the motion, by 160 to 200 µrad over the stamps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import savgol_filter
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.errors import DataError
+from pinotwin.log import Log
+from pinotwin.signals import clock, lagrange_error
+
+BRIDGED = 2
+"""Samples missing in a row that are bridged."""
+
+_JITTER = 0.02  # scatter of the intervals, in steps, from which the motion is asked
+_SMOOTHER = 0.5  # ratio of roughness at which one clock is better than another
+_WINDOW = 21  # rows over which the velocity is taken
+_SLOW = 0.05  # of the top speed (all axes together): slower rows do not tell their tick
+_PASSES = 4  # of velocity and ticks
+_WHOLE = 0.15  # median distance of the advance from whole ticks, if there is such a clock
+
+
+@dataclass(frozen=True)
+class _Ticks:
+    """When each row was sampled, in steps of an even clock.
+
+    Attributes:
+        at: tick of every row, increasing within a part, NaN for a row that repeats its sample, (n,).
+        parts: unbroken stretches of rows.
+        step: of the clock [s].
+    """
+
+    at: Floats
+    parts: tuple[slice, ...]
+    step: float
+
+
+def even_clock(log: Log, axes: Sequence[str]) -> Log:
+    """Return a bound log on an even clock with short holes bridged; its notes say what was done.
+
+    Args:
+        log: bound log with ``t`` and the positions of the axes.
+        axes: axes whose positions tell the clock.
+    """
+    stamped = np.isfinite(log.t)
+    even = log if stamped.all() else log.rows(stamped)
+    try:
+        said = clock(even.t)
+    except DataError:  # refused with its channel where the log's stretches are taken
+        return log
+    notes: list[str] = []
+    if not stamped.all():
+        notes.append(f"t: {int((~stamped).sum())} rows without a stamp left out")
+    ticks = _by_index(even.t, said.step)
+    remade = said.jitter_rms > _JITTER * said.step
+    if remade:
+        ticks, remade, told = _told(even, axes, ticks, said.jitter_rms)
+        notes.append(told)
+    even = _at_ticks(even, ticks, remade, notes)
+    return _filled(even, notes)
+
+
+def _by_index(t: Floats, step: float) -> _Ticks:
+    """Return the ticks if every row is the next sample, but for whole gaps."""
+    parts = _parts(t, step)
+    at = _sum(np.maximum(1.0, np.round(np.diff(t) / step)), parts, len(t))
+    ticks = sum(at[p.stop - 1] for p in parts)
+    mean = sum(t[p.stop - 1] - t[p.start] for p in parts) / ticks if ticks else step
+    return _Ticks(at, parts, float(mean))
+
+
+def _parts(t: Floats, step: float) -> tuple[slice, ...]:
+    dt = np.diff(t)
+    edges = np.flatnonzero((dt <= 0.0) | (dt > (BRIDGED + 1.5) * step)) + 1
+    return tuple(slice(int(a), int(b)) for a, b in zip(np.r_[0, edges], np.r_[edges, len(t)], strict=True))
+
+
+def _sum(advance: Floats, parts: Sequence[slice], n: int) -> Floats:
+    at = np.zeros(n)
+    for part in parts:
+        at[part.start + 1 : part.stop] = np.cumsum(advance[part.start : part.stop - 1])
+    return at
+
+
+def _told(log: Log, axes: Sequence[str], index: _Ticks, jitter: float) -> tuple[_Ticks, bool, str]:
+    """Return the ticks over which the positions are smoothest, whether stamps are remade, and a note."""
+    t, step = log.t, index.step
+    q = np.column_stack([_known(log[f"{name}.q"]) for name in axes])
+    q = (q - q.mean(axis=0)) / np.maximum(q.std(axis=0), 1e-12)
+    stamps = _Ticks(_sum(np.diff(t) / step, index.parts, len(t)), index.parts, step)
+    moved = _by_motion(t, q, index)
+    rough = {name: _roughness(q, x) for name, x in (("rows", index), ("stamps", stamps), ("motion", moved))}
+    scatter = f"t: stamps scatter by {100 * jitter / step:.2g} % of a step"
+    if rough["rows"] <= _SMOOTHER * rough["stamps"] and rough["rows"] <= 1.5 * rough["motion"]:
+        return index, True, f"{scatter} around an even clock, told from the motion, which was used"
+    if moved is not None and rough["motion"] <= _SMOOTHER * min(rough["rows"], rough["stamps"]):
+        held = int(np.isnan(moved.at).sum())
+        found = f"the motion shows a clock of {1.0 / moved.step:.4g} Hz below, which was used"
+        return moved, True, f"{scatter}; {found} ({held} rows repeat a sample)"
+    if rough["stamps"] <= _SMOOTHER * rough["rows"]:
+        rate = f"interpolated to an even clock of {1.0 / step:.4g} Hz"
+        return stamps, True, f"{scatter} and so does the motion: {rate}"
+    return index, False, f"{scatter}; the motion does not tell better, rows are taken as evenly sampled"
+
+
+def _known(x: Floats) -> Floats:
+    """Return a channel with its missing values interpolated: to tell the clock by, nothing else."""
+    good = np.flatnonzero(np.isfinite(x))
+    return np.interp(np.arange(len(x)), good, x[good]) if len(good) else np.zeros(len(x))
+
+
+def _by_motion(t: Floats, q: Floats, index: _Ticks) -> _Ticks | None:
+    """Return the ticks by which the positions (n, k) advance, or None if not by whole ones."""
+    step = index.step
+    at = _sum(np.diff(t) / step, index.parts, len(t))
+    for _ in range(_PASSES):  # velocity and step are those of the clock found before
+        away = np.concatenate([_advance(at, q, part, np.diff(t[part]) / step) for part in index.parts])
+        if not len(away) or np.median(away) > _WHOLE:
+            return None
+        slopes = [np.polyfit(at[p], t[p], 1)[0] for p in index.parts if p.stop - p.start > _WINDOW]
+        sizes = [p.stop - p.start for p in index.parts if p.stop - p.start > _WINDOW]
+        step = float(np.average(slopes, weights=sizes))
+    for part in index.parts:
+        at[part][1:][np.diff(at[part]) < 0.25] = np.nan
+    return _Ticks(at, index.parts, step)
+
+
+def _advance(at: Floats, q: Floats, part: slice, stamped: Floats) -> Floats:
+    """Put into ``at`` by how many ticks each row of a part advances; return the distance from whole ones.
+
+    Rows too slow to tell advance by what the stamps say.
+    """
+    if part.stop - part.start <= _WINDOW:
+        return np.zeros(0)
+    slope = savgol_filter(np.column_stack([q[part], at[part]]), _WINDOW, 3, deriv=1, axis=0)
+    v = slope[:, :-1] / np.maximum(slope[:, -1:], 0.1)
+    v = 0.5 * (v[1:] + v[:-1])
+    power = np.sum(v**2, axis=1)
+    fast = power > _SLOW**2 * power.max(initial=0.0)
+    steps = np.sum(v * np.diff(q[part], axis=0), axis=1) / np.maximum(power, 1e-300)
+    whole = np.maximum(np.round(steps), 0.0)
+    at[part.start + 1 : part.stop] = np.cumsum(np.where(fast, whole, stamped))
+    return np.abs(steps - np.round(steps))[fast]
+
+
+def _roughness(q: Floats, ticks: _Ticks | None) -> float:
+    """Return the RMS deviation of positions (n, k) from a cubic through their four neighbours."""
+    if ticks is None:
+        return np.inf
+    errors = []
+    for part in ticks.parts:
+        kept = np.isfinite(ticks.at[part])
+        if kept.sum() > 4:
+            errors.append(lagrange_error(ticks.at[part][kept], q[part][kept]).ravel())
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else np.inf
+
+
+def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str]) -> Log:
+    """Return the log at every tick of its parts; nothing is touched where every row is the next one."""
+    grids = [_grid(ticks.at[part]) for part in ticks.parts]
+    sampled = [np.unique(np.round(x[np.isfinite(x)])) for x in (ticks.at[p] for p in ticks.parts)]
+    missing = sum(len(grid) - len(s) for grid, s in zip(grids, sampled, strict=True))
+    if not (missing or remade):
+        return log
+    if missing:
+        notes.append(
+            f"t: {missing} missing samples bridged ({100 * missing / len(log):.2g} % of the rows), "
+            f"at most {BRIDGED} in a row"
+        )
+    columns: dict[str, list[Floats]] = {name: [] for name in log.channels}
+    end = -np.inf
+    for part, grid in zip(ticks.parts, grids, strict=True):
+        kept = np.isfinite(ticks.at[part])
+        at = ticks.at[part][kept]
+        for name, x in log.channels.items():
+            smooth = name.endswith((".q", ".qr", ".ql"))
+            columns[name].append(_between(at, x[part][kept], grid, smooth))
+        if remade:
+            start = log.t[part][kept][0]
+            if start > end - 10.0 * ticks.step:  # the break between two parts stays one
+                start = max(start, end + (BRIDGED + 2) * ticks.step)
+            columns["t"][-1] = start + grid * ticks.step
+        end = columns["t"][-1][-1]
+    return log.with_channels({name: np.concatenate(x) for name, x in columns.items()})
+
+
+def _grid(at: Floats) -> Floats:
+    return np.arange(np.floor(np.nanmax(at) + 1e-6) + 1.0)
+
+
+def _between(at: Floats, x: Floats, grid: Floats, smooth: bool) -> Floats:
+    """Return the samples ``x`` taken at ``at`` on the grid; missing values stay missing."""
+    if len(at) == len(grid) and np.array_equal(at, grid):
+        return x
+    good = np.isfinite(x)
+    if good.sum() < 4:
+        return np.full(len(grid), np.nan) if not good.any() else np.interp(grid, at[good], x[good])
+    new = CubicSpline(at[good], x[good])(grid) if smooth else np.interp(grid, at[good], x[good])
+    if not good.all():
+        hole: Mask = np.interp(grid, at, (~good).astype(float)) > 0.0
+        new[hole] = np.nan
+    return np.asarray(new, dtype=float)
+
+
+def _filled(log: Log, notes: list[str]) -> Log:
+    """Return the log with holes of at most ``BRIDGED`` values in a channel bridged."""
+    filled = {}
+    for name, x in log.channels.items():
+        hole = ~np.isfinite(x)
+        if name == "t" or not hole.any() or hole.all():
+            continue
+        edges = np.flatnonzero(np.diff(np.r_[0, hole.astype(int), 0]))
+        short = np.zeros(len(x), dtype=bool)
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            inner = start >= 4 and stop <= len(x) - 4
+            around = slice(start - 2, stop + 2)
+            if inner and stop - start <= BRIDGED and hole[around].sum() == stop - start:
+                short[start:stop] = _even(log.t[start - 1 : stop + 1])
+        if short.any():
+            rows, known = np.arange(len(x), dtype=float), ~hole
+            new = x.copy()
+            new[short] = _between(rows[known], x[known], rows, name.endswith((".q", ".qr", ".ql")))[short]
+            filled[name] = new
+            notes.append(f"{name}: {int(short.sum())} missing values bridged, at most {BRIDGED} in a row")
+    return log.with_channels({**log.channels, **filled}, notes)
+
+
+def _even(t: Floats) -> bool:
+    dt = np.diff(t)
+    return bool(dt.min() > 0.0 and dt.max() < 1.5 * dt.min())
