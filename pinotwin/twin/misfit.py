@@ -60,7 +60,7 @@ def write_misfit(misfit: Misfit, path: Path) -> None:
             arrays[f"motion_{f.name}"] = value.astype(np.float32) if single else value
         elif f.name == "segments":
             arrays["motion_segments"] = np.array([(s.start, s.stop) for s in value], dtype=np.int64)
-        elif value is not None and f.name not in ("names", "rotary"):
+        elif value is not None and f.name not in ("names", "rotary", "notes"):
             arrays[f"motion_{f.name}"] = np.array(value)
     with path.open("wb") as out:
         np.savez_compressed(out, **arrays)
