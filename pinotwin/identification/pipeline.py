@@ -74,7 +74,6 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     table = parameter_table(machine, plant)
     quality = _quality(machine, motion, plant)
     quality["at_bound"] = at_bounds(table)
-    quality["preparation"] = list(motion.notes)
     if validate is not None:
         _validate(machine, plant, validate, settings, quality)
     quality["warnings"] = warnings(quality, dict(zip(machine.names, machine.rotary, strict=True)))
@@ -177,6 +176,7 @@ def _quality(machine: Machine, motion: Motion, plant: Plant) -> dict[str, Any]:
         if found is None
         else {"moved": found.moved, "cost_ratio": _finite(found.cost_ratio)},
         "folds": FOLDS,
+        "preparation": list(motion.notes),
     }
 
 
