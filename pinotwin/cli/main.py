@@ -26,6 +26,7 @@ COMMANDS: dict[str, str] = {
     "vibration": "reconstruct the vibration of a passive joint from servo and IMU logs",
     "record": "record field data from a virtual machine",
     "view": "show a machine in the browser, or as one self-contained page",
+    "export": "write a twin for other tools: URDF, MuJoCo, NumPy or C",
     "demo": "the whole chain on a bundled machine, and on the real EMPS drive if it is at hand",
 }
 """Command -> what it does."""

@@ -1,0 +1,109 @@
+"""Write a twin for other tools: which files there are, and what each leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import InputError, nearest
+from pinotwin.export.c_file import c_text
+from pinotwin.export.header import left_out
+from pinotwin.export.inverse import Inverse, inverse_of
+from pinotwin.export.mjcf import mjcf_lines, mjcf_text, passive_text
+from pinotwin.export.numpy_file import numpy_text
+from pinotwin.export.urdf_file import urdf_lines, urdf_text
+from pinotwin.twin import Twin
+
+SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}
+"""Format -> suffix of its file."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """Files for another tool, not yet written.
+
+    Attributes:
+        format: ``urdf``, ``mjcf``, ``numpy`` or ``c``.
+        files: name -> content.
+        inverse: the inverse model that they hold.
+        notes: what they leave out, a line each.
+    """
+
+    format: str
+    files: dict[str, bytes]
+    inverse: Inverse
+    notes: tuple[str, ...]
+
+
+def export(
+    twin: Twin,
+    format: str,
+    out: str | Path,
+    *,
+    travel: Floats | None = None,
+    speed: Floats | None = None,
+) -> Export:
+    """Write a twin for other tools and return what was written.
+
+    Args:
+        twin: what was found.
+        format: ``urdf`` (``<dynamics>`` with damping and friction), ``mjcf`` (MuJoCo, with a Python
+            passive-force function beside it), ``numpy`` or ``c`` (the inverse model in one file).
+        out: the file.
+        travel: positions that curves shall cover [m or rad], shape (2, nv); the URDF's limits where None.
+        speed: largest speeds to cover [m/s or rad/s], shape (nv,); the URDF's limits where None.
+
+    Raises:
+        InputError: there is no such format, or the name has another format's suffix.
+    """
+    path = Path(out)
+    made = prepare_export(twin, format, path, travel=travel, speed=speed)
+    for name, content in made.files.items():
+        (path.parent / name).write_bytes(content)
+    return made
+
+
+def prepare_export(
+    twin: Twin, format: str, path: Path, *, travel: Floats | None = None, speed: Floats | None = None
+) -> Export:
+    """Return the files without writing them; see :func:`export`."""
+    if format not in _WRITERS:
+        raise InputError(f"--format: no format {format!r}; {nearest(format, _WRITERS)}")
+    if path.suffix != SUFFIX[format]:
+        raise InputError(f"--out: {path.name}: a file of format {format} is named *{SUFFIX[format]}")
+    inverse = inverse_of(twin, travel, speed)
+    files, notes = _WRITERS[format](twin, inverse, path.stem)
+    return Export(format, files, inverse, tuple(dict.fromkeys([*left_out(inverse), *notes])))
+
+
+_Files = tuple[dict[str, bytes], list[str]]
+
+
+def _urdf(twin: Twin, inverse: Inverse, stem: str) -> _Files:
+    return {f"{stem}.urdf": urdf_text(twin, inverse)}, urdf_lines(twin, inverse)
+
+
+def _mjcf(twin: Twin, inverse: Inverse, stem: str) -> _Files:
+    files = {f"{stem}.xml": mjcf_text(twin, inverse)}
+    files[f"{stem}_passive.py"] = passive_text(twin, inverse, stem).encode()
+    return files, mjcf_lines(twin, inverse)
+
+
+def _numpy(twin: Twin, inverse: Inverse, stem: str) -> _Files:
+    del twin
+    return {f"{stem}.py": numpy_text(inverse, stem).encode()}, []
+
+
+def _c(twin: Twin, inverse: Inverse, stem: str) -> _Files:
+    del twin
+    return {f"{stem}.c": c_text(inverse, stem).encode()}, []
+
+
+_WRITERS: dict[str, Callable[[Twin, Inverse, str], _Files]] = {
+    "urdf": _urdf,
+    "mjcf": _mjcf,
+    "numpy": _numpy,
+    "c": _c,
+}

@@ -1,0 +1,236 @@
+"""What a twin's effort consists of, free of pinotwin's classes: a tree, matrices, curves and memory.
+
+Every effect comes here through the tables of :mod:`pinotwin.simulation.tables`, whatever its class; an
+effect that no table can hold is in ``omitted``, for a file must say what it leaves out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.tree import tree
+from pinotwin.effects import Effect
+from pinotwin.errors import MachineError
+from pinotwin.export.curve import Curve, curve
+from pinotwin.export.runtime import InverseModel
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.simulation.tables import SPEEDS, Tables, tabulate
+from pinotwin.twin import Twin
+
+TOLERANCE = 5e-4
+"""Largest error of a curve, as a share of its largest value: a tenth of what a drive's effort repeats to."""
+_UNBOUNDED = 1e3
+"""A limit beyond this [m, rad, m/s or rad/s] is a placeholder of the URDF."""
+_TURNS = 4.0 * np.pi
+_SLIDE = 1.0
+_FAST = (2.0, 20.0)
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """The inverse model of a machine as numbers.
+
+    Attributes:
+        name: of the machine.
+        names: axes and passive joints, in the order of every array.
+        units: unit of effort of each.
+        data: what :class:`pinotwin.export.runtime.InverseModel` takes.
+        travel: positions that the curves cover [m or rad], shape (2, nv).
+        speed: largest speed that they cover [m/s or rad/s], shape (nv,).
+        omitted: keys of the effects that no curve can hold.
+        error: RMS of the difference to the twin on a motion through the whole range, as a share of the
+            RMS of the twin's effort, shape (nv,).
+    """
+
+    name: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    data: dict[str, Any]
+    travel: Floats
+    speed: Floats
+    omitted: tuple[str, ...]
+    error: Floats
+
+
+def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = None) -> Inverse:
+    """Return the inverse model of a twin.
+
+    Args:
+        twin: what to write out.
+        travel: positions to cover [m or rad], shape (2, nv); the joints' limits where None.
+        speed: largest speeds to cover [m/s or rad/s], shape (nv,); the joints' limits where None.
+
+    Raises:
+        MachineError: the tree has a joint that neither turns about nor slides along one axis.
+    """
+    machine = twin.machine
+    travel = default_travel(machine) if travel is None else travel
+    speed = default_speed(machine) if speed is None else speed
+    pairs = [(e, twin.theta[s]) for e, s in zip(twin.effects, twin.slices, strict=True)]
+    tables = tabulate(machine, pairs, travel, speed)
+    data = {
+        "machine": machine.name,
+        "names": list(machine.names),
+        **_tree(twin),
+        **_linear(pairs, machine.names),
+        **_curves(tables, machine.nv),
+    }
+    test = sweep(machine, travel, speed)
+    return Inverse(
+        name=machine.name,
+        names=machine.names,
+        units=tuple("N·m" if rotary else "N" for rotary in machine.rotary),
+        data=data,
+        travel=travel,
+        speed=speed,
+        omitted=tuple(twin.keys[k] for k in tables.other),
+        error=deviation(twin, data, test),
+    )
+
+
+def default_travel(machine: Machine) -> Floats:
+    """Return the joints' position limits; two turns or one metre where the URDF has none, shape (2, nv)."""
+    model, rotary = machine.model, np.array(machine.rotary)
+    usual = np.where(rotary, _TURNS, _SLIDE)
+    low = np.where(model.lowerPositionLimit < -_UNBOUNDED, -usual, model.lowerPositionLimit)
+    high = np.where(model.upperPositionLimit > _UNBOUNDED, usual, model.upperPositionLimit)
+    margin = np.where(rotary, 0.05, 0.005) + 0.01 * (high - low)
+    return np.stack([low - margin, high + margin])
+
+
+def default_speed(machine: Machine) -> Floats:
+    """Return the joints' speed limits; 2 m/s or 20 rad/s where the URDF has none, shape (nv,)."""
+    limit = np.asarray(machine.model.velocityLimit, dtype=float)
+    usual = np.where(machine.rotary, _FAST[1], _FAST[0])
+    return np.where((limit > 0.0) & (limit < _UNBOUNDED), 1.2 * limit, usual)
+
+
+def _tree(twin: Twin) -> dict[str, Any]:
+    model = twin.model
+    geometry = tree(model)
+    if geometry is None:
+        raise MachineError(
+            f"{twin.machine.name}: has a joint that is neither revolute nor prismatic; it cannot be exported"
+        )
+    joints = []
+    for i, inertia in enumerate(list(model.inertias)[1:]):
+        joints.append(
+            {
+                "name": str(model.names[i + 1]),
+                "parent": int(geometry.parent[i]) - 1,
+                "column": int(model.idx_vs[i + 1]),
+                "rotary": bool(geometry.revolute[i] > 0.5),
+                "axis": geometry.axis[i].tolist(),
+                "rotation": (geometry.still[i] + geometry.cosine[i]).tolist(),
+                "place": geometry.origin[i].tolist(),
+                "mass": float(inertia.mass),
+                "centre": inertia.lever.tolist(),
+                "inertia": inertia.inertia.ravel().tolist(),
+            }
+        )
+    return {
+        "gravity": geometry.gravity.tolist(),
+        "armature": np.asarray(model.armature, dtype=float).tolist(),
+        "joints": joints,
+    }
+
+
+def _linear(pairs: Sequence[tuple[Effect, Floats]], names: Sequence[str]) -> dict[str, Any]:
+    """Return the viscous and stiffness coefficients: effects whose columns are the axis' own v or q."""
+    out = {"viscous": np.zeros(len(names)), "stiffness": np.zeros(len(names))}
+    for effect, theta in pairs:
+        if effect.causes[0] in out and effect.axis is not None:
+            causes = effect.causes * len(theta) if len(effect.causes) == 1 else effect.causes
+            for cause, value in zip(causes, theta, strict=False):
+                out[cause][names.index(effect.axis)] += value
+    return {key: row.tolist() for key, row in out.items()}
+
+
+def _curves(tables: Tables, nv: int) -> dict[str, Any]:
+    """Return the tables as curves with few knots.
+
+    The friction of a motor that turns two joints has no width in the twin (slope 0: the plain sign); a
+    table gives it one, for a simulation could not step it.
+    """
+    grid = (np.arange(SPEEDS + 1) / SPEEDS) ** 2
+    speeds = [grid / slowness for slowness in tables.slowness]
+    dry = []
+    for k, (j, partner) in enumerate(tables.directions):
+        plus, minus = (_thin(speeds[j], row) for row in tables.dry[k])
+        row = {
+            "joint": int(j),
+            "partner": int(partner),
+            "slope": 0.0 if partner >= 0 else float(tables.slope[k]),
+        }
+        dry.append(row | {"plus": plus, "minus": minus})
+    slip = []
+    for k, j in enumerate(tables.slips):
+        stiff, play, m, d = (float(x) for x in tables.memory[k])
+        shape = {"joint": int(j), "yields": (1.0 / tables.give[k]).tolist(), "x_s": 1.0 / stiff}
+        slip.append(shape | {"play": play, "m": m, "d": d, "level": _thin(speeds[j], tables.slip[k, 0])})
+    return {
+        "position": [place for j in range(nv) if (place := _position(tables, j)) is not None],
+        "velocity": [_both_signs(int(j), speeds[j], tables.velocity[k]) for k, j in enumerate(tables.speeds)],
+        "dry": dry,
+        "slip": slip,
+        "coupled": [list(row) for row in tables.coupled],
+    }
+
+
+def _thin(x: Floats, y: Floats) -> Curve:
+    return curve(x, y, TOLERANCE * float(np.abs(y).max()))
+
+
+def _position(tables: Tables, j: int) -> tuple[int, list[float], list[float]] | None:
+    start, count = tables.place[j]
+    y = tables.position[start : start + count]
+    if not np.any(y):
+        return None
+    x = tables.grid[j, 0] + np.arange(count) / tables.grid[j, 1]
+    return (j, *curve(x, y, TOLERANCE * float(np.ptp(y)) + 1e-12))
+
+
+def _both_signs(j: int, speeds: Floats, values: Floats) -> tuple[int, list[float], list[float]]:
+    """Return one curve over the signed speed from f(|v|) and f(-|v|)."""
+    x = np.concatenate([-speeds[:0:-1], speeds])
+    y = np.concatenate([values[1, :0:-1], values[0]])
+    return (j, *_thin(x, y))
+
+
+def sweep(
+    machine: Machine, travel: Floats, speed: Floats, seconds: float = 6.0, rate: float = 500.0
+) -> Motion:
+    """Return a smooth motion of all axes over much of the range: where a file is compared with the twin."""
+    t = np.arange(0.0, seconds, 1.0 / rate)[:, None]
+    middle, half = 0.5 * (travel[0] + travel[1]), 0.4 * (travel[1] - travel[0])
+    w = 2.0 * np.pi * (0.31 + 0.043 * np.arange(machine.nv))
+    size = np.minimum(half, 0.5 * speed / w)
+    q = middle + size * np.sin(w * t)
+    v = size * w * np.cos(w * t)
+    return Motion(
+        names=machine.names,
+        rotary=machine.rotary,
+        t=t[:, 0],
+        q=q,
+        v=v,
+        a=-size * w**2 * np.sin(w * t),
+        u=np.zeros_like(q),
+        segments=(slice(0, len(t)),),
+        step=1.0 / rate,
+        use=np.ones(q.shape, dtype=bool),
+        source="sweep",
+    )
+
+
+def deviation(twin: Twin, data: dict[str, Any], motion: Motion) -> Floats:
+    """Return RMS(exported - twin) / RMS(twin) of every joint's effort, shape (nv,)."""
+    found = InverseModel(data).run(motion.q, motion.v, motion.a, motion.step)
+    wanted = twin.effort(motion)
+    scale = np.sqrt(np.mean(wanted**2, axis=0))
+    return np.sqrt(np.mean((found - wanted) ** 2, axis=0)) / np.where(scale > 0.0, scale, 1.0)

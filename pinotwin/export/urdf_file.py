@@ -1,0 +1,92 @@
+"""The URDF with what was found: inertials, ``<dynamics damping friction>``, resolved mesh paths."""
+
+from __future__ import annotations
+
+import numpy as np
+from lxml import etree
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.batch import inverse as inverse_dynamics
+from pinotwin.export.inverse import Inverse, sweep
+from pinotwin.machine.urdf import with_inertias
+from pinotwin.simulation.tables import tabulate
+from pinotwin.twin import Twin
+
+
+def urdf_text(twin: Twin, inverse: Inverse) -> bytes:
+    """Return the text of the URDF; comments and foreign tags of the original stay."""
+    machine = twin.machine
+    root = etree.fromstring(with_inertias(machine.urdf, twin.model))
+    friction, damping = level_at_speed(inverse), damping_of(inverse)
+    for part in machine.parts:
+        joint = root.find(f"joint[@name='{part.joint}']")
+        if joint is None:
+            continue
+        dynamics = joint.find("dynamics")
+        if dynamics is None:
+            dynamics = etree.SubElement(joint, "dynamics")
+            dynamics.tail = joint[0].tail
+        dynamics.set("damping", f"{damping[part.index]:.10g}")
+        dynamics.set("friction", f"{friction[part.index]:.10g}")
+    return etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
+
+
+def level_at_speed(inverse: Inverse) -> Floats:
+    """Return the dry friction of every joint at the largest speed, both directions' mean, shape (nv,)."""
+    level = np.zeros(len(inverse.names))
+    for row in inverse.data["dry"]:
+        if row["partner"] >= 0:
+            continue  # follows the speed of two joints
+        level[row["joint"]] += 0.5 * (row["plus"].y[-1] - row["minus"].y[-1])
+    for row in inverse.data["slip"]:
+        level[row["joint"]] += row["level"].y[-1]
+    return np.maximum(level, 0.0)
+
+
+def damping_of(inverse: Inverse) -> Floats:
+    """Return the viscous friction of every joint, shape (nv,)."""
+    return np.maximum(inverse.data["viscous"], 0.0)
+
+
+def urdf_lines(twin: Twin, inverse: Inverse) -> list[str]:
+    """Return what a URDF cannot hold, and how much of the effort that is."""
+    lost = [_rotor(twin)] if np.any(twin.model.armature) else []
+    lost += _effects(twin, inverse)
+    missed = missed_share(twin, inverse)
+    shares = ", ".join(f"{name} {share:.0%}" for name, share in zip(inverse.names, missed, strict=True))
+    lines = [f"a URDF has no place for: {', '.join(lost)}"] if lost else []
+    return [*lines, f"share of the twin's effort that it misses (RMS, a motion through the range): {shares}"]
+
+
+def _rotor(twin: Twin) -> str:
+    rotors = [part.name for part in twin.machine.parts if twin.model.armature[part.index] != 0.0]
+    return f"rotor inertia of {' '.join(rotors)}"
+
+
+def _effects(twin: Twin, inverse: Inverse) -> list[str]:
+    """Return the keys of effects that damping and constant friction do not hold, or hold in part."""
+    out = []
+    for key, effect, s in zip(twin.keys, twin.effects, twin.slices, strict=True):
+        if effect.axis is None or effect.causes[0] == "viscous":
+            continue
+        if effect.depends == "direction":
+            tables = tabulate(twin.machine, [(effect, twin.theta[s])], inverse.travel, inverse.speed)
+            spread = np.ptp(np.abs(tables.dry))
+            out += [f"{key} (its level at speed is kept)"] if spread > 1e-9 * np.abs(tables.dry).max() else []
+        elif effect.depends == "displacement":
+            out.append(f"{key} (its level at speed is kept)")
+        else:
+            out.append(key)
+    return out
+
+
+def missed_share(twin: Twin, inverse: Inverse) -> Floats:
+    """Return RMS(URDF - twin) / RMS(twin) of every joint's effort on the sweep, shape (nv,)."""
+    motion = sweep(twin.machine, inverse.travel, inverse.speed)
+    model = twin.model.copy()
+    model.armature = np.zeros(model.nv)
+    found = inverse_dynamics(model, motion.q, motion.v, motion.a)
+    found = found + damping_of(inverse) * motion.v + level_at_speed(inverse) * np.sign(motion.v)
+    wanted = twin.effort(motion)
+    scale = np.sqrt(np.mean(wanted**2, axis=0))
+    return np.sqrt(np.mean((found - wanted) ** 2, axis=0)) / np.where(scale > 0.0, scale, 1.0)
