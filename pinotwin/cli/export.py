@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pinotwin.cli.output import add_common, check_file, say, write_json, write_text
+from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.writing import write_bytes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="AXIS=V",
         help="largest speed that curves cover [m/s or rad/s] (the URDF's limit)",
     )
-    add_common(parser, out="file to write (.urdf, .xml, .py or .c)", required=True)
+    add_common(parser, out="file to write (.urdf, .xml, .py or .c)", required=True, file=True)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,12 +37,11 @@ def run(args: argparse.Namespace) -> int:
 
     twin = Twin.load(args.twin)
     out = Path(args.out)
-    check_file(out)
     made = prepare_export(
         twin, args.format, out, speed=_speeds(args.speed, twin, default_speed(twin.machine))
     )
     for name, content in made.files.items():
-        write_text(out.parent / name, content.decode())
+        write_bytes(out.parent / name, content)
     inverse = made.inverse
     if args.json:
         write_json(

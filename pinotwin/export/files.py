@@ -15,6 +15,7 @@ from pinotwin.export.mjcf import mjcf_lines, mjcf_text, passive_text
 from pinotwin.export.numpy_file import numpy_text
 from pinotwin.export.urdf_file import urdf_lines, urdf_text
 from pinotwin.twin import Twin
+from pinotwin.writing import write_bytes
 
 SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}
 """Format -> suffix of its file."""
@@ -61,7 +62,7 @@ def export(
     path = Path(out)
     made = prepare_export(twin, format, path, travel=travel, speed=speed)
     for name, content in made.files.items():
-        (path.parent / name).write_bytes(content)
+        write_bytes(path.parent / name, content)
     return made
 
 

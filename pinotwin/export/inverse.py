@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.tree import tree
-from pinotwin.effects import Effect
+from pinotwin.effects import Effect, total_effort
 from pinotwin.errors import MachineError
 from pinotwin.export.curve import Curve, curve
 from pinotwin.export.runtime import InverseModel
@@ -111,31 +111,48 @@ def default_speed(machine: Machine) -> Floats:
     return np.where((limit > 0.0) & (limit < _UNBOUNDED), 1.2 * limit, usual)
 
 
+def joint_axis(model: pin.Model, i: int) -> tuple[bool, Floats]:
+    """Return whether joint i turns, and its axis in its own frame, shape (3,).
+
+    Raises:
+        MachineError: it neither turns about nor slides along one axis.
+    """
+    joint = model.joints[i]
+    if joint.nq == 1 and joint.nv == 1:
+        frame = joint.createData()
+        joint.calc(frame, np.zeros(1))
+        S = np.asarray(frame.S).reshape(6)
+        slides, turns = np.linalg.norm(S[:3]), np.linalg.norm(S[3:])
+        if min(slides, turns) == 0.0 and abs(slides + turns - 1.0) < 1e-12:
+            return bool(turns), S[3:] if turns else S[:3]
+    raise MachineError(
+        f"joint {model.names[i]!r} neither turns about nor slides along one axis; it cannot be exported"
+    )
+
+
 def _tree(twin: Twin) -> dict[str, Any]:
     model = twin.model
-    geometry = tree(model)
-    if geometry is None:
-        raise MachineError(
-            f"{twin.machine.name}: has a joint that is neither revolute nor prismatic; it cannot be exported"
-        )
     joints = []
-    for i, inertia in enumerate(list(model.inertias)[1:]):
+    for i, inertia in enumerate(model.inertias):
+        if i == 0:
+            continue
+        rotary, axis = joint_axis(model, i)
         joints.append(
             {
-                "name": str(model.names[i + 1]),
-                "parent": int(geometry.parent[i]) - 1,
-                "column": int(model.idx_vs[i + 1]),
-                "rotary": bool(geometry.revolute[i] > 0.5),
-                "axis": geometry.axis[i].tolist(),
-                "rotation": (geometry.still[i] + geometry.cosine[i]).tolist(),
-                "place": geometry.origin[i].tolist(),
+                "name": str(model.names[i]),
+                "parent": int(model.parents[i]) - 1,
+                "column": int(model.idx_vs[i]),
+                "rotary": rotary,
+                "axis": axis.tolist(),
+                "rotation": model.jointPlacements[i].rotation.ravel().tolist(),
+                "place": model.jointPlacements[i].translation.tolist(),
                 "mass": float(inertia.mass),
                 "centre": inertia.lever.tolist(),
                 "inertia": inertia.inertia.ravel().tolist(),
             }
         )
     return {
-        "gravity": geometry.gravity.tolist(),
+        "gravity": model.gravity.linear.tolist(),
         "armature": np.asarray(model.armature, dtype=float).tolist(),
         "joints": joints,
     }
@@ -231,6 +248,6 @@ def sweep(
 def deviation(twin: Twin, data: dict[str, Any], motion: Motion) -> Floats:
     """Return RMS(exported - twin) / RMS(twin) of every joint's effort, shape (nv,)."""
     found = InverseModel(data).run(motion.q, motion.v, motion.a, motion.step)
-    wanted = twin.effort(motion)
+    wanted = total_effort(motion, twin.effects, twin.theta)
     scale = np.sqrt(np.mean(wanted**2, axis=0))
     return np.sqrt(np.mean((found - wanted) ** 2, axis=0)) / np.where(scale > 0.0, scale, 1.0)

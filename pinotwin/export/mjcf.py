@@ -13,7 +13,7 @@ from lxml import etree
 from pinotwin.arrays import Floats
 from pinotwin.export.geometry import Geometry, geometry_of, numbers, quaternion
 from pinotwin.export.header import header
-from pinotwin.export.inverse import Inverse
+from pinotwin.export.inverse import Inverse, joint_axis
 from pinotwin.export.native import Native, split
 from pinotwin.export.numpy_file import literal, runtime_text
 from pinotwin.machine.urdf import impossible_bodies
@@ -72,16 +72,12 @@ def _bodies(root: etree._Element, twin: Twin, native: Native, geometry: Geometry
 
 
 def _joint(model: pin.Model, i: int, column: int, native: Native) -> etree._Element:
-    joint = model.joints[i]
-    frame = joint.createData()
-    joint.calc(frame, np.zeros(1))
-    S = np.asarray(frame.S).reshape(6)
-    slides = bool(np.any(S[:3]))
+    rotary, axis = joint_axis(model, i)
     low, high = model.lowerPositionLimit[column], model.upperPositionLimit[column]
     out = {
         "name": str(model.names[i]),
-        "type": "slide" if slides else "hinge",
-        "axis": numbers(S[:3] if slides else S[3:]),
+        "type": "hinge" if rotary else "slide",
+        "axis": numbers(axis),
         "armature": f"{native.armature[column]:.12g}",
         "damping": f"{native.damping[column]:.12g}",
         "stiffness": f"{native.stiffness[column]:.12g}",
