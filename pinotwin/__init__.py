@@ -28,7 +28,7 @@ _HOME = {
     "check": "pinotwin.logs.check",
     "decompose": "pinotwin.analysis.decomposition",
     "diagnose": "pinotwin.diagnosis",
-    "export": "pinotwin.export",
+    "export_twin": "pinotwin.export",
     "identify": "pinotwin.identification",
     "machines": "pinotwin.machine",
     "prepare": "pinotwin.logs.prepare",
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from pinotwin.effects import Effect as Effect
     from pinotwin.errors import InputError as InputError
     from pinotwin.errors import PinotwinError as PinotwinError
-    from pinotwin.export import export as export
+    from pinotwin.export import export_twin as export_twin
     from pinotwin.identification import identify as identify
     from pinotwin.log import Log as Log
     from pinotwin.logs.check import check as check

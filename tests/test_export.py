@@ -20,7 +20,7 @@ from pinotwin.cli.main import main
 from pinotwin.dynamics.batch import inverse
 from pinotwin.effects import LISTED, total_effort
 from pinotwin.errors import InputError
-from pinotwin.export import export
+from pinotwin.export import export_twin
 from pinotwin.export.curve import curve
 from pinotwin.export.inverse import default_speed, default_travel, inverse_of, sweep
 from pinotwin.machine.yaml_file import make_effects
@@ -118,12 +118,12 @@ def by_mujoco(path: Path, motion, twin, *, memory: bool):
 
 def test_numpy_file_gives_the_twins_effort(twin, tmp_path):
     motion = motion_of(twin)
-    export(twin, "numpy", tmp_path / "model.py")
+    export_twin(twin, "numpy", tmp_path / "model.py")
     assert np.all(nrmse(by_numpy(tmp_path / "model.py", motion), twin.effort(motion)) < PERCENT)
 
 
 def test_numpy_file_imports_nothing_of_ours(twin, tmp_path):
-    export(twin, "numpy", tmp_path / "model.py")
+    export_twin(twin, "numpy", tmp_path / "model.py")
     lines = (tmp_path / "model.py").read_text().splitlines()
     modules = {line.split()[1] for line in lines if line.startswith(("import ", "from "))}
     assert modules == {"__future__", "typing", "numpy"}
@@ -131,13 +131,13 @@ def test_numpy_file_imports_nothing_of_ours(twin, tmp_path):
 
 def test_compiled_c_file_gives_the_twins_effort(twin, tmp_path):
     motion = motion_of(twin)
-    export(twin, "c", tmp_path / "model.c")
+    export_twin(twin, "c", tmp_path / "model.c")
     assert np.all(nrmse(by_c(tmp_path / "model.c", motion), twin.effort(motion)) < PERCENT)
 
 
 def test_mujoco_gives_the_twins_effort(twin, tmp_path):
     motion = motion_of(twin)
-    export(twin, "mjcf", tmp_path / "model.xml")
+    export_twin(twin, "mjcf", tmp_path / "model.xml")
     found = by_mujoco(tmp_path / "model.xml", motion, twin, memory=True)
     assert np.all(nrmse(found, twin.effort(motion)) < PERCENT)
 
@@ -146,7 +146,7 @@ def test_mujocos_own_dry_friction_differs_at_reversals_only(tmp_path):
     """`frictionloss` turns round at once, the twin's friction over a small speed: nowhere else do they differ."""
     twin = made("tx40")
     motion = motion_of(twin)
-    export(twin, "mjcf", tmp_path / "model.xml")
+    export_twin(twin, "mjcf", tmp_path / "model.xml")
     found = by_mujoco(tmp_path / "model.xml", motion, twin, memory=False)
     moving = np.all(np.abs(motion.v) > 0.05, axis=1) & (np.abs(motion.v[:, 4] + motion.v[:, 5]) > 0.05)
     assert moving.mean() > 0.5
@@ -171,7 +171,7 @@ def test_every_effect_is_exported_or_named_as_left_out(name, tmp_path):
     theta = twin.theta.copy()
     theta[s] = size * np.linspace(0.8, 1.2, s.stop - s.start)
     twin = dataclasses.replace(twin, theta=theta)
-    made = export(twin, "numpy", tmp_path / "model.py", travel=travel, speed=speed)
+    made = export_twin(twin, "numpy", tmp_path / "model.py", travel=travel, speed=speed)
     found = by_numpy(tmp_path / "model.py", motion)
     left_out = any(f"Y.{name}" in note for note in made.notes)
     assert left_out or np.all(nrmse(found, total_effort(motion, twin.effects, twin.theta)) < PERCENT)
@@ -179,7 +179,7 @@ def test_every_effect_is_exported_or_named_as_left_out(name, tmp_path):
 
 def test_urdf_has_dynamics_inertials_and_says_what_it_misses(tmp_path):
     twin = known_twin(plain_machine("trunnion"))
-    made = export(twin, "urdf", tmp_path / "model.urdf")
+    made = export_twin(twin, "urdf", tmp_path / "model.urdf")
     root = etree.parse(str(tmp_path / "model.urdf")).getroot()
     for axis, part in twin.machine.axes.items():
         dynamics = root.find(f"joint[@name='{part.joint}']/dynamics")
@@ -214,9 +214,9 @@ def test_urdf_and_mjcf_find_meshes_from_elsewhere(tmp_path):
         <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
     )
     twin = known_twin(pt.Machine.load(home / "arm.urdf"))
-    export(twin, "urdf", tmp_path / "out.urdf")
+    export_twin(twin, "urdf", tmp_path / "out.urdf")
     assert str(home / "meshes" / "link.stl") in (tmp_path / "out.urdf").read_text()
-    made = export(twin, "mjcf", tmp_path / "out.xml")
+    made = export_twin(twin, "mjcf", tmp_path / "out.xml")
     assert str(home / "meshes" / "link.stl") in (tmp_path / "out.xml").read_text()
     assert any("1 shapes are not drawn" in note for note in made.notes)
 
@@ -248,7 +248,7 @@ def test_bad_arguments_are_one_line(words, text, tmp_path, monkeypatch, capsys):
     assert main(["export", "twin", *words]) == 2
     assert text in capsys.readouterr().err
     with pytest.raises(InputError):
-        export(pt.Twin.load("twin"), words[1], words[3] if words[1] != "c" else "x.txt")
+        export_twin(pt.Twin.load("twin"), words[1], words[3] if words[1] != "c" else "x.txt")
 
 
 def test_curve_keeps_its_tolerance_with_few_knots():
@@ -267,7 +267,7 @@ def test_real_robot_by_mujoco_and_c(data_dir, tmp_path):
     twin = pt.identify(pt.Machine.load("tx40"), log)
     motion = twin.motion(log).cut(1000, 9000)
     wanted = twin.effort(motion)
-    export(twin, "mjcf", tmp_path / "tx40.xml")
+    export_twin(twin, "mjcf", tmp_path / "tx40.xml")
     assert np.all(nrmse(by_mujoco(tmp_path / "tx40.xml", motion, twin, memory=True), wanted) < PERCENT)
-    export(twin, "c", tmp_path / "tx40.c")
+    export_twin(twin, "c", tmp_path / "tx40.c")
     assert np.all(nrmse(by_c(tmp_path / "tx40.c", motion), wanted) < PERCENT)

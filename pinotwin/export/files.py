@@ -38,7 +38,7 @@ class Export:
     notes: tuple[str, ...]
 
 
-def export(
+def export_twin(
     twin: Twin,
     format: str,
     out: str | Path,
@@ -69,7 +69,7 @@ def export(
 def prepare_export(
     twin: Twin, format: str, path: Path, *, travel: Floats | None = None, speed: Floats | None = None
 ) -> Export:
-    """Return the files without writing them; see :func:`export`."""
+    """Return the files without writing them; see :func:`export_twin`."""
     if format not in _WRITERS:
         raise InputError(f"--format: no format {format!r}; {nearest(format, _WRITERS)}")
     if path.suffix != SUFFIX[format]:
