@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sysconfig
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from pinotwin.logs.check import check
 from pinotwin.machine import Machine
 from tests.rig import run
 
-ROBOTS = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
+ROBOTS = Path(pin.__file__).parents[4] / "share/example-robot-data/robots"
 URDFS = sorted(str(p.relative_to(ROBOTS)) for p in ROBOTS.rglob("*.urdf"))
 
 # No machine as they are, and what is said of them.

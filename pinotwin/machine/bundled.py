@@ -1,8 +1,11 @@
-"""The machines that come with pinotwin, wherever it is installed."""
+"""Machines by name: those that come with pinotwin, and the robots of example-robot-data if installed."""
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
+
+import pinocchio as pin
 
 
 def _folder() -> Path:
@@ -22,3 +25,27 @@ def machines() -> dict[str, Path]:
 def bundled_path(name: str) -> Path:
     """Return the folder of a bundled machine."""
     return machines()[name]
+
+
+@cache
+def robots() -> dict[str, Path]:
+    """Return the robots of example-robot-data: name -> URDF; none when it is not installed.
+
+    A robot goes by the name of its file (``ur5_robot``), by that without ``_robot`` (``ur5``), and, when
+    it is alone in its folder, by the folder's (``hyq``); a name that would mean two files is left out.
+    """
+    within = "share/example-robot-data/robots"  # beside the Pinocchio that is in use: wheels, conda, ROS
+    root = next((p / within for p in Path(pin.__file__).parents if (p / within).is_dir()), None)
+    if root is None:
+        return {}
+    files = sorted(root.rglob("*.urdf"))
+    folders = [path.relative_to(root).parts[0] for path in files]
+    alone = {
+        f.removesuffix("_description"): p
+        for f, p in zip(folders, files, strict=True)
+        if folders.count(f) == 1
+    }
+    stems = [path.stem for path in files]
+    own = {path.stem: path for path in files if stems.count(path.stem) == 1}
+    arms = {path.stem.removesuffix("_robot"): path for path in files if path.stem.endswith("_robot")}
+    return dict(sorted({**alone, **own, **arms}.items()))

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.errors import InputError, MachineError, nearest
-from pinotwin.machine.bundled import bundled_path, machines
+from pinotwin.machine.bundled import bundled_path, machines, robots
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, Passive
 from pinotwin.machine.sections import columns, data_settings, imus, loops, transmission
@@ -44,15 +44,11 @@ def load_machine(path: str | Path) -> Machine:
     if not str(path).strip():
         raise MachineError(f"no machine named; give a folder, a .urdf, or one of {_bundled()}")
     if given.suffix == ".urdf":
-        root = read_tree(given)
-        followers = mimics(root)  # they have no motor of their own
-        axes = {name: {"joint": name} for name in moving_joints(root) if name not in followers}
-        if not axes:
-            raise MachineError(f"{given}: no joint of it can be an axis ({', '.join(MOVING)})")
-        spec: dict[str, Any] = {"name": given.stem, "urdf": given.name, "axes": axes}
-        return _build(spec, given)
+        return _of_urdf(given)
     if not given.exists() and str(path) in machines():
         given = bundled_path(str(path))
+    if not given.exists() and str(path) in robots():
+        return _of_urdf(robots()[str(path)])
     file = given / "machine.yaml" if given.is_dir() else given
     if given.is_dir() and not file.is_file():
         found = ", ".join(sorted(f.name for f in given.glob("*.urdf"))) or "no .urdf either"
@@ -60,18 +56,31 @@ def load_machine(path: str | Path) -> Machine:
             f"{given}: no machine.yaml in this folder (found: {found}); write one, or give a .urdf"
         )
     if not file.exists() and len(given.parts) == 1:
+        more = nearest(str(path), [*machines(), *robots()])
         raise MachineError(
-            f"{path}: no such machine; give a folder, a machine.yaml, a .urdf, or a bundled one "
-            f"({_bundled()})"
+            f"{path}: no such machine; {more}; give a folder, a machine.yaml, a .urdf, a bundled one "
+            f"({_bundled()}) or a robot of example-robot-data"
+            + ("" if robots() else " (not installed: pip install 'pinotwin[robots]')")
         )
-    return _build(read_yaml(file), file)
+    return build(read_yaml(file), file)
 
 
 def _bundled() -> str:
     return ", ".join(machines())
 
 
-def _build(spec: dict[str, Any], file: Path) -> Machine:
+def _of_urdf(path: Path) -> Machine:
+    """Return the machine of a bare URDF: every moving joint an axis with the default effects."""
+    root = read_tree(path)
+    followers = mimics(root)  # they have no motor of their own
+    axes = {name: {"joint": name} for name in moving_joints(root) if name not in followers}
+    if not axes:
+        raise MachineError(f"{path}: no joint of it can be an axis ({', '.join(MOVING)})")
+    return build({"name": path.stem, "urdf": path.name, "axes": axes}, path)
+
+
+def build(spec: dict[str, Any], file: Path) -> Machine:
+    """Return the machine of a mapping as in machine.yaml; ``file`` is where it stands, or would."""
     try:
         return _machine(spec, file)
     except InputError as error:

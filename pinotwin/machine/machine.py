@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -57,11 +57,12 @@ class Machine:
 
     @classmethod
     def load(cls, path: str | Path) -> Machine:
-        """Read a machine from its folder, its machine.yaml, a bare URDF, or a bundled one by name.
+        """Read a machine from its folder, its machine.yaml, a bare URDF, or by name.
 
         Args:
             path: folder, ``machine.yaml``, ``*.urdf`` (every moving joint an axis with the default
-                effects), or one of :func:`pinotwin.machines`.
+                effects), one of :func:`pinotwin.machines`, or a robot of example-robot-data where
+                that is installed (``pip install pinotwin[robots]``), e.g. ``"ur5"``.
 
         Raises:
             MachineError: with the file, the key and the remedy.
@@ -69,6 +70,35 @@ class Machine:
         from pinotwin.machine.loading import load_machine
 
         return load_machine(path)
+
+    @classmethod
+    def from_model(
+        cls,
+        model: pin.Model,
+        axes: Iterable[str] | Mapping[str, Any] | None = None,
+        *,
+        name: str | None = None,
+    ) -> Machine:
+        """Make a machine of a ``pin.Model`` in hand, without a file.
+
+        Joints that are no axis are locked at neutral. The tree becomes a URDF, so :meth:`save` writes
+        one; what a URDF cannot say (mimic joints, another gravity) is refused here, geometry is not in
+        a model and gets lost. The machine's joints are in the order in which Pinocchio reads a URDF
+        (siblings by name): address them by name.
+
+        Args:
+            model: Pinocchio model; ``armature`` becomes the axes' rotor inertia.
+            axes: joints that are axes (all of one degree of freedom when None), or joint -> its effects,
+                as in machine.yaml (``["viscous", {"ripple": {"period": 0.01}}]``) or as
+                :class:`pinotwin.Effect`, or joint -> the whole entry under ``axes`` of machine.yaml.
+            name: of the machine; the model's own when None.
+
+        Raises:
+            MachineError: with what cannot be a machine, and the remedy.
+        """
+        from pinotwin.machine.in_hand import machine_of_model
+
+        return machine_of_model(model, axes, name)
 
     @property
     def nv(self) -> int:

@@ -179,7 +179,7 @@ def with_inertias(path: Path, model: pin.Model) -> bytes:
             link.remove(inertial)
         child = _child(root, joint)
         if link.get("name") == child:
-            link.insert(0, _inertial(model.inertias[model.getJointId(joint)]))
+            link.insert(0, inertial_element(model.inertias[model.getJointId(joint)]))
     return etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
 
 
@@ -207,7 +207,9 @@ def _owners(root: etree._Element, kept: set[str]) -> dict[str, str]:
     return owner
 
 
-def _inertial(inertia: pin.Inertia) -> etree._Element:
+def inertial_element(inertia: pin.Inertia) -> etree._Element:
+    """Return the ``<inertial>`` element of a body."""
+
     def text(values: Iterable[float]) -> str:
         return " ".join(repr(float(x)) for x in values)
 

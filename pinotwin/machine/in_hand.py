@@ -1,0 +1,183 @@
+"""A ``pin.Model`` that came without a file, as a machine: its tree is written out as a URDF.
+
+A machine's tree is a URDF everywhere else (it is saved, viewed and written back with other inertias), so
+one is made of the model: links with the inertias, joints with axes and limits, frames as massless links
+on fixed joints. What a URDF cannot say is refused here, in one line, and not when the twin is saved.
+"""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+from collections.abc import Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from pinotwin.arrays import Floats
+from pinotwin.effects import Effect
+from pinotwin.errors import MachineError, nearest
+from pinotwin.machine.loading import build
+from pinotwin.machine.machine import Machine
+from pinotwin.machine.urdf import inertial_element
+from pinotwin.machine.yaml_file import effect_spec
+
+_COUNT = itertools.count(1)
+_TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
+
+
+def machine_of_model(
+    model: pin.Model, axes: Iterable[str] | Mapping[str, Any] | None, name: str | None
+) -> Machine:
+    """See :meth:`Machine.from_model`."""
+    title = name or model.name or "robot"
+    _check_gravity(title, model)
+    single = {str(model.names[i]): i for i in range(1, model.njoints) if _kind(model, i)}
+    chosen = _axes(title, axes, single)
+    model = _locked(title, model, single)
+    rotors = {str(model.names[i]): float(model.armature[model.idx_vs[i]]) for i in range(1, model.njoints)}
+    settings = {axis: _settings(axis, given, rotors) for axis, given in chosen.items()}
+    folder = Path(_scratch().name) / str(next(_COUNT))
+    folder.mkdir()
+    urdf = folder / "model.urdf"
+    urdf.write_bytes(urdf_of_model(model, title))
+    return build({"name": title, "urdf": urdf.name, "axes": settings}, urdf)
+
+
+@cache
+def _scratch() -> tempfile.TemporaryDirectory[str]:
+    """Return the folder of this process' URDFs; it goes when the process ends."""
+    return tempfile.TemporaryDirectory(prefix="pinotwin-models-")
+
+
+def _kind(model: pin.Model, joint: int) -> str:
+    """Return the URDF type of a joint, or nothing for one that a URDF does not have."""
+    name = model.joints[joint].shortname()
+    if model.joints[joint].nv != 1 or "Mimic" in name:
+        return ""
+    if name.startswith(_ENDLESS):
+        return "continuous"
+    return "revolute" if name.startswith(_TURNING) else "prismatic" if name.startswith(_SLIDING) else ""
+
+
+def _check_gravity(title: str, model: pin.Model) -> None:
+    if not np.allclose(model.gravity.vector, [0.0, 0.0, -9.81, 0.0, 0.0, 0.0], atol=1e-9):
+        raise MachineError(
+            f"{title}: gravity of the model is {model.gravity.linear.tolist()} m/s²; a URDF has z up and "
+            "9.81 m/s²: turn the base by its first placement and set model.gravity.linear"
+        )
+
+
+def _axes(title: str, axes: Any, single: Mapping[str, int]) -> dict[str, Any]:
+    """Return joint -> what is said of the axis, for the joints that were asked for."""
+    if isinstance(axes, str):
+        raise MachineError(f"{title}: axes: expected names of joints, found the text {axes!r}")
+    given = dict(axes) if isinstance(axes, Mapping) else dict.fromkeys(single if axes is None else axes)
+    for joint, settings in given.items():
+        named = settings.get("joint", joint) if isinstance(settings, Mapping) else joint
+        if named not in single:
+            raise MachineError(f"{title}: no moving joint {named!r} of one axis; {nearest(named, single)}")
+    if not given:
+        raise MachineError(f"{title}: no joint of it can be an axis (revolute, continuous, prismatic)")
+    return given
+
+
+def _settings(axis: str, given: Any, rotors: Mapping[str, float]) -> dict[str, Any]:
+    """Return an axis' part of machine.yaml from nothing, a list of effects, or the part itself."""
+    out = dict(given) if isinstance(given, Mapping) else {} if given is None else {"effects": given}
+    out.setdefault("joint", axis)
+    out.setdefault("rotor_inertia", rotors[out["joint"]])
+    if not isinstance(out.get("effects", ""), str):
+        out["effects"] = [effect_spec(e) if isinstance(e, Effect) else e for e in out["effects"]]
+    return out
+
+
+def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Model:
+    """Return the model with the joints that a URDF does not have locked where they are neutral."""
+    mimics = [n for n, j in zip(model.names, model.joints, strict=True) if "Mimic" in j.shortname()]
+    if mimics:
+        raise MachineError(f"{title}: mimic joints {mimics} are not supported; build it with mimic=False")
+    others = [i for i in range(1, model.njoints) if i not in single.values()]
+    if not others:
+        return model
+    reduced = pin.buildReducedModel(model, others, pin.neutral(model))
+    reduced.armature = np.array(
+        [model.armature[model.idx_vs[model.getJointId(n)]] for n in list(reduced.names)[1:]]
+    )
+    return reduced
+
+
+def urdf_of_model(model: pin.Model, name: str) -> bytes:
+    """Return a model of revolute, continuous and prismatic joints as URDF text.
+
+    Rotor inertias (``model.armature``) have no place in a URDF; geometry is not part of a model.
+    """
+    root = etree.Element("robot", name=name)
+    links = _links(model)
+    for joint, link in enumerate(links):
+        element = etree.SubElement(root, "link", name=link)
+        if joint and np.any(model.inertias[joint].toDynamicParameters()):
+            element.append(inertial_element(model.inertias[joint]))
+    data, neutral = model.createData(), pin.neutral(model)
+    for joint in range(1, model.njoints):
+        J = pin.computeJointJacobian(model, data, neutral, joint).reshape(6, model.nv)
+        column = J[:, model.idx_vs[joint]]
+        axis = column[3:] if np.any(column[3:]) else column[:3]
+        element = _joint(root, str(model.names[joint]), _kind(model, joint), model.jointPlacements[joint])
+        etree.SubElement(element, "parent", link=links[model.parents[joint]])
+        etree.SubElement(element, "child", link=links[joint])
+        etree.SubElement(element, "axis", xyz=_text(axis))
+        etree.SubElement(element, "limit", _limits(model, joint))
+    taken = {*links, *map(str, model.names)}
+    for frame in model.frames:
+        if frame.name in taken or frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
+            continue
+        taken.add(frame.name)
+        etree.SubElement(root, "link", name=frame.name)
+        element = _joint(root, f"{frame.name}_fixed", "fixed", frame.placement)
+        etree.SubElement(element, "parent", link=links[frame.parentJoint])
+        etree.SubElement(element, "child", link=frame.name)
+    return etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
+
+
+def _links(model: pin.Model) -> list[str]:
+    """Return a name for the link of the base and of every joint: that of its body frame if it has one."""
+    out: list[str] = []
+    for joint in range(model.njoints):
+        bodies = [
+            str(f.name)
+            for f in model.frames
+            if f.type == pin.FrameType.BODY and f.parentJoint == joint and f.placement.isIdentity(1e-12)
+        ]
+        free = [n for n in bodies if n not in out]
+        out.append(free[0] if free else f"{model.names[joint]}_link")
+    return out
+
+
+def _joint(root: etree._Element, name: str, kind: str, place: pin.SE3) -> etree._Element:
+    element = etree.SubElement(root, "joint", name=name, type=kind)
+    rpy = _text(pin.rpy.matrixToRpy(place.rotation))
+    etree.SubElement(element, "origin", xyz=_text(place.translation), rpy=rpy)
+    return element
+
+
+def _limits(model: pin.Model, joint: int) -> dict[str, str]:
+    """Return effort, velocity and range; an end that is not finite is left open."""
+    at = model.idx_vs[joint]
+    wide = {"effort": model.upperEffortLimit[at], "velocity": model.upperVelocityLimit[at]}
+    out = {key: repr(float(x)) if np.isfinite(x) else "1e9" for key, x in wide.items()}
+    if _kind(model, joint) != "continuous":
+        q = model.idx_qs[joint]
+        ends = (float(model.lowerPositionLimit[q]), float(model.upperPositionLimit[q]))
+        out["lower"], out["upper"] = (
+            repr(x) if np.isfinite(x) else repr(float(np.sign(x)) * 1e9) for x in ends
+        )
+    return out
+
+
+def _text(values: Floats) -> str:
+    return " ".join(repr(float(x) + 0.0) for x in values)
