@@ -41,6 +41,7 @@ FLOORS = {
     "logs": 6,
     "twin": 7,
     "logs.check": 8,
+    "scaffold": 8,
     "simulation": 8,
     "analysis.disturbance": 8,
     "analysis": 9,

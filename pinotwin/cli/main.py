@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pinotwin.errors import PinotwinError
 
 COMMANDS: dict[str, str] = {
+    "new": "start a machine folder from axes, a URDF or a name; guess the columns of a log",
     "check": "what is wrong with a machine or a log, and what the log can identify",
     "identify": "find the machine's model in its logs and save it as a twin",
     "simulate": "predict position, tracking error and effort from the command alone",

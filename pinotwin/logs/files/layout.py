@@ -334,6 +334,8 @@ def _header(cells: list[list[str]], start: int, stem: str) -> _Header:
     rows = 1 + units_row
     if not _names_columns(names, above[:-rows], width):
         return _Header([], {}, 0)
+    if not names[-1] and not any(row[-1] for row in cells[start:] if len(row) == len(names)):
+        names = names[:-1]  # a delimiter ends every line
     named = _unique_clocks([name or f"{stem}[{i}]" for i, name in enumerate(names)])
     units = {}
     for name, cell in zip(named, above[-1] if units_row else (), strict=False):

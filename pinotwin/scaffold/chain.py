@@ -1,0 +1,178 @@
+"""A machine tool's URDF from the letters of its axes.
+
+    XYZAC       linear axes carry the tool, rotary axes the workpiece (``rotary="head"``: all carry the tool)
+    XYZ-BC      what carries the tool, then what carries the workpiece, each from the base outward
+    0-YAC       everything under the workpiece
+
+Letters as in ISO 841: X, Y, Z (and U, V, W) move along x, y, z; A, B, C turn about them. A positive command
+moves the tool relative to the workpiece, so an axis under the workpiece moves the other way. The world is
+x right, y back, z up. Masses and lengths are starting values: ``identify`` finds the inertias from the log.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import yourdfpy
+from lxml import etree
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import MachineError
+
+LINEAR = {"X": (1, 0, 0), "Y": (0, 1, 0), "Z": (0, 0, 1), "U": (1, 0, 0), "V": (0, 1, 0), "W": (0, 0, 1)}
+ROTARY = {"A": (1, 0, 0), "B": (0, 1, 0), "C": (0, 0, 1)}
+ENDLESS = 1e9
+
+SIZE = {"linear": (0.40, 0.40, 0.15), "rotary": (0.30, 0.30, 0.12)}
+"""Box of a carriage and of a rotary body [m]; with the mass it gives a starting inertia."""
+MASS = {"linear": 100.0, "rotary": 40.0}
+"""Starting mass of a carriage and of a rotary body [kg]."""
+TRAVEL = {"linear": (-0.25, 0.25), "tilt": (-2.0, 2.0), "turn": (-ENDLESS, ENDLESS)}
+"""Limits where neither an option nor a log gives them [m or rad]."""
+LIFT = 0.15
+"""Distance from one joint to the next along z [m]."""
+COLOURS = ((0.62, 0.65, 0.68), (0.21, 0.44, 0.60), (0.80, 0.62, 0.24), (0.36, 0.55, 0.40), (0.55, 0.40, 0.55))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """What the user knows of the machine.
+
+    Attributes:
+        mass: axis -> mass that its joint moves alone [kg].
+        travel: axis -> lower and upper limit [m or rad].
+        offset: axis -> its joint's place in the frame of the joint before it [m], shape (3,).
+    """
+
+    mass: Mapping[str, float] = field(default_factory=dict)
+    travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    offset: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Axes from the base to the tool, and from the base to the workpiece."""
+
+    tool: tuple[str, ...]
+    work: tuple[str, ...]
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """All axes."""
+        return (*self.tool, *self.work)
+
+
+def is_chain(text: str) -> bool:
+    """Whether a text is letters of axes rather than a name or a path."""
+    return re.fullmatch(r"[XYZUVWABC]+(-[XYZUVWABC]*)?|0?-[XYZUVWABC]+", text) is not None
+
+
+def parse_chain(text: str, rotary: str = "table") -> Chain:
+    """Return the chain that a text means.
+
+    Args:
+        text: see the module.
+        rotary: ``table`` or ``head``: what rotary axes carry where the text has no ``-``.
+
+    Raises:
+        MachineError: an axis twice, or none.
+    """
+    text = text.lstrip("0")
+    letters = text.replace("-", "")
+    twice = next((a for a in letters if letters.count(a) > 1), None)
+    if twice or not letters:
+        raise MachineError(f"{text}: axis {twice or 'letters'} {'is there twice' if twice else 'missing'}")
+    if "-" in text:
+        tool, _, work = text.partition("-")
+        return Chain(tuple(tool), tuple(work))
+    if rotary == "head":
+        return Chain(tuple(text), ())
+    return Chain(tuple(a for a in text if a in LINEAR), tuple(a for a in text if a in ROTARY))
+
+
+def write_urdf(name: str, chain: Chain, sizes: Sizes) -> bytes:
+    """Return the URDF of a chain.
+
+    Raises:
+        MachineError: a size for an axis that the machine does not have, or one that cannot be.
+    """
+    for kind in ("mass", "travel", "offset"):
+        for axis in getattr(sizes, kind):
+            if axis not in chain.axes:
+                raise MachineError(f"--{kind} {axis}: no such axis; axes: {', '.join(chain.axes)}")
+    bad = next((axis for axis, mass in sizes.mass.items() if mass <= 0.0), None)
+    if bad:
+        raise MachineError(f"--mass {bad}: {sizes.mass[bad]:g} kg must be positive")
+    robot = yourdfpy.Robot(name=name)
+    robot.links.append(yourdfpy.Link("base_link", visuals=[_box((0.8, 0.8, 0.1), (0, 0, -0.05), 0)]))
+    for axes, sign in ((chain.tool, 1.0), (chain.work, -1.0)):
+        parent = "base_link"
+        for depth, axis in enumerate(axes):
+            start = 0.6 if sign > 0 and depth == 0 and chain.work else LIFT  # the tool stands above
+            offset = sizes.offset.get(axis, (0.0, 0.0, start if sign < 0 or depth == 0 else -LIFT))
+            robot.joints.append(_joint(axis, parent, offset, sign, sizes))
+            robot.links.append(_link(axis, len(robot.links), sizes))
+            parent = f"{axis}_link"
+    urdf = yourdfpy.URDF(robot=robot, build_scene_graph=False, load_meshes=False)
+    root = urdf.write_xml().getroot()
+    root.insert(
+        0,
+        etree.Comment(f" Written by `pinotwin new`: {_sides(chain)}. Masses and sizes are starting values. "),
+    )
+    return bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="utf-8"))
+
+
+def _sides(chain: Chain) -> str:
+    tool = f"{' '.join(chain.tool) or 'nothing'} under the tool"
+    return f"{tool}, {' '.join(chain.work) or 'nothing'} under the workpiece, from the base outward"
+
+
+def kind_of(axis: str) -> str:
+    """Return ``linear`` or ``rotary``."""
+    return "linear" if axis in LINEAR else "rotary"
+
+
+def default_travel(axis: str) -> tuple[float, float]:
+    """Return the limits of an axis of which nothing is known [m or rad]."""
+    return TRAVEL["linear" if axis in LINEAR else "turn" if axis == "C" else "tilt"]
+
+
+def _joint(
+    axis: str, parent: str, offset: Floats | tuple[float, ...], sign: float, sizes: Sizes
+) -> yourdfpy.Joint:
+    low, high = sizes.travel.get(axis, default_travel(axis))
+    if not low < high:
+        raise MachineError(f"--travel {axis}: {low:g} is not below {high:g}")
+    endless = high - low >= ENDLESS
+    direction = sign * np.array(LINEAR.get(axis) or ROTARY[axis], dtype=float)
+    kind = "prismatic" if axis in LINEAR else "continuous" if endless else "revolute"
+    limit = None if endless else yourdfpy.Limit(effort=ENDLESS, velocity=ENDLESS, lower=low, upper=high)
+    return yourdfpy.Joint(
+        axis, kind, parent, f"{axis}_link", origin=_pose(offset), axis=direction + 0.0, limit=limit
+    )
+
+
+def _link(axis: str, number: int, sizes: Sizes) -> yourdfpy.Link:
+    kind = kind_of(axis)
+    size, mass = np.array(SIZE[kind]), sizes.mass.get(axis, MASS[kind])
+    inertia = mass / 12.0 * np.diag(np.sum(size**2) - size**2)
+    # A tilting body whose centre lies on its axis would show no gravity: it starts a little off it.
+    centre = (0.0, 0.0, 0.0 if kind == "linear" or axis == "C" else -0.02)
+    inertial = yourdfpy.Inertial(origin=_pose(centre), mass=mass, inertia=inertia)
+    return yourdfpy.Link(f"{axis}_link", inertial=inertial, visuals=[_box(tuple(size), centre, number)])
+
+
+def _box(size: tuple[float, ...], at: tuple[float, ...], number: int) -> yourdfpy.Visual:
+    rgba = np.array([*COLOURS[number % len(COLOURS)], 1.0])
+    material = yourdfpy.Material(name=f"colour_{number}", color=yourdfpy.Color(rgba=rgba))
+    geometry = yourdfpy.Geometry(box=yourdfpy.Box(size=np.array(size)))
+    return yourdfpy.Visual(origin=_pose(at), geometry=geometry, material=material)
+
+
+def _pose(xyz: Floats | tuple[float, ...]) -> Floats:
+    pose = np.eye(4)
+    pose[:3, 3] = xyz
+    return pose

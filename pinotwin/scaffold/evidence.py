@@ -1,0 +1,83 @@
+"""What the numbers of two columns say of each other: which follow, which push, in which sense."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.signals import autocorrelation
+
+_LONGEST = 60_000
+FOLLOWS = 0.02
+"""A column follows another when they differ by less than this share of its own motion."""
+
+
+@dataclass(frozen=True)
+class Push:
+    """How well a column is explained as the effort of an axis.
+
+    Attributes:
+        share: share of its variance that inertia, friction, position and a constant explain.
+        negative: whether both inertia and dry friction come out negative: the column's sign is turned.
+    """
+
+    share: float
+    negative: bool
+
+
+def moves(x: Floats) -> bool:
+    """Whether a column is a motion: it varies, and its neighbours are alike."""
+    good = x[np.isfinite(x)]
+    return len(good) > 20 and float(np.ptp(good)) > 0.0 and float(autocorrelation(good, 1)[1]) > 0.9
+
+
+def is_counter(x: Floats) -> bool:
+    """Whether a column only counts its rows."""
+    steps = np.diff(x[np.isfinite(x)])
+    return len(steps) > 5 and bool(np.all(steps == steps[0])) and steps[0] != 0.0
+
+
+def distance(x: Floats, y: Floats) -> float:
+    """Return how far two columns are apart, as a share of the motion of the first (0: equal)."""
+    both = np.isfinite(x) & np.isfinite(y)
+    size = float(np.std(x[both])) if both.any() else 0.0
+    return float(np.std((x - y)[both])) / size if size > 0.0 else np.inf
+
+
+def smoothness(x: Floats) -> float:
+    """Return the share of a column that changes from sample to sample: less for a command than for an encoder."""
+    good = x[np.isfinite(x)]
+    size = float(np.std(good))
+    return float(np.std(np.diff(good, 3))) / size if size > 0.0 and len(good) > 4 else np.inf
+
+
+def push(q: Floats, u: Floats, step: float) -> Push:
+    """Return how much of ``u`` an axis that moves as ``q`` would need.
+
+    Args:
+        q: position in any unit, shape (n,).
+        u: the column, shape (n,).
+        step: time of a sample [s].
+    """
+    keep = slice(0, _LONGEST)
+    position, effort = q[keep].astype(float), u[keep].astype(float)
+    good = np.isfinite(position) & np.isfinite(effort)
+    if good.sum() < 50 or np.ptp(effort[good]) == 0.0:
+        return Push(0.0, False)
+    position = np.interp(np.arange(len(position)), np.flatnonzero(good), position[good])
+    width = max(3, int(0.02 / step) | 1) if step > 0.0 else 5
+    smooth = np.convolve(np.pad(position, width, mode="edge"), np.ones(width) / width, "same")[width:-width]
+    v = np.gradient(smooth, step)
+    a = np.gradient(
+        np.convolve(np.pad(v, width, mode="edge"), np.ones(width) / width, "same")[width:-width], step
+    )
+    slow = 0.02 * float(np.abs(v).max())
+    columns = np.column_stack([a, np.tanh(v / slow) if slow > 0 else v, v, position, np.ones(len(v))])
+    columns /= np.maximum(np.std(columns, axis=0), 1e-12) + (np.std(columns, axis=0) == 0)
+    theta, *_ = np.linalg.lstsq(columns[good], effort[good], rcond=None)
+    left = effort[good] - columns[good] @ theta
+    share = 1.0 - float(np.var(left)) / float(np.var(effort[good]))
+    power = float(np.mean((effort * v)[good]))
+    return Push(share, bool(theta[0] < 0.0 and theta[1] + theta[2] < 0.0 and power < 0.0))

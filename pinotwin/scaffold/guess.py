@@ -1,0 +1,346 @@
+"""Which column of a log is which channel of a machine, with the reason for every guess.
+
+Names and units are asked first (:mod:`pinotwin.scaffold.names`). Where they do not say, the numbers are: two
+columns that follow each other are command and position, and what inertia and friction of a position explain is
+its effort (:mod:`pinotwin.scaffold.evidence`). What neither says is left open and listed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import LogError
+from pinotwin.log import Log
+from pinotwin.logs.columns import bind, is_contract_name
+from pinotwin.logs.files.layout import is_clock
+from pinotwin.scaffold.evidence import FOLLOWS, distance, is_counter, moves, push, smoothness
+from pinotwin.scaffold.names import family, read_label
+from pinotwin.units import COUNTS, SI_FACTOR
+
+_TIME_UNITS = ("s", "ms", "us", "µs", "ns", "min", "sec", "Sek", "msec")
+_ELECTRIC = ("A", "Arms", "Apk", "mA", "kA", "V", "mV", "%", "‰", "permille", "0.1%")
+_EXPLAINED = 0.5
+"""Share of a nameless column that an axis' motion must explain before it is taken for its effort."""
+
+
+@dataclass(frozen=True)
+class Guess:
+    """One channel and the column it comes from.
+
+    Attributes:
+        channel: name of the contract.
+        column: name in the log; None for a clock made from ``rate``.
+        reason: why.
+        unit: unit to write into the YAML, "" where the file states it.
+        factor: remaining factor.
+        rate: sampling rate [Hz] of a clock without a column.
+    """
+
+    channel: str
+    column: str | None
+    reason: str
+    unit: str = ""
+    factor: float = 1.0
+    rate: float | None = None
+
+    @property
+    def yaml(self) -> str:
+        """The entry under ``columns`` of a machine.yaml, its reason as comment."""
+        if self.rate is not None:
+            entry = f"{{rate: {self.rate:g}}}"
+        else:
+            parts = [f"column: {_quoted(self.column or '')}"]
+            parts += [f"unit: {_quoted(self.unit)}"] if self.unit else []
+            parts += [f"factor: {self.factor:g}"] if self.factor != 1.0 else []
+            entry = "{" + ", ".join(parts) + "}"
+        return f"{_quoted(self.channel)}: {entry}  # {self.reason}"
+
+
+@dataclass(frozen=True)
+class Guesses:
+    """The columns of a log.
+
+    Attributes:
+        found: channel by channel.
+        open: what a person has to decide, one sentence each.
+        named: channels that the log already has under the contract's names.
+    """
+
+    found: tuple[Guess, ...] = ()
+    open: tuple[str, ...] = ()
+    named: tuple[str, ...] = ()
+
+    def __contains__(self, channel: str) -> bool:
+        return channel in self.named or any(g.channel == channel for g in self.found)
+
+
+@dataclass
+class _Table:
+    """The log's columns while they are given away."""
+
+    log: Log
+    axes: list[str]
+    joints: list[str]
+    rotary: list[bool]
+    step: float
+    taken: dict[str, Guess] = field(default_factory=dict)
+    used: set[str] = field(default_factory=set)
+    named: list[str] = field(default_factory=list)
+
+    def give(self, channel: str, column: str, reason: str) -> None:
+        if channel not in self.taken and channel not in self.named:
+            self.taken[channel] = Guess(channel, column, reason)
+            self.used.add(column)
+
+    def free(self) -> list[str]:
+        return [c for c in self.log.channels if c not in self.used]
+
+
+def guess_columns(log: Log, axes: Mapping[str, tuple[str, bool]], rate: float | None = None) -> Guesses:
+    """Return which column is which channel.
+
+    Args:
+        log: as read.
+        axes: axis -> its joint in the URDF, and whether it turns.
+        rate: sampling rate [Hz], for a log without a time column.
+    """
+    named = _already_named(log)
+    clock, step, questions = _clock(log, rate, "t" in named)
+    table = _Table(log, list(axes), [j for j, _ in axes.values()], [r for _, r in axes.values()], step)
+    table.named = named
+    if clock is not None:
+        table.taken["t"] = clock
+        table.used.add(clock.column or "")
+    table.used.update(c for c in log.channels if is_contract_name(c))
+    _by_name(table)
+    _by_number(table)
+    if not any(f"{axis}.q" in table.taken or f"{axis}.q" in named for axis in axes):
+        _by_behaviour(table)
+    _swapped(table)
+    questions += _units(table) + _efforts(table) + _missing(table)
+    order = ["t", *(f"{axis}.{s}" for axis in axes for s in ("qr", "q", "v", "u", "e"))]
+    found = sorted(table.taken.values(), key=lambda g: order.index(g.channel) if g.channel in order else 999)
+    return Guesses(tuple(found), tuple(questions), tuple(named))
+
+
+def _already_named(log: Log) -> list[str]:
+    """Return the channels that need no mapping, ROS' joint names among them."""
+    try:
+        return list(bind(log, {}).channels)
+    except LogError:
+        return []
+
+
+def _clock(log: Log, rate: float | None, named: bool) -> tuple[Guess | None, float, list[str]]:
+    """Return the guess for ``t``, the step [s], and what is open about it."""
+    if named:
+        return None, _step(log["t"]) * SI_FACTOR[log.units.get("t", "s")], []
+    if rate is not None:
+        return Guess("t", None, "as given by --rate", rate=rate), 1.0 / rate, []
+    rising = [c for c, x in log.channels.items() if _rises(x)]
+    called = [c for c in rising if is_clock(c) or log.units.get(c) in _TIME_UNITS]
+    if called:
+        column = called[0]
+        unit = log.units.get(column)
+        step = _step(log[column])
+        if unit in _TIME_UNITS:
+            return Guess("t", column, f"it rises and is in {unit}"), step * SI_FACTOR[unit], []
+        guess = "s" if step < 0.5 else "ms" if step < 500 else "us" if step < 5e5 else "ns"
+        said = f"it rises by {step:g}; taken as {guess}"
+        return Guess("t", column, said, unit="" if guess == "s" else guess), step * SI_FACTOR[guess], []
+    return None, 0.0, ["t: no time column; give the sampling rate: `pinotwin new ... --rate HZ`"]
+
+
+def _step(t: Floats) -> float:
+    good = t[np.isfinite(t)]
+    return float(np.median(np.diff(good))) if len(good) > 1 else 0.0
+
+
+def _rises(x: Floats) -> bool:
+    good = x[np.isfinite(x)]
+    return len(good) > 2 and bool(np.all(np.diff(good) >= 0)) and good[-1] > good[0]
+
+
+def _by_name(table: _Table) -> None:
+    """Give columns whose name says axis and signal; measured efforts and speeds before commanded ones."""
+    labels = {
+        c: read_label(c, table.log.units.get(c), table.axes, table.joints)
+        for c in table.free()
+        if not is_contract_name(c)
+    }
+    only = table.axes[0] if len(table.axes) == 1 else None
+    for column, label in sorted(labels.items(), key=lambda item: _set_value(item[0])):
+        axis = label.axis or only
+        if axis and label.signal and np.isfinite(table.log[column]).any():
+            table.give(f"{axis}.{label.signal}", column, label.why)
+
+
+def _set_value(column: str) -> bool:
+    return any(word in column.casefold() for word in ("cmd", "command", "set", "soll", "output"))
+
+
+def _by_number(table: _Table) -> None:
+    """Give numbered families (``position[0]``, ``position[1]``...) to the axes in their order."""
+    families: dict[str, list[tuple[int, str]]] = {}
+    for column in table.free():
+        found = family(column)
+        if found:
+            families.setdefault(found[0], []).append((found[1], column))
+    for stem, members in families.items():
+        label = read_label(stem.replace("#", " "), table.log.units.get(members[0][1]), [], [])
+        if label.signal is None or len(members) < len(table.axes) or len(members) < 2:
+            continue
+        for axis, (number, column) in zip(table.axes, sorted(members), strict=False):
+            table.give(
+                f"{axis}.{label.signal}",
+                column,
+                f"{label.why}, number {number} taken as {axis}: order guessed",
+            )
+
+
+def _by_behaviour(table: _Table) -> None:
+    """Give nameless columns by what their numbers do."""
+    free = [c for c in table.free() if not is_counter(table.log[c])]
+    free = [
+        c
+        for c in free
+        if np.isfinite(table.log[c]).any() and np.ptp(table.log[c][np.isfinite(table.log[c])]) > 0
+    ]
+    moving = [c for c in free if moves(table.log[c])]
+    pairs = list(_following(table.log, moving))
+    for axis, (command, position) in zip(table.axes, pairs, strict=False):
+        apart = distance(table.log[position], table.log[command])
+        said = f"the two follow each other within {apart:.2%}"
+        table.give(f"{axis}.qr", command, f"{said}, and this is the smoother; axis by order: guessed")
+        table.give(f"{axis}.q", position, f"{said}; axis by order: guessed")
+    held = [(a, table.log[table.taken[f"{a}.q"].column or ""]) for a in table.axes if f"{a}.q" in table.taken]
+    for column in (c for c in free if c not in table.used):
+        shares = {axis: push(q, table.log[column], table.step or 1.0).share for axis, q in held}
+        best = max(shares, key=lambda a: shares[a], default=None)
+        if best is not None and shares[best] > _EXPLAINED:
+            said = f"inertia and friction of {best} explain {shares[best]:.0%} of it"
+            table.give(f"{best}.u", column, said)
+    _by_place(table)
+
+
+def _by_place(table: _Table) -> None:
+    """Give an effort that stands where the other axes have theirs: so many columns behind the position."""
+    place = {column: i for i, column in enumerate(table.log.channels)}
+    held = {g.channel: place[g.column] for g in table.taken.values() if g.column in place}
+    steps = {held[f"{a}.u"] - held[f"{a}.q"] for a in table.axes if {f"{a}.u", f"{a}.q"} <= set(held)}
+    if len(steps) != 1:
+        return
+    step = steps.pop()
+    for axis in table.axes:
+        at = held.get(f"{axis}.q", -1) + step
+        column = next((c for c, i in place.items() if i == at and c not in table.used), None)
+        if f"{axis}.u" not in held and f"{axis}.q" in held and column is not None:
+            table.give(f"{axis}.u", column, "it stands where the other axes have theirs: guessed")
+
+
+def _following(log: Log, columns: Sequence[str]) -> Iterable[tuple[str, str]]:
+    """Yield pairs of columns that follow each other, the smoother (the command) first."""
+    used: set[str] = set()
+    for i, one in enumerate(columns):
+        near = [(distance(log[one], log[other]), other) for other in columns[i + 1 :] if other not in used]
+        if one in used or not near or min(near)[0] > FOLLOWS:
+            continue
+        other = min(near)[1]
+        used.update((one, other))
+        pair = sorted((one, other), key=lambda c: smoothness(log[c]))
+        yield pair[0], pair[1]
+
+
+def _swapped(table: _Table) -> None:
+    """Say how well command and position agree."""
+    for axis in table.axes:
+        q, qr = table.taken.get(f"{axis}.q"), table.taken.get(f"{axis}.qr")
+        if q and qr and q.column and qr.column and "follow" not in q.reason:
+            apart = distance(table.log[q.column], table.log[qr.column])
+            if apart < 0.5:
+                said = f"{q.reason}; follows {axis}.qr within {apart:.2%}"
+                table.taken[q.channel] = replace(q, reason=said)
+
+
+def _units(table: _Table) -> list[str]:
+    """Write the unit of positions that state none, and say what cannot be known."""
+    questions = []
+    for axis, rotary in zip(table.axes, table.rotary, strict=True):
+        unit = ""
+        for signal in ("q", "qr"):
+            guess = table.taken.get(f"{axis}.{signal}")
+            if guess is None or guess.column is None:
+                continue
+            stated = table.log.units.get(guess.column)
+            if stated in COUNTS:
+                questions.append(
+                    f"{guess.channel}: is in {stated}; give columns a `factor`: metres or radians of one"
+                )
+            elif stated is None:
+                unit = unit or _unit_by_size(table.log[guess.column], rotary)
+                said = f"no unit stated, {unit} by its size"
+                written = "" if unit in ("m", "rad") else unit
+                table.taken[guess.channel] = replace(guess, unit=written, reason=f"{guess.reason}; {said}")
+    return questions
+
+
+def _unit_by_size(x: Floats, rotary: bool) -> str:
+    far = float(np.nanmax(np.abs(x)))
+    return ("deg" if far > 13.0 else "rad") if rotary else ("mm" if far > 5.0 else "m")
+
+
+def _efforts(table: _Table) -> list[str]:
+    """Turn efforts that come with the wrong sign, and ask for the size of electrical ones."""
+    questions = []
+    for axis in table.axes:
+        guess, q = table.taken.get(f"{axis}.u"), _position(table, axis)
+        if guess is None or guess.column is None:
+            continue
+        column = guess.column
+        if q is not None and table.step > 0.0:
+            found = push(q, table.log[column], table.step)
+            if found.negative and found.share > _EXPLAINED:
+                said = f"{guess.reason}; it falls with acceleration and speed: sign turned"
+                guess = replace(guess, factor=-1.0, reason=said)
+                table.taken[guess.channel] = guess
+        unit = table.log.units.get(column)
+        if unit in _ELECTRIC or unit is None:
+            what = f"is in {unit}" if unit else "states no unit"
+            questions.append(
+                f"{axis}.u: {what}; give columns.{axis}.u a `factor` to N or N·m (torque constant x gear), "
+                "else masses come out in that unit"
+            )
+    return questions
+
+
+def _position(table: _Table, axis: str) -> Floats | None:
+    guess = table.taken.get(f"{axis}.q")
+    if guess is not None and guess.column is not None:
+        return table.log[guess.column]
+    return table.log.channels.get(f"{axis}.q")
+
+
+def _missing(table: _Table) -> list[str]:
+    out = []
+    for axis in table.axes:
+        held = {s for s in ("q", "qr", "u") if f"{axis}.{s}" in table.taken or f"{axis}.{s}" in table.named}
+        if not held:
+            continue
+        if "q" not in held:
+            out.append(f"{axis}.q: no column found for the position; add it under `columns`")
+        if "u" not in held:
+            out.append(
+                f"{axis}.u: no column found for the effort; without it nothing of {axis} is identified"
+            )
+        if "qr" not in held:
+            out.append(f"{axis}.qr: no command found; the plant is still identified, the closed loop is not")
+    return out
+
+
+def _quoted(text: str) -> str:
+    plain = text.replace(".", "").replace("_", "").isalnum() and not text[0].isdigit()
+    return text if plain else '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

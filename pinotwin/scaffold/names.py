@@ -1,0 +1,130 @@
+"""What the name and unit of a column say: which axis, and which of its signals."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pinotwin.units import SI_FACTOR
+
+_LENGTHS = ("m", "mm", "cm", "um", "µm", "nm", "inch", "in")
+_ANGLES = (
+    "rad",
+    "mrad",
+    "urad",
+    "deg",
+    "°",
+    "Grad",
+    "degrees",
+    "mdeg",
+    "m°",
+    "arcmin",
+    "arcsec",
+    "rev",
+    "turn",
+    "Umdr",
+)
+_FORCES = ("N", "kN", "mN", "Nm", "N·m", "N.m", "N*m", "kNm", "mNm", "Ncm")
+_CURRENTS = ("A", "Arms", "Apk", "mA", "kA", "%", "‰", "permille", "0.1%")
+_POSITION_UNITS = frozenset((*_LENGTHS, *_ANGLES))
+_EFFORT_UNITS = frozenset((*_FORCES, *_CURRENTS))
+_WORDS = {
+    kind: frozenset(words.split())
+    for kind, words in {
+        "error": "err error lag schlepp schleppfehler deviation abweichung diff follow following",
+        "command": "cmd command commanded set setpoint setpos setvalue soll sollwert lagesollwert target desired "
+        "ref reference nominal posc action demand goal qr tcmd",
+        "effort": "current torque effort force iq strom moment drehmoment kraft trq amp amps tau torq motorcurrent "
+        "tcmd i load acttorque utilization",
+        "velocity": "vel velo velocity speed geschw geschwindigkeit drehzahl rpm qd dq",
+        "acceleration": "acc accel acceleration beschleunigung jerk ruck",
+        "position": "pos position actpos ist istwert lageistwert act actual posf feedback fb enc encoder meas "
+        "measured state q lage angle winkel actualposition",
+        "temperature": "temp temperature temperatur",
+    }.items()
+}
+
+
+@dataclass(frozen=True)
+class Label:
+    """What a column's name says.
+
+    Attributes:
+        axis: the axis, None where the name does not say.
+        signal: ``qr q v u e``, or None.
+        why: the words that say so.
+    """
+
+    axis: str | None
+    signal: str | None
+    why: str
+
+
+def tokens(name: str) -> list[str]:
+    """Return the words of a name: ``X1_ActualPosition`` -> x1, actual, position."""
+    spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
+    return [part.casefold() for part in re.split(r"[\W_]+", spaced) if part]
+
+
+def read_label(name: str, unit: str | None, axes: Sequence[str], joints: Sequence[str]) -> Label:
+    """Return axis and signal that a column's name and unit say.
+
+    Args:
+        name: the column.
+        unit: its unit as the file states it.
+        axes: names of the axes.
+        joints: names of their joints in the URDF, in the same order.
+    """
+    words = tokens(name)
+    signal, why = _signal(words, unit)
+    axis = _axis(name, words, axes, joints)
+    return Label(axis, signal, why)
+
+
+def _signal(words: Sequence[str], unit: str | None) -> tuple[str | None, str]:
+    named = {kind: [w for w in words if w in known] for kind, known in _WORDS.items()}
+    stated = unit if unit in SI_FACTOR else None
+    if named["temperature"] or named["acceleration"]:
+        return None, ""
+    if stated in _EFFORT_UNITS:
+        return "u", f"its unit is {stated}"
+    if stated and ("/" in stated or stated in ("rpm", "min-1", "min^-1")):
+        return ("v", f"its unit is {stated}") if not named["command"] else (None, "")
+    if named["error"]:
+        return "e", f"named {named['error'][0]!r}"
+    position = stated in _POSITION_UNITS
+    if named["effort"] and not position and not (named["effort"] == ["i"] and named["position"] == ["q"]):
+        return "u", f"named {named['effort'][0]!r}"
+    if named["velocity"] and not position:
+        return ("v", f"named {named['velocity'][0]!r}") if not named["command"] else (None, "")
+    if named["command"]:
+        return "qr", f"named {named['command'][0]!r}"
+    if named["position"] or position:
+        return "q", f"named {named['position'][0]!r}" if named["position"] else f"its unit is {stated}"
+    return None, ""
+
+
+def _axis(name: str, words: Sequence[str], axes: Sequence[str], joints: Sequence[str]) -> str | None:
+    folded = name.casefold()
+    for axis, joint in zip(axes, joints, strict=True):
+        for own in (axis.casefold(), joint.casefold()):
+            if own in words or f"{own}1" in words or (len(own) > 3 and own in folded):
+                return axis
+    glued = [w for w in words if len(w) > 1 and w[0] in {a.casefold() for a in axes} and w[1:] in _ALL_WORDS]
+    if glued:  # xpos, yact
+        return next(a for a in axes if a.casefold() == glued[0][0])
+    return None
+
+
+_ALL_WORDS = {word for words in _WORDS.values() for word in words if len(word) > 2}
+
+
+def family(name: str) -> tuple[str, int] | None:
+    """Return the stem and the number of a numbered column: ``position[3]``, ``J3_cur``, ``joint_3``."""
+    match = re.search(r"\[(\d+)\]$", name) or re.search(
+        r"(?<![A-Za-z\d])[A-Za-z]{0,8}_?(\d{1,2})(?!\d)", name
+    )
+    if match is None:
+        return None
+    return name[: match.start(1)] + "#" + name[match.end(1) :], int(match[1])

@@ -1,0 +1,224 @@
+"""``new``: a machine folder from axes, a URDF, a bundled machine or a robot, with a log's columns guessed."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.log import Log
+from pinotwin.logs.columns import bind, parse_columns
+from pinotwin.machine import Machine
+from pinotwin.machine.bundled import machines, robots
+from pinotwin.machine.urdf import resolve_meshes
+from pinotwin.machine.urdf_check import mimics, moving_joints, read_tree
+from pinotwin.scaffold.chain import (
+    LIFT,
+    MASS,
+    Chain,
+    Sizes,
+    default_travel,
+    is_chain,
+    kind_of,
+    parse_chain,
+    write_urdf,
+)
+from pinotwin.scaffold.guess import Guesses, guess_columns
+from pinotwin.writing import whole_folder
+
+
+@dataclass(frozen=True)
+class Start:
+    """A machine folder that was written.
+
+    Attributes:
+        folder: where.
+        machine: the machine in it.
+        said: what was assumed, one sentence each.
+        guesses: the log's columns, None without a log.
+    """
+
+    folder: Path
+    machine: Machine
+    said: tuple[str, ...]
+    guesses: Guesses | None
+
+
+def new(
+    source: str | Path,
+    log: Log | None = None,
+    *,
+    out: str | Path,
+    rotary: str = "table",
+    sizes: Sizes | None = None,
+    rate: float | None = None,
+    meshes: str | Path | None = None,
+) -> Start:
+    """Write a machine folder.
+
+    Args:
+        source: letters of axes (``XYZAC``, ``XYZ-BC``), a ``.urdf``, a bundled name, a robot of
+            example-robot-data.
+        log: a log of the machine, as read; its columns are guessed.
+        out: the folder to write; it must not hold a machine yet.
+        rotary: what rotary axes carry where ``source`` does not say: ``table`` or ``head``.
+        sizes: what is known of the axes.
+        rate: sampling rate [Hz] of a log without a time column.
+        meshes: folder of the mesh packages of a URDF.
+
+    Raises:
+        InputError: the source means nothing, or the folder holds a machine.
+    """
+    target, text = Path(out), str(source)
+    if (target / "machine.yaml").exists():
+        raise InputError(f"{target}: holds a machine.yaml already; choose another folder, or edit that one")
+    with whole_folder(target) as folder:
+        if text in machines():
+            said = _copy_bundled(text, folder)
+            guesses = _guess_bundled(folder, log, rate)
+        elif Path(text).suffix == ".urdf" or text in robots():
+            path = robots()[text] if text in robots() else Path(text)
+            guesses, said = _from_urdf(path, folder, log, rate, meshes)
+        elif is_chain(text):
+            name = re.sub(r"\W+", "_", target.resolve().name).strip("_") or "machine"
+            chain = parse_chain(text, rotary)
+            guesses, said = _from_axes(name, chain, folder, log, rate, sizes or Sizes())
+            said[0] += "" if "-" in text else "; write XYZ-AC to say it yourself"
+        else:
+            raise MachineError(
+                f"{text}: neither axes (XYZAC, XYZ-BC), nor a .urdf, nor a machine by name; "
+                f"{nearest(text, [*machines(), *robots()])}"
+            )
+    return Start(target, Machine.load(target), tuple(said), guesses)
+
+
+def _copy_bundled(name: str, folder: Path) -> list[str]:
+    shutil.copytree(machines()[name], folder, dirs_exist_ok=True)
+    return [f"copied from the bundled machine {name}"]
+
+
+def _guess_bundled(folder: Path, log: Log | None, rate: float | None) -> Guesses | None:
+    if log is None:
+        return None
+    machine = Machine.load(folder)
+    axes = {name: (axis.joint, axis.rotary) for name, axis in machine.axes.items()}
+    guesses = guess_columns(log, axes, rate)
+    if guesses.found:
+        file = folder / "machine.yaml"
+        text = re.sub(r"(?ms)^columns:.*?(?=^\S|\Z)", "", file.read_text(encoding="utf-8"))
+        file.write_text(text.rstrip() + "\n" + _columns(guesses), encoding="utf-8")
+    return guesses
+
+
+def _from_urdf(
+    path: Path, folder: Path, log: Log | None, rate: float | None, meshes: str | Path | None
+) -> tuple[Guesses | None, list[str]]:
+    root = read_tree(path)
+    followers = mimics(root)
+    joints = {str(j.get("name")): str(j.get("type")) for j in root.findall("joint")}
+    axes = {
+        name: (name, joints[name] != "prismatic") for name in moving_joints(root) if name not in followers
+    }
+    if not axes:
+        raise MachineError(f"{path}: no joint of it can be an axis")
+    said = [f"{len(axes)} joints of {path.name} are axes"]
+    said += [f"{name} follows {leader} (mimic) and is no axis" for name, leader in followers.items()]
+    guesses = None if log is None else guess_columns(log, axes, rate)
+    if guesses is not None:
+        idle = [name for name in axes if f"{name}.q" not in guesses]
+        if idle and len(idle) < len(axes):
+            said.append(f"not in the log, held at zero: {', '.join(idle)}")
+            axes = {name: value for name, value in axes.items() if name not in idle}
+            dropped = tuple(q for q in guesses.open if q.partition(".")[0] not in idle)
+            guesses = replace(guesses, open=dropped)
+    resolve_meshes(root, path)
+    name = path.stem
+    (folder / f"{name}.urdf").write_bytes(etree.tostring(root, xml_declaration=True, encoding="utf-8"))
+    _write_yaml(folder, name, axes, guesses, meshes)
+    return guesses, said
+
+
+def _from_axes(
+    name: str, chain: Chain, folder: Path, log: Log | None, rate: float | None, sizes: Sizes
+) -> tuple[Guesses | None, list[str]]:
+    axes = {axis: (axis, kind_of(axis) == "rotary") for axis in chain.axes}
+    guesses = None if log is None else guess_columns(log, axes, rate)
+    travel = {} if log is None or guesses is None else _travel(log, guesses, axes)
+    sizes = replace(sizes, travel={**travel, **sizes.travel})
+    (folder / f"{name}.urdf").write_bytes(write_urdf(name, chain, sizes))
+    _write_yaml(folder, name, chain.axes, guesses, None)
+    return guesses, _assumed(chain, sizes, set(travel))
+
+
+def _travel(
+    log: Log, guesses: Guesses, axes: Mapping[str, tuple[str, bool]]
+) -> dict[str, tuple[float, float]]:
+    """Return limits a tenth beyond what the log reaches [m or rad], for axes that do not turn endlessly."""
+    entries = {
+        g.channel: {"column": g.column, "unit": g.unit, "factor": g.factor}
+        if g.rate is None
+        else {"rate": g.rate}
+        for g in guesses.found
+        if g.channel.endswith(".q")
+    }
+    try:
+        bound = bind(log, parse_columns(entries, "columns"))
+    except InputError:
+        return {}
+    out = {}
+    for axis in axes:
+        if f"{axis}.q" in bound and axis != "C":
+            q = bound[f"{axis}.q"][np.isfinite(bound[f"{axis}.q"])]
+            margin = 0.1 * float(np.ptp(q)) if len(q) else 0.0
+            if margin > 0.0:
+                out[axis] = (round(float(q.min()) - margin, 4), round(float(q.max()) + margin, 4))
+    return out
+
+
+def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
+    """Return what was taken for granted, one sentence each."""
+    sides = f"{' '.join(chain.tool) or 'none'} under the tool, {' '.join(chain.work) or 'none'} under the workpiece"
+    said = [f"axes from the base outward: {sides}"]
+    for axis in chain.axes:
+        unit, mass_unit = ("m", "kg") if kind_of(axis) == "linear" else ("rad", "kg")
+        low, high = sizes.travel.get(axis, default_travel(axis))
+        how = "a tenth beyond the log" if axis in measured else "given" if axis in sizes.travel else "assumed"
+        mass = sizes.mass.get(axis, MASS[kind_of(axis)])
+        travel = "endless" if high - low > 1e8 else f"{low:g} to {high:g} {unit} ({how})"
+        weight = f"{mass:g} {mass_unit} ({'given' if axis in sizes.mass else 'assumed'})"
+        said.append(f"{axis}: travel {travel}, mass {weight}")
+    if any(axis not in sizes.offset for axis in chain.axes):
+        said.append(f"joints stand {LIFT:g} m above each other unless --offset says otherwise")
+    return said
+
+
+def _write_yaml(
+    folder: Path, name: str, axes: Iterable[str], guesses: Guesses | None, meshes: str | Path | None
+) -> None:
+    lines = [
+        "# Written by `pinotwin new`. Every guess says why: correct what is wrong, then `pinotwin check`.",
+        f"name: {name}",
+        f"urdf: {name}.urdf",
+    ]
+    lines += [f"meshes: {Path(meshes).resolve()}"] if meshes else []
+    lines += ["axes:  # what acts beside the rigid body; more effects: stribeck, ripple, position_table..."]
+    lines += [f"  {axis}: {{joint: {axis}, effects: [viscous, coulomb]}}" for axis in axes]
+    text = "\n".join(lines) + "\n"
+    if guesses is not None and guesses.found:
+        text += _columns(guesses)
+    (folder / "machine.yaml").write_text(text, encoding="utf-8")
+
+
+def _columns(guesses: Guesses) -> str:
+    lines = [
+        "columns:  # how this controller names and scales its channels: SI = raw * unit * factor + offset"
+    ]
+    lines += [f"  {guess.yaml}" for guess in guesses.found]
+    lines += [f"  # open: {question}" for question in guesses.open]
+    return "\n".join(lines) + "\n"

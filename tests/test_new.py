@@ -1,0 +1,249 @@
+"""``pinotwin new``: from a name, axes or a URDF and a raw log to a machine folder that loads."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinotwin as pt
+from pinotwin.cli.main import main
+from pinotwin.errors import InputError, MachineError
+from pinotwin.log import Log
+from pinotwin.logs.columns import bind
+from pinotwin.machine.bundled import robots
+from pinotwin.scaffold import guess_columns, new
+from pinotwin.scaffold.chain import Sizes, parse_chain
+from tests.ros_bags import write_bag
+from tests.servo_log import FRICTION, INERTIA, MASS, MOMENT, servo_log
+from tests.vendor_formats import CURRENT, FORMATS
+
+AXES = {"Y": ("Y", False), "A": ("A", True)}
+
+
+@pytest.fixture(scope="module")
+def servo() -> dict[str, np.ndarray]:
+    return servo_log()
+
+
+@pytest.fixture(scope="module")
+def exports(tmp_path_factory: pytest.TempPathFactory, servo: dict[str, np.ndarray]) -> dict[str, Path]:
+    """The same log in every vendor's look, and as ROS 2 bags."""
+    folder = tmp_path_factory.mktemp("exports")
+    out = {}
+    for kind, (ending, make) in FORMATS.items():
+        out[kind] = folder / f"{kind}{ending}"
+        out[kind].write_bytes(make({k: x for k, x in servo.items() if not k.endswith(".v")}, {"A"}))
+    for storage in ("mcap", "sqlite3"):
+        out[f"ros2_{storage}"] = write_bag(folder / storage, servo, storage=storage, command=True)
+    return out
+
+
+KINDS = [*FORMATS, "ros2_mcap", "ros2_sqlite3"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_commands_from_a_raw_file_to_a_check(
+    tmp_path: Path,
+    exports: dict[str, Path],
+    servo: dict[str, np.ndarray],
+    kind: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    rate = ["--rate", "250"] if kind == "halsampler" else []  # the one format that holds no time at all
+    out = tmp_path / "mill"
+    assert main(["new", "0-YA", str(exports[kind]), "--out", str(out), *rate]) == 0
+    assert "open: t:" not in capsys.readouterr().out
+    assert main(["check", str(out), str(exports[kind]), "--json", str(tmp_path / "check.json")]) == 0
+    assert json.loads((tmp_path / "check.json").read_text())["ok"]
+    machine = pt.Machine.load(out)
+    log = bind(pt.read(exports[kind]), machine.columns)
+    electric = kind not in ("lerobot", "json_rows", "json_columns", "json_lines", "ros2_mcap", "ros2_sqlite3")
+    for axis in "YA":
+        unit = CURRENT[axis] if electric else 1.0  # the torque constant is nowhere in the file
+        np.testing.assert_allclose(log[f"{axis}.u"] / unit, servo[f"{axis}.u"], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(log[f"{axis}.q"], servo[f"{axis}.q"], atol=1e-6)
+    np.testing.assert_allclose(log.t, servo["t"], atol=1e-7)
+
+
+def test_what_is_identified_from_a_raw_bag_is_the_truth(tmp_path: Path, exports: dict[str, Path]) -> None:
+    log = pt.read(exports["ros2_mcap"])
+    start = new("0-YA", log, out=tmp_path / "mill")
+    twin = pt.identify(start.machine, log, loop=False)
+    found = {row.name: row.value for row in twin.parameters}
+    assert found["rigid_body.m_Y*"] == pytest.approx(MASS, rel=0.005)
+    assert found["rigid_body.Ixx_A*"] == pytest.approx(INERTIA, rel=0.005)
+    assert found["rigid_body.mz_A"] == pytest.approx(-MOMENT, rel=0.005)
+    # the low-pass that all channels go through smears dry friction into viscous: their sum is what counts
+    viscous, dry = FRICTION["Y"]
+    speed = 0.3
+    force = found["Y.viscous.b"] * speed + found["Y.coulomb.c"]
+    assert force == pytest.approx(viscous * speed + dry, rel=0.02)
+    assert start.machine.urdf.name == "mill.urdf"
+
+
+def test_every_guess_is_said_with_its_reason(tmp_path: Path, exports: dict[str, Path], capsys) -> None:
+    path = tmp_path / "new.json"
+    assert (
+        main(["new", "0-YA", str(exports["tnc_scope"]), "--out", str(tmp_path / "m"), "--json", str(path)])
+        == 0
+    )
+    said = capsys.readouterr().out
+    assert "guess: Y.qr = s soll Y: named 'soll'" in said
+    assert "guess: Y.u = I ist Y: its unit is A" in said
+    assert "open: Y.u: is in A; give columns.Y.u a `factor` to N or N·m" in said
+    assert "Y: travel" in said
+    assert "mass 100 kg (assumed)" in said
+    yaml = (tmp_path / "m" / "machine.yaml").read_text(encoding="utf-8")
+    assert "Y.q: {column: \"s ist Y\"}  # named 'ist'; follows Y.qr within" in yaml
+    assert json.loads(path.read_text())["columns"][0]["channel"] == "t"
+
+
+def test_an_effort_of_the_wrong_sign_is_turned(servo: dict[str, np.ndarray]) -> None:
+    def factor(sign: float) -> float:
+        channels = {
+            "Time": servo["t"],
+            "Y pos": servo["Y.q"],
+            "Y cur": sign * servo["Y.u"],
+            "Y torque": sign * servo["Y.u"],
+        }
+        found = guess_columns(Log(channels, "x.csv", units={"Time": "s"}), {"Y": ("Y", False)}).found
+        return next(g.factor for g in found if g.channel == "Y.u")
+
+    assert factor(1.0) == 1.0
+    assert factor(-1.0) == -1.0
+
+
+def test_numbered_columns_go_to_the_axes_in_order_and_say_so(servo: dict[str, np.ndarray]) -> None:
+    channels = {"time": servo["t"]}
+    for i, axis in enumerate("YA"):
+        channels[f"position[{i}]"] = servo[f"{axis}.q"]
+        channels[f"effort[{i}]"] = servo[f"{axis}.u"]
+    found = {g.channel: g for g in guess_columns(Log(channels, "x.csv"), AXES).found}
+    assert found["A.q"].column == "position[1]"
+    assert found["A.u"].column == "effort[1]"
+    assert "order guessed" in found["A.q"].reason
+
+
+def test_nameless_columns_in_another_order_are_told_apart_by_what_they_do(
+    servo: dict[str, np.ndarray],
+) -> None:
+    order = ["A.u", "Y.q", "Y.qr", "A.q", "Y.u", "A.qr"]
+    log = Log({f"x[{i}]": servo[name] for i, name in enumerate(order)}, "x.txt")
+    found = {g.channel: g.column for g in guess_columns(log, AXES, rate=250.0).found}
+    assert {found["Y.q"], found["Y.qr"]} == {"x[1]", "x[2]"}
+    assert {found["A.q"], found["A.qr"]} == {"x[3]", "x[5]"}
+    assert found["Y.u"] == "x[4]"
+    assert found["A.u"] == "x[0]"
+
+
+def test_noise_is_no_axis() -> None:
+    rng = np.random.default_rng(0)
+    log = Log({f"x[{i}]": rng.normal(size=400) for i in range(6)}, "x.txt")
+    guesses = guess_columns(log, AXES, rate=250.0)
+    assert [g.channel for g in guesses.found] == ["t"]
+
+
+def test_a_log_without_a_clock_asks_for_the_rate(servo: dict[str, np.ndarray]) -> None:
+    log = Log({"Y pos": servo["Y.q"], "Y cur": servo["Y.u"]}, "x.csv")
+    assert guess_columns(log, AXES).open[0].startswith("t: no time column; give the sampling rate")
+
+
+@pytest.mark.parametrize(
+    ("text", "rotary", "tool", "work"),
+    [
+        ("XYZAC", "table", "XYZ", "AC"),
+        ("XYZAC", "head", "XYZAC", ""),
+        ("XYZ-BC", "table", "XYZ", "BC"),
+        ("Z-XYB", "head", "Z", "XYB"),
+        ("0-YAC", "table", "", "YAC"),
+    ],
+)
+def test_sides_of_a_chain(text: str, rotary: str, tool: str, work: str) -> None:
+    chain = parse_chain(text, rotary)
+    assert (chain.tool, chain.work) == (tuple(tool), tuple(work))
+
+
+def test_the_urdf_is_a_machine_whose_axes_point_as_iso_841_says(tmp_path: Path) -> None:
+    sizes = Sizes({"Z": 55.0}, {"X": (-0.4, 0.6)}, {"A": (0.0, 0.0, 0.3)})
+    machine = new("XYZ-AC", out=tmp_path / "mill", sizes=sizes).machine
+    model = machine.model
+    assert machine.axes.keys() == {"X", "Y", "Z", "A", "C"}
+    data = model.createData()
+    q = np.zeros(model.nq)
+    pin.forwardKinematics(model, data, q)
+    pin.computeJointJacobians(model, data, q)
+    for axis, sign in (("X", 1.0), ("Z", 1.0), ("A", -1.0), ("C", -1.0)):  # under the table: the other way
+        joint = model.getJointId(axis)
+        moved = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[
+            :, model.idx_vs[joint]
+        ]
+        row = "XYZ".find(axis) if axis in "XYZ" else 3 + "ABC".find(axis)
+        assert moved[row] == pytest.approx(sign)
+    gravity = pin.rnea(model, data, q, np.zeros(model.nv), np.zeros(model.nv))
+    assert gravity[machine.axes["Z"].index] == pytest.approx(55.0 * 9.81)
+    i = machine.axes["X"].index
+    assert (model.lowerPositionLimit[i], model.upperPositionLimit[i]) == (-0.4, 0.6)
+
+
+def test_a_bundled_machine_is_copied_and_its_columns_rewritten(
+    tmp_path: Path, exports: dict[str, Path]
+) -> None:
+    start = new("trunnion", out=tmp_path / "mine")
+    assert (tmp_path / "mine" / "trunnion.urdf").is_file()
+    assert start.machine.axes["Y"].effects == pt.Machine.load("trunnion").axes["Y"].effects
+    log = pt.read(exports["tnc_scope"])
+    again = new("emps", log, out=tmp_path / "other")
+    assert (tmp_path / "other" / "machine.yaml").read_text(encoding="utf-8").count("columns:") <= 1
+    assert again.machine.name == "emps"
+
+
+def test_a_robot_by_name_with_its_bag(tmp_path: Path, data_dir: Path) -> None:
+    if "ur10" not in robots():
+        pytest.skip("example-robot-data is not installed")
+    bag = data_dir / "ur10_rosbag" / "ur10_exciting_trajectory.db3"
+    assert main(["new", "ur10", str(bag), "--out", str(tmp_path / "ur10")]) == 0
+    assert main(["check", str(tmp_path / "ur10"), str(bag)]) == 0
+    assert len(pt.Machine.load(tmp_path / "ur10").axes) == 6
+
+
+def test_joints_that_the_log_does_not_hold_are_no_axes(tmp_path: Path, servo: dict[str, np.ndarray]) -> None:
+    urdf = new("XYZ-AC", out=tmp_path / "full").machine.urdf
+    log = Log({k: x for k, x in servo.items() if k[0] in "tYA"}, "x.csv")
+    start = new(urdf, log, out=tmp_path / "part")
+    assert set(start.machine.axes) == {"Y", "A"}
+    assert "not in the log, held at zero: X, Z, C" in start.said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["XXY"], "axis X is there twice"),
+        (["nonsense"], "neither axes"),
+        (["XY", "--mass", "Q=3"], "--mass Q: no such axis; axes: X, Y"),
+        (["XY", "--mass", "X=-3"], "-3 kg must be positive"),
+        (["XY", "--mass", "X"], "'X' is not AXIS=NUMBER"),
+        (["XY", "--travel", "X=1,0"], "1 is not below 0"),
+        (["XY", "--rate", "0"], "--rate: 0 Hz must be positive"),
+        (["no.urdf"], "no.urdf"),
+    ],
+)
+def test_mistakes_are_one_line_and_leave_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(["new", *arguments, "--out", str(tmp_path / "m")]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "m").exists()
+
+
+def test_an_existing_machine_is_not_overwritten(tmp_path: Path) -> None:
+    new("XY", out=tmp_path / "m")
+    with pytest.raises(InputError, match=r"holds a machine\.yaml already"):
+        new("XY", out=tmp_path / "m")
+    with pytest.raises(MachineError, match="twice"):
+        new("XX", out=tmp_path / "n")
