@@ -25,12 +25,12 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.vibration import rig as rough_rig
 from pinotwin.errors import InputError
-from pinotwin.imu.sensor import GRAVITY, ImuSensor
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Settings, reconstruct_vibration
-from pinotwin.reconstruction.virtual_imu import channels, link_motion, sensor
 from pinotwin.virtual import VirtualMachine
+from pinotwin.virtual.imu import channels, link_motion, sensor
+from pinotwin.virtual.imu_sensor import GRAVITY, ImuSensor
 from pinotwin.virtual.profiles import chain
 from pinotwin.virtual.recording import Recording
 from pinotwin.virtual.trajectories import Trajectory, random_trajectory

@@ -17,8 +17,8 @@ from pinotwin.identification import identify
 from pinotwin.imu.reconstruct import high_passed
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Settings, Vibration, identify_flexible, reconstruct_vibration
-from pinotwin.reconstruction.virtual_imu import record_imu
 from pinotwin.virtual import VirtualMachine
+from pinotwin.virtual.imu import record_imu
 from pinotwin.virtual.trajectories import random_trajectory
 
 DEG = 180.0 / np.pi

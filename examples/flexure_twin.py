@@ -18,11 +18,11 @@ from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Settings, reconstruct_vibration, with_vibration
-from pinotwin.reconstruction.virtual_imu import record_imu
 from pinotwin.report import identification_report
 from pinotwin.simulation import compare, wide_loops
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, rig_moves
+from pinotwin.virtual.imu import record_imu
 from pinotwin.virtual.trajectories import random_trajectory
 
 SOURCE = {"Table 7-4": (6.19, 3.89, 4.19, 2.03), "Table C-2": (5.52, 6.63, 6.00, 4.02)}

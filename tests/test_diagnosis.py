@@ -15,9 +15,9 @@ from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.closed_loop import _where
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
+from pinotwin.logs.write import write_log
 from pinotwin.machine import Machine
 from pinotwin.virtual import VirtualMachine, random_trajectory
-from pinotwin.virtual.recording import write_log
 
 WITHHELD = ("coulomb_asymmetric", "drive_flexibility", "stribeck")
 

@@ -20,7 +20,7 @@ from pinotwin.imu.mode import decay, respond
 from pinotwin.imu.reconstruct import high_passed, joint_angles, naive
 from pinotwin.imu.result import BatchResult, predict_readings
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
-from pinotwin.imu.sensor import GRAVITY, ImuSensor, SensorClock, mti630
+from pinotwin.virtual.imu_sensor import GRAVITY, ImuSensor, SensorClock, mti630
 from tests.test_imu_rig import DEG, Truth, record
 
 PRIORS = Priors(gyro_cutoff=140.0, accel_cutoff=140.0)

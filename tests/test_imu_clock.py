@@ -13,8 +13,8 @@ from pinotwin.errors import DataError
 from pinotwin.imu import align
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.clock import SyncSettings, sync
-from pinotwin.imu.sensor import GRAVITY, ImuReading, ImuSensor, SensorClock, mti630
 from pinotwin.imu.statistics import sandwich
+from pinotwin.virtual.imu_sensor import GRAVITY, ImuReading, ImuSensor, SensorClock, mti630
 from tests.test_imu_rig import DEG, record
 
 run = cache(record)

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from pinotwin.imu.sensor import LinkMotion
+from pinotwin.virtual.imu_sensor import LinkMotion
 
 DEG = np.pi / 180
 FINE = 4000.0

@@ -9,8 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pinotwin.errors import DataError
+from pinotwin.imu.lowpass import low_pass as assumed
 from pinotwin.imu.noise import allan_deviation, characterise, rest, white_level
-from pinotwin.imu.sensor import ImuSensor, LinkMotion, SensorClock, Triad, low_pass, mti630
+from pinotwin.virtual.imu_sensor import ImuSensor, LinkMotion, SensorClock, Triad, low_pass, mti630
 from tests.test_imu_rig import DEG, record
 
 
@@ -62,6 +63,11 @@ def test_low_pass_delays_by_its_group_delay() -> None:
     t = np.arange(4000) / 2000
     ramp = low_pass(t[:, None], 140.0, 1 / 2000)
     assert np.median(t - ramp[:, 0]) == pytest.approx(Triad(cutoff=140.0).delay, rel=1e-6)
+
+
+def test_the_sensors_low_pass_and_the_estimates_are_one_filter_written_twice() -> None:
+    x = np.cumsum(np.random.default_rng(2).normal(size=(800, 3)), axis=0) + 5.0
+    np.testing.assert_allclose(low_pass(x, 140.0, 1 / 2000), assumed(x, 140.0, 1 / 2000), atol=1e-10)
 
 
 def test_a_coarse_truth_is_refused() -> None:

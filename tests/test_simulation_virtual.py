@@ -14,12 +14,12 @@ from pinotwin.analysis.disturbance import diagonal, generalised_disturbance
 from pinotwin.cli.main import main
 from pinotwin.effects import Coefficient, Columns, Coulomb, Effect, PositionTable, Viscous
 from pinotwin.log import Log
+from pinotwin.logs.write import write_log
 from pinotwin.loop import LoopData, Structure, identify_loop
 from pinotwin.motion import Motion
 from pinotwin.simulation import compare, respond, simulate
 from pinotwin.simulation.run import as_motion
 from pinotwin.virtual import VirtualMachine, random_trajectory
-from pinotwin.virtual.recording import write_log
 from tests.simulated import known_twin, plain_machine, smooth_command
 
 

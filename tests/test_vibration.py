@@ -20,8 +20,8 @@ from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration, 
 from pinotwin.reconstruction.document import document
 from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import bound, pieces
-from pinotwin.reconstruction.virtual_imu import channels, link_motion, record_imu, sensor
 from pinotwin.virtual import VirtualMachine
+from pinotwin.virtual.imu import channels, link_motion, record_imu, sensor
 from pinotwin.virtual.trajectories import random_trajectory
 
 DEG = np.pi / 180

@@ -16,9 +16,9 @@ from pinotwin.imu.reconstruct import high_passed
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Settings, Vibration, identify_flexible, reconstruct_vibration
-from pinotwin.reconstruction.virtual_imu import record_imu
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.folder import read_folder
+from pinotwin.virtual.imu import record_imu
 from pinotwin.virtual.trajectories import random_trajectory
 
 DEG = np.pi / 180

@@ -8,11 +8,12 @@ import pinocchio as pin
 import pytest
 
 from pinotwin.errors import InputError, MachineError
+from pinotwin.logs.write import write_log
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.axis_truth import Friction
 from pinotwin.virtual.folder import Folder, read_folder
 from pinotwin.virtual.linear import closed_loop_poles
-from pinotwin.virtual.recording import inverse_dynamics, write_log
+from pinotwin.virtual.recording import inverse_dynamics
 from pinotwin.virtual.trajectories import Trajectory, rest
 from pinotwin.virtual.truth import Pulse, Truth
 from pinotwin.virtual.truth_yaml import read_truth

@@ -52,9 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the virtual machine and write what its controller would log."""
     from pinotwin.errors import InputError
+    from pinotwin.logs.write import write_log
     from pinotwin.machine.bundled import bundled_path, machines
     from pinotwin.virtual import VirtualMachine
-    from pinotwin.virtual.recording import write_log
 
     out = Path(args.out)
     if not 0.1 <= args.seconds <= LONGEST:
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     recording = machine.record(_trajectory(args, machine), seed=args.seed, truth_rate=fine)
     write_log(out, recording.log)
     for number, (path, link) in enumerate(zip(args.imu, links, strict=True), 1):
-        from pinotwin.reconstruction.virtual_imu import record_imu
+        from pinotwin.virtual.imu import record_imu
 
         imu = record_imu(recording.truth, link, machine.truth.seed, args.seed, number)
         write_log(path, imu.channels)

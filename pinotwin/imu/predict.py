@@ -21,9 +21,9 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.imu import rotation as rot
+from pinotwin.imu.lowpass import low_pass
 from pinotwin.imu.mode import Response, decay, respond
 from pinotwin.imu.runs import FineRun, ImuRun, Priors, ServoRun, interpolate
-from pinotwin.imu.sensor import low_pass
 from pinotwin.signals import hats
 
 _PAIRS = ((0, 1), (0, 2), (1, 2))  # N is symmetric: its antisymmetric part is in R_ST

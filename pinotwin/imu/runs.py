@@ -9,7 +9,9 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.imu.sensor import GRAVITY
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+"""Acceleration of gravity in the machine frame [m/s²]."""
 
 
 @dataclass(frozen=True)

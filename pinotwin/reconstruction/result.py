@@ -13,6 +13,7 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.imu.result import BatchResult, RunResult
 from pinotwin.imu.runs import ImuRun
 from pinotwin.log import Log
+from pinotwin.logs.write import write_log
 from pinotwin.reconstruction.servo import Piece
 
 if TYPE_CHECKING:
@@ -143,8 +144,6 @@ class Vibration:
 
     def save(self, path: str | Path) -> None:
         """Write the channels as CSV, or Parquet by the ending."""
-        from pinotwin.virtual.recording import write_log
-
         write_log(path, self.channels())
 
 

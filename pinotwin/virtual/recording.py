@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
 from pinotwin.log import Log
 from pinotwin.virtual.rigid import Tree, body_forces, empty_pose, move, place, place_in_world
-from pinotwin.writing import whole_file
 
 
 @dataclass(frozen=True)
@@ -136,24 +134,3 @@ class Recording:
     def to_log(self) -> Log:
         """Return the log as the rest of pinotwin reads it."""
         return Log(dict(self.log), source=f"virtual {self.machine} (seed {self.seed})")
-
-
-def write_log(path: Path | str, log: Mapping[str, Floats]) -> None:
-    """Write a log as CSV, or as Parquet by its suffix.
-
-    Args:
-        path: file to write; ``.csv`` or ``.parquet``.
-        log: channel -> values, ``t`` first.
-    """
-    path = Path(path)
-    if path.suffix not in (".csv", ".parquet"):
-        raise InputError(f"{path}: a log is written as .csv or .parquet, not {path.suffix!r}")
-    with whole_file(path) as part:
-        if path.suffix == ".parquet":
-            import pyarrow as pa
-            import pyarrow.parquet as pq
-
-            pq.write_table(pa.table({k: np.asarray(x) for k, x in log.items()}), part)
-            return
-        table = np.column_stack([np.asarray(x) for x in log.values()])
-        np.savetxt(part, table, fmt="%.12g", delimiter=",", header=",".join(log), comments="")

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
-from pinotwin.imu.sensor import ImuReading, ImuSensor, LinkMotion, SensorClock, mti630
 from pinotwin.log import Log
+from pinotwin.virtual.imu_sensor import ImuReading, ImuSensor, LinkMotion, SensorClock, mti630
 from pinotwin.virtual.recording import SealedTruth
 
 RATE = 400.0
@@ -30,7 +30,7 @@ def sensor(machine_seed: int, number: int, run_seed: int, **clock: object) -> Im
         machine_seed: draws what belongs to the sensor and its place.
         number: 1 or 2, the two sensors of the thesis; more are copies of the second.
         run_seed: draws what changes from run to run.
-        clock: faults of the clock, see :class:`pinotwin.imu.sensor.SensorClock`.
+        clock: faults of the clock, see :class:`pinotwin.virtual.imu_sensor.SensorClock`.
     """
     place = np.random.default_rng([machine_seed, 630, number])
     run = np.random.default_rng([machine_seed, 631, number, run_seed])
