@@ -40,6 +40,7 @@ FLOORS = {
     "logs.channels": 5,
     "logs.prepare": 6,
     "logs": 6,
+    "logs.plausible": 7,
     "twin": 7,
     "logs.check": 8,
     "scaffold": 8,

@@ -115,7 +115,10 @@ def test_ten_hertz_is_too_slow_for_inertia() -> None:
 
 def test_a_clock_in_milliseconds() -> None:
     channels = motion()
-    assert "look like a clock in ms" in said(look({**channels, "t": 1e3 * channels["t"]}))
+    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
+        quality = look({**channels, "t": factor * channels["t"]})
+        assert not quality.ok
+        assert f"look like a clock in {unit}: set unit: {unit}" in str(quality.findings[0])
 
 
 def test_no_clock_and_a_standing_clock_are_errors() -> None:

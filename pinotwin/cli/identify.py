@@ -47,6 +47,8 @@ def run(args: argparse.Namespace) -> int:
     _spare_the_machine(machine, Path(args.out))
     logs = read_logs(args.logs)
     validate = read_logs(args.validate)
+    for line in _doubts(machine, logs):
+        say(line)
     with progress() as report:
         twin = identify(
             machine,
@@ -65,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
             write_text(folder / "report.html", page)
     if args.json:
         write_json(args.json, content)
-    for line in [*summary(twin), *_doubts(machine, logs)]:
+    for line in summary(twin):
         say(line)
     say(f"twin and report written to {args.out}")
     return 0
@@ -78,11 +80,11 @@ def _spare_the_machine(machine: Machine, out: Path) -> None:
 
 
 def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
-    """Yield what makes the logs themselves doubtful (units, clock, saturation), see `check`."""
-    from pinotwin.logs.check import inspect_log
+    """Yield what makes the logs themselves doubtful (units, clock, sign of efforts), see `check`."""
+    from pinotwin.logs.check import doubts
 
     for log in logs:
-        for finding in inspect_log(machine, log).findings:
+        for finding in doubts(machine, log):
             if finding.severity == "warning":
                 yield f"note: {log.source}: {finding.channel}: {finding.message}"
 

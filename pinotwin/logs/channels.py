@@ -6,6 +6,7 @@ an infinite value counts as missing, and a missing value in any channel that is 
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,6 +16,7 @@ from pinotwin.dynamics.frames import external_effort
 from pinotwin.errors import DataError, LogError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.columns import LOAD_SIGNALS
+from pinotwin.logs.quality.sampling import implausible_clock
 from pinotwin.machine import Machine
 from pinotwin.signals import clock, segments
 
@@ -43,6 +45,10 @@ def usable(machine: Machine, log: Log) -> Log:
             f"{log.source}: no time channel t; name its column under `columns` in machine.yaml, or "
             "give `t: {rate: ...}`"
         )
+    with contextlib.suppress(DataError):  # a clock that stands is refused where it is cut
+        refused = implausible_clock(clock(log.t))
+        if refused:
+            raise LogError(f"{log.source}: t: {refused}")
     return finite(log)
 
 

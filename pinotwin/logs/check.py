@@ -16,11 +16,13 @@ from pinotwin.errors import InputError, MachineError
 from pinotwin.log import Log
 from pinotwin.logs.channels import finite
 from pinotwin.logs.columns import bind
+from pinotwin.logs.plausible import effort_findings
 from pinotwin.logs.prepare import prepare
 from pinotwin.logs.quality import Finding, Limits, Quality, inspect
 from pinotwin.machine import Machine
 from pinotwin.machine.urdf import impossible_bodies
 from pinotwin.machine.urdf_check import mimics, read_tree
+from pinotwin.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,14 @@ class Check:
                 for label, name, unit in zip(base.labels, base.names, base.units, strict=True)
             ],
             "findings": [
-                {"severity": f.severity, "channel": f.channel, "message": f.message} for f in self.findings
+                {
+                    "severity": f.severity,
+                    "channel": f.channel,
+                    "axis": f.axis,
+                    "code": f.code,
+                    "message": f.message,
+                }
+                for f in self.findings
             ],
             "log": None if self.quality is None else self.quality.as_dict(),
             "condition": None if self.excited is None else self.excited.condition,
@@ -91,16 +100,32 @@ def check(machine: Machine, log: Log | None = None) -> Check:
     excited, determined = None, {}
     if quality.ok:
         try:
-            excited = _excitation(machine, log)
+            motion = prepare(machine, log)
+            excited = _excitation(machine, motion)
         except InputError as error:
-            findings.append(Finding("error", "", str(error)))
+            findings.append(Finding("error", "", str(error), "unusable"))
         else:
+            findings += effort_findings(machine, motion, bind(log, machine.columns))
             findings += _excitation_findings(machine, excited)
             known = set(excited.determined)
             determined = {label: label in known for label in machine.base.labels}
     order = {"error": 0, "warning": 1, "info": 2}
     findings.sort(key=lambda f: order[f.severity])
     return Check(machine, tuple(findings), quality, excited, determined)
+
+
+def doubts(machine: Machine, log: Log) -> tuple[Finding, ...]:
+    """Return what makes a log doubtful, errors and warnings, before anything is fitted to it."""
+    quality = inspect_log(machine, log)
+    findings = list(quality.findings)
+    if quality.ok:
+        try:
+            motion = prepare(machine, log)
+        except InputError as error:
+            findings.append(Finding("error", "", str(error), "unusable"))
+        else:
+            findings += effort_findings(machine, motion, bind(log, machine.columns))
+    return tuple(f for f in findings if f.severity != "info")
 
 
 def inspect_log(machine: Machine, log: Log) -> Quality:
@@ -184,9 +209,8 @@ def _second_reader(urdf: Path) -> list[Finding]:
     return [Finding("warning", "", f"URDF: {problems}")]
 
 
-def _excitation(machine: Machine, log: Log) -> Excitation:
+def _excitation(machine: Machine, motion: Motion) -> Excitation:
     """Return what a log's usable rows tell of the base parameters, joints weighed by effort."""
-    motion = prepare(machine, log)
     w = machine.base.regressor(machine.model, motion.q, motion.v, motion.a)
     rows = []
     for joint in range(machine.nv):
@@ -199,7 +223,7 @@ def _excitation(machine: Machine, log: Log) -> Excitation:
         if size > 0.0:
             rows.append(w[usable, joint] / size)
     if not rows:
-        raise MachineError(f"{log.source}: no axis has both motion and effort")
+        raise MachineError(f"{motion.source}: no axis has both motion and effort")
     return excitation(np.concatenate(rows), machine.base.labels, size=_usual_sizes(machine))
 
 

@@ -29,6 +29,8 @@ _SHORTEST = 40  # samples; below this a stretch has no interior after filtering
 _CRAWL = 0.05  # share of the top speed below which friction is no function of speed (presliding)
 _WIDER = 3.0  # corner for leads over that of the motion
 _GAIN = 0.05  # fall of the residual's power below which a lead is not worth telling
+_SAME = 0.99  # share of equal numbers that no two measurements have while they change
+_LEVELS = 100  # distinct values below which numbers may well be equal
 _FAR = {False: 50.0, True: 500.0}  # m, rad
 
 
@@ -116,19 +118,30 @@ def axis_findings(
         if name not in table:
             hint = nearest(f"{name}.q", log.channels)
             remedy = f"map it under columns in machine.yaml; {hint}"
-            yield Finding("error", name, f"no position {name}.q; {remedy}")
+            yield Finding("error", name, f"no position {name}.q; {remedy}", "position_missing")
             continue
         axis = table[name]
         if f"{name}.u" not in log:
-            yield Finding("warning", name, f"no effort {name}.u: its parameters cannot be identified; log it")
+            yield Finding(
+                "warning",
+                name,
+                f"no effort {name}.u: its parameters cannot be identified; log it",
+                "effort_missing",
+            )
         if not axis.moves:
-            yield Finding("warning", name, "does not move: nothing of it can be identified")
-        yield from _unit_findings(name, axis)
+            yield Finding("warning", name, "does not move: nothing of it can be identified", "axis_still")
+        if not _turns_freely(axis, limits.get(name)):
+            yield from _unit_findings(name, axis)
         yield from _limit_findings(name, axis, channels.get(f"{name}.u"), limits.get(name))
         yield from _agreement(log, name)
     yield from _lead_findings(table, ticks.step if ticks else np.inf)
     if table and not any(axis.moves for axis in table.values()):
-        yield Finding("error", "", "no axis moves; record a motion")
+        yield Finding("error", "", "no axis moves; record a motion", "no_motion")
+
+
+def _turns_freely(axis: AxisQuality, limits: Limits | None) -> bool:
+    """Whether any angle may be: a joint without limits, or a motor ahead of a gear."""
+    return axis.rotary and limits is not None and limits.position is None
 
 
 def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
@@ -140,6 +153,7 @@ def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
             f"{name}.q",
             f"reaches {far:.4g} {reached}: looks like {unit}, set unit: {unit} under columns in "
             f"machine.yaml if so",
+            "position_unit",
         )
 
 
@@ -165,6 +179,7 @@ def _lead_findings(table: Mapping[str, AxisQuality], step: float) -> Iterator[Fi
                 f"effort {how} the position by about {np.median(list(leads.values())):.1f} ms (by "
                 f"axis: {each}): the channels are not taken at the same instant; shift them or "
                 "add the effect `delay`",
+                "effort_lead",
             )
 
 
@@ -182,12 +197,14 @@ def _limit_findings(
                 f"{name}.q",
                 f"ranges from {axis.low:.4g} to {axis.high:.4g}, outside the URDF's limits "
                 f"{low:.4g} to {high:.4g}: check unit and zero under columns in machine.yaml",
+                "position_limit",
             )
     if limits.velocity is not None and axis.speed > 1.05 * limits.velocity:
         yield Finding(
             "warning",
             f"{name}.q",
             f"reaches the speed {axis.speed:.4g}, above the URDF's limit {limits.velocity:.4g}",
+            "speed_limit",
         )
     top = 0.0 if effort is None else max(abs(effort.low), abs(effort.high))
     if limits.effort is not None and top > 1.05 * limits.effort:
@@ -195,6 +212,7 @@ def _limit_findings(
             "warning",
             f"{name}.u",
             f"reaches {top:.4g}, above the URDF's limit {limits.effort:.4g}: check its factor",
+            "effort_limit",
         )
 
 
@@ -204,11 +222,20 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
     if f"{name}.qr" in log:
         command = log[f"{name}.qr"]
         both = np.isfinite(q) & np.isfinite(command)
+        fine = len(np.unique(q[both])) > _LEVELS
+        if fine and np.mean(q[both] == command[both]) > _SAME:
+            yield Finding(
+                "warning",
+                f"{name}.q",
+                f"holds the same numbers as {name}.qr: a command was logged twice; map the measured position",
+                "command_is_position",
+            )
         if both.any() and np.std((q - command)[both]) > 0.5 * np.std(q[both]) > 0:
             yield Finding(
                 "warning",
                 f"{name}.qr",
                 "command and position do not agree: another unit, sign or axis? check columns",
+                "command_disagrees",
             )
     if f"{name}.v" in log and "t" in log:
         good = np.isfinite(q) & np.isfinite(log[f"{name}.v"]) & np.isfinite(log.t)
@@ -223,4 +250,5 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
                 "warning",
                 f"{name}.v",
                 f"the position changes {ratio:.4g} times as fast as this velocity says: check both units",
+                "velocity_disagrees",
             )

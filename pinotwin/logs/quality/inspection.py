@@ -66,15 +66,17 @@ def _even(
 def _clock(log: Log, findings: list[Finding]) -> Clock | None:
     if "t" not in log:
         remedy = "map its column, or give `t: {rate: ...}`, under columns in machine.yaml"
-        findings.append(Finding("error", "t", f"no time channel; {remedy}"))
+        findings.append(Finding("error", "t", f"no time channel; {remedy}", "clock_missing"))
         return None
     missing = int((~np.isfinite(log.t)).sum())
     if missing:
-        findings.append(Finding("warning", "t", f"{missing} stamps are missing; the log is cut there"))
+        findings.append(
+            Finding("warning", "t", f"{missing} stamps are missing; the log is cut there", "clock_holes")
+        )
     try:
         ticks = clock(log.t)
     except DataError as error:
-        findings.append(Finding("error", "t", str(error)))
+        findings.append(Finding("error", "t", str(error), "clock_stands"))
         return None
     findings += clock_findings(ticks, len(log))
     return ticks
@@ -100,7 +102,7 @@ def _channel(log: Log, name: str) -> ChannelQuality:
 
 def _channel_findings(log: Log, name: str, c: ChannelQuality) -> Iterator[Finding]:
     if c.missing == len(log):
-        yield Finding("error", name, "holds no number at all; drop it from columns or log it")
+        yield Finding("error", name, "holds no number at all; drop it from columns or log it", "empty")
         return
     if c.missing:
         first = int(np.argmax(~np.isfinite(log[name])))
@@ -108,18 +110,20 @@ def _channel_findings(log: Log, name: str, c: ChannelQuality) -> Iterator[Findin
             "warning",
             name,
             f"{c.missing} values missing, first in row {first}; the log is cut there",
+            "missing",
         )
     if c.constant and c.low == 0.0:
         wired = ": not wired, or not recorded?" if name.endswith(".u") else ""
-        yield Finding("warning", name, f"is always zero{wired or '; drop it or record it'}")
+        yield Finding("warning", name, f"is always zero{wired or '; drop it or record it'}", "always_zero")
     elif c.constant:
-        yield Finding("info", name, f"is constant at {c.low:.6g}")
+        yield Finding("info", name, f"is constant at {c.low:.6g}", "constant")
     if c.step and name.endswith(".q") and 0 < c.high - c.low < _COARSE * c.step:
         yield Finding(
             "warning",
             name,
             f"resolves {c.step:.3g}: only {(c.high - c.low) / c.step:.0f} steps over its whole "
             "range, speed and acceleration from it are coarse; log with more digits",
+            "coarse_position",
         )
     if c.saturated:
         yield Finding(
@@ -127,6 +131,7 @@ def _channel_findings(log: Log, name: str, c: ChannelQuality) -> Iterator[Findin
             name,
             f"saturated at {c.low:.4g} or {c.high:.4g} in {100 * c.saturated:.2g} % of the rows; "
             f"these rows tell nothing about the plant, move less violently",
+            "saturated",
         )
 
 
@@ -141,4 +146,5 @@ def _digit_findings(channels: Mapping[str, ChannelQuality]) -> Iterator[Finding]
             "",
             f"{', '.join(names)}: numbers have {digits} significant digits, so the resolution "
             "falls as they grow; export with more digits",
+            "few_digits",
         )

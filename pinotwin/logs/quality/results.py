@@ -21,11 +21,19 @@ class Finding:
         severity: ``error`` (the log cannot be used so), ``warning`` (results suffer), ``info``.
         channel: the channel or axis concerned, "" for the whole log.
         message: one sentence with the remedy.
+        code: the kind of finding in one word, for programs; "" where none needs it.
     """
 
     severity: Severity
     channel: str
     message: str
+    code: str = ""
+
+    @property
+    def axis(self) -> str:
+        """The axes (or links) concerned, separated by commas; "" for the log as a whole."""
+        owners = [c.rpartition(".")[0] if "." in c else c for c in self.channel.split(", ")]
+        return ", ".join(dict.fromkeys(o for o in owners if o != "t"))
 
     def __str__(self) -> str:
         where = f"{self.channel}: " if self.channel else ""

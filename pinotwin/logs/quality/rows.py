@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.log import Log
 from pinotwin.logs.quality.results import Finding
-from pinotwin.logs.quality.values import jump_rows, repeated_rows, sentinel
+from pinotwin.logs.quality.values import jump_rows, quantisation_step, repeated_rows, sentinel
 
 _MEASURED = 20  # a channel with more distinct values than this is a measurement, else a state
 _FEWEST = 4  # measured channels, below which a copied row may be chance
 _SHARE = 0.02
+_ABOUT = 21  # rows about one that must stand still
 
 
 def row_findings(log: Log) -> Iterator[Finding]:
@@ -30,8 +32,9 @@ def row_findings(log: Log) -> Iterator[Finding]:
                 f"{int(stale.sum())} of {len(log)} rows repeat the row before in every measured "
                 "channel: the log is sampled faster than the controller renews its values; log at "
                 "its rate",
+                "stale_rows",
             )
-        fresh = copies & ~stale
+        fresh = copies & ~stale & ~_at_rest(measured)
         if fresh.mean() > _SHARE:
             bad |= copies
             yield Finding(
@@ -39,11 +42,24 @@ def row_findings(log: Log) -> Iterator[Finding]:
                 "",
                 f"{int(fresh.sum())} of {len(log)} rows are exact copies of other rows in all "
                 f"{len(measured)} measured channels: sentinel or replayed rows, leave them out",
+                "copied_rows",
             )
     for name in measured:
         if name.endswith(".q"):
             yield from _jumps(log, name, bad)
+        elif name.endswith(".u"):
+            yield from _effort_sentinel(log, name, bad)
     yield from _shared_state(states, bad)
+
+
+def _at_rest(measured: dict[str, Floats]) -> Mask:
+    """Return the rows about which no position moves: what an encoder says there, it may say again."""
+    rest = np.ones(len(next(iter(measured.values()))), dtype=bool)
+    for name, x in measured.items():
+        if name.endswith(".q"):
+            span = maximum_filter1d(x, _ABOUT) - minimum_filter1d(x, _ABOUT)
+            rest &= span <= 3.0 * (quantisation_step(x) or 0.0) + 1e-12
+    return rest
 
 
 def _kinds(log: Log) -> tuple[dict[str, Floats], dict[str, Floats]]:
@@ -70,6 +86,7 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
             name,
             f"jumps to {value:.6g} (as in the file) and back {times} times: a sentinel value; "
             f"leave the {int(rows.sum())} rows with it out",
+            "sentinel",
         )
         return
     apart = jump_rows(q)
@@ -80,14 +97,37 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
             name,
             f"stands apart from the rows before and after in {int(apart.sum())} rows, first "
             f"{int(np.argmax(apart))}: lost or garbled values; leave these rows out",
+            "spikes",
         )
     turns = _wraps(q)
+    if "t" in log and len(turns):  # across a gap of the clock a position may be anywhere
+        step = np.abs(np.diff(log.t, prepend=log.t[:1]))
+        turns = turns[step[turns] < 5.0 * np.nanmedian(step)]
     if len(turns):
         yield Finding(
             "warning",
             name,
             f"wraps around {len(turns)} times, first at row {turns[0]}; unwrap it before use",
+            "wraps",
         )
+
+
+def _effort_sentinel(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
+    """Name a value far beyond all others that comes again and again: efforts jump, sentinels stand apart."""
+    u = log.raw(name)
+    values, counts = np.unique(u[np.isfinite(u)], return_counts=True)
+    for value, count in ((values[0], counts[0]), (values[-1], counts[-1])):
+        rows = np.asarray(u == value)
+        others = np.abs(u[~rows & np.isfinite(u)])
+        if count >= 3 and len(others) and abs(value) > 3.0 * others.max() > 0:
+            bad |= rows
+            yield Finding(
+                "warning",
+                name,
+                f"is {value:.6g} (as in the file) in {int(count)} rows, far beyond all others: a sentinel "
+                "value; leave these rows out",
+                "sentinel",
+            )
 
 
 def _wraps(q: Floats) -> Ints:
@@ -115,4 +155,5 @@ def _shared_state(states: dict[str, Floats], bad: Mask) -> Iterator[Finding]:
                     name,
                     f"{100 * recall:.0f} % of the untrustworthy rows have {name} = {value:g}; "
                     f"leave all {int(rows.sum())} rows with that value out",
+                    "bad_state",
                 )

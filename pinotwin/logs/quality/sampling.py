@@ -15,6 +15,7 @@ from pinotwin.signals import Clock, clock, uniform
 SLOW = 50.0
 """Rate [Hz] below which the accelerations of a servo (10 to 100 ms long) fall between the "
 "samples."""
+_SLOWEST, _FASTEST = 2.0, 2e5  # rates [Hz] beyond which the stamps are in another unit
 
 
 def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
@@ -26,6 +27,7 @@ def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
             "t",
             f"the clock runs backward {len(c.backward)} times, first at row {c.backward[0]}; the "
             "log is cut there, check the logger's clock",
+            "clock_backward",
         )
     if c.duplicated:
         yield Finding(
@@ -33,6 +35,7 @@ def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
             "t",
             f"{len(c.duplicated)} duplicated time stamps, first at row {c.duplicated[0]} ({at}); "
             "the log is cut there, resample it or log finer stamps",
+            "clock_duplicated",
         )
     if c.gaps:
         jump = c.longest > max(1.0, 1000.0 * c.step)
@@ -42,6 +45,7 @@ def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
             f"{len(c.gaps)} gaps, {c.missing} samples missing at {at}, the longest "
             f"{c.longest:.4g} s{' (a jump of the clock?)' if jump else ''}, first at row "
             f"{c.gaps[0]}; single samples are bridged, the log is cut at longer gaps",
+            "clock_gaps",
         )
     if c.jitter_rms > 0.02 * c.step:
         yield Finding(
@@ -49,27 +53,34 @@ def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
             "t",
             f"irregular sampling: interval {1e3 * c.step:.4g} ms, jitter {1e3 * c.jitter_rms:.3g} "
             f"ms rms, {1e3 * c.jitter_max:.3g} ms at most; preparation takes the clock that the motion shows",
+            "clock_jitter",
         )
-    if c.rate < 2.0:
-        yield Finding(
-            "warning",
-            "t",
-            f"{c.rate:.3g} samples per second look like a clock in ms: set unit: ms for t in "
-            f"machine.yaml if so",
-        )
+    refused = implausible_clock(c)
+    if refused:
+        yield Finding("error", "t", refused, "clock_unit")
     elif c.rate < SLOW:
         yield Finding(
             "warning",
             "t",
             f"{c.rate:.4g} Hz is too slow to identify inertia: a servo accelerates within 10 to "
             f"100 ms; friction and gravity can be found, log at 250 Hz or more for the rest",
+            "slow_rate",
         )
-    elif c.rate > 2e5:
-        yield Finding(
-            "warning",
-            "t",
-            f"{c.rate:.3g} samples per second: is the unit of t right in machine.yaml?",
+
+
+def implausible_clock(c: Clock) -> str:
+    """Return why a clock cannot be in seconds, with the unit that it seems to be in; "" if it can."""
+    if _SLOWEST <= c.rate <= _FASTEST:
+        return ""
+    if c.rate > _FASTEST:
+        return (
+            f"{c.rate:.3g} samples per second: no servo is logged so fast; correct unit of t in machine.yaml"
         )
+    unit = next((u for u, factor in (("ms", 1e3), ("us", 1e6)) if c.rate * factor >= 20.0), "ns")
+    return (
+        f"{c.rate:.3g} samples per second look like a clock in {unit}: set unit: {unit} for t under columns in "
+        "machine.yaml"
+    )
 
 
 def resample(log: Log, rate: float, gap: float = 5.0) -> Log:

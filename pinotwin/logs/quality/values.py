@@ -102,9 +102,11 @@ def jump_rows(q: Floats) -> Mask:
 
 
 def sentinel(q: Floats) -> tuple[float, int, Mask] | None:
-    """Return a value that a position jumps to and leaves again by jumps, how often, and its rows.
+    """Return a value that a channel jumps to and leaves again by jumps, how often, and its rows.
 
-    A jump is a change by a fifth of the range and 20 times the typical change per row.
+    A jump is a change by a fifth of the range and 20 times the typical change per row. The end of a path,
+    where a machine rests too, has the path's other rows about it; a sentinel stands alone (fewer than 2 % of
+    the rows within 5 % of the range), beyond all others or reached by jumps only.
     """
     step = np.abs(np.diff(q))
     usual = step[np.isfinite(step) & (step > 0)]
@@ -117,9 +119,21 @@ def sentinel(q: Floats) -> tuple[float, int, Mask] | None:
         return None
     value = float(landed[np.argmax(counts)])
     left = int(np.sum(q[:-1][jump] == value))
-    if left < 3:
+    rows = np.asarray(q == value)
+    if left < 3 or not _stands_alone(q, value, rows, jump):
         return None
-    return value, int(counts.max()), np.asarray(q == value)
+    return value, int(counts.max()), rows
+
+
+def _stands_alone(q: Floats, value: float, rows: Mask, jump: Mask) -> bool:
+    others = q[~rows & np.isfinite(q)]
+    if not len(others):
+        return False
+    low, high = float(others.min()), float(others.max())
+    if np.mean(np.abs(others - value) < 0.05 * (high - low)) > 0.02:
+        return False
+    edges = np.diff(rows.astype(int)) != 0  # where the value is reached and left
+    return not low < value < high or bool(np.mean(jump[edges]) > 0.9)
 
 
 def repeated_rows(x: Floats) -> tuple[Mask, Mask]:

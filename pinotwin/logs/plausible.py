@@ -1,0 +1,307 @@
+"""Whether the efforts of a log can be those of the machine: sign, axis, instant, unit.
+
+Nothing is fitted for its own sake here. Each effort is explained by the base parameters of the machine, whatever
+their values, and by friction of its own axis (both linear), and the tests only use what no machine can break:
+friction takes power out of a motion, an effort acts at once, on its own axis, and with the size that the
+URDF's masses ask for, give or take a few times. A jackknife over blocks of the log says how sure a sign is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.dynamics.parameters import parameters
+from pinotwin.log import Log
+from pinotwin.logs.quality import Finding
+from pinotwin.logs.quality.sampling import SLOW
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.signals import autocorrelation
+from pinotwin.threads import one_blas_thread
+
+REACH = 0.06  # longest lag that is looked for [s]
+LATE = 0.012  # lag that no drive and no bus has [s]
+_ROWS = 4000
+_BLOCKS = 8
+_SURE = 3.0  # standard errors by which a sign must differ from zero
+_EXPLAINED = 0.5  # share of an effort's power that must be explained before its sign or size means anything
+_PLAIN = 0.005  # share of an effort's power below which a better fit is not worth a word
+_CLOSER = 0.2  # what is left of two efforts, relative to what it is now, once they are exchanged
+_POOR = 0.3  # share of an effort's power left: the motion does not explain it
+_RUBS = 0.8  # share of friction from which it is nearly all of an effort
+_NEARLY_ALL = 0.85  # the same where the URDF's own masses decide
+_FACTOR = 6.0  # masses of a URDF are nominal, but not off by more than this
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """One axis: its effort, its rows, and there what may cause it; the last three columns are friction and 1."""
+
+    name: str
+    rotary: bool
+    u: Floats
+    rows: Ints
+    v: Floats
+    a: Floats
+    rigid: Floats
+    columns: Floats
+
+    @property
+    def friction(self) -> slice:
+        return slice(self.columns.shape[1] - 3, self.columns.shape[1] - 1)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """An effort at its best lag: samples it is late by, shares of its power that are left, at 0 and there."""
+
+    late: int
+    left_now: float
+    left: float
+
+
+@one_blas_thread
+def effort_findings(machine: Machine, motion: Motion, log: Log) -> list[Finding]:
+    """Say which efforts of a log cannot be those of its axes, and why.
+
+    Args:
+        machine: the machine.
+        motion: the log, prepared.
+        log: the same, bound (SI), as the file has it.
+    """
+    if motion.step > 1.0 / SLOW:
+        return []  # accelerations, and when a motion turns, fall between the samples
+    reach = int(np.ceil(REACH / motion.step))
+    axes = list(_axes(machine, motion, reach))
+    out = []
+    fits: dict[str, _Fit] = {}
+    for axis in axes:
+        raw = log.channels.get(f"{axis.name}.u", axis.u)
+        found, fit = _alone(axis, raw, motion.step, reach)
+        if found is None:
+            fits[axis.name] = fit
+        else:
+            out.append(found)
+    clear = [axis for axis in axes if axis.name in fits]
+    exchanged = list(_exchanged(clear, fits))
+    out += exchanged
+    named = {name for finding in exchanged for name in _names(finding)}
+    rest = [axis for axis in clear if axis.name not in named]
+    out += _late(rest, fits, motion.step)
+    out += _reversed(rest, fits)
+    reverse = {name for finding in out if finding.code == "effort_sign" for name in _names(finding)}
+    for axis in rest:
+        if axis.name not in reverse:
+            out += _scaled(axis, fits[axis.name])
+    return out
+
+
+def _names(finding: Finding) -> list[str]:
+    return [channel.rpartition(".")[0] for channel in finding.channel.split(", ")]
+
+
+def _axes(machine: Machine, motion: Motion, reach: int) -> Iterator[_Axis]:
+    """Yield the axes that move both ways and whose effort changes."""
+    inside = np.concatenate([np.arange(s.start + reach, s.stop - reach) for s in motion.segments])
+    inside = inside[:: max(1, len(inside) // _ROWS)]
+    if len(inside) < 20 * _BLOCKS:
+        return
+    whole = machine.base.regressor(machine.model, motion.q[inside], motion.v[inside], motion.a[inside])
+    beta = machine.base.from_standard(parameters(machine.model))
+    for name, axis in machine.axes.items():
+        j = axis.index
+        u = motion.u[:, j]
+        usable = motion.use[inside, j]
+        rows = inside[usable]
+        if len(rows) < 20 * _BLOCKS or not np.isfinite(u).all() or not np.ptp(u[rows]) > 0:
+            continue
+        w, q, v, a = whole[usable, j], motion.q[rows, j], motion.v[rows, j], motion.a[rows, j]
+        if min(np.mean(v > 0), np.mean(v < 0)) < 0.02:
+            continue  # one direction only: friction is a constant there
+        own = [a, np.sin(q), np.cos(q)] if axis.rotary else [a]
+        columns = [w[:, np.abs(w).max(axis=0) > 0], *own, v, np.sign(v), np.ones(len(rows))]
+        yield _Axis(name, axis.rotary, u, rows, v, a, w @ beta, np.column_stack(columns))
+
+
+def _basis(columns: Floats) -> Floats:
+    """Return an orthonormal basis of columns, without what rounding makes of dependent ones."""
+    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    basis, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(basis[:, sizes > 1e-6 * sizes[0]])
+
+
+def _left(basis: Floats, u: Floats) -> float:
+    """Return the share of the power of ``u`` (about its mean) that a basis leaves."""
+    power = float(np.sum((u - u.mean()) ** 2))
+    rest = u - basis @ (basis.T @ u)
+    return float(rest @ rest) / power if power > 0 else 1.0
+
+
+def _at_best(axis: _Axis, basis: Floats, reach: int) -> _Fit:
+    shifts = np.unique(np.linspace(-reach, reach, min(2 * reach + 1, 61)).round().astype(int))
+    left = np.array([_left(basis, axis.u[axis.rows + k]) for k in shifts])
+    best = int(np.argmin(left))
+    now = float(left[np.argmin(np.abs(shifts))])
+    if best in (0, len(shifts) - 1):  # no minimum, only a slope: it says nothing about an instant
+        return _Fit(0, now, now)
+    return _Fit(int(shifts[best]), now, float(left[best]))
+
+
+def _alone(axis: _Axis, raw: Floats, step: float, reach: int) -> tuple[Finding | None, _Fit]:
+    """Return what is wrong with an effort whatever the others are, and its fit."""
+    basis = _basis(axis.columns)
+    fit = _at_best(axis, basis, reach)
+    channel = f"{axis.name}.u"
+    good = raw[np.isfinite(raw)]
+    memory = np.abs(autocorrelation(good, 3)[1:]) if np.ptp(good) > 0 else np.ones(3)
+    if fit.left > 0.9 and memory.max() < 0.2:
+        text = "is noise: it has no memory and nothing of the motion in it; log the motor's effort"
+        return Finding("warning", channel, text, "effort_noise"), fit
+    if _is_unsigned(axis, basis, good, fit):
+        text = (
+            "never changes its sign, but fits the motion with the sign of the velocity: a magnitude was "
+            "logged; log the signed effort"
+        )
+        return Finding("warning", channel, text, "effort_unsigned"), fit
+    return None, fit
+
+
+def _is_unsigned(axis: _Axis, basis: Floats, raw: Floats, fit: _Fit) -> bool:
+    """Whether an effort that only touches zero fits far better with a sign that changes where it does."""
+    low, high = np.percentile(raw, 0.5), np.percentile(raw, 99.5)
+    if high <= 0 or low < -0.02 * high or low > 0.1 * high:  # a load that hangs never comes near zero
+        return False
+    u = axis.u[axis.rows + fit.late]
+    rubs = fit.left > _POOR and _left(basis, u * np.sign(axis.v)) < 0.5 * fit.left
+    sign = np.sign(axis.rigid)
+    turns = np.flatnonzero(np.diff(sign))
+    touches = len(turns) > 3 and np.mean(np.minimum(u[turns], u[turns + 1])) < 0.2 * np.mean(u)
+    return bool(rubs or (touches and _left(basis, u * sign) < 0.5 * fit.left))
+
+
+def _exchanged(axes: Sequence[_Axis], fits: dict[str, _Fit]) -> Iterator[Finding]:
+    """Name pairs of axes whose efforts each fit the other's motion better."""
+    left = {(a.name, b.name): _left(_basis(b.columns), a.u[b.rows]) for a in axes for b in axes if a is not b}
+    done: set[str] = set()
+    for a, b in sorted(combinations([x.name for x in axes], 2), key=lambda p: left[p] + left[p[::-1]]):
+        own, other = (fits[a].left, fits[b].left), (left[a, b], left[b, a])
+        closer = [o - x > _PLAIN and x < 0.6 * o for o, x in zip(own, other, strict=True)]
+        if all(closer) and other[0] * other[1] < _CLOSER * own[0] * own[1] and not {a, b} & done:
+            done |= {a, b}
+            yield Finding(
+                "warning",
+                f"{a}.u, {b}.u",
+                f"the effort of {a} fits the motion of {b} and the other way round: exchange their columns "
+                "in machine.yaml (or those of their positions)",
+                "effort_exchanged",
+            )
+
+
+def _late(axes: Sequence[_Axis], fits: dict[str, _Fit], step: float) -> Iterator[Finding]:
+    for axis in axes:
+        fit = fits[axis.name]
+        seconds = fit.late * step
+        gain = fit.left_now - fit.left
+        told = gain > max(0.4 * fit.left_now, _PLAIN) and fit.left < 1.0 - _EXPLAINED
+        if LATE < abs(seconds) < 0.9 * REACH and told and _friction(axis, fit) < _RUBS:
+            how = "late" if seconds > 0 else "early"
+            yield Finding(
+                "warning",
+                f"{axis.name}.u",
+                f"comes {1e3 * abs(seconds):.0f} ms {how} for the motion, more than any drive: the channels "
+                "are not of one instant; log them together, or shift this column before use",
+                "effort_late" if seconds > 0 else "effort_early",
+            )
+
+
+def _friction(axis: _Axis, fit: _Fit) -> float:
+    """Return the share of friction in an effort. Presliding friction is late for the motion by itself."""
+    y = axis.u[axis.rows + fit.late]
+    theta = np.linalg.lstsq(axis.columns, y, rcond=1e-9)[0]
+    return float(np.std(axis.columns[:, axis.friction] @ theta[axis.friction]) / np.std(y))
+
+
+def _jackknife(
+    columns: Floats, y: Floats, measure: Floats, *, parts: int = _BLOCKS
+) -> tuple[float, float, Floats]:
+    """Return ``measure @ theta`` of a least-squares fit, its standard error, and the fit's theta."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    scaled = columns / size
+    whole = np.linalg.lstsq(scaled, y, rcond=1e-6)[0] / size
+    bounds = np.linspace(0, len(y), parts + 1).astype(int)
+    values = []
+    for low, high in pairwise(bounds):
+        keep = np.r_[0:low, high : len(y)]
+        values.append(measure @ (np.linalg.lstsq(scaled[keep], y[keep], rcond=1e-6)[0] / size))
+    spread = np.array(values)
+    error = float(np.sqrt((parts - 1) * np.mean((spread - spread.mean()) ** 2)))
+    return float(measure @ whole), error, whole
+
+
+def _reversed(axes: Sequence[_Axis], fits: dict[str, _Fit]) -> Iterator[Finding]:
+    """Name the axes whose friction would drive them: its power is taken out of a motion, always."""
+    wrong = [axis.name for axis in axes if _is_reversed(axis, fits[axis.name])]
+    if not wrong:
+        return
+    whose = "of every axis" if len(wrong) == len(axes) > 1 else f"of {', '.join(wrong)}"
+    yield Finding(
+        "warning",
+        ", ".join(f"{name}.u" for name in wrong),
+        f"the effort {whose} has the wrong sign: friction would drive the motion; give its column in "
+        "machine.yaml a negative factor (or those of the position, if that is what is reversed)",
+        "effort_sign",
+    )
+
+
+def _is_reversed(axis: _Axis, fit: _Fit) -> bool:
+    if fit.left > 1.0 - _EXPLAINED:
+        return False
+    y = axis.u[axis.rows + fit.late]
+    measure = np.zeros(axis.columns.shape[1])
+    measure[axis.friction] = np.mean(axis.v**2), np.mean(np.abs(axis.v))  # power of each coefficient
+    power, error, theta = _jackknife(axis.columns, y, measure)
+    friction = axis.columns[:, axis.friction] @ theta[axis.friction]
+    heard = np.std(friction) > 0.05 * np.std(y)
+    pushes = power < -_SURE * error and heard
+    brakes = power > _SURE * error and heard
+    scale, sd, share = _scale(axis, y)
+    against = scale < -_SURE * sd and share > _NEARLY_ALL
+    along = scale > _SURE * sd and share > _EXPLAINED
+    return bool((pushes and not along) or (against and not brakes))
+
+
+def _scale(axis: _Axis, y: Floats, rotor: bool = False) -> tuple[float, float, float]:
+    """Return effort over that of the URDF, its standard error, and its share of what friction leaves.
+
+    With ``rotor`` the axis' own acceleration is explained apart: a geared motor adds inertia that is in no URDF.
+    """
+    if not np.ptp(axis.rigid) > 0:
+        return 1.0, np.inf, 0.0
+    columns = np.column_stack([axis.rigid, axis.columns[:, -3:], *([axis.a] if rotor else [])])
+    own = _basis(columns[:, 1:])
+    without = y - own @ (own.T @ y)
+    scale, error, theta = _jackknife(columns, y, np.eye(columns.shape[1])[0])
+    rest = y - columns @ theta
+    return scale, error, 1.0 - float(rest @ rest) / max(float(without @ without), 1e-300)
+
+
+def _scaled(axis: _Axis, fit: _Fit) -> Iterator[Finding]:
+    y = axis.u[axis.rows + fit.late]
+    scale, error, share = _scale(axis, y)
+    if axis.rotary and abs(scale) > 1:
+        scale, error, share = _scale(axis, y, rotor=True)
+    if share < _EXPLAINED or error > 0.2 * abs(scale) or 1 / _FACTOR < abs(scale) < _FACTOR:
+        return
+    times = f"{scale:.3g} times" if abs(scale) > 1 else f"1/{1 / abs(scale):.3g} of"
+    yield Finding(
+        "warning",
+        f"{axis.name}.u",
+        f"is {times} the effort that the URDF's masses ask for: another unit of effort or position, or other "
+        "masses? set unit or factor under columns in machine.yaml",
+        "effort_scale",
+    )

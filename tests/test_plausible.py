@@ -1,0 +1,157 @@
+"""Nonsense in a log is named by its cause, in one line; sound logs, virtual and real, raise no such alarm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinotwin as pt
+from pinotwin.errors import LogError
+from pinotwin.logs.check import doubts
+from pinotwin.logs.prepare import prepare
+from pinotwin.virtual import VirtualMachine, random_trajectory
+
+Channels = dict[str, np.ndarray]
+
+CAUSES = {
+    "effort_sign",
+    "effort_exchanged",
+    "effort_late",
+    "effort_early",
+    "effort_scale",
+    "effort_noise",
+    "effort_unsigned",
+    "command_is_position",
+    "command_disagrees",
+    "clock_unit",
+    "position_unit",
+}
+
+
+@cache
+def _recorded(name: str) -> Mapping[str, np.ndarray]:
+    virtual = VirtualMachine.load(pt.machines()[name])
+    return virtual.record(random_trajectory(virtual, 10.0, 3), seed=3).log
+
+
+def recorded(name: str = "trunnion") -> Channels:
+    return {k: np.array(x) for k, x in _recorded(name).items()}
+
+
+def causes(machine: pt.Machine, log: pt.Log) -> set[tuple[str, str]]:
+    return {(f.axis, f.code) for f in pt.check(machine, log).findings if f.code in CAUSES}
+
+
+def times(factor: float, *names: str) -> Callable[[Channels], None]:
+    def spoil(c: Channels) -> None:
+        for name in names:
+            c[name] *= factor
+
+    return spoil
+
+
+def shifted(name: str, rows: int) -> Callable[[Channels], None]:
+    return lambda c: c.update({name: np.roll(c[name], rows)})
+
+
+def exchanged(a: str, b: str) -> Callable[[Channels], None]:
+    return lambda c: c.update({a: c[b], b: c[a]})
+
+
+def noise(name: str) -> Callable[[Channels], None]:
+    return lambda c: c.update({name: np.random.default_rng(1).normal(size=len(c["t"]))})
+
+
+SPOILED: list[tuple[str, Callable[[Channels], None], tuple[str, str]]] = [
+    ("sign of one effort", times(-1, "A.u"), ("A", "effort_sign")),
+    ("sign of a linear axis", times(-1, "Y.u"), ("Y", "effort_sign")),
+    ("sign of all efforts", times(-1, "Y.u", "A.u", "C.u"), ("Y, A, C", "effort_sign")),
+    ("sign of position and command", times(-1, "A.q", "A.qr"), ("A", "effort_sign")),
+    ("efforts of Y and A exchanged", exchanged("Y.u", "A.u"), ("Y, A", "effort_exchanged")),
+    ("efforts of A and C exchanged", exchanged("A.u", "C.u"), ("A, C", "effort_exchanged")),
+    ("20 ms late", shifted("Y.u", 10), ("Y", "effort_late")),
+    ("20 ms early", shifted("A.u", -10), ("A", "effort_early")),
+    ("noise", noise("C.u"), ("C", "effort_noise")),
+    ("another unit", times(1 / 9, "Y.u"), ("Y", "effort_scale")),
+    ("a thousand times", times(1000, "A.u"), ("A", "effort_scale")),
+    ("unsigned, friction", lambda c: c.update({"Y.u": abs(c["Y.u"])}), ("Y", "effort_unsigned")),
+    ("unsigned, gravity", lambda c: c.update({"A.u": abs(c["A.u"])}), ("A", "effort_unsigned")),
+    ("command twice", lambda c: c.update({"Y.q": c["Y.qr"]}), ("Y", "command_is_position")),
+    ("ms", times(1e3, "t"), ("", "clock_unit")),
+    ("us", times(1e6, "t"), ("", "clock_unit")),
+]
+
+
+@pytest.mark.parametrize(("spoil", "cause"), [s[1:] for s in SPOILED], ids=[s[0] for s in SPOILED])
+def test_the_cause_is_named(spoil: Callable[[Channels], None], cause: tuple[str, str]) -> None:
+    channels = recorded()
+    spoil(channels)
+    machine = pt.Machine.load("trunnion")
+    found = causes(machine, pt.Log(channels))
+    assert cause in found
+    assert {code for _, code in found} == {cause[1]}
+    for finding in pt.check(machine, pt.Log(channels)).findings:
+        assert "\n" not in finding.message
+        assert len(finding.message) < 500
+
+
+def test_a_sentinel_in_an_effort_is_named() -> None:
+    channels = recorded()
+    channels["A.u"][np.random.default_rng(2).choice(len(channels["t"]), 72)] = -9999.0
+    found = pt.check(pt.Machine.load("trunnion"), pt.Log(channels)).findings
+    said = [f.message for f in found if (f.axis, f.code) == ("A", "sentinel")]
+    assert len(said) == 1
+    assert "-9999 (as in the file) in 72 rows" in said[0] or "in 71 rows" in said[0]
+
+
+def test_a_clock_in_another_unit_is_refused_before_any_work() -> None:
+    channels = recorded()
+    channels["t"] *= 1e3
+    with pytest.raises(LogError, match="look like a clock in ms: set unit: ms for t"):
+        prepare(pt.Machine.load("trunnion"), pt.Log(channels))
+
+
+@pytest.mark.parametrize("name", ["emps", "flexure_rig", "laser_driller", "trunnion", "tx40"])
+def test_sound_logs_of_the_bundled_machines_raise_no_alarm(name: str) -> None:
+    if not (pt.machines()[name] / "virtual.yaml").is_file():
+        pytest.skip("has no virtual machine")
+    assert causes(pt.Machine.load(name), pt.Log(recorded(name))) == set()
+
+
+def test_a_turning_joint_may_be_anywhere(tmp_path: Path) -> None:
+    urdf = tmp_path / "turn.urdf"
+    urdf.write_text(
+        '<robot name="turn"><link name="base"/><link name="disc"><inertial><mass value="1"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+        '<joint name="M" type="continuous"><parent link="base"/><child link="disc"/>'
+        '<axis xyz="0 0 1"/></joint></robot>'
+    )
+    t = np.arange(4000) / 500.0
+    q = 1000.0 * np.sin(t)
+    u = -1000.0 * np.sin(t) + 20.0 * np.sign(np.cos(t)) + np.random.default_rng(0).normal(size=len(t))
+    found = doubts(pt.Machine.load(urdf), pt.Log({"t": t, "M.q": q, "M.u": u}))
+    assert [f for f in found if f.code in CAUSES] == []
+
+
+ROOT = Path(__file__).resolve().parents[1]
+REAL: list[tuple[str, tuple[str, ...]]] = [
+    ("emps", ("emps/DATA_EMPS.mat",)),
+    ("tx40", ("staubli_tx40/pos_read_data.csv", "staubli_tx40/curr_data.csv")),
+    (str(ROOT / "examples/machines/kr300"), ("kuka_kr300/FF_A_08ms.mat",)),
+    *(("{data}/kuka_lwr4", (f"kuka_lwr4/measurements_{k}.csv",)) for k in (1, 2, 3)),
+    ("{data}/franka_panda", ("franka_panda/exciting_traj.csv",)),
+    *(
+        (str(ROOT / "examples/machines/cnc_mill"), (f"cnc_mill_smart/experiment_{k:02d}.csv",))
+        for k in range(1, 13)
+    ),
+]
+
+
+@pytest.mark.parametrize(("machine", "files"), REAL, ids=[r[1][0] for r in REAL])
+def test_real_logs_raise_no_alarm(data_dir: Path, machine: str, files: tuple[str, ...]) -> None:
+    log = pt.read(*(data_dir / f for f in files))
+    assert causes(pt.Machine.load(machine.format(data=data_dir)), log) == set()
