@@ -21,7 +21,7 @@ MACHINES = {
     "emps": ["X"],
     "tx40": ["J1", "J2", "J3", "J4", "J5", "J6"],
 }
-TOP_KEYS = {"data", "name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission"}
+TOP_KEYS = {"data", "name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "meshes"}
 AXIS_KEYS = {"joint", "effects", "rotor_inertia", "effort_limit", "zero"}
 
 every_machine = pytest.mark.parametrize("name", MACHINES)

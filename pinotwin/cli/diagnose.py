@@ -6,9 +6,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.inputs import read_logs
+from pinotwin.cli.inputs import add_meshes, read_logs, with_meshes
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
+from pinotwin.errors import PinotwinError
 from pinotwin.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
     parser.add_argument("--fail-on-gap", action="store_true", help="exit 1 unless the verdict is none")
     parser.add_argument("--seed", type=int, default=0, help="of the healthy draws (0)")
+    add_meshes(parser)
     add_common(parser, out="folder for diagnosis.json and what goes with it", required=True)
 
 
@@ -62,10 +64,10 @@ def run(args: argparse.Namespace) -> int:
             write(found, folder)
             page = diagnosis_report(found, logs, validate)
             write_text(folder / "report.html", page)
-            write_view(found, subject, logs[0], folder)
+            said = write_view(found, subject, logs[0], folder, args.meshes)
     if args.json:
         write_json(args.json, found.to_dict())
-    for line in summary(found):
+    for line in (*summary(found), *said):
         say(line)
     say(f"diagnosis written to {args.out}")
     return 1 if args.fail_on_gap and found.verdict != "none" else 0
@@ -94,14 +96,24 @@ def write(found: Diagnosis, folder: Path) -> None:
         np.savetxt(folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments="")
 
 
-def write_view(found: Diagnosis, subject: Machine | Twin, log: Log, folder: Path) -> None:
-    """Write the machine playing the log, every axis in the colour of its gap."""
+def write_view(
+    found: Diagnosis, subject: Machine | Twin, log: Log, folder: Path, meshes: str | None
+) -> list[str]:
+    """Write the machine playing the log, every axis in the colour of its gap.
+
+    Returns what went wrong with the picture, one line each: it never costs the diagnosis.
+    """
     from pinotwin.twin import Twin
-    from pinotwin.viewer import save_html
+    from pinotwin.viewer import missing_meshes, save_html
     from pinotwin.viewer.gap import gap_scene
 
-    machine = subject.machine if isinstance(subject, Twin) else subject
-    save_html(folder / "machine.html", gap_scene(found, machine.with_rigid_joints(), log))
+    machine = with_meshes(subject.machine if isinstance(subject, Twin) else subject, meshes)
+    try:
+        save_html(folder / "machine.html", gap_scene(found, machine.with_rigid_joints(), log))
+    except (PinotwinError, ValueError, RuntimeError, KeyError, IndexError, OSError) as error:
+        return [f"machine.html was not written: {' '.join(str(error).split())[:200]}"]
+    missing = missing_meshes(machine.urdf, machine.meshes)
+    return [missing] if missing else []
 
 
 def summary(found: Diagnosis) -> list[str]:

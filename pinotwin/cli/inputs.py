@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pinotwin.log import Log
+    from pinotwin.machine import Machine
 
 
 def add_preparation(parser: argparse.ArgumentParser) -> None:
@@ -32,3 +34,29 @@ def read_logs(arguments: Sequence[str]) -> list[Log]:
     from pinotwin.logs.files import read_argument
 
     return [read_argument(text) for text in arguments]
+
+
+def add_meshes(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says where the meshes of a URDF are."""
+    parser.add_argument(
+        "--meshes", metavar="DIR", help="folder of the URDF's meshes or mesh packages, for pictures"
+    )
+
+
+def with_meshes(machine: Machine, folder: str | None) -> Machine:
+    """Return the machine with its meshes looked for in a folder first.
+
+    Raises:
+        InputError: there is no such folder.
+    """
+    from dataclasses import replace
+
+    from pinotwin.errors import InputError
+
+    if folder is None:
+        return machine
+    if not Path(folder).is_dir():
+        raise InputError(
+            f"--meshes: no folder {folder}; give the one that holds the meshes or their packages"
+        )
+    return replace(machine, meshes=(Path(folder).resolve(), *machine.meshes))

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pinotwin.cli.inputs import add_meshes, with_meshes
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.writing import whole_folder
 
@@ -31,16 +32,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--servo", action="store_true", help="servo loops closed, for --mode; takes a twin")
     parser.add_argument("--html", metavar="FILE", help="write one page that opens without network")
     parser.add_argument("--no-frames", action="store_true", help="leave out joint frames and masses")
+    add_meshes(parser)
     add_common(parser, out="folder for the page, as --html does with a file")
 
 
 def run(args: argparse.Namespace) -> int:
     """Draw, and write a page or open the browser."""
     from pinotwin.machine import Machine
-    from pinotwin.viewer import save_html, show
+    from pinotwin.viewer import missing_meshes, save_html, show
 
     _check(args)
-    machine = Machine.load(args.machine)
+    machine = with_meshes(Machine.load(args.machine), args.meshes)
+    missing = missing_meshes(machine.urdf, machine.meshes)
+    if missing:
+        say(missing)
     drawn = draw_machine(machine, args.posture, args.log, extras=not args.no_frames)
     if args.mode is not None:
         drawn = show_mode(machine, drawn, args)
@@ -96,16 +101,14 @@ def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extr
     """Return the scene of a machine at a posture, or playing a log."""
     from pinotwin.logs.files import read_argument
     from pinotwin.logs.prepare import prepare
-    from pinotwin.machine.urdf import package_dirs
     from pinotwin.viewer import draw, parse_posture, play, visual_model
 
     rotary = dict(zip(machine.names, machine.rotary, strict=True))
     joints = {part.name: part.joint for part in machine.parts}
     values = parse_posture(posture, rotary) if posture else {}
-    folders = package_dirs(machine.urdf)
     scene = draw(
         machine.model,
-        visual_model(machine.model, machine.urdf, folders),
+        visual_model(machine.model, machine.urdf, machine.meshes),
         posture={joints[name]: value for name, value in values.items()},
         frames=extras,
         masses=extras,

@@ -26,7 +26,7 @@ from pinotwin.machine.yaml_file import (
     read_yaml,
 )
 
-KEYS = ("name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "data")
+KEYS = ("name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "data", "meshes")
 AXIS_KEYS = (
     "joint",
     "effects",
@@ -120,7 +120,17 @@ def _machine(spec: dict[str, Any], file: Path) -> Machine:
         transmission=transmission(spec, axes, model.nv),
         data=data_settings(spec),
         spec=spec,
+        meshes=_meshes(spec, file.parent),
     )
+
+
+def _meshes(spec: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+    """Return the folders of meshes; one that does not exist costs a picture, never a result."""
+    given = spec.get("meshes") or ()
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise MachineError(f"meshes: expected a folder or a list of folders, found {given!r}")
+    return tuple((folder / name).resolve() for name in names)
 
 
 def _check_words(spec: Mapping[str, Any]) -> None:
@@ -258,4 +268,6 @@ def machine_spec(machine: Machine) -> dict[str, Any]:
                 entry[key] = float(value)
         axes[name] = entry
     spec["axes"] = axes
+    if machine.meshes:
+        spec["meshes"] = [str(folder) for folder in machine.meshes]
     return spec

@@ -40,6 +40,7 @@ class Machine:
         columns: how this controller names and scales its channels.
         transmission: motor position = transmission @ joint position, in the model's order; None for identity.
         data: how logs are prepared.
+        meshes: folders in which the URDF's meshes are looked for first.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Machine:
     transmission: Floats | None = None
     data: DataSettings = field(default_factory=DataSettings)
     spec: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    meshes: tuple[Path, ...] = ()
 
     @classmethod
     def load(cls, path: str | Path) -> Machine:
@@ -208,7 +210,7 @@ class Machine:
         target = folder / self.urdf.name
         if target.resolve() != self.urdf.resolve():
             root = read_tree(self.urdf)
-            if resolve_meshes(root, self.urdf):
+            if resolve_meshes(root, self.urdf, self.meshes):
                 write_bytes(target, etree.tostring(root, xml_declaration=True, encoding="utf-8"))
             else:
                 write_bytes(target, self.urdf.read_bytes())

@@ -124,35 +124,64 @@ def impossible_bodies(model: pin.Model) -> dict[str, str]:
     return out
 
 
-def package_dirs(path: Path) -> list[str]:
-    """Return folders in which ``package://`` meshes of a URDF may be found."""
+def package_dirs(path: Path, meshes: Sequence[Path] = ()) -> list[str]:
+    """Return folders in which ``package://`` meshes of a URDF may be found: given ones first."""
     extra = [p for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     parents = [str(p) for p in path.resolve().parents][:6]
-    return _unique([*parents, *extra])
+    return _unique([*map(str, meshes), *parents, *extra])
 
 
-def resolve_meshes(root: etree._Element, path: Path) -> bool:
+def resolve_meshes(root: etree._Element, path: Path, meshes: Sequence[Path] = ()) -> bool:
     """Replace mesh names that only mean something beside ``path`` by the files they mean.
 
     So that a copy of the URDF elsewhere on this computer still finds them. Returns whether any was.
     """
     changed = False
     for mesh in root.iter("mesh"):
-        file = _mesh_file(mesh.get("filename") or "", path)
+        file = _mesh_file(mesh.get("filename") or "", path, meshes)
         if file is not None:
             mesh.set("filename", str(file))
             changed = True
     return changed
 
 
-def _mesh_file(name: str, path: Path) -> Path | None:
+def without_missing_meshes(path: Path, meshes: Sequence[Path] = ()) -> tuple[bytes, list[str]]:
+    """Return the URDF text with the meshes that are on this computer, and the names of the others.
+
+    Args:
+        path: the URDF.
+        meshes: folders to look in first: packages, their parents, or the meshes themselves.
+    """
+    root = read_tree(path)
+    missing: dict[str, None] = {}
+    for shape in [*root.iter("visual"), *root.iter("collision")]:
+        mesh = next(shape.iter("mesh"), None)
+        if mesh is None:
+            continue
+        name = mesh.get("filename") or ""
+        file = _mesh_file(name, path, meshes)
+        if file is None:
+            if shape.tag == "visual":
+                missing[name] = None
+            shape.getparent().remove(shape)  # type: ignore[union-attr]
+        else:
+            mesh.set("filename", str(file))
+    return etree.tostring(root), list(missing)
+
+
+def _mesh_file(name: str, path: Path, meshes: Sequence[Path] = ()) -> Path | None:
     scheme, separator, rest = name.partition("://")
     if not separator:
         places = [path.resolve().parent / name]
+        rest = name
     elif scheme == "package":
-        places = [Path(folder) / rest for folder in package_dirs(path)]
+        places = [Path(folder) / rest for folder in package_dirs(path, meshes)]
+    elif scheme == "file":
+        places = [Path(rest)]
     else:
         return None
+    parts = Path(rest).parts  # the folder given may be the package itself, or its meshes
+    places += [Path(folder, *parts[k:]) for folder in meshes for k in range(len(parts))]
     return next((place.resolve() for place in places if place.is_file()), None)
 
 

@@ -2,7 +2,7 @@
 
 from pinotwin.viewer.play import Live, play, save_html, show
 from pinotwin.viewer.posture import configuration, joint_kinds, parse_posture
-from pinotwin.viewer.scene import Scene, colour, draw, scene, visual_model
+from pinotwin.viewer.scene import Scene, colour, draw, missing_meshes, scene, visual_model
 from pinotwin.viewer.screenshot import browser, screenshot
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "configuration",
     "draw",
     "joint_kinds",
+    "missing_meshes",
     "parse_posture",
     "play",
     "save_html",

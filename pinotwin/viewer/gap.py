@@ -8,7 +8,6 @@ from pinotwin.diagnosis.result import Diagnosis, Gap
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
-from pinotwin.machine.urdf import package_dirs
 from pinotwin.viewer.play import play
 from pinotwin.viewer.scene import Scene, colour, draw, visual_model
 
@@ -24,7 +23,7 @@ def gap_scene(found: Diagnosis, machine: Machine, log: Log) -> Scene:
         machine: the machine that was diagnosed.
         log: what it plays.
     """
-    visual = visual_model(machine.model, machine.urdf, package_dirs(machine.urdf))
+    visual = visual_model(machine.model, machine.urdf, machine.meshes)
     drawn = draw(machine.model, visual, frames=False, masses=False, name=machine.name)
     axes = {axis: row["u"] for axis, row in found.gap.items() if "u" in row}
     shades = {machine.axis(axis).joint: shade(gap) for axis, gap in axes.items()}

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import coal
 import meshcat
 import meshcat.geometry as mg
 import numpy as np
@@ -19,6 +20,7 @@ from pinocchio.visualize import MeshcatVisualizer
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.machine.urdf import without_missing_meshes
 from pinotwin.viewer.page import Message, Page
 from pinotwin.viewer.posture import configuration
 from pinotwin.viewer.stage import bounds, corners, set_stage
@@ -61,31 +63,67 @@ def joint_path(model: pin.Model, joint: int) -> str:
 
 
 def visual_model(
-    model: pin.Model, urdf_path: str | Path, package_dirs: Sequence[str | Path] = ()
+    model: pin.Model, urdf_path: str | Path, meshes: Sequence[str | Path] = ()
 ) -> pin.GeometryModel:
     """Return the shapes of a URDF for a model that was built from it (or reduced from that).
+
+    Meshes that are not on this computer are left out and the joints are drawn with the lines between
+    them instead: a picture is worth less than the result it belongs to. See :func:`missing_meshes`.
 
     Args:
         model: the kinematics; its links are found by name.
         urdf_path: the URDF.
-        package_dirs: folders that hold the packages of ``package://`` meshes.
-
-    Raises:
-        MachineError: a mesh is missing or cannot be read.
+        meshes: folders in which to look for meshes first.
     """
-    folders = [str(folder) for folder in package_dirs]
+    text, missing = without_missing_meshes(Path(urdf_path), [Path(folder) for folder in meshes])
     try:
-        return pin.buildGeomFromUrdf(model, str(urdf_path), pin.GeometryType.VISUAL, None, folders)
-    except ValueError as error:
-        why = " ".join(str(error).split())
-        raise MachineError(
-            f"{urdf_path}: its shapes cannot be loaded ({why}); give the folder of the mesh packages"
-        ) from None
+        visual = pin.buildGeomFromUrdfString(model, text.decode(), pin.GeometryType.VISUAL, None, [])
+    except ValueError:  # a mesh that is there but cannot be read
+        visual, missing = pin.GeometryModel(), [str(urdf_path)]
+    if missing or visual.ngeoms == 0:
+        _add_skeleton(model, visual)
+    return visual
+
+
+def missing_meshes(urdf_path: str | Path, meshes: Sequence[str | Path] = ()) -> str:
+    """Return one line on the meshes that could not be found; "" when all were."""
+    _, missing = without_missing_meshes(Path(urdf_path), [Path(folder) for folder in meshes])
+    if not missing:
+        return ""
+    return (
+        f"{len(missing)} meshes are not on this computer ({missing[0]} ...): joints and lines are drawn instead; "
+        "give their folder with --meshes DIR or `meshes:` in machine.yaml"
+    )
+
+
+def _add_skeleton(model: pin.Model, visual: pin.GeometryModel) -> None:
+    """Draw every joint as a ball or a block, and a rod from the joint before it."""
+    reach = [float(np.linalg.norm(pose.translation)) for pose in model.jointPlacements][1:]
+    thick = 0.12 * (float(np.median([r for r in reach if r > 1e-6] or [0.3])))
+    for joint in range(1, model.njoints):
+        slides = model.joints[joint].shortname().startswith("JointModelP")
+        knot = coal.Box(*([2.2 * thick] * 3)) if slides else coal.Sphere(1.2 * thick)
+        name = str(model.names[joint])
+        _add_shape(visual, f"{name}_knot", joint, pin.SE3.Identity(), knot)
+        arm = model.jointPlacements[joint].translation
+        length = float(np.linalg.norm(arm))
+        if length > 1e-6:
+            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), arm / length).matrix()
+            rod = coal.Cylinder(0.5 * thick, length)
+            _add_shape(visual, f"{name}_rod", model.parents[joint], pin.SE3(turn, arm / 2), rod)
+
+
+def _add_shape(
+    visual: pin.GeometryModel, name: str, joint: int, pose: pin.SE3, shape: coal.CollisionGeometry
+) -> None:
+    body = pin.GeometryObject(name, joint, pose, shape)
+    body.meshColor = np.array([0.55, 0.60, 0.66, 1.0])
+    visual.addGeometryObject(body)
 
 
 def scene(
     urdf_path: str | Path,
-    package_dirs: Sequence[str | Path] = (),
+    meshes: Sequence[str | Path] = (),
     *,
     posture: Mapping[str, float] | None = None,
     frames: bool = False,
@@ -100,7 +138,7 @@ def scene(
         model = pin.buildModelFromUrdf(str(urdf_path))
     except (ValueError, RuntimeError) as error:
         raise MachineError(f"{urdf_path}: not a URDF that loads ({error})") from None
-    visual = visual_model(model, urdf_path, package_dirs)
+    visual = visual_model(model, urdf_path, meshes)
     return draw(model, visual, posture=posture, frames=frames, masses=masses)
 
 
