@@ -91,7 +91,7 @@ class Decomposition:
 
 @one_blas_thread
 def decompose(
-    twin: Twin, log: Log, window: tuple[float, float] | None = None, *, controller: Loops = "black"
+    twin: Twin, log: Log, window: tuple[float, float] | None = None, *, controller: Loops | None = None
 ) -> Decomposition:
     """Tell apart, by cause, the disturbances and the tracking error that a command will meet.
 

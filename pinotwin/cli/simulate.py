@@ -16,10 +16,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", metavar="LOG", help="log; only t, *.qr and external loads are used")
     parser.add_argument(
         "--controller",
-        choices=("black", "grey", "vibration"),
-        default="black",
-        help="identified transfer functions (black), those with the vibration of a "
-        "passive joint as output, or identified controllers",
+        choices=("coupled", "black", "grey", "vibration"),
+        help="identified controllers around the identified plant (coupled), identified transfer functions "
+        "(black), those with the vibration of a passive joint as output, or sampled laws (grey); "
+        "without it, the form that predicted held-out data best",
     )
     parser.add_argument("--step", type=float, metavar="S", help="longest internal step")
     add_common(parser, out="prediction to write (.csv)", required=True, file=True)
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     """Simulate, write, and compare with the log where it was measured."""
     from pinotwin.cli.inputs import read_logs
     from pinotwin.errors import InputError
-    from pinotwin.simulation import compare, simulate
+    from pinotwin.simulation import compare, preferred, simulate
     from pinotwin.twin import Twin
 
     out = Path(args.out)
@@ -37,7 +37,8 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--out: {out.name}: a prediction is written as .csv")
     twin = Twin.load(args.twin)
     (log,) = read_logs([args.log])
-    predicted = simulate(twin, log, step=args.step, controller=args.controller)
+    form = args.controller or preferred(twin)
+    predicted = simulate(twin, log, step=args.step, controller=form)
     rows = compare(twin.machine, log, predicted)
     write_text(out, _csv(predicted))
     if args.json:
@@ -46,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
             {
                 "machine": twin.machine.name,
                 "log": log.source,
-                "controller": args.controller,
+                "controller": form,
                 "rows": len(predicted),
                 "seconds": float(predicted.t[-1] - predicted.t[0]),
                 "axes": rows,
@@ -57,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
         say(line)
     for note in predicted.notes:
         say(f"note: {note}")
+    say(f"closed loop: {form}")
     say(f"{len(predicted)} rows written to {out}")
     return 0
 

@@ -7,7 +7,7 @@ two can be compared and a gain can be changed afterwards.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,12 +17,17 @@ from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError
+from pinotwin.identification.coupled import choice, fit_servos
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
+from pinotwin.identification.table import refined_table
+from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.loop import (
     Controller,
     LoopData,
     LoopModel,
     Structure,
+    close,
     identify_controller,
     identify_loop,
 )
@@ -31,6 +36,10 @@ from pinotwin.loop.search import starting_points
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 
+SLOWEST = 1.0 / 50.0
+"""Longest sampling interval at which a closed loop is identified [s]."""
+POOR = 0.05
+"""Held-out error of the coupled form above which the free black box is identified as well."""
 TRAINED = 2.0 / 3.0
 """Share of the log on which the orders are compared; the rest judges them."""
 PAYS = 0.95
@@ -69,6 +78,79 @@ class Loops:
     refined: dict[str, AxisEffects] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+
+
+def with_loops(twin: Twin, motion: Motion, logs: Sequence[Log], tell: Callable[[str, float], None]) -> Twin:
+    """Return the twin with the closed loops of its axes, and with the form to simulate them in.
+
+    The coupled form comes first; where it predicts held-out rows well, its linearised system gives poles
+    and transfer functions. Otherwise, on machines with passive joints, and where machine.yaml states orders,
+    the source's free black box is identified beside it, and held-out rows decide between them.
+
+    Args:
+        twin: plant, with its diagonal.
+        motion: prepared log(s) with commands.
+        logs: the same, as they came.
+        tell: called with the stage and the share of this step done.
+    """
+    if motion.step > SLOWEST:
+        note = (
+            f"no closed loop: the log has {1.0 / motion.step:.3g} Hz, at least {1.0 / SLOWEST:.0f} are needed"
+        )
+        return replace(twin, quality={**twin.quality, "warnings": [*twin.quality["warnings"], note]})
+    raw = prepare(twin.machine, logs, cutoff=0.0, decimate=1)
+    found = fit_servos(twin, motion, raw, lambda stage, done: tell(stage, 0.5 * done))
+    twin = replace(twin, servos=found.servos)
+    judged = choice(twin, replace(twin, servos=found.trials), logs[-1], ("coupled",))
+    error = judged["held_out"]["coupled"]
+    quality = {**twin.quality, "servos": found.quality, "simulation": judged}
+    quality["warnings"] = [*twin.quality["warnings"], *found.notes]
+    twin = replace(twin, quality=quality)
+    asked = bool(twin.machine.passive or twin.machine.loop or len(found.servos) < len(twin.machine.axes))
+    if error is not None and error < POOR and not asked:
+        return _linearised(twin, motion)
+    twin = _with_black_boxes(twin, motion, lambda stage, done: tell(stage, 0.5 + 0.5 * done))
+    judged = choice(twin, replace(twin, servos=found.trials), logs[-1], ("coupled", "black", "grey"))
+    if twin.machine.passive:  # the rows of a passive joint were not compared: see identification.flexible
+        judged["use"] = "black"
+    return replace(twin, quality={**twin.quality, "simulation": judged})
+
+
+def _linearised(twin: Twin, motion: Motion) -> Twin:
+    """Return the twin with the loops that its coupled axes make, and their sampled laws."""
+    M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
+    disturbance = generalised_disturbance(twin, motion, twin.diagonal)
+    loops, laws, rows = {}, {}, dict(twin.quality.get("loops", {}))
+    for name, servo in twin.servos.items():
+        i = twin.machine.axes[name].index
+        loops[name] = close(servo, float(M[i]), float(C[i]), axis=name)
+        data = loop_data(motion, disturbance, name)
+        laws[name] = identify_controller(data)
+        structure = loops[name].structure
+        rows[name] = {"real_poles": structure.real_poles, "pole_pairs": structure.pole_pairs}
+        rows[name] |= {"fit": errors(data, loops[name]), "held_out": errors(data, loops[name], held_out=True)}
+        rows[name]["refined"] = False
+    return replace(twin, loops=loops, controllers=laws, quality={**twin.quality, "loops": rows})
+
+
+def _with_black_boxes(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) -> Twin:
+    found = fit_loops(twin, motion, tell)
+    quality = {**twin.quality, "loops": found.quality}
+    quality["warnings"] = [*twin.quality["warnings"], *found.notes]
+    closed = replace(
+        twin,
+        effects=found.effects,
+        theta=found.theta,
+        parameters=refined_table(twin, found),
+        loops=found.models,
+        controllers=found.controllers,
+        quality=quality,
+    )
+    if not twin.machine.passive:
+        return closed
+    from pinotwin.identification.flexible import with_tied_loops, with_vibration_loops
+
+    return with_tied_loops(with_vibration_loops(closed, motion), motion)
 
 
 def fit_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) -> Loops:

@@ -12,12 +12,11 @@ from pinotwin.analysis.disturbance import diagonal
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import assemble
-from pinotwin.identification.flexible import with_tied_loops, with_vibration_loops
 from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
 from pinotwin.identification.misfit import misfit_of
 from pinotwin.identification.plant import Plant, fit_options, fit_plant
 from pinotwin.identification.springs import with_springs
-from pinotwin.identification.table import at_bounds, parameter_table, refined_table
+from pinotwin.identification.table import at_bounds, parameter_table
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
@@ -89,7 +88,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         settings=settings,
         groups=plant.fit.group_names(),
     )
-    twin = _with_loops(twin, motion, loop and motion.qr is not None, tell)
+    twin = _with_loops(twin, motion, logs if loop and motion.qr is not None else [], tell)
     return replace(twin, misfit=misfit_of(twin, motion))
 
 
@@ -104,7 +103,7 @@ def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
         raise DataError(f"{clock[0]}; check the clock before anything else ({error})") from None
 
 
-def _with_loops(twin: Twin, motion: Motion, loop: bool, tell: Callable[[str, float], None]) -> Twin:
+def _with_loops(twin: Twin, motion: Motion, logs: list[Log], tell: Callable[[str, float], None]) -> Twin:
     """Return the twin with the springs of its passive joints and the closed loops of its axes.
 
     The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
@@ -112,25 +111,11 @@ def _with_loops(twin: Twin, motion: Motion, loop: bool, tell: Callable[[str, flo
     """
     twin = with_springs(twin, motion)
     twin = replace(twin, diagonal=diagonal(twin, motion))
-    if not loop:
+    if not logs:
         return twin
-    from pinotwin.identification.loops import fit_loops
+    from pinotwin.identification.loops import with_loops
 
-    found = fit_loops(twin, motion, lambda stage, done: tell(stage, 0.45 + 0.4 * done))
-    quality = {**twin.quality, "loops": found.quality}
-    quality["warnings"] = [*twin.quality["warnings"], *found.notes]
-    closed = replace(
-        twin,
-        effects=found.effects,
-        theta=found.theta,
-        parameters=refined_table(twin, found),
-        loops=found.models,
-        controllers=found.controllers,
-        quality=quality,
-    )
-    if not twin.machine.passive:
-        return closed
-    return with_tied_loops(with_vibration_loops(closed, motion), motion)
+    return with_loops(twin, motion, logs, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
 
 
 def _sees_passive(machine: Machine, log: Log) -> bool:

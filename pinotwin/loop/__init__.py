@@ -1,7 +1,7 @@
 """Closed-loop LTI models of the axes: identify, judge, simulate (thesis 4.2, 5.3)."""
 
 from pinotwin.loop.controller import Controller
-from pinotwin.loop.couple import couple
+from pinotwin.loop.couple import close, couple
 from pinotwin.loop.data import LoopData, command_rates
 from pinotwin.loop.fit import LoopFit, ParameterFit
 from pinotwin.loop.grey import identify_controller
@@ -9,6 +9,7 @@ from pinotwin.loop.identify import identify_loop
 from pinotwin.loop.modal import ModalStep
 from pinotwin.loop.model import LoopModel
 from pinotwin.loop.order import OrderChoice, select_order
+from pinotwin.loop.servo import Servo
 from pinotwin.loop.structure import Section, Structure
 
 __all__ = [
@@ -20,7 +21,9 @@ __all__ = [
     "OrderChoice",
     "ParameterFit",
     "Section",
+    "Servo",
     "Structure",
+    "close",
     "command_rates",
     "couple",
     "identify_controller",

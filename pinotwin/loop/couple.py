@@ -16,6 +16,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.model import LoopModel
+from pinotwin.loop.servo import Servo
 from pinotwin.loop.structure import Section, Structure
 
 
@@ -40,7 +41,27 @@ def couple(
         DataError: the loop is unstable.
     """
     delay = controller.delay + (0.5 * controller.step if hold else 0.0)
-    A, B, C, D = _closed(controller.matrices(delay), inertia, viscous)
+    system = _closed(controller.matrices(delay), inertia, viscous)
+    return _as_model(system, axis, controller.step)
+
+
+def close(servo: Servo, inertia: float, viscous: float = 0.0, *, axis: str = "axis") -> LoopModel:
+    """Return the closed loop of an identified controller and a rigid plant: poles, residues, u - d = M a + B v.
+
+    Args:
+        servo: the controller.
+        inertia: M [kg or kg·m²].
+        viscous: B [N·s/m or N·m·s/rad].
+        axis: name of the axis.
+
+    Raises:
+        DataError: the loop is unstable.
+    """
+    return _as_model(_closed(servo.matrices(), inertia, viscous, servo.dead), axis, servo.step)
+
+
+def _as_model(system: tuple[Floats, Floats, Floats, Floats], axis: str, step: float) -> LoopModel:
+    A, B, C, D = system
     values, right = np.linalg.eig(A)
     if np.max(values.real) >= 0.0:
         worst = values[np.argmax(values.real)]
@@ -55,7 +76,7 @@ def couple(
         axis,
         ("d",),
         ("e", "u"),
-        controller.step,
+        step,
         structure,
         sections,
         np.column_stack([residues, D]),
@@ -63,23 +84,29 @@ def couple(
 
 
 def _closed(
-    law: tuple[Floats, Floats, Floats, Floats], inertia: float, viscous: float
+    law: tuple[Floats, Floats, Floats, Floats], inertia: float, viscous: float, dead: float = 0.0
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return A, B, C, D of the loop: inputs d, vr; outputs e, u; direct terms of vr, ar."""
+    """Return A, B, C, D of the loop: inputs d, vr; outputs e, u; direct terms of vr, ar.
+
+    The dead time between u and the effort that acts is a Padé approximation of second order.
+    """
     Ac, Bc, Cc, Dc = law
-    n = len(Ac) + 2
-    A, B = (
-        np.zeros((n, n)),
-        np.zeros((n, 3)),
-    )  # states e, v, then the controller's; inputs d, vr, ar
+    nc = len(Ac)
+    n = nc + 2 + (2 if dead > 0.0 else 0)
+    A, B = np.zeros((n, n)), np.zeros((n, 3))  # states e, v, the controller's, Padé's; inputs d, vr, ar
     u, through = np.zeros(n), np.zeros(3)
-    u[:2], u[2:] = Dc[0, :2], Cc[0]
+    u[:2], u[2 : 2 + nc] = Dc[0, :2], Cc[0]
     through[1:] = Dc[0, 2:]
     A[0, 1], B[0, 1] = -1.0, 1.0
-    A[1], B[1] = u / inertia, through / inertia
+    A[2 : 2 + nc, :2], A[2 : 2 + nc, 2 : 2 + nc], B[2 : 2 + nc, 1:] = Bc[:, :2], Ac, Bc[:, 2:]
+    acts, acts_through = u.copy(), through.copy()
+    if dead > 0.0:
+        A[-2, -1], A[-1, -2], A[-1, -1] = 1.0, -12.0 / dead**2, -6.0 / dead
+        A[-1], B[-1] = A[-1] + u, B[-1] + through
+        acts[-1] -= 12.0 / dead
+    A[1], B[1] = acts / inertia, acts_through / inertia
     A[1, 1] -= viscous / inertia
     B[1, 0] -= 1.0 / inertia
-    A[2:, :2], A[2:, 2:], B[2:, 1:] = Bc[:, :2], Ac, Bc[:, 2:]
     C = np.stack([np.eye(n)[0], u])
     # x' = A x + b vr + c vr' becomes z' = A z + (b + A c) vr with x = z + c vr.
     jump = B[:, 2]

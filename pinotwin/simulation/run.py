@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError, InputError, TwinError, nearest
 from pinotwin.log import Log
-from pinotwin.loop import Controller, LoopModel, couple
+from pinotwin.loop import Controller, LoopModel, Servo, close, couple
 from pinotwin.motion import Motion
-from pinotwin.simulation import kernel
+from pinotwin.simulation import coupled, coupled_kernel, kernel
 from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, motor_coordinates, request
 from pinotwin.simulation.plant import Plant, plant_of
@@ -28,7 +29,9 @@ PASSES = 30
 _RELAX = 0.5
 _SAME = 1e-3  # change of the effort between passes, RMS, as a share of its own
 
-Loops = Literal["black", "grey", "vibration"] | Mapping[str, Controller]
+Loops = str | Mapping[str, Controller] | Mapping[str, Servo]
+"""One of :data:`FORMS`, or controllers by axis."""
+FORMS = ("coupled", "black", "grey", "vibration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,7 @@ class Response:
     notes: tuple[str, ...]
 
 
-def simulate(twin: Twin, log: Log, *, step: float | None = None, controller: Loops = "black") -> Log:
+def simulate(twin: Twin, log: Log, *, step: float | None = None, controller: Loops | None = None) -> Log:
     """Return position, tracking error and effort that the machine will show for a command.
 
     Args:
@@ -70,10 +73,12 @@ def simulate(twin: Twin, log: Log, *, step: float | None = None, controller: Loo
         log: ``t``, ``<axis>.qr`` and, if any, external loads ``<link>.fx`` ...; nothing else of it is
             used.
         step: longest internal step [s]; the log's own sampling is kept for the result.
-        controller: ``"black"``: the identified transfer functions; ``"grey"``: the identified
-            controllers around the rigid plant; ``"vibration"``: as ``"black"``, but an axis on a
-            passive joint takes the loop that holds the joint's vibration (thesis Eq. 5.8); or
-            controllers by axis, in place of identified ones.
+        controller: None: the form that predicted held-out data best when the twin was identified
+            (``twin.quality["simulation"]``). ``"coupled"``: the identified controllers around the
+            identified plant; ``"black"``: the identified transfer functions; ``"grey"``: transfer
+            functions of the sampled law around the rigid plant; ``"vibration"``: as ``"black"``, but
+            an axis on a passive joint takes the loop that holds the joint's vibration (thesis Eq.
+            5.8); or controllers by axis, in place of identified ones.
 
     Returns:
         Channels ``t``, ``<axis>.q .e .u`` and ``<passive>.q .v .a``; SI, as the log counts them.
@@ -103,7 +108,7 @@ def respond(
     log: Log,
     *,
     step: float | None = None,
-    controller: Loops = "black",
+    controller: Loops | None = None,
     full: bool = True,
     every_step: bool = False,
 ) -> Response:
@@ -125,28 +130,61 @@ def respond(
     if not twin.diagonal:
         raise TwinError(f"{twin.machine.name}: the twin holds no diagonal; identify it again")
     asked = request(twin.machine, log)
-    loops, notes = chosen_loops(twin, controller)
-    notes = (*asked.notes, *_rates(loops, asked.step), *notes)
+    form = controller if controller is not None else preferred(twin)
     plant = plant_of(twin, asked.qr, asked.vr)
-    substeps = plant.substeps(asked.step, step)
-    if every_step:
-        asked, substeps = asked.refined(substeps), 1
-    out = _run(
-        twin,
-        asked,
-        plant,
-        loops,
-        substeps,
-        np.zeros((1, twin.machine.nv)),
-        full or bool(plant.other),
-    )
+    full = full or bool(plant.other)
+    given = _servos_in(form)
+    if given is not None:
+        servos, notes = _chosen_servos(twin, given)
+        substeps = coupled.substeps(asked.step, step)
+        asked, substeps = (asked.refined(substeps), 1) if every_step else (asked, substeps)
+        stepper: _Stepper = partial(_run_coupled, twin, asked, plant, servos, substeps, full)
+    else:
+        loops, notes = chosen_loops(twin, form)
+        notes = (*_rates(loops, asked.step), *notes)
+        substeps = plant.substeps(asked.step, step)
+        asked, substeps = (asked.refined(substeps), 1) if every_step else (asked, substeps)
+        stepper = partial(_run, twin, asked, plant, loops, substeps, full)
+    out = stepper(np.zeros((1, twin.machine.nv)))
     if plant.other:
-        out, late = _repeat(twin, plant, out)
+        out, late = _repeat(twin, plant, out, stepper)
         notes = (*notes, *late)
-    return replace(out, notes=notes)
+    return replace(out, notes=(*asked.notes, *notes))
 
 
-def _repeat(twin: Twin, plant: Plant, out: Response) -> tuple[Response, tuple[str, ...]]:
+def preferred(twin: Twin) -> str:
+    """Return the form with which a twin is simulated unless told otherwise."""
+    chosen = twin.quality.get("simulation", {}).get("use")
+    if chosen is None:
+        chosen = "coupled" if twin.servos and not twin.loops else "black"
+    return str(chosen)
+
+
+def _servos_in(form: Loops) -> dict[str, Servo] | None:
+    """Return the controllers given in place of identified ones, or None for another form than coupled."""
+    if isinstance(form, str):
+        return {} if form == "coupled" else None
+    given = {name: law for name, law in form.items() if isinstance(law, Servo)}
+    return given if len(given) == len(form) > 0 else None
+
+
+def _chosen_servos(twin: Twin, given: Mapping[str, Servo]) -> tuple[dict[str, Servo], tuple[str, ...]]:
+    """Return the controllers to simulate with, and notes about axes without one."""
+    axes = twin.machine.axes
+    for name in given:
+        if name not in axes:
+            raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
+    servos = {**twin.servos, **given}
+    if not servos:
+        raise TwinError(
+            f"{twin.machine.name}: the twin has no controllers; identify it from a log that holds the "
+            "command <axis>.qr of the axes that move"
+        )
+    ideal = [name for name in axes if name not in servos]
+    return servos, (f"no controller of {', '.join(ideal)}: follows its command exactly",) if ideal else ()
+
+
+def _repeat(twin: Twin, plant: Plant, out: Response, stepper: _Stepper) -> tuple[Response, tuple[str, ...]]:
     """Run again with the effects that have no table, until their effort stays the same."""
     asked, change = out.request, np.inf
     extra = np.zeros((1, twin.machine.nv))
@@ -156,7 +194,7 @@ def _repeat(twin: Twin, plant: Plant, out: Response) -> tuple[Response, tuple[st
         if change <= _SAME:
             return out, ()
         extra = extra + _RELAX * (update - extra)
-        out = _run(twin, asked, plant, out.loops, out.substeps, extra, True)
+        out = stepper(extra)
     names = ", ".join(sorted({effect.name for effect, _ in plant.other}))
     return out, (f"{names}: effort still changes by {change:.1g} of its size after {PASSES} passes",)
 
@@ -169,16 +207,17 @@ def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], t
     elif controller == "vibration":
         loops = {**twin.loops, **wide_loops(twin)}
     else:
-        given = twin.controllers if controller == "grey" else controller
-        if isinstance(given, str):
-            raise InputError(f"controller: {given!r}; {nearest(given, ('black', 'grey', 'vibration'))}")
+        if isinstance(controller, str) and controller != "grey":
+            raise InputError(f"controller: {controller!r}; {nearest(controller, FORMS)}")
+        given = {} if isinstance(controller, str) else dict(controller)
         for name in given:
             if name not in axes:
                 raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
+        laws = {name: law for name, law in given.items() if isinstance(law, Controller)}
         M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
         loops = {
             name: couple(law, float(M[axes[name].index]), float(C[axes[name].index]), axis=name)
-            for name, law in {**twin.controllers, **given}.items()
+            for name, law in {**twin.controllers, **laws}.items()
         }
     if not loops:
         raise TwinError(
@@ -247,8 +286,8 @@ def _run(
     plant: Plant,
     loops: Mapping[str, LoopModel],
     substeps: int,
-    extra: Floats,
     full: bool,
+    extra: Floats,
 ) -> Response:
     blocks = lay_blocks(twin.machine, loops, twin.diagonal, asked.step / substeps)
     n, nv = asked.qr.shape
@@ -262,10 +301,54 @@ def _run(
     arrays = plant.arrays()
     kernel.settle(*arrays, blocks, command, state)
     row, joint = kernel.run(*arrays, blocks, command, state, out)
+    _on_command(twin, asked, plant, row, joint)
+    return Response(asked, twin.machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ())
+
+
+def _on_command(twin: Twin, asked: Request, plant: Plant, row: int, joint: int) -> None:
     if row >= 0:
         raise DataError(
             f"{twin.machine.name}: the simulation leaves its command at t = {asked.clock[row]:.4g} s on "
             f"axis {twin.machine.names[joint]}: tracking error beyond {plant.limit[joint]:.3g}; the twin's "
             "loop and plant do not fit together, identify it again, or give a shorter step"
         )
-    return Response(asked, twin.machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ())
+
+
+def _run_coupled(
+    twin: Twin,
+    asked: Request,
+    plant: Plant,
+    servos: Mapping[str, Servo],
+    substeps: int,
+    full: bool,
+    extra: Floats,
+) -> Response:
+    """Simulate the identified controllers around the identified plant."""
+    machine = twin.machine
+    n, nv = asked.qr.shape
+    h = asked.step / substeps
+    laws = coupled.servo_arrays(
+        [servos.get(name) for name in machine.names], [name in machine.passive for name in machine.names], h
+    )
+    parts, tables = plant.arrays()
+    load = np.ascontiguousarray(asked.external - extra)
+    command = Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
+    out = coupled.records(n, nv, full)
+    state = coupled.state(laws, plant.tape.size, plant.tape.start, tables)
+    coupled_kernel.settle(parts, tables, laws, command, state)
+    row, joint = coupled_kernel.run(parts, tables, laws, command, state, out)
+    _on_command(twin, asked, plant, row, joint)
+    M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
+    index = {name: machine.axes[name].index for name in servos}
+    loops = (
+        {
+            name: close(servo, float(M[index[name]]), float(C[index[name]]), axis=name)
+            for name, servo in servos.items()
+        }
+        if full
+        else {}
+    )
+    return Response(asked, machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ())
+
+
+_Stepper = Callable[[Floats], Response]

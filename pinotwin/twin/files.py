@@ -111,6 +111,7 @@ def document(twin: Twin) -> dict[str, Any]:
             "standard_inertial_parameters": twin.pi,
             "loops": {name: loop.to_dict() for name, loop in twin.loops.items()},
             "controllers": {name: law.to_dict() for name, law in twin.controllers.items()},
+            "servos": {name: servo.to_dict() for name, servo in twin.servos.items()},
             "diagonal": twin.diagonal,
             "quality": twin.quality,
             "not_separable": [list(group) for group in twin.groups],
@@ -233,12 +234,14 @@ def _parameter(row: dict[str, Any]) -> Parameter:
 
 def _closed_loop(content: dict[str, Any]) -> dict[str, Any]:
     diagonal = {key: np.array(row, dtype=float) for key, row in content["diagonal"].items()}
-    if not content["loops"] and not content["controllers"]:
+    servos = content.get("servos", {})
+    if not content["loops"] and not content["controllers"] and not servos:
         return {"diagonal": diagonal}
-    from pinotwin.loop import Controller, LoopModel
+    from pinotwin.loop import Controller, LoopModel, Servo
 
     return {
         "loops": {k: LoopModel.from_dict(v) for k, v in content["loops"].items()},
         "controllers": {k: Controller.from_dict(v) for k, v in content["controllers"].items()},
+        "servos": {k: Servo.from_dict(v) for k, v in servos.items()},
         "diagonal": diagonal,
     }

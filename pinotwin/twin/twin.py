@@ -23,7 +23,7 @@ from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.parameters import Parameter
 
 if TYPE_CHECKING:
-    from pinotwin.loop import Controller, LoopModel
+    from pinotwin.loop import Controller, LoopModel, Servo
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,7 @@ class Twin:
             ``quality["consistency"]`` says otherwise.
         loops: closed loop of each axis that has one (black box).
         controllers: controller of each axis whose command was logged (grey box).
+        servos: controller of each axis in continuous time, as it is coupled to the plant.
         diagonal: constant inertia, viscous and stiffness terms that the loops were identified with,
             each of shape (nv,); see :mod:`pinotwin.analysis.disturbance`.
         quality: how good the fit is: errors per axis, whiteness, condition, held-out errors.
@@ -57,6 +58,7 @@ class Twin:
     pi: Floats
     loops: Mapping[str, LoopModel] = field(default_factory=dict)
     controllers: Mapping[str, Controller] = field(default_factory=dict)
+    servos: Mapping[str, Servo] = field(default_factory=dict)
     diagonal: Mapping[str, Floats] = field(default_factory=dict)
     quality: Mapping[str, Any] = field(default_factory=dict)
     data: Sequence[Mapping[str, Any]] = ()

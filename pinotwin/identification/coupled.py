@@ -1,0 +1,216 @@
+"""The controllers of all axes, and the form with which a twin is simulated, decided on held-out data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from pinotwin.analysis.disturbance import generalised_disturbance
+from pinotwin.arrays import Floats
+from pinotwin.errors import PinotwinError
+from pinotwin.identification.servo import WINDOW, AxisProblem, Found, find
+from pinotwin.log import Log
+from pinotwin.logs.columns import bind
+from pinotwin.loop import Servo, command_rates
+from pinotwin.motion import Motion
+from pinotwin.simulation import simulate
+from pinotwin.simulation.plant import Plant, plant_of
+from pinotwin.simulation.state import Lookup
+from pinotwin.twin import Twin
+
+WINDOWS = 4
+"""Most windows of a log that the controllers are fitted to."""
+BETTER = 0.9
+"""Another form than the coupled one must bring the held-out error below this share of it."""
+JUDGED, LEAD = 20.0, 1.0
+"""Longest stretch of the log on which the forms are compared, and what is run before it [s]."""
+
+
+@dataclass
+class Servos:
+    """What was found.
+
+    Attributes:
+        servos: controller of each axis, from all windows.
+        trials: from the first windows only: these are judged on the others.
+        quality: per axis the errors, in the fit and held out.
+        notes: axes that were left out, and why.
+    """
+
+    servos: dict[str, Servo] = field(default_factory=dict)
+    trials: dict[str, Servo] = field(default_factory=dict)
+    quality: dict[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, float], None]) -> Servos:
+    """Identify the controller of every axis that has a command, an effort and motion.
+
+    Args:
+        twin: plant, with its diagonal.
+        motion: prepared log(s), for the disturbance that the axes make for one another.
+        raw: the same rows with nothing filtered.
+        tell: called with the stage and the share of this step done.
+    """
+    found = Servos()
+    assert raw.qr is not None
+    vr = command_velocity(raw)
+    plant = plant_of(twin, raw.qr, vr)
+    d = generalised_disturbance(twin, motion, twin.diagonal)
+    axes = list(twin.machine.axes)
+    for k, name in enumerate(axes):
+        tell(f"controller of {name}", k / len(axes))
+        i = twin.machine.axes[name].index
+        if np.ptp(raw.qr[:, i]) == 0.0 or not np.isfinite(raw.u[:, i]).any():
+            found.notes.append(f"no controller of {name}: it does not move, or its effort is not logged")
+            continue
+        load = -(d[:, i] - _friction_effort(twin, motion, name))
+        problem = axis_problem(twin, motion, raw, vr, load, plant, name)
+        servo = find(problem) if problem is not None else None
+        if servo is None:
+            found.notes.append(
+                f"no controller of {name}: no law keeps the simulated axis on its command; plant and log "
+                "do not fit together"
+            )
+            continue
+        found.servos[name] = servo.servo
+        found.trials[name] = servo.trial or servo.servo
+        found.quality[name] = _row(servo)
+    return found
+
+
+def _row(found: Found) -> dict[str, Any]:
+    squares = np.sqrt(np.sum(found.residual.reshape(-1, 2) ** 2, axis=0))
+    return {"fit": {"e": float(squares[0]), "u": float(squares[1])}, "held_out": found.held_out}
+
+
+def axis_problem(
+    twin: Twin, motion: Motion, raw: Motion, vr: Floats, load: Floats, plant: Plant, name: str
+) -> AxisProblem | None:
+    """Return one axis alone, or None if no stretch is long enough."""
+    i = twin.machine.axes[name].index
+    assert raw.qr is not None
+    windows = _windows(raw, vr[:, i])
+    if not windows:
+        return None
+    problem = AxisProblem(
+        step=raw.step,
+        qr=raw.qr[:, i].copy(),
+        vr=vr[:, i].copy(),
+        q=raw.q[:, i].copy(),
+        v=motion.v[:, i].copy(),
+        u=raw.u[:, i].copy(),
+        load=load,
+        inertia=float(twin.diagonal["inertia"][i]),
+        viscous=float(twin.diagonal["viscous"][i]),
+        tables=own_friction(plant.tables.lookup(), i),
+        windows=windows,
+    )
+    y = problem.measured()
+    return replace(problem, sizes=np.maximum(np.sqrt(np.mean(y**2, axis=0)), 1e-300))
+
+
+def command_velocity(raw: Motion) -> Floats:
+    """Return the velocity of the commands by cubic splines, shape (n, nv)."""
+    assert raw.qr is not None
+    out = np.zeros_like(raw.qr)
+    for s in raw.segments:
+        for i, x in enumerate(raw.qr.T):
+            out[s, i] = command_rates(x[s], raw.step)[0]
+    return out
+
+
+def _windows(raw: Motion, vr: Floats) -> tuple[slice, ...]:
+    """Return the windows of a few seconds in which the axis moves most, in order."""
+    found = []
+    for s in raw.segments:
+        count = max(1, int(np.ceil((s.stop - s.start) * raw.step / WINDOW)))
+        if s.stop - s.start > 60:
+            count = max(count, min(3, (s.stop - s.start) // 60))
+        edges = np.linspace(s.start, s.stop, count + 1).astype(int)
+        found += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= 20]
+    usable = [s for s in found if np.ptp(vr[s]) > 0.0]
+    most = sorted(usable, key=lambda s: -float(np.mean(vr[s] ** 2)))[:WINDOWS]
+    return tuple(sorted(most, key=lambda s: s.start))
+
+
+def _friction_effort(twin: Twin, motion: Motion, name: str) -> Floats:
+    """Return the effort of what the axis' kernel computes itself: dry friction and friction of speed, (n,)."""
+    i = twin.machine.axes[name].index
+    total = np.zeros(len(motion))
+    for effect, s in zip(twin.effects, twin.slices, strict=True):
+        own = effect.axis == name and effect.depends in ("direction", "displacement", "velocity")
+        if own and effect.causes[0] != "viscous":
+            total += effect.columns(motion).effort(twin.theta[s], twin.machine.nv)[:, i]
+    return total
+
+
+def own_friction(t: Lookup, i: int) -> Lookup:
+    """Return the friction of one joint as the tables of a machine of one joint."""
+    dry = (t.directions[:, 0] == i) & (t.directions[:, 1] < 0)
+    speeds, slips = t.speeds == i, t.slips == i
+    zeros = [np.zeros(int(mask.sum()), dtype=np.intp) for mask in (dry, speeds, slips)]
+    return t._replace(
+        position=np.zeros(1),
+        place=np.array([[0, 1]], dtype=np.intp),
+        grid=np.array([[0.0, 1.0]]),
+        slowness=t.slowness[[i]],
+        speeds=zeros[1],
+        velocity=t.velocity[speeds],
+        directions=np.stack([zeros[0], zeros[0] - 1], axis=1),
+        slope=t.slope[dry],
+        dry=t.dry[dry],
+        slips=zeros[2],
+        give=t.give[slips],
+        slip=t.slip[slips],
+        memory=t.memory[slips],
+    )
+
+
+# ------------------------------------------------------------------ which form to simulate with
+def choice(twin: Twin, trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
+    """Return which form predicts the end of a log best from its command, and the errors of each.
+
+    Args:
+        twin: the twin, whose axes are asked for.
+        trial: the same with controllers and loops that have not seen the end of the log.
+        log: a log of the machine, with commands.
+        tried: the forms.
+    """
+    part, start = _end(log)
+    errors = {form: forecast_error(trial, part, start, form) for form in tried}
+    best = min(errors, key=lambda form: errors[form] / (1.0 if form == "coupled" else BETTER))
+    if not np.isfinite(errors[best]):
+        best = "coupled" if "coupled" in errors else best
+    kept = {form: None if not np.isfinite(x) else x for form, x in errors.items()}
+    return {"use": best, "held_out": kept, "from": float(part.t[start]), "to": float(part.t[-1])}
+
+
+def _end(log: Log) -> tuple[Log, int]:
+    """Return the last third of a log with some seconds before it, and the row where it begins."""
+    t = log.t
+    length = min((t[-1] - t[0]) / 3.0, JUDGED)
+    first = int(np.searchsorted(t, t[-1] - length - LEAD))
+    part = Log({name: x[first:] for name, x in log.channels.items()}, source=log.source)
+    return part, int(np.searchsorted(part.t, t[-1] - length))
+
+
+def forecast_error(twin: Twin, log: Log, start: int, form: str) -> float:
+    """Return the mean error of e and u over all axes, each over its RMS; infinite if the loop fails."""
+    try:
+        said = simulate(twin, log, controller=form)
+    except PinotwinError:
+        return np.inf
+    bound, ratios = bind(log, twin.machine.columns), []
+    for name in twin.servos:
+        e = bound[f"{name}.qr"] - bound[f"{name}.q"]
+        for x, y in ((e, said[f"{name}.e"]), (bound[f"{name}.u"], said[f"{name}.u"])):
+            good = np.isfinite(x) & (np.arange(len(x)) >= start)
+            size = float(np.sqrt(np.mean(x[good] ** 2))) if good.any() else 0.0
+            if size > 0.0:
+                ratios.append(float(np.sqrt(np.mean((x - y)[good] ** 2))) / size)
+    return float(np.mean(ratios)) if ratios else np.inf

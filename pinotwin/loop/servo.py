@@ -1,0 +1,135 @@
+r"""A servo controller in continuous time: one law for cascade, set-point weight and PID alike.
+
+    u0  = k_e e + I - k_v v_f + k_vr vr + k_ar ar,      I' = k_i e + k_w vr
+    v_f = v / (1 + s T_v)                               the velocity that the drive sees, late
+    u   = N(s) u0 / (1 + s T_u)                         notch and current loop
+
+u acts ``dead`` seconds later on the axis. A cascade (P-PI) with position gain kp, velocity gain kv,
+integral time ti, velocity feed-forward ffv, acceleration feed-forward ffa and set-point weight w of the
+proportional part is
+
+    k_e = kv (kp + 1/ti),  k_i = kv kp / ti,  k_v = kv,  k_vr = kv w ffv,  k_w = kv (ffv - 1) / ti,  k_ar = ffa
+
+since the integral of its velocity error holds the position itself; in a PID k_w is zero. The law is linear
+in its six gains at given shapes (T_v, T_u, the notch), which is why they can be found by least squares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal, Self
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+
+GAINS = ("e", "integral", "v", "vr", "slip", "ar")
+"""Names of the six gains, in the order of the arrays: k_e, k_i, k_v, k_vr, k_w, k_ar."""
+Form = Literal["general", "cascade", "proportional"]
+
+
+@dataclass(frozen=True)
+class Servo:
+    """The controller of one axis as identified; SI with the effort in N or N·m.
+
+    Attributes:
+        gains: the six of :data:`GAINS`.
+        velocity_lag: T_v [s].
+        output_lag: T_u [s].
+        notch: frequency [Hz], damping ratio of the zeros and of the poles; a frequency of 0 for none.
+        dead: from the effort as logged to the effort that acts [s].
+        limit: largest effort [N or N·m]; the integrator stops there.
+        form: ``cascade`` where set-point weight 1 was imposed, ``proportional`` where there is no integral.
+        offset: what I holds for ever in the proportional form [N or N·m].
+        errors: standard errors by name of the gains and shapes that were searched.
+        step: sampling interval of the log [s].
+    """
+
+    gains: tuple[float, ...]
+    velocity_lag: float = 0.0
+    output_lag: float = 0.0
+    notch: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    dead: float = 0.0
+    limit: float = math.inf
+    form: Form = "general"
+    offset: float = 0.0
+    errors: Mapping[str, float] = field(default_factory=dict)
+    step: float = 0.001
+
+    def cascade(self) -> dict[str, float]:
+        """Return kp, kv, rate (1/ti), ffv, ffa and the set-point weight, as a cascade has them.
+
+        Where the feed-forward of velocity is complete, kp and 1/ti play the same part (the law is
+        symmetrical in them): the larger is then called kp. NaN where no cascade has these gains.
+        """
+        k_e, k_i, kv, k_vr, k_w, ffa = self.gains
+        total, product = k_e / kv, k_i / kv
+        root = total**2 - 4.0 * product
+        if root < 0.0:
+            root = 0.0
+        pair = (0.5 * (total + math.sqrt(root)), 0.5 * (total - math.sqrt(root)))
+        found = [(kp, rate, 1.0 + k_w / (kv * rate)) for kp, rate in (pair, pair[::-1]) if rate > 0.0]
+        if not found:
+            return {"kp": total, "kv": kv, "rate": 0.0, "ffv": k_vr / kv, "ffa": ffa, "weight": 1.0}
+        kp, rate, ffv = min(found, key=lambda f: abs(f[2] - k_vr / kv))
+        return {"kp": kp, "kv": kv, "rate": rate, "ffv": ffv, "ffa": ffa, "weight": k_vr / kv / ffv}
+
+    def pid(self) -> dict[str, float]:
+        """Return kp, ki, kd, ffv and ffa of a PID."""
+        k_e, k_i, k_v, k_vr, _, ffa = self.gains
+        return {"kp": k_e, "ki": k_i, "kd": k_v, "ffv": k_vr - k_v, "ffa": ffa}
+
+    def scaled(self, **factors: float) -> Self:
+        """Return the controller with gains of :data:`GAINS` multiplied; ``all`` for the feedback gains."""
+        every = factors.pop("all", 1.0)
+        gains = [
+            g * factors.get(name, 1.0) * (every if name in ("e", "integral", "v") else 1.0)
+            for name, g in zip(GAINS, self.gains, strict=True)
+        ]
+        return replace(self, gains=tuple(gains))
+
+    def matrices(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return A, B, C, D with inputs e, v, vr, ar and output u (before the dead time).
+
+        States: integral, filtered velocity, current loop, two of the notch; those not needed are left out.
+        """
+        k_e, k_i, k_v, k_vr, k_w, k_ar = self.gains
+        A, B = np.zeros((5, 5)), np.zeros((5, 4))
+        B[0] = [k_i, 0.0, k_w, 0.0]
+        keep = [0] if k_i != 0.0 or k_w != 0.0 else []
+        state, through = np.zeros(5), np.array([k_e, 0.0, k_vr, k_ar])
+        state[0] = 1.0
+        if self.velocity_lag > 0.0:
+            keep.append(1)
+            A[1, 1], B[1, 1] = -1.0 / self.velocity_lag, 1.0 / self.velocity_lag
+            state[1] = -k_v
+        else:
+            through[1] = -k_v
+        if self.output_lag > 0.0:
+            keep.append(2)
+            A[2], B[2] = state / self.output_lag, through / self.output_lag
+            A[2, 2] -= 1.0 / self.output_lag
+            state, through = np.eye(5)[2], np.zeros(4)
+        if self.notch[0] > 0.0:
+            keep += [3, 4]
+            w, zeros, poles = 2.0 * np.pi * self.notch[0], self.notch[1], self.notch[2]
+            # N = 1 + 2 (z1 - z2) w s / (s² + 2 z2 w s + w²), in controller form
+            A[3, 4], A[4, 3], A[4, 4] = 1.0, -(w**2), -2.0 * poles * w
+            A[4], B[4] = A[4] + state, through
+            state = state.copy()
+            state[4] += 2.0 * (zeros - poles) * w
+        return A[np.ix_(keep, keep)], B[keep], state[None, keep], through[None]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        values = asdict(self)
+        return {**values, "limit": self.limit if math.isfinite(self.limit) else None}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Return the controller that :meth:`to_dict` wrote."""
+        limit = values.get("limit")
+        known = {**values, "gains": tuple(values["gains"]), "notch": tuple(values["notch"])}
+        return cls(**{**known, "limit": math.inf if limit is None else float(limit)})

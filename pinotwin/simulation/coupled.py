@@ -1,0 +1,183 @@
+"""The coupled machine made ready for its kernel: controllers, plant and state as plain arrays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.loop.servo import Servo
+from pinotwin.simulation import coupled_kernel as kernel
+from pinotwin.simulation.state import Lookup, Record
+
+LONGEST = 2.5e-4
+"""Longest internal step [s]."""
+
+
+class Servos(NamedTuple):
+    """The controllers of all joints at one internal step.
+
+    Attributes:
+        kind: servo, ideal (follows its command) or passive, shape (nv,).
+        gains: shape (nv, 6).
+        see: what the velocity filter moves in a step, shape (nv,).
+        lag: what the current loop moves in a step, shape (nv,).
+        notched: 1 where there is a notch, shape (nv,).
+        notch: b0, b1, b2, a1, a2, shape (nv, 5).
+        whole: dead time in whole steps, shape (nv,).
+        part: and the rest of it, shape (nv,).
+        limit: largest effort, shape (nv,).
+        offset: what the integrator begins with; NaN for the weight that it carries, shape (nv,).
+    """
+
+    kind: Ints
+    gains: Floats
+    see: Floats
+    lag: Floats
+    notched: Ints
+    notch: Floats
+    whole: Ints
+    part: Floats
+    limit: Floats
+    offset: Floats
+
+
+class Coupled(NamedTuple):
+    """Where the coupled machine is; changed by the kernel. Shapes (nv,) unless said otherwise."""
+
+    q: Floats
+    v: Floats
+    a: Floats
+    e: Floats
+    u: Floats
+    w: Floats
+    act: Floats
+    seen: Floats
+    wound: Floats
+    out: Floats
+    past: Floats
+    late: Floats
+    at: Ints
+    pace: Floats
+    turn: Floats
+    low: Floats
+    high: Floats
+    bend: Floats
+    where: Floats
+    c: Floats
+    p: Floats
+    t: Floats
+    M: Floats
+    h: Floats
+    r: Floats
+    A: Floats
+    X: Floats
+    one: Floats
+
+
+def substeps(sampling: float, step: float | None = None) -> int:
+    """Return the internal steps a sample: friction is implicit, so that only the loops' speed counts."""
+    longest = LONGEST if step is None else step
+    return max(1, int(np.ceil(sampling / longest - 1e-9)))
+
+
+def servo_arrays(servos: Sequence[Servo | None], passive: Sequence[bool], h: float) -> Servos:
+    """Return the controllers of all joints at the internal step h; None for a joint without one."""
+    n = len(servos)
+    out = Servos(
+        kind=np.full(n, kernel.IDEAL),
+        gains=np.zeros((n, 6)),
+        see=np.ones(n),
+        lag=np.ones(n),
+        notched=np.zeros(n, dtype=np.int64),
+        notch=np.zeros((n, 5)),
+        whole=np.zeros(n, dtype=np.int64),
+        part=np.zeros(n),
+        limit=np.full(n, np.inf),
+        offset=np.full(n, np.nan),
+    )
+    for j, servo in enumerate(servos):
+        if passive[j]:
+            out.kind[j] = kernel.PASSIVE
+        if servo is None:
+            continue
+        out.kind[j] = kernel.SERVO
+        out.gains[j] = servo.gains
+        out.see[j] = _share(servo.velocity_lag - 0.5 * h, h)
+        out.lag[j] = _share(servo.output_lag, h)
+        if servo.notch[0] > 0.0:
+            out.notched[j] = 1
+            out.notch[j] = biquad(servo.notch, h)
+        steps = max(servo.dead, 0.0) / h
+        out.whole[j] = int(steps)
+        out.part[j] = steps - int(steps)
+        out.limit[j] = servo.limit
+        out.offset[j] = servo.offset if servo.form == "proportional" else np.nan
+    return out
+
+
+def _share(lag: float, h: float) -> float:
+    """Return what a lag moves in a step; the velocity of the kernel is half a step late in itself."""
+    return 1.0 - math.exp(-h / lag) if lag > 0.02 * h else 1.0
+
+
+def biquad(notch: tuple[float, float, float], h: float) -> Floats:
+    """Return b0, b1, b2, a1, a2 of a notch by the bilinear map, exact at its frequency."""
+    t = math.tan(min(math.pi * notch[0] * h, 1.5))
+    zeros, poles = notch[1], notch[2]
+    a0 = 1.0 + 2.0 * poles * t + t * t
+    middle = 2.0 * (t * t - 1.0) / a0
+    first, last = 1.0 + 2.0 * zeros * t + t * t, 1.0 - 2.0 * zeros * t + t * t
+    return np.array([first / a0, middle, last / a0, middle, (1.0 - 2.0 * poles * t + t * t) / a0])
+
+
+def state(servos: Servos, tape_size: int, start: Floats, tables: Lookup) -> Coupled:
+    """Return a machine at rest at zero."""
+    nv, z = len(servos.kind), np.zeros
+    t = z(tape_size)
+    t[: len(start)] = start
+    dry = len(tables.directions)
+    return Coupled(
+        q=z(nv),
+        v=z(nv),
+        a=z(nv),
+        e=z(nv),
+        u=z(nv),
+        w=z(nv),
+        act=z(nv),
+        seen=z(nv),
+        wound=z(nv),
+        out=z(nv),
+        past=z((nv, 2)),
+        late=z((nv, int(servos.whole.max(initial=0)) + 2)),
+        at=np.zeros(1, dtype=np.int64),
+        pace=z(nv),
+        turn=z(dry),
+        low=z(dry),
+        high=z(dry),
+        bend=z((len(tables.slips), tables.give.shape[1] + 1)),
+        where=z(len(tables.slips)),
+        c=z((3, nv)),
+        p=z((4, nv)),
+        t=t,
+        M=z((nv, nv)),
+        h=z(nv),
+        r=z(nv),
+        A=z((nv, nv)),
+        X=z((nv, nv)),
+        one=z(3),
+    )
+
+
+def records(n: int, nv: int, full: bool) -> Record:
+    """Return arrays for the results."""
+    rows = n if full else 0
+    q, e, u = (np.zeros((n, nv)) for _ in range(3))
+    v, a, d = (np.zeros((rows, nv)) for _ in range(3))
+    return Record(q, e, u, v, a, d)
+
+
+__all__ = ["LONGEST", "Coupled", "Servos", "records", "servo_arrays", "state", "substeps"]

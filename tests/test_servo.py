@@ -1,0 +1,238 @@
+"""The coupled loop: law, kernels, search. The truths here are simulated or written out, none is fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pinotwin as pt
+from pinotwin.identification.coupled import axis_problem, command_velocity, own_friction
+from pinotwin.identification.servo import AxisProblem, find, misfit
+from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
+from pinotwin.loop import Controller, Servo, close, couple
+from pinotwin.simulation import simulate
+from pinotwin.simulation.coupled import biquad
+from pinotwin.simulation.plant import plant_of
+from pinotwin.simulation.tables import tabulate
+from pinotwin.virtual import VirtualMachine, random_trajectory
+from pinotwin.virtual.random_machine import write_random_machine
+from tests.simulated import known_twin, plain_machine, smooth_command
+from tests.slide import slide
+
+M, B = 40.0, 60.0
+
+
+def cascade(kp=60.0, kv=5000.0, rate=40.0, ffv=0.93, ffa=30.0, **shapes) -> Servo:
+    gains = (kv * (kp + rate), kv * kp * rate, kv, kv * ffv, kv * rate * (ffv - 1.0), ffa)
+    return Servo(gains, **shapes)
+
+
+def single(log: Log, servo: Servo, friction: float = 15.0) -> AxisProblem:
+    """One axis of M, B and a Coulomb level, its windows on a command; measured channels are still empty."""
+    machine = plain_machine("trunnion")
+    effects = [(e, np.array([friction])) for e in machine.axes["Y"].effects if e.name == "coulomb"]
+    top = np.array([1.0, 1.0, 1.0])
+    tables = own_friction(tabulate(machine, effects, np.array([-top, top]), top).lookup(), 0)
+    t, qr = log.t, log["Y.qr"]
+    step = float(t[1] - t[0])
+    n = len(t) // 3
+    windows = tuple(slice(k * n, (k + 1) * n) for k in range(3))
+    zero = np.zeros(len(t))
+    return AxisProblem(step, qr, np.gradient(qr, step), qr, zero, zero, zero, M, B, tables, windows)
+
+
+def with_measurement(problem: AxisProblem, servo: Servo, rng, noise: float) -> AxisProblem:
+    """Fill in what the axis would have shown, from one long run, with noise on the effort and the position."""
+    whole = replace(problem, windows=(slice(0, len(problem.qr)),))
+    y = whole.response(servo)
+    assert y is not None
+    e, u = np.zeros(len(problem.qr)), np.zeros(len(problem.qr))
+    e[problem.skip :], u[problem.skip :] = y.T
+    q = problem.qr - e
+    v = np.gradient(q, problem.step)
+    q = np.round(q / 1e-7) * 1e-7
+    u = u + noise * np.std(u) * rng.normal(size=len(u))
+    found = replace(problem, q=q, v=v, u=u, windows=problem.windows[1:])
+    return replace(found, sizes=np.sqrt(np.mean(found.measured() ** 2, axis=0)))
+
+
+def test_the_law_of_a_cascade_is_that_of_its_named_gains():
+    servo = cascade()
+    named = servo.cascade()
+    for name, value in (
+        ("kp", 60.0),
+        ("kv", 5000.0),
+        ("rate", 40.0),
+        ("ffv", 0.93),
+        ("ffa", 30.0),
+        ("weight", 1.0),
+    ):
+        assert named[name] == pytest.approx(value, rel=1e-9)
+    other = couple(Controller("p_pi", 60.0, 5000.0, 40.0, ffv=0.93, ffa=30.0), M, B, hold=False)
+    loop = close(servo, M, B)
+    assert np.sort_complex(loop.poles) == pytest.approx(np.sort_complex(other.poles), rel=1e-9)
+    for y in ("e", "u"):
+        for x in ("d", "qr"):
+            s = 2j * np.pi * 7.0
+            a, b = (np.divide(*(np.polyval(p, s) for p in m.numerator(y, x))) for m in (loop, other))
+            assert a == pytest.approx(b, rel=1e-9)
+
+
+SHAPES = ({}, {"velocity_lag": 4e-4, "output_lag": 2e-4, "dead": 3e-4}, {"notch": (110.0, 0.08, 0.6)})
+
+
+@pytest.mark.parametrize("shapes", SHAPES)
+def test_the_closed_loop_moves_the_known_mass(shapes):
+    """u - d = M a + B v, after the dead time: read from the transfer functions at several frequencies."""
+    servo = cascade(**shapes)
+    loop = close(servo, M, B)
+    for f in (1.0, 15.0, 80.0):
+        s = 2j * np.pi * f
+        e, u = (np.divide(*(np.polyval(p, s) for p in loop.numerator(y, "d"))) for y in "eu")
+        late = np.exp(-s * servo.dead)
+        assert u * late - 1.0 == pytest.approx(-(M * s**2 + B * s) * e, rel=2e-3)
+
+
+def test_the_notch_is_the_one_written_down():
+    h, (f, zeros, poles) = 1.25e-4, (90.0, 0.1, 0.6)
+    b = biquad((f, zeros, poles), h)
+    for at in (20.0, 90.0, 200.0):
+        z = np.exp(2j * np.pi * at * h)
+        found = (b[0] + b[1] / z + b[2] / z**2) / (1.0 + b[3] / z + b[4] / z**2)
+        s, w = 2j * np.pi * at, 2.0 * np.pi * f
+        truth = (s**2 + 2 * zeros * w * s + w**2) / (s**2 + 2 * poles * w * s + w**2)
+        assert found == pytest.approx(truth, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "rate", "within"),
+    [
+        ({"velocity_lag": 3e-4, "output_lag": 1.5e-4, "dead": 1e-4}, 500.0, 0.03),
+        ({"velocity_lag": 5e-4, "output_lag": 2e-4, "dead": 1e-4, "notch": (95.0, 0.08, 0.6)}, 250.0, 0.08),
+    ],
+)
+def test_gains_come_back_from_noisy_data(shapes, rate, within):
+    rng = np.random.default_rng(5)
+    servo = cascade(**shapes)
+    log = smooth_command(plain_machine("trunnion"), 12.0, rate)
+    problem = with_measurement(single(log, servo), servo, rng, 0.01)
+    found = find(problem)
+    assert found is not None
+    assert np.sqrt(np.sum(found.residual.reshape(-1, 2) ** 2, axis=0)) == pytest.approx(
+        [0.0, 0.01], abs=0.004
+    )
+    assert found.servo.gains[0] == pytest.approx(servo.gains[0], rel=within)
+    assert found.servo.gains[2] == pytest.approx(servo.gains[2], rel=within)
+    assert misfit(problem, found.servo) is not None
+
+
+def test_a_law_without_an_integral_is_found_as_such():
+    servo = Servo((3e5, 0.0, 5000.0, 100.0, 0.0, 0.0), velocity_lag=2e-4, form="proportional", offset=4.0)
+    log = smooth_command(plain_machine("trunnion"), 12.0, 1000.0)
+    found = find(with_measurement(single(log, servo), servo, np.random.default_rng(1), 0.01))
+    assert found is not None
+    assert found.servo.form == "proportional"
+    assert found.servo.gains[0] == pytest.approx(3e5, rel=0.02)
+    assert found.servo.offset == pytest.approx(4.0, abs=1.0)
+
+
+class TestKernels:
+    def test_one_axis_alone_and_in_a_machine_step_alike(self, tmp_path):
+        """The scalar kernel against the general one, on a machine of one axis with dry friction."""
+        folder = slide(tmp_path)
+        machine, virtual = pt.Machine.load(folder), VirtualMachine.load(folder)
+        log = virtual.record(random_trajectory(virtual, 4.0, 1), seed=1).to_log()
+        twin = pt.identify(machine, log)
+        raw = prepare(machine, log, cutoff=0.0, decimate=1)
+        vr = command_velocity(raw)
+        problem = axis_problem(twin, raw, raw, vr, np.zeros(len(raw)), plant_of(twin, raw.qr, vr), "X")
+        rows = np.concatenate([np.arange(s.start, s.stop) for s in raw.segments])
+        asked = Log({"t": log.t[rows], "X.qr": log["X.qr"][rows]}, "command")
+        said = simulate(twin, asked, controller="coupled")
+        whole = replace(
+            problem,
+            windows=(slice(rows[0], rows[-1] + 1),),
+            q=raw.qr[:, 0] - said["X.e"][0],
+            v=vr[:, 0],
+            u=np.full(len(raw), said["X.u"][0]),
+        )
+        y = whole.response(twin.servos["X"])
+        for k, name in enumerate(("X.e", "X.u")):
+            x = said[name][whole.skip :]
+            assert np.sqrt(np.mean((y[:, k] - x) ** 2)) < 1e-6 * np.sqrt(np.mean(x**2))
+
+    def test_an_axis_at_rest_holds_and_the_integrator_winds_up(self):
+        """An error smaller than what breaks friction loose stays as it is; the effort grows by k_i e t."""
+        t = np.arange(4001) / 4000.0
+        command = np.where(t > 0.9, 0.1, 0.0)  # moves after the window
+        servo = cascade(kp=5.0, rate=2.0)
+        problem = single(Log({"t": t, "Y.qr": command}, "rest"), servo)
+        held = replace(problem, vr=0.0 * t, q=np.full(len(t), -1e-6), windows=(slice(0, 3600),))
+        y = held.response(servo)
+        e, u = y.T
+        assert np.ptp(e) == 0.0
+        growth = (u[-1] - u[0]) / (servo.gains[1] * 1e-6 * (t[3599] - t[held.skip]))
+        assert growth == pytest.approx(1.0, rel=1e-3)
+
+    def test_saturation_stops_the_integrator(self):
+        log = smooth_command(plain_machine("trunnion"), 3.0, 1000.0)
+        free = single(log, cascade())
+        y = free.response(cascade())
+        limit = 0.5 * float(np.abs(y[:, 1]).max())
+        limited = free.response(cascade(limit=limit, output_lag=1e-4))
+        assert limited is None or np.abs(limited[:, 1]).max() <= limit * (1 + 1e-9)
+
+    def test_any_gains_keep_the_energy_of_friction_down(self):
+        """Twenty random axes with large dry friction: none chatters, at 4 kHz, whatever the Coulomb level."""
+        rng = np.random.default_rng(0)
+        log = smooth_command(plain_machine("trunnion"), 2.0, 500.0)
+        for _ in range(20):
+            w = 2 * np.pi * rng.uniform(3.0, 12.0)
+            ffv, ffa = rng.uniform(0.0, 1.0), M * rng.uniform(0.0, 1.0)
+            servo = cascade(kp=0.8 * w, kv=2.4 * w * M, rate=0.6 * w, ffv=ffv, ffa=ffa)
+            y = single(log, servo, friction=float(10.0 ** rng.uniform(0.0, 2.5))).response(servo)
+            assert y is not None
+            assert np.isfinite(y).all()
+
+
+def test_a_twin_knows_how_it_is_simulated():
+    """Coupled and grey differ only in how friction turns: over a width there, stuck and loose here."""
+    twin = known_twin(plain_machine("trunnion"))
+    log = smooth_command(twin.machine, 1.0, 500.0)
+    names = ("kp", "kv", "ffv", "ffa")
+    laws = {axis: {k: getattr(law, k) for k in names} for axis, law in twin.controllers.items()}
+    servos = {a: cascade(**laws[a], rate=law.integral) for a, law in twin.controllers.items()}
+    said, grey = (simulate(twin, log, controller=c) for c in (servos, "grey"))
+    for name in twin.machine.axes:
+        x, y = said[f"{name}.u"], grey[f"{name}.u"]
+        assert np.sqrt(np.mean((x - y) ** 2) / np.mean(y**2)) < 0.1
+    with pytest.raises(pt.errors.TwinError, match="no controllers"):
+        simulate(twin, log, controller="coupled")
+    servo = cascade(notch=(80.0, 0.1, 0.6), dead=1e-4, limit=300.0)
+    assert Servo.from_dict(servo.to_dict()) == servo
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_no_random_machine_leaves_its_command(tmp_path, seed):
+    folder = write_random_machine(tmp_path / "machine", seed)
+    virtual = VirtualMachine.load(folder)
+    logs = [virtual.record(random_trajectory(virtual, 8.0, path), seed=path).to_log() for path in (1, 2)]
+    twin = pt.identify(pt.Machine.load(folder), logs[0])
+    said = twin.simulate(logs[1])
+    for name in twin.machine.axes:
+        travel = float(np.ptp(logs[1][f"{name}.qr"]))
+        assert np.abs(said[f"{name}.e"]).max() < 0.05 * travel
+        assert np.isfinite(said[f"{name}.u"]).all()
+
+
+def test_a_slow_log_gets_no_loop_and_one_line(tmp_path):
+    virtual = VirtualMachine.load(slide(tmp_path))
+    log = virtual.record(random_trajectory(virtual, 60.0, 1), seed=1).to_log()
+    every = round(1.0 / 10.0 / float(np.median(np.diff(log.t))))
+    slow = Log({name: x[::every] for name, x in log.channels.items()}, "slow")
+    twin = pt.identify(pt.Machine.load(slide(tmp_path)), slow)
+    assert not twin.loops
+    assert sum("Hz, at least" in line for line in twin.quality["warnings"]) == 1
