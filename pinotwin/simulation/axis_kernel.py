@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.leaf import leaf
+from pinotwin.dynamics.stepping import leaf
 
 
 class Axis(NamedTuple):

@@ -17,8 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinotwin.dynamics.leaf import leaf
-from pinotwin.dynamics.stepping import gather, replay
+from pinotwin.dynamics.stepping import gather, leaf, replay
 from pinotwin.simulation.axis_kernel import bend, level_at
 from pinotwin.simulation.kernel import _command, _cubic
 from pinotwin.simulation.lookup import along
