@@ -26,7 +26,7 @@ from pinotwin.simulation import axis_kernel, coupled
 from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.state import Lookup
 
-FINE = 2.5e-4
+FINE = 5e-4
 """Clock of the law's columns and of the simulated axis [s], or the log's where that is finer."""
 SKIP = 0.25
 """Beginning of a window that is not compared: its state was measured, with noise [s]."""
@@ -80,12 +80,13 @@ class AxisProblem:
     viscous: float
     tables: Lookup
     windows: tuple[slice, ...]
+    fine: float = FINE
     sizes: Floats = field(default_factory=lambda: np.ones(2))
 
     @property
     def substeps(self) -> int:
         """Internal steps a sample."""
-        return max(1, int(np.ceil(self.step / FINE - 1e-9)))
+        return max(1, int(np.ceil(self.step / self.fine - 1e-9)))
 
     @property
     def skip(self) -> int:

@@ -120,8 +120,8 @@ def servo_arrays(servos: Sequence[Servo | None], passive: Sequence[bool], h: flo
 
 
 def _share(lag: float, h: float) -> float:
-    """Return what a lag moves in a step; the velocity of the kernel is half a step late in itself."""
-    return 1.0 - math.exp(-h / lag) if lag > 0.02 * h else 1.0
+    """Return what a lag moves in a step: y += a (x - y) is (1 - a) / a steps late at low frequencies."""
+    return h / (h + lag) if lag > 0.0 else 1.0
 
 
 def biquad(notch: tuple[float, float, float], h: float) -> Floats:
