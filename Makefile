@@ -38,5 +38,7 @@ benchmarks: setup
 clean:
 	rm -rf $(VENV) build dist *.egg-info out
 
+# Writes site/index.html; needs no network.
 docs: setup
 	$(BIN)/python docs/generate_effects.py
+	$(BIN)/python -m mkdocs build --strict --quiet

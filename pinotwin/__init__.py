@@ -31,6 +31,7 @@ _HOME = {
     "export_twin": "pinotwin.export",
     "identify": "pinotwin.identification",
     "machines": "pinotwin.machine",
+    "new": "pinotwin.scaffold",
     "prepare": "pinotwin.logs.prepare",
     "read": "pinotwin.logs.files",
     "reconstruct_vibration": "pinotwin.reconstruction",
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from pinotwin.machine import machines as machines
     from pinotwin.motion import Motion as Motion
     from pinotwin.reconstruction import reconstruct_vibration as reconstruct_vibration
+    from pinotwin.scaffold import new as new
     from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin
 

@@ -75,3 +75,43 @@ def test_readme_lists_every_command_and_machine():
     machine_page = (ROOT / "docs" / "machine.md").read_text(encoding="utf-8")
     for name in pt.machines():
         assert f"`{name}`" in machine_page
+
+
+def test_the_site_builds_without_a_warning(tmp_path, monkeypatch):
+    import logging
+
+    pytest.importorskip("material")
+    from mkdocs.commands.build import build
+    from mkdocs.config import load_config
+
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("NO_MKDOCS_2_WARNING", "1")
+    config = load_config(str(ROOT / "mkdocs.yml"), site_dir=str(tmp_path / "site"), strict=True)
+    heard = []
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = heard.append
+    logging.getLogger("mkdocs").addHandler(handler)
+    try:
+        config.plugins.on_startup(command="build", dirty=False)
+        build(config)
+    finally:
+        logging.getLogger("mkdocs").removeHandler(handler)
+        config.plugins.on_shutdown()
+    assert [record.getMessage() for record in heard] == []
+    written = {path.stem for path in (tmp_path / "site").glob("*.html")}
+    assert {page.stem for page in PAGES if page.name != "README.md"} <= written
+    assert "fonts.googleapis" not in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    api = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
+    assert "Read a recording" in api
+
+
+def test_every_page_is_in_the_navigation():
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    for page in PAGES:
+        assert page.name == "README.md" or page.name in text, page.name
+
+
+def test_commands_page_lists_every_command():
+    text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    for command in COMMANDS:
+        assert f"pinotwin {command}" in text

@@ -325,20 +325,19 @@ def _position(table: _Table, axis: str) -> Floats | None:
 
 
 def _missing(table: _Table) -> list[str]:
-    out = []
+    """Say which signals of the axes that the log holds were not found."""
+    lacking: dict[str, list[str]] = {"q": [], "u": [], "qr": []}
     for axis in table.axes:
-        held = {s for s in ("q", "qr", "u") if f"{axis}.{s}" in table.taken or f"{axis}.{s}" in table.named}
-        if not held:
-            continue
-        if "q" not in held:
-            out.append(f"{axis}.q: no column found for the position; add it under `columns`")
-        if "u" not in held:
-            out.append(
-                f"{axis}.u: no column found for the effort; without it nothing of {axis} is identified"
-            )
-        if "qr" not in held:
-            out.append(f"{axis}.qr: no command found; the plant is still identified, the closed loop is not")
-    return out
+        held = {s for s in lacking if f"{axis}.{s}" in table.taken or f"{axis}.{s}" in table.named}
+        for signal in lacking if held else ():
+            if signal not in held:
+                lacking[signal].append(f"{axis}.{signal}")
+    means = {
+        "q": "no column found for the position; add it under `columns`",
+        "u": "no column found for the effort; without it nothing of the axis is identified",
+        "qr": "no command found; the plant is still identified, the closed loop is not",
+    }
+    return [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
 
 
 def _quoted(text: str) -> str:
