@@ -1,0 +1,21 @@
+"""05: the same for a Panda: seven joints in the bag, fingers that are not, held at zero and said to be.
+
+Run: .venv/bin/python examples/05_panda.py.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+
+def main(seconds: float = 30.0) -> dict[str, float]:
+    """Return per axis the RMS error over the RMS effort on a bag that was not fitted."""
+    return importlib.import_module("04_ur10_from_a_ros_bag").main("panda", seconds, joints=7)
+
+
+if __name__ == "__main__":
+    main()

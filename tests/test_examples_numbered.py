@@ -1,0 +1,94 @@
+"""Examples 01 to 10 and the notebook run, and say what the docs say of them."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from pinotwin.machine.bundled import robots
+from tests.conftest import ROOT
+
+EXAMPLES = ROOT / "examples"
+
+
+def run(name: str, **options: object) -> object:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.main(**options)
+
+
+def test_there_are_ten_and_each_fits_on_two_screens() -> None:
+    numbered = sorted(EXAMPLES.glob("[01][0-9]_*.py"))
+    assert [int(path.name[:2]) for path in numbered] == list(range(1, 11))
+    for path in numbered:
+        assert len(path.read_text(encoding="utf-8").splitlines()) <= 110, path.name
+
+
+def test_01_a_vendors_file() -> None:
+    guessed = run("01_vendor_file", seconds=6.0)
+    assert guessed == {"t": "Zeit", "X.qr": "s soll X", "X.q": "s ist X", "X.u": "I X"}
+
+
+def test_02_check() -> None:
+    known, said = run("02_check", seconds=6.0)
+    assert known >= 9
+    assert any("looks like mm" in text for text in said)
+
+
+def test_03_identify_and_predict() -> None:
+    errors = run("03_identify_and_predict", seconds=10.0)
+    assert errors["e"] < 0.02
+    assert errors["u"] < 0.12
+
+
+@pytest.mark.parametrize(("name", "joints"), [("04_ur10_from_a_ros_bag", 6), ("05_panda", 7)])
+def test_04_05_robots_from_bags(name: str, joints: int) -> None:
+    if not {"ur10", "panda"} <= set(robots()):
+        pytest.skip("example-robot-data is not installed")
+    errors = run(name, seconds=20.0)
+    assert len(errors) == joints
+    assert max(errors.values()) < 0.12
+    assert min(errors.values()) < 0.02
+
+
+def test_06_a_fault_is_diagnosed(capsys: pytest.CaptureFixture[str]) -> None:
+    found = run("06_diagnose_a_fault", seconds=10.0)
+    assert found.verdict != "none"
+    assert "gap" in capsys.readouterr().out
+
+
+def test_07_what_dry_friction_is_worth() -> None:
+    complete, without = run("07_withhold_an_effect", seconds=8.0)
+    assert without > 2.0 * complete
+
+
+def test_08_the_file_is_the_twin() -> None:
+    assert run("08_leave_the_tool", seconds=8.0) < 0.01
+
+
+def test_09_modes() -> None:
+    found = run("09_modes")
+    assert found["held"] == pytest.approx(20.0, rel=0.1)  # measured by the source with the motors held
+    assert found["free"] > found["held"]
+
+
+def test_10_tracking_error_by_cause() -> None:
+    parts = run("10_tracking_error_by_cause", seconds=8.0)
+    assert len(parts) >= 3
+    assert all(size >= 0.0 for size in parts.values())
+    assert max(parts.values()) > 1e-6
+
+
+def test_the_notebook_runs(tmp_path: Path) -> None:
+    nbclient = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    notebook = nbformat.read(EXAMPLES / "drive.ipynb", as_version=4)
+    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    outputs = [out for cell in notebook.cells if cell.cell_type == "code" for out in cell.outputs]
+    text = " ".join(out.get("text", "") for out in outputs)
+    assert "of its RMS" in text
+    share = float(text.split("within ")[1].split("%")[0])
+    assert share < 15.0
