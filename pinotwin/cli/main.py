@@ -23,6 +23,7 @@ COMMANDS: dict[str, str] = {
     "identify": "find the machine's model in its logs and save it as a twin",
     "simulate": "predict position, tracking error and effort from the command alone",
     "diagnose": "say where a log and its model differ, which effect is missing, how far it shrinks",
+    "study": "how much data, which coupling, which effect matters: the source's studies",
     "blind": "score the diagnosis on machines whose effect is withheld",
     "vibration": "reconstruct the vibration of a passive joint from servo and IMU logs",
     "record": "record field data from a virtual machine",
