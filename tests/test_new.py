@@ -247,3 +247,16 @@ def test_an_existing_machine_is_not_overwritten(tmp_path: Path) -> None:
         new("XY", out=tmp_path / "m")
     with pytest.raises(MachineError, match="twice"):
         new("XX", out=tmp_path / "n")
+
+
+@pytest.mark.parametrize("kind", ["sinumerik", "halsampler"])
+def test_two_commands_from_a_raw_file_to_a_diagnosis(
+    tmp_path: Path, exports: dict[str, Path], kind: str
+) -> None:
+    # neither file has a time column: one states a sample time, of the other the rate is given
+    rate = ["--rate", "250"] if kind == "halsampler" else []
+    assert main(["new", "0-YA", str(exports[kind]), "--out", str(tmp_path / "mill"), *rate]) == 0
+    out = tmp_path / "result"
+    assert main(["diagnose", str(tmp_path / "mill"), str(exports[kind]), "--quick", "--out", str(out)]) == 0
+    assert {"diagnosis.json", "report.html"} <= {path.name for path in out.iterdir()}
+    assert set(json.loads((out / "diagnosis.json").read_text())["gap"]) == {"Y", "A"}

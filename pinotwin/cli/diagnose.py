@@ -46,11 +46,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, save, and say what was found, the verdict first."""
     from pinotwin.diagnosis import diagnose
+    from pinotwin.logs.columns import bind
     from pinotwin.report import diagnosis_report
 
     subject = load_subject(args.subject)
-    logs = read_logs(args.logs)
-    validate = read_logs(args.validate)
+    # bound here, so that nothing further down meets a controller's own names
+    columns = machine_of(subject).columns
+    logs = [bind(log, columns) for log in read_logs(args.logs)]
+    validate = [bind(log, columns) for log in read_logs(args.validate)]
     with progress() as report:
         found = diagnose(
             subject,
@@ -84,6 +87,13 @@ def load_subject(path: str) -> Machine | Twin:
     return Machine.load(path)
 
 
+def machine_of(subject: Machine | Twin) -> Machine:
+    """Return the machine of a twin, or the machine itself."""
+    from pinotwin.twin import Twin
+
+    return subject.machine if isinstance(subject, Twin) else subject
+
+
 def write(found: Diagnosis, folder: Path) -> None:
     """Write diagnosis.json, the extended machine, and the advised commands."""
     import numpy as np
@@ -103,11 +113,10 @@ def write_view(
 
     Returns what went wrong with the picture, one line each: it never costs the diagnosis.
     """
-    from pinotwin.twin import Twin
     from pinotwin.viewer import missing_meshes, save_html
     from pinotwin.viewer.gap import gap_scene
 
-    machine = with_meshes(subject.machine if isinstance(subject, Twin) else subject, meshes)
+    machine = with_meshes(machine_of(subject), meshes)
     try:
         save_html(folder / "machine.html", gap_scene(found, machine.with_rigid_joints(), log))
     except (PinotwinError, ValueError, RuntimeError, KeyError, IndexError, OSError) as error:
