@@ -26,6 +26,7 @@ COMMANDS: dict[str, str] = {
     "study": "how much data, which coupling, which effect matters: the source's studies",
     "blind": "score the diagnosis on machines whose effect is withheld",
     "vibration": "reconstruct the vibration of a passive joint from servo and IMU logs",
+    "orientation": "find the orientation of an IMU over time from its log alone",
     "record": "record field data from a virtual machine",
     "view": "show a machine in the browser, or as one self-contained page",
     "export": "write a twin for other tools: URDF, MuJoCo, NumPy or C",

@@ -8,13 +8,16 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, nearest
+from pinotwin.imu import rotation as rot
 from pinotwin.imu.ekf import ekf
 from pinotwin.imu.offline import offline_orientation
 
 Method = Literal["ekf", "smoother", "vqf", "offline"]
 
 
-def orientation(gyr: Floats, acc: Floats, rate: float, method: Method = "offline") -> Floats:
+def orientation(
+    gyr: Floats, acc: Floats, rate: float, method: Method = "offline", *, rule: rot.Rule = "mean"
+) -> Floats:
     """Return quaternions (n, 4), sensor to earth (z up), heading as at the start.
 
     Args:
@@ -23,6 +26,9 @@ def orientation(gyr: Floats, acc: Floats, rate: float, method: Method = "offline
         rate: sampling rate [Hz].
         method: "ekf" the adaptive filter (thesis Fig. 6-5), "smoother" its two-way form, "vqf" the
             offline VQF of its authors' package as a reference, "offline" ours for whole records.
+        rule: what the gyro's samples are, see :func:`pinotwin.imu.rotation.increments`; means over the
+            interval that ends at the stamp, as sensors deliver them, or instantaneous rates, as they are
+            after an interpolation. VQF knows means only: it is given those of the interpolated rate.
 
     Raises:
         DataError: arrays that do not fit, that are not finite, or an unknown method.
@@ -33,12 +39,14 @@ def orientation(gyr: Floats, acc: Floats, rate: float, method: Method = "offline
     if not (np.isfinite(gyr).all() and np.isfinite(acc).all()):
         raise DataError("gyr or acc holds NaN or infinity; fill the holes first")
     if method == "offline":
-        return offline_orientation(gyr, acc, rate)
+        return offline_orientation(gyr, acc, rate, rule=rule)
     if method in ("ekf", "smoother"):
-        return ekf(gyr, acc, rate, smooth=method == "smoother").q
+        return ekf(gyr, acc, rate, smooth=method == "smoother", rule=rule).q
     if method == "vqf":
         from vqf import offlineVQF
 
-        return np.asarray(offlineVQF(gyr, acc, None, 1.0 / rate)["quat6D"])
+        if rule != "mean":
+            gyr = np.concatenate([gyr[:1], rot.increments(gyr, 1.0 / rate, rule) * rate])
+        return np.asarray(offlineVQF(np.ascontiguousarray(gyr), acc, None, 1.0 / rate)["quat6D"])
     known = ("ekf", "smoother", "vqf", "offline")
     raise DataError(f"unknown method {method!r}; {nearest(method, known)}")

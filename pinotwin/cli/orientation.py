@@ -1,0 +1,52 @@
+"""``pinotwin orientation IMULOG --out ORIENTATION.csv``."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from pinotwin.cli.inputs import read_logs
+from pinotwin.cli.output import add_common, say, write_json
+
+_METHODS = ("offline", "vqf", "smoother", "ekf")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("log", metavar="IMULOG", help="t, gx gy gz [rad/s], ax ay az [m/s²], or with units")
+    parser.add_argument(
+        "--method",
+        choices=_METHODS,
+        default="offline",
+        help="offline: smoother over the whole record (default); vqf; smoother or ekf: adaptive Kalman filter",
+    )
+    add_common(parser, out="orientation over time (.csv or .parquet)", required=True, file=True)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Find the orientation, write it, and say how far the sensor was inclined."""
+    from pinotwin.errors import InputError
+    from pinotwin.logs.write import write_log
+    from pinotwin.reconstruction.orientation import orientation_of_log
+
+    if not str(args.out).endswith((".csv", ".parquet")):
+        raise InputError(f"--out: {args.out}: a log ends in .csv or .parquet")
+    (log,) = read_logs([args.log])
+    found = orientation_of_log(log, args.method)
+    write_log(args.out, found.channels())
+    low, high = (float(np.degrees(x)) for x in (found.inclination.min(), found.inclination.max()))
+    if args.json:
+        facts = {
+            "log": log.source,
+            "method": args.method,
+            "rows": len(found.t),
+            "rate": found.rate,
+            "missing": found.missing,
+            "inclination": {"min": low, "max": high, "unit": "deg"},
+        }
+        write_json(args.json, facts)
+    holes = f", {100 * found.missing:.2g} % interpolated over holes" if found.missing else ""
+    say(f"{log.source}: {len(found.t)} rows at {found.rate:.4g} Hz{holes}")
+    say(f"inclination of the sensor's z axis: {low:.2f} to {high:.2f} deg; quaternions written to {args.out}")
+    return 0

@@ -1,0 +1,77 @@
+"""The orientation of an IMU from its log alone: quaternion and inclination on an even clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import LogError
+from pinotwin.imu import rotation as rot
+from pinotwin.imu.orientation import Method, orientation
+from pinotwin.log import Log
+from pinotwin.reconstruction.sensor_log import imu_run
+
+_HOLE = 3.5  # sampling intervals: beyond, samples are missing
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """Where a sensor pointed.
+
+    Attributes:
+        t: time on the sensor's clock, even [s], shape (n,).
+        q: quaternions w, x, y, z from the sensor to the earth (z up), heading as at the start, (n, 4).
+        inclination: angle between the sensor's z axis and the vertical [rad], (n,).
+        rate: sampling rate [Hz].
+        missing: share of the samples that were interpolated over holes in the log.
+    """
+
+    t: Floats
+    q: Floats
+    inclination: Floats
+    rate: float
+    missing: float
+
+    def channels(self) -> dict[str, Floats]:
+        """Return ``t, qw, qx, qy, qz, inclination``."""
+        names = ("qw", "qx", "qy", "qz")
+        return {"t": self.t, **dict(zip(names, self.q.T, strict=True)), "inclination": self.inclination}
+
+
+def orientation_of_log(log: Log, method: Method = "offline") -> Orientation:
+    """Return the orientation over an IMU's log.
+
+    A log on an even clock is taken as the sensor's own means; one with jitter or holes is interpolated to
+    an even clock first, and its samples are then instantaneous rates.
+
+    Args:
+        log: ``t, gx, gy, gz, ax, ay, az``.
+        method: see :func:`pinotwin.imu.orientation.orientation`.
+
+    Raises:
+        LogError: a channel is missing, the clock runs backwards, or a hole is longer than a second.
+    """
+    run = imu_run(log)
+    gaps = np.diff(run.t)
+    step = float(np.median(gaps))
+    if np.any(gaps <= 0.0):
+        at = float(run.t[int(np.argmax(gaps <= 0.0))])
+        raise LogError(
+            f"{log.source}: t does not increase after {at:g} s; cut the log where its clock restarts"
+        )
+    if gaps.max() > max(1.0, _HOLE * step):
+        at = float(run.t[int(np.argmax(gaps))])
+        raise LogError(f"{log.source}: a hole of {gaps.max():.3g} s after {at:g} s; cut the log there")
+    if np.ptp(gaps) < 0.01 * step:
+        t, gyr, acc, missing = run.t, run.gyr, run.acc, 0.0
+        q = orientation(gyr, acc, 1.0 / step, method)
+    else:
+        t = np.arange(run.t[0], run.t[-1], step)
+        gyr, acc = (np.stack([np.interp(t, run.t, c) for c in x.T], axis=1) for x in (run.gyr, run.acc))
+        k = np.clip(np.searchsorted(run.t, t), 1, len(run.t) - 1)
+        missing = float(np.mean(gaps[k - 1] > _HOLE * step))
+        q = orientation(gyr, acc, 1.0 / step, method, rule="coning")
+    up = rot.to_matrix(q)[:, 2, 2]
+    return Orientation(t, q, np.arccos(np.clip(up, -1.0, 1.0)), 1.0 / step, missing)
