@@ -115,7 +115,7 @@ def friction_row(law: int) -> np.ndarray:
     return P
 
 
-@pytest.mark.parametrize("law", [c.LUGRE, c.GMS])
+@pytest.mark.parametrize("law", [c.LUGRE, c.GMS, c.ELASTOPLASTIC])
 def test_friction_reaches_its_steady_curve(law: int):
     P, extra = friction_row(law), np.zeros((2, 1))
     for v in (0.001, 0.01, 0.2, -0.001, -0.2):
@@ -126,7 +126,7 @@ def test_friction_reaches_its_steady_curve(law: int):
         assert force == pytest.approx(np.sign(v) * level + 20.0 * v, rel=1e-6)
 
 
-@pytest.mark.parametrize("law", [c.LUGRE, c.GMS])
+@pytest.mark.parametrize("law", [c.LUGRE, c.GMS, c.ELASTOPLASTIC])
 def test_friction_takes_energy_over_every_cycle(law: int):
     P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, 4)), 5e-5
     t = np.arange(0.0, 4.0, dt)
@@ -137,7 +137,7 @@ def test_friction_takes_energy_over_every_cycle(law: int):
         assert np.all(cycles[1:] > 0.0)
 
 
-@pytest.mark.parametrize("law", [c.LUGRE, c.GMS])
+@pytest.mark.parametrize("law", [c.LUGRE, c.GMS, c.ELASTOPLASTIC])
 def test_a_mass_under_a_load_below_breakaway_sticks(law: int):
     P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, 4)), 5e-5
     q = v = 0.0
@@ -153,9 +153,9 @@ def test_a_mass_under_a_load_below_breakaway_sticks(law: int):
     assert 0.0 < q < 1e-4
 
 
-def test_gms_does_not_creep_under_vibration_but_lugre_does():
+def test_lugre_alone_creeps_under_vibration():
     drift = []
-    for law in (c.LUGRE, c.GMS):
+    for law in (c.LUGRE, c.GMS, c.ELASTOPLASTIC):
         P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, 4)), 5e-5
         P[0, c.LEVEL_N] = 12.0
         q, v, marks = 0.0, 0.0, []
@@ -166,7 +166,7 @@ def test_gms_does_not_creep_under_vibration_but_lugre_does():
             if k in (20000, 76000):
                 marks.append(q)
         drift.append(abs(marks[1] - marks[0]))
-    assert drift[1] < 1e-9 < drift[0]
+    assert max(drift[1:]) < 1e-9 < drift[0]
 
 
 def test_the_integral_part_does_not_wind_up():

@@ -74,7 +74,9 @@ class Friction:
     """Friction that sticks.
 
     Attributes:
-        kind: ``lugre``, ``gms`` or ``none`` (viscous only).
+        kind: ``elastoplastic``, ``gms``, ``lugre`` or ``none`` (viscous only). LuGre creeps under any
+            vibration, that of its own encoder's steps too, which no machine does; it is there because much of
+            the literature uses it.
         coulomb: level at speed [N or N·m].
         static: breakaway over Coulomb level [-], 1 for no Stribeck effect.
         stribeck_speed: [m/s or rad/s].

@@ -27,7 +27,7 @@ STIFFNESS, DAMPING, HARDENING, SLIP_LEVEL, SLIP_STIFFNESS = range(5)
 N_SPRING = 5
 
 # Friction laws.
-NONE, LUGRE, GMS = range(3)
+NONE, LUGRE, GMS, ELASTOPLASTIC = range(4)
 
 MAX_DELAY = 64
 """Longest delay of a loop [control periods]."""

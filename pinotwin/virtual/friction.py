@@ -1,8 +1,12 @@
-"""Friction that sticks, as the plant feels it: LuGre and generalised Maxwell slip.
+"""Friction that sticks, as the plant feels it: LuGre, elasto-plastic and generalised Maxwell slip.
 
 LuGre (Canudas de Wit et al. 1995, doi:10.1109/9.376053): ``dz/dt = v - |v| s0 z / g(v)``,
 ``f = s0 z + s1 dz/dt``. Within one step of constant ``v`` the bristle has a closed form, so the
 update is exact at any stiffness and its force is the mean over the step.
+
+Elasto-plastic (Dupont et al. 2002, doi:10.1109/TAC.2002.1000274): ``dz/dt = v (1 - w z / z_s)``, z_s = g / s0,
+where w is 0 below the breakaway deflection 0.9 z_s and while the bristle is unloaded, and grows as half a
+sine to 1 at z_s: below breakaway it is a spring that nothing makes creep, at speed it is LuGre.
 
 GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel spring-slider elements, each
 slips at its share of ``g(v)``; unlike LuGre it does not creep under a load that never reaches
@@ -21,6 +25,7 @@ from pinotwin.virtual.jit import kernel
 # Slip levels and stiffnesses of the four elements, as shares of the whole.
 _LEVELS = (0.4, 0.3, 0.2, 0.1)
 _STIFF = (0.1, 0.2, 0.3, 0.4)
+_BREAKAWAY = 0.9  # of the steady deflection: below it an elasto-plastic bristle is a spring
 
 
 @kernel
@@ -57,6 +62,11 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
         new = steady + (old - steady) * np.exp(-abs(v) * s0 * dt / level)
         z[i, 0] = new
         return 0.5 * s0 * (old + new) + s1 * (new - old) / dt
+    if P[i, c.LAW] == c.ELASTOPLASTIC:
+        old = z[i, 0]
+        new = _elastoplastic(old, v, level / s0, dt)
+        z[i, 0] = new
+        return 0.5 * s0 * (old + new) + s1 * (new - old) / dt
     old = z[i, 0] + z[i, 1] + z[i, 2] + z[i, 3]
     new = 0.0
     for k in range(4):
@@ -68,13 +78,39 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _elastoplastic(old, v, most, dt):  # type: ignore[no-untyped-def]
+    """Return the deflection [m or rad] after a step of constant speed; ``most`` is the steady one.
+
+    The elastic part of the step is taken first, exactly; the rest with the weight w of its end.
+    """
+    way = v * dt
+    if way == 0.0:
+        return old
+    side = np.sign(way)
+    x = side * old  # deflection in the direction of motion
+    free = _BREAKAWAY * most - x
+    if abs(way) <= free:
+        return old + way
+    if free > 0.0:
+        x += free
+        way -= side * free
+    end = min(x + abs(way), most)
+    share = (end / most - _BREAKAWAY) / (1.0 - _BREAKAWAY)
+    w = 0.5 + 0.5 * np.sin(np.pi * (min(share, 1.0) - 0.5))
+    if w < 1e-9:
+        return side * end
+    steady = most / w
+    return side * min(steady + (x - steady) * np.exp(-abs(way) / steady), max(most, x))
+
+
+@kernel
 def steady_force(P, i, v, z):  # type: ignore[no-untyped-def]
     """Return the friction effort without the micro-damping of its bristles.
 
     What a drive transmits is taken with it: the damping answers a change of level within one step, and
     a level that follows the load would chase its own tail.
     """
-    held = P[i, c.BRISTLE] * z[i, 0] if P[i, c.LAW] == c.LUGRE else z[i].sum()
+    held = z[i].sum() if P[i, c.LAW] == c.GMS else P[i, c.BRISTLE] * z[i, 0]
     return held + P[i, c.VISCOUS] * v + P[i, c.QUADRATIC] * v * abs(v)
 
 

@@ -15,7 +15,7 @@ from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.structs import Axes
 from pinotwin.virtual.truth import Passive, Truth
 
-_LAWS = {"none": c.NONE, "lugre": c.LUGRE, "gms": c.GMS}
+_LAWS = {"none": c.NONE, "lugre": c.LUGRE, "gms": c.GMS, "elastoplastic": c.ELASTOPLASTIC}
 _GRID = 4096
 """Points of a position table: fine against any grid that an identification would choose."""
 
