@@ -8,7 +8,6 @@ deg/s and 7.33 deg/s² after 22 repeats; angles +-0.04 deg).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,28 +16,7 @@ from pinotwin.imu.baselines import baselines
 from pinotwin.imu.reconstruct import high_passed
 from pinotwin.imu.result import CORNER
 from pinotwin.imu.runs import Priors
-from pinotwin.reconstruction.result import Sensor, SensorRun
-
-
-@dataclass(frozen=True)
-class MethodRow:
-    """One method on the first run; RMS values, SI.
-
-    Attributes:
-        method: its name.
-        slow: of the angle below 0.5 Hz [rad]: drift, where a method integrates.
-        dynamic: of the angle above 0.5 Hz [rad].
-        velocity: [rad/s]. acceleration: [rad/s²].
-        differ: how much two IMUs differ in slow angle, dynamic angle, velocity, acceleration, (4,);
-            NaN for one IMU.
-    """
-
-    method: str
-    slow: float
-    dynamic: float
-    velocity: float
-    acceleration: float
-    differ: Floats
+from pinotwin.reconstruction.result import MethodRow, Sensor, SensorRun
 
 
 def methods(sensors: Sequence[Sensor], prior: Priors) -> tuple[MethodRow, ...]:

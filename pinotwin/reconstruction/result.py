@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +14,6 @@ from pinotwin.imu.runs import ImuRun
 from pinotwin.log import Log
 from pinotwin.logs.write import write_log
 from pinotwin.reconstruction.servo import Piece
-
-if TYPE_CHECKING:
-    from pinotwin.reconstruction.methods import MethodRow
-    from pinotwin.reconstruction.unused import Unused
 
 
 @dataclass(frozen=True)
@@ -86,6 +81,48 @@ class Sensor:
     runs: tuple[SensorRun, ...]
     sources: tuple[str, ...]
     nonlinear: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class MethodRow:
+    """One method on the first run; RMS values, SI.
+
+    Attributes:
+        method: its name.
+        slow: of the angle below 0.5 Hz [rad]: drift, where a method integrates.
+        dynamic: of the angle above 0.5 Hz [rad].
+        velocity: [rad/s]. acceleration: [rad/s²].
+        differ: how much two IMUs differ in slow angle, dynamic angle, velocity, acceleration, (4,);
+            NaN for one IMU.
+    """
+
+    method: str
+    slow: float
+    dynamic: float
+    velocity: float
+    acceleration: float
+    differ: Floats
+
+
+@dataclass(frozen=True)
+class Unused:
+    """What is left of an IMU's raw signals; RMS per axis and run [rad/s] and [m/s²].
+
+    Attributes:
+        fitted: the IMU that found the deflection. predicted: the one that was not used.
+        gyro: left with that deflection. gyro_rigid: without any deflection.
+        gyro_noise: standard deviation at rest; NaN where the log has no rest.
+        accel: the same of the accelerometer. accel_rigid, accel_noise: likewise.
+    """
+
+    fitted: str
+    predicted: str
+    gyro: float
+    gyro_rigid: float
+    gyro_noise: float
+    accel: float
+    accel_rigid: float
+    accel_noise: float
 
 
 @dataclass(frozen=True)

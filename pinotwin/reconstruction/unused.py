@@ -8,7 +8,7 @@ thousands of samples); the deflection comes from the other IMU alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,30 +16,9 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.imu.noise import rest
 from pinotwin.imu.result import predict_readings
 from pinotwin.imu.runs import Priors
-from pinotwin.reconstruction.result import Sensor, SensorRun
+from pinotwin.reconstruction.result import Sensor, SensorRun, Unused
 
 _WINDOW = 40  # samples
-
-
-@dataclass(frozen=True)
-class Unused:
-    """What is left of an IMU's raw signals; RMS per axis and run [rad/s] and [m/s²].
-
-    Attributes:
-        fitted: the IMU that found the deflection. predicted: the one that was not used.
-        gyro: left with that deflection. gyro_rigid: without any deflection.
-        gyro_noise: standard deviation at rest; NaN where the log has no rest.
-        accel: the same of the accelerometer. accel_rigid, accel_noise: likewise.
-    """
-
-    fitted: str
-    predicted: str
-    gyro: float
-    gyro_rigid: float
-    gyro_noise: float
-    accel: float
-    accel_rigid: float
-    accel_noise: float
 
 
 def unused(sensors: Sequence[Sensor], prior: Priors) -> tuple[Unused, ...]:
