@@ -16,7 +16,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
 
-CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "external", "model", "rigid", "mass")
+CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "ql", "external", "model", "rigid", "mass")
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,8 @@ class Motion:
         a: acceleration.
         u: motor effort [N or N·m]; NaN where the joint has no motor or no such channel.
         qr: command, or None where the log has none; likewise its derivatives ``vr`` and ``ar``.
+        ql: position measured at the load (linear scale, link encoder) [m or rad], NaN where the axis has no
+            such encoder; None where no axis has.
         external: joint effort of the logged external loads (J^T f), zero where none.
         model: effort of a twin's model in this motion, None outside of a twin. Effects that scale with
             effort (delay, effort_scale, saturation) take it from here, never from the measured effort,
@@ -87,6 +89,7 @@ class Motion:
     qr: Floats | None = None
     vr: Floats | None = None
     ar: Floats | None = None
+    ql: Floats | None = None
     external: Floats | None = None
     model: Floats | None = None
     rigid: Floats | None = None

@@ -225,7 +225,8 @@ def value(name: str, row: int, x: float) -> Callable[[Channels], Channels]:
 
 
 def holes(c: Channels) -> Channels:
-    c["X.q"][::15] = np.nan
+    for k in range(3):  # more in a row than are bridged
+        c["X.q"][k::15] = np.nan
     return c
 
 
@@ -245,11 +246,12 @@ LOGS: list[tuple[str, Callable[[Channels], Channels], tuple[str, ...]]] = [
     ("stamps all twice", changed("t", lambda t: np.repeat(t[::2], 2)), ("t: ", "repeated stamps")),
     ("clock jumps all the time", changed("t", lambda t: t % 0.02), ("t: ", "resample")),
     ("random stamps", changed("t", lambda t: np.sort(RNG.uniform(0, 4, len(t)))), ("irregular",)),
+    ("clock in ms", changed("t", lambda t: 1e3 * t), ("t: 0.5 samples a second", "unit: ms")),
     ("clock in ns", changed("t", lambda t: 1e9 * (t + 1.7e9)), ("t: ", "unit")),
     ("one row", lambda c: {k: x[:1] for k, x in c.items()}, ("single row",)),
     ("five rows", lambda c: {k: x[:5] for k, x in c.items()}, ("only 5 rows", "record longer")),
     ("twenty rows", lambda c: {k: x[:20] for k, x in c.items()}, ("record longer",)),
-    ("holes everywhere", holes, ("X.q: 134 of 2000 values are missing",)),
+    ("holes everywhere", holes, ("X.q: 402 of 2000 values are missing",)),
     ("nothing moves", every("q", np.zeros_like), ("no axis has both effort and motion",)),
     ("sentinel", value("X.q", 7, 1e30), ("X.q: 1e+30 in row 7", "no measurement")),
     ("overflow", value("X.u", 7, 1e300), ("X.u: 1e+300 in row 7", "no measurement")),
@@ -342,9 +344,6 @@ def test_several_logs_must_fit_together(
 ) -> None:
     machine, log = rig
     out = tmp_path / "out"
-    slow = write_log(tmp_path / "slow.csv", changed("t", lambda t: 2 * t)(good_log()))
-    said = ("log.csv at 500 Hz", "slow.csv at 250 Hz", "resample")
-    refused(capfd, out, said, "identify", machine, log, slow, "--out", out)
     half = {k: x[:1000] for k, x in good_log().items() if k[0] == "B"}
     other = write_log(tmp_path / "b.csv", half)
     said = ("different length", "log.csv 2000", "b.csv 1000")
@@ -460,7 +459,6 @@ DOUBTFUL: list[tuple[str, Callable[[Channels], Channels], str]] = [
     ("saturated", changed("X.u", lambda u: np.clip(u, -40, 40)), "X.u: saturated at -40"),
     ("degrees as rad", every("B.q", np.rad2deg), "outside the URDF's limits"),
     ("mm as m", every("X.q", lambda x: 1e3 * x), "looks like mm"),
-    ("clock in ms", changed("t", lambda t: 1e3 * t), "clock in ms"),
     ("clock jumps back", changed("t", lambda t: t - 3 * (t > 2)), "clock runs backward"),
     ("clock jumps ahead", changed("t", lambda t: t + 3600 * (t > 2)), "a jump of the clock?"),
     ("one infinite value", value("X.q", 700, np.inf), "X.q: 1 values missing, first in row 700"),

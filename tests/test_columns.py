@@ -110,7 +110,7 @@ def test_contract_names() -> None:
 
 
 _KEYS = "known: column, factor, offset, rate, unit"
-_SIGNALS = "known: a, e, fx, fy, fz, mx, my, mz, q, qr, temperature, u, v"
+_SIGNALS = "known: a, e, fx, fy, fz, mx, my, mz, q, ql, qr, temperature, u, v"
 
 BAD_MAPPINGS: list[tuple[object, str]] = [
     ([1], "columns must map channels to columns, not [1]"),

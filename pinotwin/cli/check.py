@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from pinotwin.cli.inputs import add_resample, resampled
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.writing import whole_folder, write_text
 
@@ -17,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
     parser.add_argument("log", nargs="?", help="servo log; a.csv+b.csv joins columns")
+    add_resample(parser)
     add_common(parser, out="folder for check.json and check.txt, what is printed")
 
 
@@ -26,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     from pinotwin.logs.files import read_argument
     from pinotwin.machine import Machine
 
-    machine = Machine.load(args.machine)
+    machine = resampled(Machine.load(args.machine), args.resample)
     log = None if args.log is None else read_argument(args.log)
     result = check(machine, log)
     lines = _lines(result)

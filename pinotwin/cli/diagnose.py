@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.inputs import add_meshes, read_logs, with_meshes
+from pinotwin.cli.inputs import add_meshes, add_resample, read_logs, resampled, with_meshes
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.errors import PinotwinError
@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOG",
         help="log that nothing is fitted to; the shrink is stated on it",
     )
+    add_resample(parser)
     parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
     parser.add_argument("--fail-on-gap", action="store_true", help="exit 1 unless the verdict is none")
     parser.add_argument("--seed", type=int, default=0, help="of the healthy draws (0)")
@@ -49,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from pinotwin.logs.columns import bind
     from pinotwin.report import diagnosis_report
 
-    subject = load_subject(args.subject)
+    subject = resampled(load_subject(args.subject), args.resample)
     # bound here, so that nothing further down meets a controller's own names
     columns = machine_of(subject).columns
     logs = [bind(log, columns) for log in read_logs(args.logs)]

@@ -3,19 +3,52 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from pinotwin.log import Log
     from pinotwin.machine import Machine
+    from pinotwin.twin import Twin
+
+
+Subject = TypeVar("Subject", bound="Machine | Twin")
 
 
 def add_preparation(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a log is prepared."""
     parser.add_argument("--cutoff", type=float, metavar="HZ", help="corner of the zero-phase low-pass")
     parser.add_argument("--decimate", type=int, metavar="N", help="fit one row in N")
+    add_resample(parser)
+
+
+def add_resample(parser: argparse.ArgumentParser) -> None:
+    """Add the option that puts logs on another clock."""
+    parser.add_argument(
+        "--resample", type=float, metavar="HZ", help="put the logs on an even clock of that rate"
+    )
+
+
+def resampled(subject: Subject, rate: float | None) -> Subject:
+    """Return the machine or twin whose logs are put on a clock of that rate [Hz]; None: as its YAML says."""
+    if rate is None:
+        return subject
+    from pinotwin.twin import Twin
+
+    machine = subject.machine if isinstance(subject, Twin) else subject
+    other = replace(machine, data=replace(machine.data, resample=_rate(rate)))
+    return replace(subject, machine=other) if isinstance(subject, Twin) else other  # type: ignore[return-value]
+
+
+def _rate(rate: float) -> float:
+    from pinotwin.errors import InputError
+
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise InputError(f"--resample: {rate:g} Hz must be above 0")
+    return rate
 
 
 def settings(args: argparse.Namespace) -> dict[str, Any]:
@@ -26,7 +59,8 @@ def settings(args: argparse.Namespace) -> dict[str, Any]:
         raise InputError(f"--cutoff: {args.cutoff:g} Hz must not be negative (0: no low-pass)")
     if args.decimate is not None and args.decimate < 1:
         raise InputError(f"--decimate: {args.decimate} must be at least 1")
-    return {"cutoff": args.cutoff, "decimate": args.decimate}
+    rate = None if args.resample is None else _rate(args.resample)
+    return {"cutoff": args.cutoff, "decimate": args.decimate, "resample": rate}
 
 
 def read_logs(arguments: Sequence[str]) -> list[Log]:

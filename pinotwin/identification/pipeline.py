@@ -39,6 +39,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     consistent: bool = True,
     cutoff: float | None = None,
     decimate: int | None = None,
+    resample: float | None = None,
     report: Callable[[str, float], None] | None = None,
 ) -> Twin:
     """Find the model of a machine in its logs.
@@ -53,6 +54,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         consistent: require inertias that a real body could have.
         cutoff: corner of the zero-phase low-pass [Hz]; chosen from the data when None.
         decimate: fit one row in so many; chosen from the corner when None.
+        resample: rate of the even clock to put the logs on [Hz]; theirs when None.
         report: called with the stage and the share done.
 
     Raises:
@@ -61,15 +63,13 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the log", 0.02)
-    machine.require_physical()
     logs = [log] if isinstance(log, Log) else list(log)
-    if not all(_sees_passive(machine, item) for item in logs):
-        machine = machine.with_rigid_joints()
+    machine = _as_logged(machine.require_physical(), logs, resample)
     motion = prepare(machine, logs, cutoff=cutoff, decimate=decimate)
     tell("fitting the plant", 0.1)
     plant = _plant(machine, motion, consistent and not machine.passive)
     tell("judging the plant", 0.4)
-    settings = {"cutoff": _finite(motion.cutoff) or 0.0, "decimate": motion.decimation}
+    settings = _settings(machine, motion)
     table = parameter_table(machine, plant)
     quality = _quality(machine, motion, plant)
     quality["at_bound"] = at_bounds(table)
@@ -90,6 +90,14 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     )
     twin = _with_loops(twin, motion, logs if loop and motion.qr is not None else [], tell)
     return replace(twin, misfit=misfit_of(twin, motion))
+
+
+def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) -> Machine:
+    """Return the machine as its logs show it: on the clock asked for, joints that nothing measured locked."""
+    if resample is not None:
+        machine = replace(machine, data=replace(machine.data, resample=resample))
+    seen = all(_sees_passive(machine, item) for item in logs)
+    return machine if seen else machine.with_rigid_joints()
 
 
 def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
@@ -125,6 +133,17 @@ def _sees_passive(machine: Machine, log: Log) -> bool:
 
 def _silent(stage: str, done: float) -> None:
     del stage, done
+
+
+def _settings(machine: Machine, motion: Motion) -> dict[str, Any]:
+    """Return the options of :func:`pinotwin.prepare` that prepare any log as these were."""
+    return {
+        "cutoff": _finite(motion.cutoff) or 0.0,
+        "decimate": motion.decimation,
+        "order": machine.data.order,
+        "resample": machine.data.resample,
+        "leave_out": [list(x) for x in machine.data.leave_out],
+    }
 
 
 def _finite(x: float) -> float | None:

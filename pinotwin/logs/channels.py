@@ -94,7 +94,7 @@ def stretches(machine: Machine, log: Log, shortest: int = SHORTEST) -> list[slic
 
 def _used(machine: Machine, log: Log) -> Iterator[str]:
     """Yield the channels whose numbers preparation uses."""
-    names = [f"{name}.{kind}" for name in machine.axes for kind in ("q", "u", "qr")]
+    names = [f"{name}.{kind}" for name in machine.axes for kind in ("q", "u", "qr", "ql")]
     names += [f"{name}.{kind}" for name in machine.passive for kind in ("q", "v", "a")]
     for name in [*(n for n in names if n in log), *_load_channels(log)]:
         if not np.isfinite(log[name]).any():
@@ -135,6 +135,21 @@ def joint_positions(machine: Machine, log: Log, kind: str) -> Floats:
         for name, part in machine.passive.items():
             if f"{name}.q" in log:
                 x[:, part.index] = np.nan_to_num(log[f"{name}.q"])
+    return x
+
+
+def load_positions(machine: Machine, log: Log) -> Floats | None:
+    """Return positions measured at the load, shape (n, nv), NaN where there is no such encoder; None without.
+
+    They are in the joint's units and on its side of the transmission; missing values are zero.
+    """
+    with_scale = [name for name in machine.axes if f"{name}.ql" in log]
+    if not with_scale:
+        return None
+    x = np.full((len(log), machine.nv), np.nan)
+    for name in with_scale:
+        axis = machine.axes[name]
+        x[:, axis.index] = np.nan_to_num(log[f"{name}.ql"]) + axis.zero
     return x
 
 

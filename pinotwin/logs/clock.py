@@ -29,6 +29,7 @@ BRIDGED = 2
 """Samples missing in a row that are bridged."""
 
 _JITTER = 0.02  # scatter of the intervals, in steps, from which the motion is asked
+_NO_CLOCK = 0.3  # share of intervals off by half a step or more, from which there is no clock
 _SMOOTHER = 0.5  # ratio of roughness at which one clock is better than another
 _WINDOW = 21  # rows over which the velocity is taken
 _SLOW = 0.05  # of the top speed (all axes together): slower rows do not tell their tick
@@ -64,6 +65,9 @@ def even_clock(log: Log, axes: Sequence[str]) -> Log:
         said = clock(even.t)
     except DataError:  # refused with its channel where the log's stretches are taken
         return log
+    steps = np.diff(even.t) / said.step
+    if np.mean((steps < 0.5) | (steps > 1.5)) > _NO_CLOCK:
+        return log  # refused there too
     notes: list[str] = []
     if not stamped.all():
         notes.append(f"t: {int((~stamped).sum())} rows without a stamp left out")

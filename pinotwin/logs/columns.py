@@ -29,7 +29,7 @@ from pinotwin.errors import LogError, MachineError, nearest
 from pinotwin.log import Log, split_unit
 from pinotwin.units import COUNTS, SI_FACTOR, si_factor
 
-AXIS_SIGNALS = ("q", "qr", "u", "v", "a", "e", "temperature")
+AXIS_SIGNALS = ("q", "qr", "ql", "u", "v", "a", "e", "temperature")
 LOAD_SIGNALS = ("fx", "fy", "fz", "mx", "my", "mz")
 IMU_SIGNALS = ("gx", "gy", "gz", "ax", "ay", "az")
 

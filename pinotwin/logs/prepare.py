@@ -9,10 +9,12 @@ too. An axis that only trembles with the noise of its encoder is taken as standi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, LogError
@@ -23,34 +25,57 @@ from pinotwin.logs.channels import (
     external,
     has_commands,
     joint_positions,
+    load_positions,
     stretches,
     usable,
 )
 from pinotwin.logs.clock import even_clock
 from pinotwin.logs.columns import bind
 from pinotwin.logs.quality.axes import inspect_axes
-from pinotwin.machine import Machine
+from pinotwin.logs.quality.sampling import resample as interpolated
+from pinotwin.machine import DataSettings, Machine
 from pinotwin.motion import Motion
-from pinotwin.signals import differentiate, edge_samples, low_pass, suggest_cutoff
+from pinotwin.signals import (
+    clock,
+    differentiate,
+    edge_samples,
+    low_pass,
+    rms,
+    segments,
+    suggest_cutoff,
+)
 
 _DECIMATOR = 25  # samples that the filter of `decimate_zero_phase` needs
 _SAME_RATE = 0.01  # logs whose rates differ by less are the same clock, measured twice
+_GROSS = 0.5  # difference of a measured speed from the position's, over its RMS, that is no measurement's
+
+Intervals = Sequence[tuple[str, float, float]]
 
 
-def prepare(
+def prepare(  # noqa: PLR0913, the public call: every option is a keyword
     machine: Machine,
     log: Log | Sequence[Log],
     *,
     cutoff: float | None = None,
     decimate: int | None = None,
+    order: int | None = None,
+    resample: float | None = None,
+    leave_out: Intervals | None = None,
+    lead: Mapping[str, float] | None = None,
 ) -> Motion:
     """Return one log, or several of the same machine, ready for identification and prediction.
+
+    What is not given comes from machine.yaml. Logs of unequal rates are put on the slowest one's.
 
     Args:
         machine: whose log it is.
         log: servo log(s), raw or in the names of the contract.
-        cutoff: corner of the low-pass [Hz], 0 for none; from machine.yaml, else from the spectra.
-        decimate: fit one row in so many; from machine.yaml, else four rows a period of the corner.
+        cutoff: corner of the low-pass [Hz], 0 for none; else from the spectra.
+        decimate: fit one row in so many; else five rows a period of the corner.
+        order: order of the Butterworth filter.
+        resample: rate of the even clock to put the logs on [Hz].
+        leave_out: (file, from, to) [s] of rows that are no measurement, an empty name for all logs.
+        lead: axis -> time by which its effort is ahead of its position [s]; the effort is put back by it.
 
     Raises:
         LogError: a channel is missing or unusable; the message names it.
@@ -59,24 +84,65 @@ def prepare(
     logs = [log] if isinstance(log, Log) else list(log)
     if not logs:
         raise DataError(f"{machine.name}: no log given; give at least one")
-    bound, notes = zip(*(_regular(machine, item) for item in logs), strict=True)
-    corner = cutoff if cutoff is not None else machine.data.cutoff
+    how = replace(
+        machine.data,
+        order=order or machine.data.order,
+        decimate=decimate or machine.data.decimate,
+        resample=resample or machine.data.resample,
+        leave_out=machine.data.leave_out if leave_out is None else tuple(leave_out),
+    )
+    leads = {name: axis.lead or 0.0 for name, axis in machine.axes.items()} | dict(lead or {})
+    bound = _at_one_rate(machine, [_regular(machine, item, how) for item in logs])
+    corner = cutoff if cutoff is not None else how.cutoff
     if corner is None:
         corner = min(_corner(machine, item) for item in bound)
-    pairs = zip(bound, notes, strict=True)
-    parts = [replace(_prepare_one(machine, item, corner, decimate), notes=said) for item, said in pairs]
-    steps = [part.step for part in parts]
-    if max(steps) > (1.0 + _SAME_RATE) * min(steps):
-        each = ", ".join(f"{part.source} at {1.0 / part.step:.4g} Hz" for part in parts)
-        raise LogError(f"logs are sampled differently ({each}); resample them with pt.resample")
+    how = replace(how, cutoff=corner)
+    parts = [_prepare_one(machine, item, how, leads) for item in bound]
     return Motion.join(parts) if len(parts) > 1 else parts[0]
 
 
-def _regular(machine: Machine, log: Log) -> tuple[Log, tuple[str, ...]]:
-    """Return a log in the names and units of the contract on an even clock, and what was done to it."""
-    bound = usable(machine, bind(log, machine.columns))
+def _regular(machine: Machine, log: Log, how: DataSettings) -> Log:
+    """Return a log in the names and units of the contract, on an even clock.
+
+    Its notes say what was done to it, no longer what was read.
+    """
+    bound = replace(usable(machine, bind(log, machine.columns)), notes=())
+    out = np.zeros(len(bound), dtype=bool)
+    for file, start, stop in how.leave_out:
+        if file in ("", log.source, Path(log.source).name):
+            out |= (bound.t >= start) & (bound.t <= stop)
+    if out.all():
+        raise DataError(f"{log.source}: data.leave_out leaves no row; give shorter times")
+    if out.any():
+        kept = bound.rows(~out)
+        bound = kept.with_channels(kept.channels, [f"{int(out.sum())} rows left out as data.leave_out says"])
     even = even_clock(bound, list(machine.axes))
-    return even, tuple(f"{log.source}: {note}" for note in even.notes[len(bound.notes) :])
+    return even if how.resample is None else _resampled(even, how.resample)
+
+
+def _resampled(log: Log, rate: float) -> Log:
+    """Return a log of even clock at another rate, low-passed before where that is lower."""
+    now = clock(log.t).rate
+    if rate >= 0.9 * now:
+        return interpolated(log, rate)
+    smooth = {}
+    for name, x in log.channels.items():
+        if name != "t":
+            parts = [p for p in segments(log.t, valid=np.isfinite(x)) if p.stop - p.start > SHORTEST]
+            smooth[name] = low_pass(x, now, 0.4 * rate, segments=parts)
+    said = interpolated(log.with_channels({**log.channels, **smooth}), rate)
+    notes = [note for note in said.notes if "may alias" not in note]
+    return replace(said, notes=(*notes, f"low-passed at {0.4 * rate:.4g} Hz before"))
+
+
+def _at_one_rate(machine: Machine, logs: Sequence[Log]) -> list[Log]:
+    """Return the logs at the rate of the slowest of them."""
+    rates = [1.0 / _step(log.t, stretches(machine, log)) for log in logs]
+    slowest = min(rates)
+    if max(rates) <= (1.0 + _SAME_RATE) * slowest:
+        return list(logs)
+    pairs = zip(logs, rates, strict=True)
+    return [x if rate <= (1.0 + _SAME_RATE) * slowest else _resampled(x, slowest) for x, rate in pairs]
 
 
 def _corner(machine: Machine, log: Log) -> float:
@@ -91,28 +157,31 @@ def _step(t: Floats, parts: Sequence[slice]) -> float:
     return duration / sum(s.stop - s.start - 1 for s in parts)
 
 
-def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None) -> Motion:
-    settings = machine.data
-    parts = stretches(machine, log, max(SHORTEST, 3 * settings.order + 1))
+def _prepare_one(machine: Machine, log: Log, how: DataSettings, leads: Mapping[str, float]) -> Motion:
+    parts = stretches(machine, log, max(SHORTEST, 3 * how.order + 1))
     step = _step(log.t, parts)
     rate = 1.0 / step
+    cutoff = how.cutoff or 0.0
     corner = cutoff if 0.0 < cutoff < 0.45 * rate else np.inf
     vibrates = any(f"{name}.v" in log for name in machine.passive)
-    smoother = Smoother(step, corner, settings.order, tuple(parts), vibrates)
+    smoother = Smoother(step, corner, how.order, tuple(parts), vibrates)
     q, v, a = smoother.derivatives(joint_positions(machine, log, "q"))
     moves = _moves(machine, log, parts)
     q[:, ~moves], v[:, ~moves], a[:, ~moves] = q[_rows_of(parts)][:, ~moves].mean(axis=0), 0.0, 0.0
-    v, a = _measured_derivatives(machine, log, v, a, smoother)
-    u, load = efforts(machine, log), external(machine, log)
-    if settings.filter_effort:
+    v, a, notes = _measured_derivatives(machine, log, (v, a), smoother, moves)
+    u, load = efforts(machine, _put_back(log, leads, parts)), external(machine, log)
+    if how.filter_effort:
         u = np.where(np.isfinite(u), smoother.smooth(np.nan_to_num(u)), np.nan)
         load = None if load is None else smoother.smooth(load)
     qr = vr = ar = None
     if has_commands(machine, log):
         qr, vr, ar = smoother.derivatives(joint_positions(machine, log, "qr"))
-    thin = _decimation(decimate or settings.decimate, corner, rate)
-    edge = edge_samples(corner, rate, settings.order)
-    head, tail = settings.drop if settings.drop is not None else (edge, edge)
+    ql = load_positions(machine, log)
+    thin = _decimation(how.decimate, corner, rate)
+    edge = edge_samples(corner, rate, how.order)
+    head, tail = how.drop if how.drop is not None else (edge, edge)
+    head += int(np.ceil(max(0.0, *leads.values()) * rate - 1e-9))
+    tail += int(np.ceil(max(0.0, *(-x for x in leads.values())) * rate - 1e-9))
     return Motion(
         names=machine.names,
         rotary=machine.rotary,
@@ -124,6 +193,7 @@ def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None
         qr=qr,
         vr=vr,
         ar=ar,
+        ql=None if ql is None else smoother.smooth(ql),
         external=load,
         segments=_trimmed(parts, head, tail, SHORTEST if thin == 1 else _DECIMATOR, log.source),
         step=step,
@@ -131,7 +201,23 @@ def _prepare_one(machine: Machine, log: Log, cutoff: float, decimate: int | None
         decimation=thin,
         cutoff=corner,
         source=log.source,
+        notes=tuple(f"{log.source}: {note}" for note in (*log.notes, *notes)),
     )
+
+
+def _put_back(log: Log, leads: Mapping[str, float], parts: Sequence[slice]) -> Log:
+    """Return the log with every effort put back by the time that it is ahead: ``u(t - lead)``, by splines."""
+    moved = {}
+    for name, lead in leads.items():
+        channel = f"{name}.u"
+        if lead == 0.0 or channel not in log:
+            continue
+        u = log[channel].copy()
+        for part in parts:
+            t = log.t[part]
+            u[part] = CubicSpline(t, log[channel][part])(np.clip(t - lead, t[0], t[-1]))
+        moved[channel] = u
+    return log.with_channels({**log.channels, **moved}) if moved else log
 
 
 @dataclass(frozen=True)
@@ -191,21 +277,49 @@ def _decimation(given: int | None, cutoff: float, rate: float) -> int:
 
 
 def _measured_derivatives(
-    machine: Machine, log: Log, v: Floats, a: Floats, smoother: Smoother
-) -> tuple[Floats, Floats]:
-    """Use the measured velocity of a passive joint, or its acceleration where that is all there is.
+    machine: Machine, log: Log, found: tuple[Floats, Floats], smoother: Smoother, moves: Mask
+) -> tuple[Floats, Floats, tuple[str, ...]]:
+    """Use the measured velocity of a joint, or its acceleration; say of which.
 
-    The acceleration comes from the velocity like that of every axis: what a difference loses at the
-    joint's frequency must be lost on both sides of its equation.
+    Without a measured one the acceleration comes from the velocity like that of every axis: what a
+    difference loses at the joint's frequency must be lost on both sides of its equation.
     """
-    v, a = v.copy(), a.copy()
+    v, a = found[0].copy(), found[1].copy()
     for name, part in machine.passive.items():
         if f"{name}.v" in log:
             v[:, part.index] = smoother.smooth(np.nan_to_num(log[f"{name}.v"]))
             a[:, part.index] = smoother.slope(v[:, part.index])
         elif f"{name}.a" in log:
             a[:, part.index] = smoother.smooth(np.nan_to_num(log[f"{name}.a"]))
-    return v, a
+    ratio = np.eye(machine.nv) if machine.transmission is None else machine.transmission
+    motor_v, motor_a = v @ ratio.T, a @ ratio.T
+    rows = _rows_of(smoother.stretches)
+    used = []
+    for name, axis in machine.axes.items():
+        for channel, motor in ((f"{name}.v", motor_v), (f"{name}.a", motor_a)):
+            if channel in log and moves[axis.index] and np.isfinite(log[channel][rows]).all():
+                _agrees(log, channel, motor[rows, axis.index], smoother)
+                motor[:, axis.index] = smoother.smooth(np.nan_to_num(log[channel]))
+                used.append(channel)
+        if used and used[-1] == f"{name}.v":
+            motor_a[:, axis.index] = smoother.slope(motor_v[:, axis.index])
+    if not used:
+        return v, a, ()
+    back = np.linalg.inv(ratio).T
+    return motor_v @ back, motor_a @ back, (f"{', '.join(used)} as measured",)
+
+
+def _agrees(log: Log, channel: str, derivative: Floats, smoother: Smoother) -> None:
+    """Refuse a measured speed or acceleration that is not that of the position."""
+    rows = _rows_of(smoother.stretches)
+    given = smoother.smooth(np.nan_to_num(log[channel]))[rows]
+    off = rms(given - derivative) / max(rms(derivative), 1e-300)
+    if off > _GROSS:
+        what = "second derivative" if channel.endswith(".a") else "derivative"
+        raise LogError(
+            f"{log.source}: {channel}: is not the position's {what} (differs by {100 * off:.0f} %); correct "
+            "its unit, sign or column under `columns` in machine.yaml, or leave it out"
+        )
 
 
 def _fast_enough(machine: Machine, v: Floats, a: Floats) -> Mask:

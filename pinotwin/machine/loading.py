@@ -13,7 +13,7 @@ from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.bundled import bundled_path, machines, robots
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, Passive
-from pinotwin.machine.sections import columns, data_settings, imus, loops, transmission
+from pinotwin.machine.sections import columns, data_settings, data_spec, imus, loops, seconds, transmission
 from pinotwin.machine.urdf import check_inertia, load_model
 from pinotwin.machine.urdf_check import MOVING, mimics, moving_joints, read_tree
 from pinotwin.machine.yaml_file import (
@@ -35,6 +35,7 @@ AXIS_KEYS = (
     "zero",
     "min_speed",
     "min_acceleration",
+    "lead",
 )
 
 
@@ -204,6 +205,7 @@ def _axis(name: str, settings: Any, model: pin.Model) -> Axis:
         zero=number(settings.get("zero", 0.0), f"{where}zero"),
         min_speed=None if speed is None else number(speed, f"{where}min_speed"),
         min_acceleration=_positive(settings, "min_acceleration", where, np.inf),
+        lead=None if settings.get("lead") is None else seconds(settings["lead"], f"{where}lead"),
     )
 
 
@@ -262,6 +264,7 @@ def machine_spec(machine: Machine) -> dict[str, Any]:
             ("zero", axis.zero, 0.0),
             ("min_speed", axis.min_speed, None),
             ("min_acceleration", axis.min_acceleration, np.inf),
+            ("lead", axis.lead, None),
         ):
             entry.pop(key, None)
             if value is not None and value != default:
@@ -270,4 +273,6 @@ def machine_spec(machine: Machine) -> dict[str, Any]:
     spec["axes"] = axes
     if machine.meshes:
         spec["meshes"] = [str(folder) for folder in machine.meshes]
-    return spec
+    data = data_spec(machine.data)
+    spec.pop("data", None)
+    return {**spec, "data": data} if data else spec

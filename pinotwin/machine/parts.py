@@ -24,6 +24,7 @@ class Axis:
         zero: joint position where the log reads zero [m or rad].
         min_speed: rows slower than this are not used to identify the axis [m/s or rad/s].
         min_acceleration: unless they accelerate harder than this [m/s² or rad/s²].
+        lead: time by which its logged effort is ahead of its position [s]; None leaves it to `identify`.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Axis:
     zero: float = 0.0
     min_speed: float | None = None
     min_acceleration: float = np.inf
+    lead: float | None = None
 
 
 @dataclass(frozen=True)
@@ -69,10 +71,15 @@ class Imu:
 
 @dataclass(frozen=True)
 class LoopShape:
-    """Order of an axis' closed loop (thesis Eq. 4.14): real poles and complex pairs."""
+    """Order of an axis' closed loop (thesis Eq. 4.14): real poles and complex pairs.
+
+    ``closed_on`` says which position the controller regulates: of the ``motor`` or, measured by a second
+    encoder (channel ``<axis>.ql``), of the ``load``.
+    """
 
     real_poles: int = 3
     pole_pairs: int = 1
+    closed_on: str = "motor"
 
 
 @dataclass(frozen=True)
@@ -85,6 +92,8 @@ class DataSettings:
         decimate: keep one row in so many when fitting.
         filter_effort: low-pass the effort as well (positions always are).
         drop: samples to drop at the start and at the end of a stretch.
+        resample: rate of the even clock that logs are put on [Hz]; None keeps theirs.
+        leave_out: (file, from, to) [s]: rows that are no measurement; an empty name means every log.
     """
 
     cutoff: float | None = None
@@ -92,3 +101,5 @@ class DataSettings:
     decimate: int | None = None
     filter_effort: bool = True
     drop: tuple[int, int] | None = None
+    resample: float | None = None
+    leave_out: tuple[tuple[str, float, float], ...] = ()

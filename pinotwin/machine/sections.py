@@ -38,10 +38,13 @@ def loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape
     out = {}
     for name, settings in mapping(spec.get("loop"), "loop.").items():
         check_keys({name: None}, axes, "loop.")
-        settings = mapping(settings, f"loop.{name}.")
-        check_keys(settings, ("real_poles", "pole_pairs"), f"loop.{name}.")
+        settings = dict(mapping(settings, f"loop.{name}."))
+        check_keys(settings, ("real_poles", "pole_pairs", "closed_on"), f"loop.{name}.")
+        closed_on = settings.pop("closed_on", "motor")
+        if closed_on not in ("motor", "load"):
+            raise MachineError(f"loop.{name}.closed_on: expected motor or load, found {closed_on!r}")
         counts = {k: whole(v, f"loop.{name}.{k}", 0, 20) for k, v in settings.items()}
-        shape = LoopShape(**counts)
+        shape = LoopShape(**counts, closed_on=closed_on)
         if shape.real_poles + shape.pole_pairs < 1:
             raise MachineError(f"loop.{name}: needs at least one pole")
         out[str(name)] = shape
@@ -91,6 +94,19 @@ def data_settings(spec: Mapping[str, Any]) -> DataSettings:
     return settings
 
 
+def data_spec(settings: DataSettings) -> dict[str, Any]:
+    """Return the mapping that :func:`data_settings` turns into the same settings."""
+    out: dict[str, Any] = {}
+    for f in dataclasses.fields(settings):
+        value = getattr(settings, f.name)
+        if f.name == "leave_out":
+            for file, start, stop in value:
+                out.setdefault("leave_out", {}).setdefault(file, []).append([start, stop])
+        elif value != f.default:
+            out[f.name] = list(value) if isinstance(value, tuple) else value
+    return out
+
+
 def _data_value(key: str, value: Any) -> Any:
     where = f"data.{key}"
     if key == "filter_effort":
@@ -100,6 +116,42 @@ def _data_value(key: str, value: Any) -> Any:
         if len(ends) != 2:
             raise MachineError(f"{where}: expected samples at the start and the end, found {value!r}")
         return tuple(whole(x, where, 0) for x in ends)
-    if key == "cutoff":
+    if key == "leave_out":
+        return _intervals(value, where)
+    if key in ("cutoff", "resample"):
         return number(value, where, positive=True)
     return whole(value, where, 1, 10 if key == "order" else None)
+
+
+def _intervals(value: Any, where: str) -> tuple[tuple[str, float, float], ...]:
+    """Return (file, from, to) of ``[[from, to], ...]``, or of such a list per file name."""
+    if isinstance(value, dict):
+        return tuple(
+            (str(file), start, stop)
+            for file, rows in value.items()
+            for _, start, stop in _intervals(rows, f"{where}.{file}")
+        )
+    if not isinstance(value, list):
+        raise MachineError(f"{where}: expected a list such as [[1.5, 2.0]] in s, found {value!r}")
+    out = []
+    for i, pair in enumerate(value):
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise MachineError(f"{where}[{i}]: expected [from, to] in s, found {pair!r}")
+        start, stop = (number(x, f"{where}[{i}]") for x in pair)
+        if stop < start:
+            raise MachineError(f"{where}[{i}]: {start:g} to {stop:g} s runs backward")
+        out.append(("", start, stop))
+    return tuple(out)
+
+
+def seconds(value: Any, where: str) -> float:
+    """Return a time such as ``3.5 ms`` or ``0.0035`` (then in s) in seconds.
+
+    Raises:
+        MachineError: it is none.
+    """
+    text, _, unit = str(value).strip().partition(" ")
+    factor = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}.get(unit.strip())
+    if factor is None:
+        raise MachineError(f"{where}: expected a time such as 3.5 ms, found {value!r}")
+    return factor * number(text if isinstance(value, str) else value, where)

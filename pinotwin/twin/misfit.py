@@ -20,7 +20,7 @@ from pinotwin.errors import TwinError
 from pinotwin.motion import Motion
 
 FILE = "misfit.npz"
-_DOUBLE = ("t", "q", "qr")
+_DOUBLE = ("t", "q", "qr", "ql")
 """Channels that are differentiated or compared closely; single precision does for the others."""
 
 

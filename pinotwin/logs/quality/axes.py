@@ -134,6 +134,7 @@ def axis_findings(
             yield from _unit_findings(name, axis)
         yield from _limit_findings(name, axis, channels.get(f"{name}.u"), limits.get(name))
         yield from _agreement(log, name)
+        yield from _second_encoder(log, name, axes[name])
     yield from _lead_findings(table, ticks.step if ticks else np.inf)
     if table and not any(axis.moves for axis in table.values()):
         yield Finding("error", "", "no axis moves; record a motion", "no_motion")
@@ -252,3 +253,35 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
                 f"the position changes {ratio:.4g} times as fast as this velocity says: check both units",
                 "velocity_disagrees",
             )
+
+
+def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
+    """Compare the position at the load with that at the motor, in one line."""
+    if f"{name}.ql" not in log:
+        return
+    q, ql = log[f"{name}.q"], log[f"{name}.ql"]
+    good = np.isfinite(q) & np.isfinite(ql)
+    if good.sum() < _SHORTEST or np.std(q[good]) == 0.0:
+        return
+    if np.std(ql[good]) == 0.0:
+        yield Finding("warning", f"{name}.ql", "is constant: no encoder at the load? drop it from columns")
+        return
+    q, ql = q[good], ql[good]
+    slope, offset = np.polyfit(q - q.mean(), ql - q.mean(), 1)
+    away = ql - q.mean() - offset - slope * (q - q.mean())
+    speed = np.gradient(q)
+    fast = np.abs(speed) > 0.1 * np.abs(speed).max()
+    up, down = fast & (speed > 0.0), fast & (speed < 0.0)
+    lost = float(abs(away[up].mean() - away[down].mean())) if up.any() and down.any() else 0.0
+    scale, unit = (1e6, "µrad") if rotary else (1e6, "µm")
+    correlation = float(np.corrcoef(q, ql)[0, 1])
+    said = (
+        f"at the load against the motor: offset {scale * offset:.4g} {unit}, difference "
+        f"{scale * float(away.std()):.3g} {unit} rms, lost motion between the directions {scale * lost:.3g} "
+        f"{unit}, correlation {correlation:.7f}"
+    )
+    wrong = not 0.8 < slope < 1.25 or correlation < 0.9
+    remedy = (
+        f"; it moves {slope:.4g} times as far: another unit, sign or axis? check columns" if wrong else ""
+    )
+    yield Finding("warning" if wrong else "info", f"{name}.ql", said + remedy)

@@ -41,7 +41,8 @@ def row_findings(log: Log) -> Iterator[Finding]:
                 "warning",
                 "",
                 f"{int(fresh.sum())} of {len(log)} rows are exact copies of other rows in all "
-                f"{len(measured)} measured channels: sentinel or replayed rows, leave them out",
+                f"{len(measured)} measured channels: sentinel or replayed rows, "
+                f"leave them out{_key(log, copies)}",
                 "copied_rows",
             )
     for name in measured:
@@ -60,6 +61,16 @@ def _at_rest(measured: dict[str, Floats]) -> Mask:
             span = maximum_filter1d(x, _ABOUT) - minimum_filter1d(x, _ABOUT)
             rest &= span <= 3.0 * (quantisation_step(x) or 0.0) + 1e-12
     return rest
+
+
+def _key(log: Log, rows: Mask, most: int = 4) -> str:
+    """Return the key of machine.yaml that leaves these rows out, with the first few of their times [s]."""
+    if "t" not in log:
+        return ""
+    edges = np.flatnonzero(np.diff(np.r_[0, rows.astype(int), 0]))
+    runs = [f"[{log.t[a]:.6g}, {log.t[b - 1]:.6g}]" for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    more = ", ..." if len(runs) > most else ""
+    return f" (data: {{leave_out: [{', '.join(runs[:most])}{more}]}})"
 
 
 def _kinds(log: Log) -> tuple[dict[str, Floats], dict[str, Floats]]:
@@ -85,7 +96,7 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
             "warning",
             name,
             f"jumps to {value:.6g} (as in the file) and back {times} times: a sentinel value; "
-            f"leave the {int(rows.sum())} rows with it out",
+            f"leave the {int(rows.sum())} rows with it out{_key(log, rows)}",
             "sentinel",
         )
         return
@@ -96,7 +107,8 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
             "warning",
             name,
             f"stands apart from the rows before and after in {int(apart.sum())} rows, first "
-            f"{int(np.argmax(apart))}: lost or garbled values; leave these rows out",
+            f"{int(np.argmax(apart))}: lost or garbled values; leave these rows out"
+            f"{_key(log, apart)}",
             "spikes",
         )
     turns = _wraps(q)

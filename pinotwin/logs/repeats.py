@@ -1,0 +1,70 @@
+"""Which logs are repeats of one command, told from the command or, without one, from the measured motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.motion import Motion
+
+LATEST = 0.25
+"""Most that one run may begin later than the other [s]."""
+COMMANDED, MEASURED = 0.01, 0.05
+"""Largest difference between repeats, over the standard deviation: of commands, of measured positions."""
+_ROWS = 2000  # compared at most
+
+
+def same_motion(a: Motion, b: Motion) -> bool:
+    """Return whether two prepared logs are repeats of one motion.
+
+    Commands are compared where both logs have them, else measured positions, which scatter more and may
+    begin a little later. Axes that hardly move in either have no say.
+
+    Args:
+        a: one log, prepared.
+        b: another of the same machine.
+    """
+    x, y, allowed = a.q, b.q, MEASURED
+    if a.qr is not None and b.qr is not None:
+        x, y, allowed = a.qr, b.qr, COMMANDED
+    n = min(len(x), len(y))
+    if a.names != b.names or n < 0.9 * max(len(x), len(y)) or abs(a.step - b.step) > 0.01 * a.step:
+        return False
+    size = np.maximum(x.std(axis=0), y.std(axis=0))
+    moving = size > 1e-3 * size.max(initial=0.0)
+    if not moving.any():
+        return False
+    x, y, size = x[:, moving], y[:, moving], size[moving]
+    shift = _shift(x / size, y / size, round(LATEST / a.step))
+    x, y = (x[shift:], y) if shift >= 0 else (x, y[-shift:])
+    n = min(len(x), len(y))
+    off = np.sqrt(np.mean((x[:n] - y[:n]) ** 2, axis=0)) / size
+    return bool(off.max() < allowed)
+
+
+def labels(motions: Sequence[Motion]) -> tuple[int, ...]:
+    """Return a label per log; repeats of one motion share that of the first of them."""
+    out: list[int] = []
+    for k, motion in enumerate(motions):
+        same = (out[j] for j in range(k) if same_motion(motions[j], motion))
+        out.append(next(same, k))
+    return tuple(out)
+
+
+def _shift(x: Floats, y: Floats, reach: int) -> int:
+    """Return by how many rows ``x`` runs later than ``y``: where they differ least, both of shape (n, k)."""
+    n = min(len(x), len(y)) - 2 * reach
+    if n < 50:
+        return 0
+    rows = reach + np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))
+    best, least = 0, np.inf
+    for width in (max(1, reach // 25), 1):  # coarse, then fine around it
+        for s in range(best - 25 * width, best + 25 * width + 1, width):
+            if abs(s) <= reach:
+                away = float(np.mean((x[rows + s] - y[rows]) ** 2))
+                if away < least:
+                    best_now, least = s, away
+        best = best_now
+    return best
