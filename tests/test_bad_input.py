@@ -246,7 +246,7 @@ LOGS: list[tuple[str, Callable[[Channels], Channels], tuple[str, ...]]] = [
     ("stamps all twice", changed("t", lambda t: np.repeat(t[::2], 2)), ("t: ", "repeated stamps")),
     ("clock jumps all the time", changed("t", lambda t: t % 0.02), ("t: ", "resample")),
     ("random stamps", changed("t", lambda t: np.sort(RNG.uniform(0, 4, len(t)))), ("irregular",)),
-    ("clock in ms", changed("t", lambda t: 1e3 * t), ("t: 0.5 samples a second", "unit: ms")),
+    ("clock in ms", changed("t", lambda t: 1e3 * t), ("0.5 samples per second", "unit: ms")),
     ("clock in ns", changed("t", lambda t: 1e9 * (t + 1.7e9)), ("t: ", "unit")),
     ("one row", lambda c: {k: x[:1] for k, x in c.items()}, ("single row",)),
     ("five rows", lambda c: {k: x[:5] for k, x in c.items()}, ("only 5 rows", "record longer")),
