@@ -50,7 +50,10 @@ def test_total_relative_error(twin):
 def test_essential_friction_agrees_with_the_reference(log):
     machine = pt.Machine.load("tx40")
     kept = tuple(e for e in machine.axis("J6").effects if e.name != "coulomb")
-    twin = pt.identify(machine.with_effects("J6", kept), log)
+    machine = machine.with_effects("J6", kept)
+    # The reference knows of no lead of the efforts (2 to 3 ms, see test_lead): like is compared with like.
+    axes = {name: dataclasses.replace(axis, lead=0.0) for name, axis in machine.axes.items()}
+    twin = pt.identify(dataclasses.replace(machine, axes=axes), log)
     for name, value in REFERENCE.items():
         assert twin.parameter(name).value == pytest.approx(value, rel=0.06), name
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.inputs import add_preparation, read_logs, settings
 from pinotwin.cli.output import add_common, say, write_json
@@ -103,9 +103,24 @@ def summary(twin: Twin) -> list[str]:
         errors = (row["fit"], held["nrmse"], held["nrmse_std"])
         lines.append(f"{name:<{wide}}" + "".join(f"{_percent(x):>10}" for x in errors))
     lines.append(f"all{quality['relative_error']:>13.2%}   (error norm / effort norm)")
+    lines += _leads(quality)
     for warning in [*quality.get("preparation", ()), *quality["warnings"]]:
         lines.append(f"note: {warning}")
     return lines
+
+
+def _leads(quality: Mapping[str, Any]) -> Iterator[str]:
+    """Yield one line about the efforts that are ahead of their position, or behind."""
+    found = {name: row for name, row in quality.get("leads", {}).items() if row.get("significant")}
+    if found:
+        each = ", ".join(
+            f"{name} {1e3 * row['lead']:.2f} ± {1.96e3 * row['standard_error']:.2f}"
+            for name, row in found.items()
+        )
+        done = (
+            "taken out" if any(row["applied"] for row in found.values()) else "left in, for the closed loop"
+        )
+        yield f"lead of the effort ahead of the position [ms], {done}: {each}"
 
 
 def _percent(x: float) -> str:

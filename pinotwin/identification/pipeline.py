@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,6 +14,7 @@ from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import assemble
 from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
+from pinotwin.identification.lead import find_leads
 from pinotwin.identification.misfit import misfit_of
 from pinotwin.identification.plant import Plant, fit_options, fit_plant
 from pinotwin.identification.springs import with_springs
@@ -65,13 +67,13 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     tell("preparing the log", 0.02)
     logs = [log] if isinstance(log, Log) else list(log)
     machine = _as_logged(machine.require_physical(), logs, resample)
-    motion = prepare(machine, logs, cutoff=cutoff, decimate=decimate)
+    prepared = functools.partial(prepare, log=logs, cutoff=cutoff, decimate=decimate)
     tell("fitting the plant", 0.1)
-    plant = _plant(machine, motion, consistent and not machine.passive)
+    machine, motion, plant, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
     tell("judging the plant", 0.4)
     settings = _settings(machine, motion)
     table = parameter_table(machine, plant)
-    quality = _quality(machine, motion, plant)
+    quality = _quality(machine, motion, plant) | {"leads": leads}
     quality["at_bound"] = at_bounds(table)
     if validate is not None:
         _validate(machine, plant, validate, settings, quality)
@@ -98,6 +100,34 @@ def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) ->
         machine = replace(machine, data=replace(machine.data, resample=resample))
     seen = all(_sees_passive(machine, item) for item in logs)
     return machine if seen else machine.with_rigid_joints()
+
+
+def _with_leads(
+    machine: Machine, prepared: Callable[[Machine], Motion], consistent: bool, loop: bool
+) -> tuple[Machine, Motion, Plant, dict[str, Any]]:
+    """Return machine, motion and plant with the leads of the efforts that are significant, and all leads.
+
+    A lead that machine.yaml gives is believed; a passive joint's vibration is no place to look for others. Where
+    a closed loop is identified as well, leads are told but left in: the loop goes round by the channels as they
+    were logged, and the black box did not bear it otherwise (measured on EMPS).
+    """
+    motion = prepared(machine)
+    plant = _plant(machine, motion, consistent)
+    given = {name: axis.lead for name, axis in machine.axes.items() if axis.lead is not None}
+    found = {} if machine.passive else find_leads(machine, motion, plant)
+    found = {name: lead for name, lead in found.items() if name not in given}
+    closed = loop and motion.qr is not None
+    applied = {name: lead.seconds for name, lead in found.items() if lead.significant and not closed}
+    if applied:
+        axes = {name: replace(axis, lead=applied.get(name, axis.lead)) for name, axis in machine.axes.items()}
+        machine = replace(machine, axes=axes)
+        motion = prepared(machine)
+        plant = _plant(machine, motion, consistent)
+    said: dict[str, Any] = {name: {"lead": lead, "given": True} for name, lead in given.items()}
+    for name, lead in found.items():
+        said[name] = {"lead": lead.seconds, "standard_error": lead.error, "significant": lead.significant}
+        said[name]["applied"] = name in applied
+    return machine, motion, plant, said
 
 
 def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
@@ -142,6 +172,7 @@ def _settings(machine: Machine, motion: Motion) -> dict[str, Any]:
         "decimate": motion.decimation,
         "order": machine.data.order,
         "resample": machine.data.resample,
+        "lead": {name: axis.lead for name, axis in machine.axes.items() if axis.lead is not None},
         "leave_out": [list(x) for x in machine.data.leave_out],
     }
 
