@@ -149,6 +149,18 @@ class Motion:
             self, segments=segments, step=self.step * count, decimation=thinner, **self._at(picked)
         )
 
+    def at(self, rows: Ints, block: Ints) -> Self:
+        """Return some rows as a motion of their own; nothing is filtered here.
+
+        Args:
+            rows: ascending, evenly spaced within each block, shape (m,).
+            block: number of the unbroken stretch that each of them belongs to, shape (m,).
+        """
+        edges = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(rows)]
+        segments = tuple(slice(a, b) for a, b in pairwise(edges))
+        every = int(rows[1] - rows[0]) if len(rows) > 1 else 1
+        return replace(self, segments=segments, step=self.step * every, decimation=1, **self._at(rows))
+
     def _at(self, rows: slice | Ints) -> dict[str, Any]:
         """Return some rows of every channel that there is."""
         every = {name: getattr(self, name) for name in CHANNELS}

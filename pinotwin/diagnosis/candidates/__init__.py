@@ -1,0 +1,1 @@
+"""Candidates: the effects of the catalogue, and patterns that have no name in it."""

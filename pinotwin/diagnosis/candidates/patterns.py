@@ -1,0 +1,163 @@
+"""Patterns that no effect of the catalogue has: they compete with the effects and name nothing.
+
+Where one of them closes more than every effect, something is there that follows it, and is said so: an
+effort that swings in time, a ripple that grows with speed, a curve over speed or over position and speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape
+from pinotwin.effects.family import LOAD
+from pinotwin.effects.position import Ripple
+from pinotwin.motion import AxisMotion
+
+
+@dataclass(frozen=True)
+class Pattern(AxisEffect):
+    """A pattern; see the module's docstring."""
+
+    family: ClassVar = LOAD
+    colour: ClassVar[str] = "#9a9a9a"
+    remedy: ClassVar[str] = "look for what follows this pattern on the machine"
+    axis: str
+    rotary: bool = False
+
+    def _count(self) -> int:
+        return 2
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """See :meth:`Effect.coefficients`."""
+        unit = "N·m" if self.rotary else "N"
+        return tuple(Coefficient(f"c{k}", unit) for k in range(self._count()))
+
+    def says(self) -> str:
+        """Return what the pattern is, with its numbers."""
+        return self.words
+
+
+@dataclass(frozen=True)
+class Hum(Pattern):
+    """A swing in time: tau = a sin(2 pi f t) + b cos(2 pi f t)."""
+
+    name: ClassVar[str] = "hum"
+    title: ClassVar[str] = "Swing in time"
+    words: ClassVar[str] = "an effort that swings in time, whatever the axis does"
+    searched: ClassVar[int] = 1
+    frequency: float = 5.0
+
+    def shapes(self) -> tuple[Shape, ...]:
+        """See :meth:`Effect.shapes`."""
+        return (Shape("frequency", "Hz", 0.2, 200.0),)
+
+    def axis_columns(self, motion: AxisMotion) -> Floats:
+        """See :meth:`AxisEffect.axis_columns`; every log counts its time from its own beginning."""
+        phase = 2.0 * np.pi * self.frequency * motion.t
+        return np.stack([np.sin(phase), np.cos(phase)], axis=1)
+
+    def says(self) -> str:
+        """See :meth:`Pattern.says`."""
+        return f"swings in time at {self.frequency:.3g} Hz"
+
+
+@dataclass(frozen=True)
+class SpeedRipple(Pattern):
+    """A ripple that grows with speed: tau = |v| (a sin(2 pi q / L) + b cos(2 pi q / L))."""
+
+    name: ClassVar[str] = "speed_ripple"
+    title: ClassVar[str] = "Ripple that grows with speed"
+    words: ClassVar[str] = "a ripple over the position that grows with speed"
+    searched: ClassVar[int] = 1
+    pitch: float = 1.0
+    low: float = 1e-6
+    high: float = 1e3
+
+    def shapes(self) -> tuple[Shape, ...]:
+        """See :meth:`Effect.shapes`."""
+        return (Shape("pitch", "rad" if self.rotary else "m", self.low, self.high),)
+
+    def axis_columns(self, motion: AxisMotion) -> Floats:
+        """See :meth:`AxisEffect.axis_columns`."""
+        phase = 2.0 * np.pi * motion.q / self.pitch
+        return np.abs(motion.v)[:, None] * np.stack([np.sin(phase), np.cos(phase)], axis=1)
+
+    def says(self) -> str:
+        """See :meth:`Pattern.says`."""
+        unit = "rad" if self.rotary else "m"
+        return f"is a ripple of pitch {self.pitch:.4g} {unit} that grows with speed"
+
+
+@dataclass(frozen=True)
+class SpeedCurve(Pattern):
+    """A free curve over speed, its own for each direction: hat functions between knots."""
+
+    name: ClassVar[str] = "speed_curve"
+    title: ClassVar[str] = "Curve over speed"
+    words: ClassVar[str] = "a function of speed of a form that no friction law has"
+    searched: ClassVar[int] = 4
+    knots: tuple[float, ...] = ()
+
+    def _count(self) -> int:
+        return len(self.knots)
+
+    def axis_columns(self, motion: AxisMotion) -> Floats:
+        """See :meth:`AxisEffect.axis_columns`."""
+        eye = np.eye(len(self.knots))
+        return np.stack([np.interp(motion.v, self.knots, row) for row in eye], axis=1)
+
+
+@dataclass(frozen=True)
+class PositionSpeedCurve(Pattern):
+    """A position-dependent viscosity: v times a free curve over position."""
+
+    name: ClassVar[str] = "position_viscosity"
+    title: ClassVar[str] = "Friction that changes along the stroke"
+    words: ClassVar[str] = "friction that changes along the stroke"
+    searched: ClassVar[int] = 4
+    knots: tuple[float, ...] = ()
+    dry: bool = False
+
+    def _count(self) -> int:
+        return len(self.knots)
+
+    def axis_columns(self, motion: AxisMotion) -> Floats:
+        """See :meth:`AxisEffect.axis_columns`."""
+        eye = np.eye(len(self.knots))
+        hats = np.stack([np.interp(motion.q, self.knots, row) for row in eye], axis=1)
+        return hats * (np.sign(motion.v) if self.dry else motion.v)[:, None]
+
+
+def patterns(comparison: Comparison) -> Iterator[Effect]:
+    """Yield the patterns worth trying on every axis."""
+    motion = comparison.new.motion
+    for axis in comparison.machine.axes.values():
+        j = axis.index
+        if j not in comparison.new.joints:
+            continue
+        rows = comparison.new.samples(j)
+        q, v, t = motion.q[rows, j], motion.v[rows, j], motion.t[rows]
+        low, high = np.quantile(v, [0.005, 0.995])
+        span = float(np.ptp(q))
+        if span <= 0.0:
+            continue
+        longest = float(np.ptp(t))
+        for f in np.arange(1.0, 30.0, 0.35 / max(longest, 1.0)):
+            yield Hum(axis.name, axis.rotary, frequency=float(f))
+        yield SpeedCurve(axis.name, axis.rotary, knots=tuple(np.linspace(low, high, 9).tolist()))
+        knots = tuple(np.linspace(q.min(), q.max(), 7).tolist())
+        yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots)
+        yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots, dry=True)
+        tried = Ripple.candidates(comparison.machine, axis.name, motion)
+        for ripple in tried:
+            pitch = float(ripple.shape_values()[0]) if ripple.shape_values() else 0.0
+            if pitch > 0.0:
+                yield SpeedRipple(
+                    axis.name, axis.rotary, pitch=pitch, low=0.5 * pitch, high=2.0 * pitch
+                )

@@ -1,0 +1,136 @@
+"""What is compared with what: the twin, its own logs, the logs in question, the validation logs.
+
+Of a twin, the base is the twin itself, coefficient by coefficient: the gap is the measured effort less
+``twin.effort``. Of a machine without one, the base is the twin that ``identify`` makes of these logs, and
+its coefficients stay free beside a candidate, for it has already taken up what it could of the cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.deflection import bent
+from pinotwin.diagnosis.data.samples import Sample, sample
+from pinotwin.diagnosis.rules import RULES
+from pinotwin.effects import Effect
+from pinotwin.effects.scene import with_model
+from pinotwin.identification import identify
+from pinotwin.identification.misfit import own_residual
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Everything that a search for causes looks at.
+
+    Attributes:
+        twin: the base.
+        change: whether a twin is compared with later logs; else a machine with its own.
+        logs: the logs in question. validation: logs that nothing is fitted to.
+        new: rows of the logs in question.
+        own: rows of the twin's own logs, with its cross-validated residual; None of a machine.
+        unseen: rows of the validation logs, or None.
+        floor: joint -> what a good model of the axis leaves, by which its rows are divided [N or N·m].
+    """
+
+    twin: Twin
+    change: bool
+    logs: Sequence[Log]
+    validation: Sequence[Log]
+    new: Sample
+    own: Sample | None
+    unseen: Sample | None
+    floor: Mapping[int, float]
+
+    @property
+    def machine(self) -> Machine:
+        """The machine of the twin."""
+        return self.twin.machine
+
+    @property
+    def samples(self) -> tuple[Sample, ...]:
+        """All samples there are, the logs in question first."""
+        return tuple(s for s in (self.new, self.own, self.unseen) if s is not None)
+
+    @cached_property
+    def model_columns(self) -> tuple[Effect, ...]:
+        """Effects of the base whose coefficients stay free: all of a machine's, none of a twin's."""
+        return () if self.change else self.twin.effects
+
+
+def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]) -> Comparison:
+    """Return a subject and logs made ready for the search.
+
+    Raises:
+        LogError: a channel is missing or unusable.
+        DataError: the logs hold too little.
+    """
+    change = isinstance(subject, Twin)
+    twin = subject if isinstance(subject, Twin) else identify(subject, logs, loop=False)
+    block = RULES.block_time
+    new = _sample(twin, _joined(twin, logs), block)
+    unseen = _sample(twin, _joined(twin, validation), block) if validation else None
+    own = None
+    if change and twin.misfit is not None:
+        motion = with_model(twin.misfit.motion, twin.effects, twin.theta)
+        own = sample(motion, own_residual(twin), block)
+    return Comparison(twin, change, logs, validation, new, own, unseen, _floor(new, own))
+
+
+def _joined(twin: Twin, logs: Sequence[Log]) -> Motion:
+    motions = []
+    for log in logs:
+        motion = twin.motion(log)
+        motions.append(bent(twin, motion, motion) if twin.machine.passive else motion)
+    return Motion.join(motions) if len(motions) > 1 else motions[0]
+
+
+def _sample(twin: Twin, motion: Motion, block: float) -> Sample:
+    motion = with_model(motion, twin.effects, twin.theta)
+    return sample(motion, motion.u - twin.effort(motion), block)
+
+
+def _floor(new: Sample, own: Sample | None) -> dict[int, float]:
+    """Return the size by which the rows of each joint are divided.
+
+    A change is held against the misfit of the twin. Where there is none, a share of the effort stands for
+    what any good model leaves: axes that are off by more than that then weigh more.
+    """
+    out = {}
+    for j in new.joints:
+        least = RULES.good_model * max(new.size(j), 1e-12)
+        if own is not None and j in own.joints:
+            least = max(own.level(j), 0.1 * least)
+        out[j] = least
+    return out
+
+
+def thinned_model(samples: Sequence[Sample], effects: Sequence[Effect]) -> list[dict[int, Floats]]:
+    """Return, for each sample, joint -> all columns of some effects side by side, shape (m, b)."""
+    out = []
+    for s in samples:
+        width = sum(len(e.coefficients()) for e in effects)
+        table = {j: np.zeros((len(s.residual[j]), width)) for j in s.joints}
+        at = 0
+        for effect in effects:
+            count = len(effect.coefficients())
+            for j, x in s.columns(effect).items():
+                table[j][:, at : at + count] = x
+            at += count
+        out.append(table)
+    return out
+
+
+def without_rows(motion: Motion, joint: int, rows: Floats) -> Motion:
+    """Return the motion with some rows of a joint marked as not to be used."""
+    use = motion.use.copy()
+    use[rows, joint] = False
+    return replace(motion, use=use)

@@ -1,0 +1,156 @@
+"""Rows of a diagnosis: what is left of a log when the twin's effort is taken away, thinned for the search.
+
+A sample is prepared exactly as the twin's own logs were. Residuals and candidate columns go through one
+zero-phase decimation, so that a column that explains the residual at the log's rate does so in the rows.
+Only rows in motion are used: at rest, dry friction holds any effort up to its level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.effects import Effect
+from pinotwin.identification.assemble import Rows, choose_rows, thin
+from pinotwin.motion import Motion
+from pinotwin.signals import rms
+
+ROW_RATE = 200.0
+"""Rows a second that a search works on [Hz]: drive resonances that an effort shows lie below 60 Hz."""
+MOST_ROWS = 12_000
+"""Rows of a joint beyond which every log is thinned further."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """The rows of one or several logs.
+
+    Attributes:
+        motion: prepared log(s), with the channels of the model's own effort.
+        rows: which rows, by joint.
+        residual: joint -> measured effort less the twin's, shape (m,).
+        effort: joint -> measured effort, shape (m,).
+        block: joint -> number of the stretch of time that each row belongs to, ascending, shape (m,).
+        blocks: how many there are.
+    """
+
+    motion: Motion
+    rows: Rows
+    residual: Mapping[int, Floats]
+    effort: Mapping[int, Floats]
+    block: Mapping[int, Ints]
+    blocks: int
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Joints that have rows."""
+        return self.rows.joints
+
+    def columns(self, effect: Effect) -> dict[int, Floats]:
+        """Return the columns of an effect at every joint that it acts on, each of shape (m, p)."""
+        found = effect.columns(self.motion)
+        return {
+            joint: self.picked(found.values[:, at, :], joint)
+            for at, joint in enumerate(found.joints)
+            if joint in self.joints
+        }
+
+    def screened(self, effect: Effect) -> dict[int, Floats]:
+        """Return the columns of an effect computed on the thinned motion itself: near, and much faster."""
+        found = effect.columns(self.coarse)
+        return {
+            joint: found.values[self.rows.kept[self.rows.joints.index(joint)], at, :]
+            for at, joint in enumerate(found.joints)
+            if joint in self.joints
+        }
+
+    @cached_property
+    def coarse(self) -> Motion:
+        """The motion at the thinned instants."""
+        if self.motion.decimation == 1:
+            inside = np.concatenate([np.arange(s.start, s.stop) for s in self.motion.segments])
+            if len(inside) == len(self.motion):
+                return self.motion
+        return self.motion.at(self.rows.sample, self.rows.block)
+
+    def picked(self, values: Floats, joint: int) -> Floats:
+        """Return channels at the log's rate (n, ...) thinned, at the rows of one joint."""
+        return thin(self.motion, values)[self.rows.kept[self.rows.joints.index(joint)]]
+
+    def samples(self, joint: int) -> Ints:
+        """Return the row of the motion that each row of a joint stands for."""
+        return self.rows.sample[self.rows.kept[self.rows.joints.index(joint)]]
+
+    @cached_property
+    def starts(self) -> dict[int, Ints]:
+        """Where each block begins among the rows of a joint, with the end, shape (blocks + 1,)."""
+        edges = np.arange(self.blocks + 1)
+        return {j: np.searchsorted(block, edges) for j, block in self.block.items()}
+
+    def level(self, joint: int) -> float:
+        """Return the RMS of what is left at one joint [N or N·m]."""
+        return rms(self.residual[joint])
+
+    def size(self, joint: int) -> float:
+        """Return how much the measured effort of one joint varies [N or N·m]."""
+        return float(np.std(self.effort[joint]))
+
+
+def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
+    """Return the rows of a prepared motion.
+
+    Args:
+        motion: prepared log(s), with the channels of the model's own effort.
+        residual: measured effort less the twin's, at the log's rate, shape (n, nv).
+        block_time: shortest stretch of time that counts as one witness [s].
+
+    Raises:
+        DataError: no joint has a usable row.
+    """
+    moving = sum(s.stop - s.start for s in motion.segments)
+    count = max(
+        motion.decimation, round(1.0 / (motion.step * ROW_RATE)), int(np.ceil(moving / MOST_ROWS)), 1
+    )
+    motion = replace(motion, decimation=count)
+    rows = choose_rows(motion)
+    thinned = thin(motion, np.nan_to_num(residual))
+    effort = thin(motion, np.nan_to_num(motion.u))
+    place = _blocks(motion, rows, block_time)
+    pairs = list(zip(rows.joints, rows.kept, strict=True))
+    return Sample(
+        motion=motion,
+        rows=rows,
+        residual={j: thinned[kept, j] for j, kept in pairs},
+        effort={j: effort[kept, j] for j, kept in pairs},
+        block={j: place[kept] for j, kept in pairs},
+        blocks=int(place.max()) + 1,
+    )
+
+
+FEWEST, MOST = 8, 40
+
+
+def _blocks(motion: Motion, rows: Rows, block_time: float) -> Ints:
+    """Return a block number for every thinned row: stretches of time that do not cross a segment."""
+    step = motion.step * motion.decimation
+    lengths = np.bincount(rows.block)
+    total = int(lengths.sum())
+    size = float(np.clip(block_time / step, total / MOST, max(total / FEWEST, 1.0)))
+    out, first = [], 0
+    for length in lengths[lengths > 0]:
+        parts = max(1, round(length / size))
+        out.append(first + (np.arange(length) * parts) // length)
+        first += parts
+    return np.concatenate(out)
+
+
+def shared_joints(samples: Sequence[Sample]) -> tuple[int, ...]:
+    """Return the joints that have rows in every sample."""
+    common = set(samples[0].joints)
+    for s in samples[1:]:
+        common &= set(s.joints)
+    return tuple(sorted(common))

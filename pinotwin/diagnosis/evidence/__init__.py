@@ -1,0 +1,1 @@
+"""The evidence for a candidate: block sums, held-out gains, differences of differences."""

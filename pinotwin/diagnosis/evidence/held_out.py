@@ -1,0 +1,195 @@
+r"""What a candidate closes of the residual on rows that its coefficients were not fitted to.
+
+For every block the coefficients come from all other blocks, the model's own columns beside them. On logs
+of the twin's own kind the same fit gives what the model always lacked; a *change* is the difference,
+
+    d = theta(new) - theta(own),
+
+and what is judged is the residual less ``C d``: a difference of differences. Without own logs (a machine
+whose model is fitted to these very logs) nothing is taken off, and the model's columns stay free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.evidence.moments import Base, Products
+
+RIDGE = 1e-9
+"""Of the mean diagonal: keeps a singular system solvable, moves nothing that is determined."""
+COLLINEAR = 1e-5
+"""Share of a candidate's columns that the model's own must leave for it to be told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """The model on all samples: new logs, the twin's own ones for a change, validation logs.
+
+    Attributes:
+        new: the logs in question.
+        own: the twin's own logs; None where the model is fitted to ``new``.
+        unseen: validation logs, or None.
+        precision: what holds the model's own columns, shape (b, b).
+    """
+
+    new: Base
+    own: Base | None
+    unseen: Base | None
+    precision: Floats
+
+    @cached_property
+    def folds(self) -> Floats:
+        """Inverse of the model's normal matrix without each block, and last with all, (K + 1, b, b)."""
+        return _inverses(self.new, self.precision, leave_out=True)
+
+    @cached_property
+    def own_inverse(self) -> Floats:
+        """The same for all own logs, shape (1, b, b)."""
+        assert self.own is not None
+        return _inverses(self.own, self.precision, leave_out=False)
+
+    @cached_property
+    def alone(self) -> Judged:
+        """What the model leaves without any candidate."""
+        b = self.new.Xr.shape[2]
+        nothing = _nothing(self.new, b)
+        unseen = None if self.unseen is None else _nothing(self.unseen, b)
+        own = None if self.own is None else _nothing(self.own, b)
+        return judged(self, nothing, own, unseen)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What is left with a candidate, on rows that were not fitted.
+
+    Attributes:
+        theta: change of the coefficients from all blocks, shape (p,).
+        folds: the same without each block, shape (K, p).
+        own: spread of the own logs' estimate by leaving out blocks, shape (p, p).
+        left: squared residual of every block, all joints, shape (K,).
+        unseen: the same on the validation logs, shape (L,); empty without.
+        determined: whether the model's own columns leave the candidate anything.
+        base: change of the model's own coefficients, shape (b,).
+    """
+
+    theta: Floats
+    folds: Floats
+    own: Floats
+    left: Floats
+    unseen: Floats
+    determined: bool
+    base: Floats
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Block jackknife covariance of ``theta``, own logs included, shape (p, p)."""
+        d = self.folds - self.folds.mean(axis=0)
+        K = len(d)
+        return (K - 1) / K * d.T @ d + self.own
+
+    @cached_property
+    def strength(self) -> float:
+        """Squared size of the change over its covariance, per number."""
+        p = len(self.theta)
+        if p == 0:
+            return 0.0
+        C = self.covariance
+        C = C + 1e-12 * max(float(np.trace(C)), 1e-300) * np.eye(p)
+        return float(self.theta @ np.linalg.solve(C, self.theta)) / p
+
+
+def judged(ground: Ground, new: Products, own: Products | None, unseen: Products | None) -> Judged:
+    """Return what a candidate leaves; see the module's docstring.
+
+    Args:
+        ground: the model.
+        new: sums of the candidate on the logs in question.
+        own: on the twin's own logs; None where there are none or it has no rows there.
+        unseen: on the validation logs.
+    """
+    base = ground.new
+    theta, delta, determined = _solve(ground.folds, base, new, leave_out=True)
+    p = theta.shape[1]
+    spread = np.zeros((p, p))
+    if ground.own is not None and own is not None:
+        there, moved, _ = _solve(ground.own_inverse, ground.own, own, leave_out=False)
+        theta, delta = theta - there[-1], delta - moved[-1]
+        spread = _spread(own)
+    left = _left(base, new, theta[:-1], delta[:-1])
+    beyond = np.zeros(0)
+    if ground.unseen is not None and unseen is not None:
+        L = len(unseen.Cr)
+        beyond = _left(
+            ground.unseen, unseen, np.repeat(theta[-1:], L, axis=0), np.repeat(delta[-1:], L, axis=0)
+        )
+    return Judged(theta[-1], theta[:-1], spread, left, beyond, determined, delta[-1])
+
+
+def _inverses(base: Base, precision: Floats, *, leave_out: bool) -> Floats:
+    XX = base.XX.sum(axis=1)
+    total = XX.sum(axis=0)
+    systems = np.concatenate([total - XX, total[None]]) if leave_out else total[None]
+    b = total.shape[0]
+    if b == 0:
+        return np.zeros((len(systems), 0, 0))
+    ridge = RIDGE * max(float(np.trace(total)) / b, 1e-300) * np.eye(b)
+    return np.linalg.inv(systems + precision + ridge)
+
+
+def _solve(inverse: Floats, base: Base, c: Products, *, leave_out: bool) -> tuple[Floats, Floats, bool]:
+    """Return candidate's and model's coefficients, one row a fold and the last for all blocks."""
+
+    def without(x: Floats) -> Floats:
+        total = x.sum(axis=0)
+        return np.concatenate([total - x, total[None]]) if leave_out else total[None]
+
+    CC, CX, Cr, Xr = without(c.CC), without(c.CX), without(c.Cr), without(base.Xr.sum(axis=1))
+    CXZ = CX @ inverse
+    S = CC - CXZ @ CX.transpose(0, 2, 1)
+    s = Cr - np.einsum("kpb,kb->kp", CXZ, Xr)
+    p = S.shape[1]
+    if p == 0:
+        theta, determined = np.zeros((len(S), 0)), True
+    else:
+        whole = np.maximum(np.diagonal(CC[-1]), 1e-300)
+        determined = bool(np.max(np.diagonal(S[-1]) / whole) > COLLINEAR)
+        scale = np.sqrt(whole)
+        scaled = S / np.outer(scale, scale) + 1e-6 * np.eye(p)
+        theta = np.linalg.solve(scaled, (s / scale)[:, :, None])[:, :, 0] / scale
+    delta = np.einsum("kbc,kc->kb", inverse, Xr - np.einsum("kpb,kp->kb", CX, theta))
+    return theta, delta, determined
+
+
+def _left(base: Base, c: Products, theta: Floats, delta: Floats) -> Floats:
+    """Return the squared residual of every block with coefficients of its own row."""
+    XX, Xr = base.XX.sum(axis=1), base.Xr.sum(axis=1)
+    return (
+        base.rr.sum(axis=1)
+        - 2.0 * np.einsum("kp,kp->k", theta, c.Cr)
+        - 2.0 * np.einsum("kb,kb->k", delta, Xr)
+        + np.einsum("kp,kpq,kq->k", theta, c.CC, theta)
+        + 2.0 * np.einsum("kp,kpb,kb->k", theta, c.CX, delta)
+        + np.einsum("kb,kbc,kc->k", delta, XX, delta)
+    )
+
+
+def _spread(c: Products) -> Floats:
+    """Return the block jackknife covariance of a candidate fitted alone to the own logs."""
+    CC, Cr = c.CC.sum(axis=0), c.Cr.sum(axis=0)
+    K, p = len(c.Cr), len(Cr)
+    if p == 0:
+        return np.zeros((0, 0))
+    scale = np.sqrt(np.maximum(np.diagonal(CC), 1e-300))
+    S = (CC - c.CC) / np.outer(scale, scale) + 1e-6 * np.eye(p)
+    each = np.linalg.solve(S, ((Cr - c.Cr) / scale)[:, :, None])[:, :, 0] / scale
+    d = each - each.mean(axis=0)
+    return np.asarray((K - 1) / K * d.T @ d)
+
+
+def _nothing(base: Base, b: int) -> Products:
+    K = base.sample.blocks
+    return Products(np.zeros((K, 0, 0)), np.zeros((K, 0, b)), np.zeros((K, 0)), base.rr.sum(axis=1))

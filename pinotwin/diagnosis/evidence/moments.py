@@ -1,0 +1,106 @@
+r"""Block sums of weighted rows: all that least squares on any choice of blocks needs.
+
+For columns ``X`` of the model as it stands, ``C`` of one candidate and the residual ``r``, all divided by
+the floor of their joint, every block and joint keeps the products
+
+    X'X, X'r, r'r, C'C, C'X, C'r
+
+so that fitting on some blocks and judging on the others costs no pass over the rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.samples import Sample
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """The model as it stands on one sample.
+
+    Attributes:
+        sample: the rows.
+        columns: joint -> weighted columns of the model, shape (m, b).
+        residual: joint -> weighted residual, shape (m,).
+        floor: joint -> by what rows are divided [N or N·m].
+        XX: shape (blocks, joints, b, b).
+        Xr: shape (blocks, joints, b).
+        rr: shape (blocks, joints).
+    """
+
+    sample: Sample
+    columns: Mapping[int, Floats]
+    residual: Mapping[int, Floats]
+    floor: Mapping[int, float]
+    XX: Floats
+    Xr: Floats
+    rr: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Sums of one candidate's columns on one sample; blocks first, summed over its joints.
+
+    Attributes:
+        CC: shape (blocks, p, p).
+        CX: shape (blocks, p, b).
+        Cr: shape (blocks, p).
+        rr: residual's own square at the joints the candidate acts on, shape (blocks,).
+    """
+
+    CC: Floats
+    CX: Floats
+    Cr: Floats
+    rr: Floats
+
+
+def base_of(sample: Sample, columns: Mapping[int, Floats], floor: Mapping[int, float], width: int) -> Base:
+    """Return the sums of a model on a sample.
+
+    Args:
+        sample: rows.
+        columns: joint -> columns of the model, shape (m, b); joints without any are zero.
+        floor: joint -> by what its rows are divided.
+        width: b.
+    """
+    K, joints = sample.blocks, sample.joints
+    XX, Xr = np.zeros((K, len(joints), width, width)), np.zeros((K, len(joints), width))
+    rr = np.zeros((K, len(joints)))
+    weighted, residual = {}, {}
+    for at, j in enumerate(joints):
+        r = sample.residual[j] / floor[j]
+        X = columns[j] / floor[j] if j in columns else np.zeros((len(r), width))
+        weighted[j], residual[j] = X, r
+        for k, part in _parts(sample, j):
+            XX[k, at] = X[part].T @ X[part]
+            Xr[k, at] = X[part].T @ r[part]
+            rr[k, at] = r[part] @ r[part]
+    return Base(sample, weighted, residual, floor, XX, Xr, rr)
+
+
+def products(base: Base, columns: Mapping[int, Floats]) -> Products:
+    """Return the sums of a candidate, given its columns (not weighted) at the joints it acts on."""
+    first = next(iter(columns.values()))
+    p, b, K = first.shape[1], base.Xr.shape[2], base.sample.blocks
+    CC, CX, Cr, rr = np.zeros((K, p, p)), np.zeros((K, p, b)), np.zeros((K, p)), np.zeros(K)
+    for j, raw in columns.items():
+        C = raw / base.floor[j]
+        X, r = base.columns[j], base.residual[j]
+        for k, part in _parts(base.sample, j):
+            c = C[part]
+            CC[k] += c.T @ c
+            if b:
+                CX[k] += c.T @ X[part]
+            Cr[k] += c.T @ r[part]
+            rr[k] += r[part] @ r[part]
+    return Products(CC, CX, Cr, rr)
+
+
+def _parts(sample: Sample, joint: int) -> list[tuple[int, slice]]:
+    starts = sample.starts[joint]
+    return [(k, slice(int(a), int(b))) for k, (a, b) in enumerate(zip(starts[:-1], starts[1:], strict=True))]

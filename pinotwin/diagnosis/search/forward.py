@@ -1,0 +1,157 @@
+"""Causes one after the other: the one that closes most on unseen rows first, each beside those before it.
+
+A candidate is taken in if it closes a positive share of its axis' residual on rows that were not fitted,
+with an interval above zero, and if its size is many times what leaving out stretches of motion moves it
+by. Of candidates that close as much, the one with fewest numbers is taken. Patterns without a name compete
+with the effects: where one of them wins, what is there is in no catalogue, and nothing is named for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.evidence.bootstrap import lower_bound
+from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.search.scan import Scored, Searcher, Table
+from pinotwin.diagnosis.search.shortlist import Shortlist
+from pinotwin.effects import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One turn of the search.
+
+    Attributes:
+        chosen: what was taken in.
+        rivals: the other best candidates of that turn, one a name and axis, best first.
+        searcher: the ground on which the turn was made.
+    """
+
+    chosen: Scored
+    rivals: Sequence[Scored]
+    searcher: Searcher = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search has found.
+
+    Attributes:
+        steps: turns, in order.
+        last: the best candidate that was not taken in, and why not; None if there was none.
+        searcher: the ground with all causes among its columns.
+    """
+
+    steps: Sequence[Step]
+    last: tuple[Scored, str] | None
+    searcher: Searcher = field(repr=False)
+
+
+def search(
+    comparison: Comparison,
+    candidates: Sequence[Effect],
+    *,
+    rules: Rules = RULES,
+    most: int | None = None,
+    tell: Callable[[str, float], None] | None = None,
+) -> Found:
+    """Return the causes that the data support.
+
+    Args:
+        comparison: what is compared.
+        candidates: effects, and patterns without a name.
+        rules: thresholds.
+        most: most causes to take in.
+        tell: called with the stage and the share done.
+    """
+    searcher = Searcher(comparison)
+    shortlist = Shortlist(candidates)
+    steps: list[Step] = []
+    last = None
+    while len(steps) < (most or rules.most):
+        if tell:
+            tell("searching for causes", len(steps) / (len(steps) + 2.0))
+        ranked = _ranked(searcher, shortlist.of(searcher))
+        if not ranked:
+            break
+        winner = _simplest(ranked, rules)
+        why = refused(winner, searcher, rules)
+        if why:
+            last = (winner, why)
+            break
+        steps.append(Step(winner, [r for r in ranked if r is not winner], searcher))
+        searcher = Searcher(comparison, [s.chosen for s in steps])
+    return Found(steps, last, searcher)
+
+
+POLISHED, NEAR = 6, 0.5
+"""Candidates of one turn whose shapes are polished: so many, if they close this share of the best."""
+
+
+def _ranked(searcher: Searcher, tables: Sequence[tuple[Effect, Table]]) -> list[Scored]:
+    """Return the best candidate of every name and axis, shapes polished, best first."""
+    best: dict[tuple[str, str | None], Scored] = {}
+    for effect, table in tables:
+        one = searcher.score(effect, table)
+        key = (effect.name, effect.axis)
+        if one is not None and one.gain > 0.0 and allowed(one, searcher.comparison):
+            if key not in best or one.gain > best[key].gain:
+                best[key] = one
+    ranked = sorted(best.values(), key=lambda s: -s.gain)
+    top = [searcher.polished(s) if s.gain > NEAR * ranked[0].gain else s for s in ranked[:POLISHED]]
+    top = [t if allowed(t, searcher.comparison) else s for t, s in zip(top, ranked, strict=False)]
+    return sorted([*top, *ranked[POLISHED:]], key=lambda s: -s.gain)
+
+
+def _simplest(ranked: Sequence[Scored], rules: Rules) -> Scored:
+    """Return the candidate with fewest numbers among those that close as much as the best."""
+    close = [s for s in ranked if s.gain >= rules.as_good * ranked[0].gain]
+    return min(close, key=lambda s: (s.numbers, -s.gain))
+
+
+def allowed(one: Scored, comparison: Comparison) -> bool:
+    """Whether the coefficients can be those of the effect: within their bounds, by two standard errors."""
+    before = known(one.effect, comparison)
+    error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 0.0))
+    for k, c in enumerate(one.effect.coefficients()):
+        value = before[k] + one.judged.theta[k]
+        if value < c.lower - 2.0 * error[k] or value > c.upper + 2.0 * error[k]:
+            return False
+    return True
+
+
+def known(effect: Effect, comparison: Comparison) -> Sequence[float]:
+    """Return the coefficients that the twin has of an effect of the same kind; zeros where it has none."""
+    twin = comparison.twin
+    for own, where in zip(twin.effects, twin.slices, strict=True):
+        if own.name == effect.name and own.axis == effect.axis and comparison.change:
+            theta = [float(x) for x in twin.theta[where]]
+            if len(theta) == len(effect.coefficients()):
+                return theta
+    return [0.0] * len(effect.coefficients())
+
+
+def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
+    """Return why a candidate is not taken in; empty if it is."""
+    c = searcher.comparison
+    share = rules.share if c.change else rules.share_structure
+    if one.share < share:
+        return f"closes {one.share:.0%} of its axis' residual"
+    if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
+        return f"is {one.judged.strength:.1f} squared standard errors a number"
+    if lower_bound(one, searcher) <= 0.0:
+        return "closes nothing for certain on rows not fitted"
+    moved = size_of(one, c) / max(c.new.size(one.joint), 1e-300)
+    if moved < rules.size_structure:
+        return f"moves its axis' effort by {moved:.1%}"
+    return ""
+
+
+def size_of(one: Scored, comparison: Comparison) -> float:
+    """Return the RMS of what a cause adds at its main joint [N or N·m]."""
+    C = one.table[0][one.joint]
+    return float(np.sqrt(np.mean((C @ one.judged.theta) ** 2)))

@@ -1,0 +1,196 @@
+"""Every candidate on the ground as it stands: what it closes on rows that it was not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import minimize
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.comparison import Comparison, thinned_model
+from pinotwin.diagnosis.evidence.held_out import Ground, Judged, judged
+from pinotwin.diagnosis.evidence.moments import Base, Products, base_of, products
+from pinotwin.effects import Effect
+
+Table = Sequence[Mapping[int, Floats]]
+"""Columns of one effect on every sample: joint -> (m, p)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """One candidate with what it is worth.
+
+    Attributes:
+        effect: at its shapes.
+        table: its columns on every sample.
+        judged: coefficients and what is left.
+        gain: squared residual closed on rows not fitted, in units of the floor.
+        shares: the same of each block over the mean squared residual of a block, fitted logs first.
+        rows: number of rows it acts on.
+        moved: RMS of what it adds at its main joint [N or N·m].
+        joint: that joint.
+    """
+
+    effect: Effect
+    table: Table = field(repr=False)
+    judged: Judged = field(repr=False)
+    gain: float
+    share: float
+    joint: int
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers it has: coefficients, and shapes that were searched."""
+        return len(self.judged.theta) + type(self.effect).searched
+
+
+class Searcher:
+    """The candidates of a comparison, scored beside the causes found so far."""
+
+    def __init__(self, comparison: Comparison, found: Sequence[Scored] = ()) -> None:
+        self.comparison = comparison
+        self.found = tuple(found)
+
+    @cached_property
+    def ground(self) -> Ground:
+        """The model with the causes found so far among its columns."""
+        c = self.comparison
+        samples = c.samples
+        tables = thinned_model(samples, c.model_columns)
+        for one in self.found:
+            for s, table, part in zip(samples, tables, one.table, strict=True):
+                p = len(one.judged.theta)
+                for j in s.joints:
+                    more = part.get(j, np.zeros((len(s.residual[j]), p)))
+                    table[j] = np.hstack([table[j], more])
+        width = next(iter(tables[0].values())).shape[1]
+        bases = [base_of(s, t, c.floor, width) for s, t in zip(samples, tables, strict=True)]
+        by = dict(zip(("new", "own", "unseen"), self._placed(bases), strict=True))
+        diagonal = np.einsum("kjbb->b", by["new"].XX)
+        return Ground(by["new"], by["own"], by["unseen"], np.diag(1e-6 * diagonal + 1e-300))
+
+    def residual(self) -> dict[int, Floats]:
+        """Return what the model leaves of the logs in question with all its columns fitted, floor units."""
+        delta = self.ground.alone.base
+        base = self.ground.new
+        return {j: base.residual[j] - base.columns[j] @ delta for j in base.sample.joints}
+
+    def _placed(self, bases: Sequence[Base]) -> list[Base | None]:
+        left = list(bases)
+        c = self.comparison
+        return [left.pop(0), left.pop(0) if c.own else None, left.pop(0) if c.unseen else None]
+
+    def table(self, effect: Effect) -> Table | None:
+        """Return the columns of an effect on every sample; None if it acts on no row or is not finite."""
+        tables = [s.columns(effect) for s in self.comparison.samples]
+        if not tables[0] or not all(np.isfinite(x).all() for t in tables for x in t.values()):
+            return None
+        power = sum(float(np.sum(x * x)) for x in tables[0].values())
+        return tables if power > 0.0 else None
+
+    def score(self, effect: Effect, table: Table | None = None) -> Scored | None:
+        """Return what an effect is worth; None if the model's own columns leave nothing of it."""
+        table = table or self.table(effect)
+        if table is None:
+            return None
+        parts = [
+            None if base is None else _products(base, part)
+            for base, part in zip(self._bases(), self._filled(table), strict=True)
+        ]
+        assert parts[0] is not None
+        found = judged(self.ground, parts[0], parts[1], parts[2])
+        if not found.determined or not np.isfinite(found.left).all():
+            return None
+        alone = self.ground.alone
+        gain = float((alone.left - found.left).sum() + (alone.unseen - found.unseen).sum())
+        joint = max(table[0], key=lambda j: float(np.sum((table[0][j] @ found.theta) ** 2)) / self._floor2(j))
+        return Scored(effect, table, found, gain, gain / max(self.power(table), 1e-300), joint)
+
+    def power(self, table: Table) -> float:
+        """Return the squared residual, not fitted, at the joints that columns act on, floor units."""
+        joints = set(table[0])
+        total = 0.0
+        for base, left in ((self.ground.new, self.alone_by_joint[0]), (self.ground.unseen, self.alone_by_joint[1])):
+            if base is not None:
+                total += sum(float(left[:, at].sum()) for at, j in enumerate(base.sample.joints) if j in joints)
+        return total
+
+    @cached_property
+    def alone_by_joint(self) -> tuple[Floats, Floats]:
+        """Squared residual of every block and joint without a candidate: new logs, validation logs."""
+        return _alone(self.ground)
+
+    def _floor2(self, joint: int) -> float:
+        return self.comparison.floor[joint] ** 2
+
+    def _bases(self) -> tuple[Base, Base | None, Base | None]:
+        return self.ground.new, self.ground.own, self.ground.unseen
+
+    def _filled(self, table: Table) -> list[Mapping[int, Floats] | None]:
+        rest = list(table)
+        c = self.comparison
+        return [rest.pop(0), rest.pop(0) if c.own else None, rest.pop(0) if c.unseen else None]
+
+    def polished(self, scored: Scored, evaluations: int = 24) -> Scored:
+        """Return a candidate with its shapes moved to where it closes most."""
+        shapes = scored.effect.shapes()
+        if not shapes or type(scored.effect).searched == 0:
+            return scored
+        best = scored
+        low = np.array([np.log(s.lower) if s.log else s.lower for s in shapes])
+        high = np.array([np.log(s.upper) if s.log else s.upper for s in shapes])
+        log = np.array([s.log for s in shapes])
+
+        def values(x: Floats) -> list[float]:
+            x = np.clip(x, low, high)
+            return [float(np.exp(v)) if g else float(v) for v, g in zip(x, log, strict=True)]
+
+        def loss(x: Floats) -> float:
+            nonlocal best
+            try:
+                one = self.score(scored.effect.shaped(values(x)))
+            except (ValueError, FloatingPointError):
+                return 0.0
+            if one is not None and one.gain > best.gain:
+                best = one
+            return 0.0 if one is None else -one.gain
+
+        start = np.array([np.log(v) if g else v for v, g in zip(scored.effect.shape_values(), log, strict=True)])
+        size = np.where(log, 0.05, 0.05 * (high - low))
+        simplex = np.vstack([start, *(start + np.diag(size))])
+        minimize(loss, start, method="Nelder-Mead", options={"maxfev": evaluations, "initial_simplex": simplex})
+        return best
+
+
+def _products(base: Base, part: Mapping[int, Floats] | None) -> Products | None:
+    usable = {j: x for j, x in (part or {}).items() if j in base.sample.joints and j in base.floor}
+    return products(base, usable) if usable else None
+
+
+def _alone(ground: Ground) -> tuple[Floats, Floats]:
+    inverse, base = ground.folds, ground.new
+    Xr = base.Xr.sum(axis=1)
+    total = Xr.sum(axis=0)
+    delta = np.einsum("kbc,kc->kb", inverse, np.concatenate([total - Xr, total[None]]))
+    if ground.own is not None:
+        delta = delta - ground.own_inverse[0] @ ground.own.Xr.sum(axis=(0, 1))
+    new = _by_joint(base, delta[:-1])
+    if ground.unseen is None:
+        return new, np.zeros((0, 0))
+    return new, _by_joint(ground.unseen, np.repeat(delta[-1:], ground.unseen.sample.blocks, axis=0))
+
+
+def _by_joint(base: Base, delta: Floats) -> Floats:
+    return (
+        base.rr
+        - 2.0 * np.einsum("kb,kjb->kj", delta, base.Xr)
+        + np.einsum("kb,kjbc,kc->kj", delta, base.XX, delta)
+    )
+
+
+def with_shapes(effect: Effect, values: Sequence[float]) -> Effect:
+    """Return an effect at other shapes."""
+    return replace(effect.shaped(values))

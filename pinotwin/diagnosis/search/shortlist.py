@@ -1,0 +1,80 @@
+"""Which shapes of an effect are worth a close look: those that fit the residual best on thinned rows.
+
+An effect with a searched shape comes in hundreds of instances. A plain fit to the residual as it stands,
+without the model's own columns beside it, ranks the instances of one name on one axis well; the best few
+are then scored on unseen rows.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.samples import Sample
+from pinotwin.diagnosis.search.scan import Searcher, Table
+from pinotwin.effects import Effect
+
+KEPT = 3
+"""Instances of one name on one axis that are looked at closely."""
+
+
+class Shortlist:
+    """The candidates of a search, and the columns of those that were looked at."""
+
+    def __init__(self, candidates: Sequence[Effect]) -> None:
+        self.groups: dict[tuple[str, str | None], list[Effect]] = defaultdict(list)
+        for effect in candidates:
+            self.groups[effect.name, effect.axis].append(effect)
+        self.tables: dict[Effect, Table | None] = {}
+        self.chosen: dict[tuple[str, str | None], tuple[bytes, list[Effect]]] = {}
+
+    def of(self, searcher: Searcher) -> list[tuple[Effect, Table]]:
+        """Return the instances worth a close look on this ground, with their columns on every sample."""
+        out = []
+        residual = searcher.residual()
+        for key, group in self.groups.items():
+            for effect in group if len(group) <= KEPT else self._best(key, group, searcher, residual):
+                if effect not in self.tables:
+                    self.tables[effect] = searcher.table(effect)
+                table = self.tables[effect]
+                if table is not None:
+                    out.append((effect, table))
+        return out
+
+    def _best(
+        self,
+        key: tuple[str, str | None],
+        group: Sequence[Effect],
+        searcher: Searcher,
+        residual: Mapping[int, Floats],
+    ) -> list[Effect]:
+        """Return the best instances of one name on one axis; as before where its residual is as before."""
+        sample = searcher.comparison.new
+        axis = searcher.comparison.machine.axes[str(key[1])].index
+        stamp = residual[axis].tobytes() if axis in residual else b""
+        if key in self.chosen and self.chosen[key][0] == stamp:
+            return self.chosen[key][1]
+        gains = np.array([_closes(sample, effect, residual) for effect in group])
+        best = [group[k] for k in np.argsort(-gains)[:KEPT]]
+        self.chosen[key] = (stamp, best)
+        return best
+
+
+def _closes(sample: Sample, effect: Effect, residual: Mapping[int, Floats]) -> float:
+    """Return how much of the squared residual a plain fit of the effect closes."""
+    columns = sample.screened(effect)
+    joints = [j for j in columns if j in residual]
+    if not joints:
+        return 0.0
+    C = np.concatenate([columns[j] for j in joints])
+    r = np.concatenate([residual[j] for j in joints])
+    if not np.isfinite(C).all():
+        return 0.0
+    g = C.T @ r
+    N = C.T @ C
+    scale = np.sqrt(np.maximum(np.diag(N), 1e-300))
+    N = N / np.outer(scale, scale) + 1e-6 * np.eye(len(N))
+    return float((g / scale) @ np.linalg.solve(N, g / scale))
