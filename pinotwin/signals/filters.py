@@ -14,6 +14,7 @@ corner 0.8/r).
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from collections.abc import Sequence
 
 import numpy as np
@@ -125,9 +126,14 @@ def decimate_zero_phase(x: Floats, factor: int, segments: Segments = None) -> Fl
     x = np.asarray(x, dtype=float)
     if factor == 1:
         return np.concatenate([x[part] for part in _stretches(x, segments)])
-    smooth = _both_ways(x, signal.cheby1(8, 0.05, 0.8 / factor, output="sos"), 8, segments)
+    smooth = _both_ways(x, _decimator(factor), 8, segments)
     parts = [smooth[part] for part in _stretches(x, segments)]
     return np.concatenate([part[(len(part) - 1) % factor :: factor] for part in parts])
+
+
+@lru_cache
+def _decimator(factor: int) -> Floats:
+    return np.asarray(signal.cheby1(8, 0.05, 0.8 / factor, output="sos"))
 
 
 def edge_samples(cutoff: float, rate: float, order: int = 4, share: float = 0.01) -> int:

@@ -83,9 +83,13 @@ class Searcher:
         c = self.comparison
         return [left.pop(0), left.pop(0) if c.own else None, left.pop(0) if c.unseen else None]
 
-    def table(self, effect: Effect) -> Table | None:
-        """Return the columns of an effect on every sample; None if it acts on no row or is not finite."""
-        tables = [s.columns(effect) for s in self.comparison.samples]
+    def table(self, effect: Effect, *, screen: bool = False) -> Table | None:
+        """Return the columns of an effect on every sample; None if it acts on no row or is not finite.
+
+        With ``screen`` they are computed on the thinned motion: near, and much faster.
+        """
+        samples = self.comparison.samples
+        tables = [s.screened(effect) if screen else s.columns(effect) for s in samples]
         if not tables[0] or not all(np.isfinite(x).all() for t in tables for x in t.values()):
             return None
         power = sum(float(np.sum(x * x)) for x in tables[0].values())

@@ -17,8 +17,10 @@ from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.search.scan import Searcher, Table
 from pinotwin.effects import Effect
 
-KEPT = 3
-"""Instances of one name on one axis that are looked at closely."""
+KEPT = 2
+"""Instances of one name on one axis that are scored on unseen rows."""
+CLOSE = 24
+"""Instances in all, the best of those, whose columns are computed at the log's own rate."""
 
 
 class Shortlist:
@@ -29,20 +31,29 @@ class Shortlist:
         for effect in candidates:
             self.groups[effect.name, effect.axis].append(effect)
         self.tables: dict[Effect, Table | None] = {}
+        self.thinned: dict[Effect, Table | None] = {}
         self.chosen: dict[tuple[str, str | None], tuple[bytes, list[Effect]]] = {}
 
     def of(self, searcher: Searcher) -> list[tuple[Effect, Table]]:
         """Return the instances worth a close look on this ground, with their columns on every sample."""
-        out = []
         residual = searcher.residual()
+        near: list[tuple[float, Effect]] = []
         for key, group in self.groups.items():
             for effect in group if len(group) <= KEPT else self._best(key, group, searcher, residual):
-                if effect not in self.tables:
-                    self.tables[effect] = searcher.table(effect)
-                table = self.tables[effect]
-                if table is not None:
-                    out.append((effect, table))
-        return out
+                if effect not in self.thinned:
+                    self.thinned[effect] = searcher.table(effect, screen=True)
+                table = self.thinned[effect]
+                one = None if table is None else searcher.score(effect, table)
+                if one is not None:
+                    near.append((one.gain, effect))
+        near.sort(key=lambda pair: -pair[0])
+        return [pair for _, effect in near[:CLOSE] if (pair := self._exact(effect, searcher)) is not None]
+
+    def _exact(self, effect: Effect, searcher: Searcher) -> tuple[Effect, Table] | None:
+        if effect not in self.tables:
+            self.tables[effect] = searcher.table(effect)
+        table = self.tables[effect]
+        return None if table is None else (effect, table)
 
     def _best(
         self,
