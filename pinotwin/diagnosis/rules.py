@@ -22,7 +22,25 @@ class Rules:
     strength_structure: float = 12.0
     as_good: float = 0.97
     """[of the best gain] a simpler candidate that reaches this is preferred."""
+    as_good_kin: float = 0.92
+    needless: float = 0.1
+    excess: float = 0.9
     most: int = 8
+    push: float = 3.0
+    push_least: float = 0.35
+    push_better: float = 1.1
+    most_of_time: float = 0.6
+    law_holds: float = 0.35
+    law_worse: float = 1.5
+    law_share: float = 0.5
+    open_change: float = 2.5
+    open_structure: float = 0.15
+    odd: float = 1.5
+    prior_right: float = 1.0
+    prior_wrong: float = 0.5
+    quick_confidence: float = 0.7
+    push_confidence: float = 0.85
+    servo_confidence: float = 0.85
 
 
 RULES = Rules()

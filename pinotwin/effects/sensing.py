@@ -19,7 +19,7 @@ from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import length
 from pinotwin.motion import Motion
 
-SPANS = (3e-4, 1e-3, 3e-3, 1e-2, -3e-4, -3e-3, -1e-2)
+SPANS = (3e-4, 1e-3, 3e-3, 1e-2, 2e-2, 4e-2, -3e-4, -1e-3, -3e-3, -1e-2, -2e-2)
 """Delays (leads where negative) that are tried [s]."""
 TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)
 """Errors a turn that are tried."""

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
 
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects import EFFECTS, Coefficient, Columns, Effect, Shape
 from pinotwin.effects.tree import Tree
+from pinotwin.motion import Motion
 
 APART = ("rigid_body", "external_force", "spring")
 """Looked for in another way: by change points in time, and by the vibration of a passive joint."""
+
+
+BESIDE = {"viscous_thermal": ("viscous",)}
+"""Effects that are tried together with what they change."""
 
 
 def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Iterator[Effect]:
@@ -25,4 +34,46 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
             continue
         for axis in machine.axes.values():
             if axis.index in comparison.new.joints:
-                yield from kind.candidates(tree, axis.name, motion)
+                beside = [EFFECTS[x].on(tree, axis.name) for x in BESIDE.get(name, ())]
+                for effect in kind.candidates(tree, axis.name, motion):
+                    yield Joined(axis.name, (*beside, effect)) if beside else effect
+
+
+@dataclass(frozen=True)
+class Joined(Effect):
+    """An effect together with one that it rides on: warming beside the cold viscous friction.
+
+    Attributes:
+        parts: the effect that gives the name last.
+    """
+
+    axis: str | None
+    parts: tuple[Effect, ...]
+    name: ClassVar[str] = "joined"
+    searched: ClassVar[int] = 1
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """See :meth:`Effect.coefficients`; either part may fall while the other rises."""
+        return tuple(replace(c, lower=-np.inf) for part in self.parts for c in part.coefficients())
+
+    def columns(self, motion: Motion) -> Columns:
+        """See :meth:`Effect.columns`."""
+        found = [part.columns(motion) for part in self.parts]
+        return Columns(found[0].joints, np.concatenate([c.values for c in found], axis=2))
+
+    def shapes(self) -> tuple[Shape, ...]:
+        """See :meth:`Effect.shapes`."""
+        return self.parts[-1].shapes()
+
+    def shape_values(self) -> tuple[float, ...]:
+        """See :meth:`Effect.shape_values`."""
+        return self.parts[-1].shape_values()
+
+    def shaped(self, values: Sequence[float]) -> Joined:
+        """See :meth:`Effect.shaped`."""
+        return replace(self, parts=(*self.parts[:-1], self.parts[-1].shaped(values)))
+
+
+def named(effect: Effect) -> Effect:
+    """Return the effect that a candidate is named for."""
+    return effect.parts[-1] if isinstance(effect, Joined) else effect

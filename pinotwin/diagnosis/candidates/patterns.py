@@ -158,6 +158,4 @@ def patterns(comparison: Comparison) -> Iterator[Effect]:
         for ripple in tried:
             pitch = float(ripple.shape_values()[0]) if ripple.shape_values() else 0.0
             if pitch > 0.0:
-                yield SpeedRipple(
-                    axis.name, axis.rotary, pitch=pitch, low=0.5 * pitch, high=2.0 * pitch
-                )
+                yield SpeedRipple(axis.name, axis.rotary, pitch=pitch, low=0.5 * pitch, high=2.0 * pitch)

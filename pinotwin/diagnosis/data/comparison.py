@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.data.deflection import bent
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.rules import RULES
@@ -129,8 +129,26 @@ def thinned_model(samples: Sequence[Sample], effects: Sequence[Effect]) -> list[
     return out
 
 
-def without_rows(motion: Motion, joint: int, rows: Floats) -> Motion:
-    """Return the motion with some rows of a joint marked as not to be used."""
-    use = motion.use.copy()
-    use[rows, joint] = False
-    return replace(motion, use=use)
+def without_pushes(c: Comparison, rows: Mapping[int, Mask]) -> Comparison:
+    """Return the comparison without the rows of some joints that lie in pushes.
+
+    Args:
+        c: as it was.
+        rows: joint -> which of its rows in the logs in question lie in a push.
+    """
+    s = c.new
+    kept = []
+    for joint, mask in zip(s.rows.joints, s.rows.kept, strict=True):
+        left = mask.copy()
+        if joint in rows:
+            left[np.flatnonzero(mask)[rows[joint]]] = False
+        kept.append(left)
+    keep = {j: ~rows[j] if j in rows else np.ones(len(s.residual[j]), dtype=bool) for j in s.joints}
+    new = replace(
+        s,
+        rows=replace(s.rows, kept=tuple(kept)),
+        residual={j: x[keep[j]] for j, x in s.residual.items()},
+        effort={j: x[keep[j]] for j, x in s.effort.items()},
+        block={j: x[keep[j]] for j, x in s.block.items()},
+    )
+    return replace(c, new=new)

@@ -112,9 +112,7 @@ def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
         DataError: no joint has a usable row.
     """
     moving = sum(s.stop - s.start for s in motion.segments)
-    count = max(
-        motion.decimation, round(1.0 / (motion.step * ROW_RATE)), int(np.ceil(moving / MOST_ROWS)), 1
-    )
+    count = max(motion.decimation, round(1.0 / (motion.step * ROW_RATE)), int(np.ceil(moving / MOST_ROWS)), 1)
     motion = replace(motion, decimation=count)
     rows = choose_rows(motion)
     thinned = thin(motion, np.nan_to_num(residual))

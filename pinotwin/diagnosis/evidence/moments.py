@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -103,4 +104,4 @@ def products(base: Base, columns: Mapping[int, Floats]) -> Products:
 
 def _parts(sample: Sample, joint: int) -> list[tuple[int, slice]]:
     starts = sample.starts[joint]
-    return [(k, slice(int(a), int(b))) for k, (a, b) in enumerate(zip(starts[:-1], starts[1:], strict=True))]
+    return [(k, slice(int(a), int(b))) for k, (a, b) in enumerate(pairwise(starts))]

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pinotwin.diagnosis.candidates.catalogue import Joined, named
+from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
 from pinotwin.diagnosis.rules import RULES, Rules
@@ -76,16 +78,33 @@ def search(
         if tell:
             tell("searching for causes", len(steps) / (len(steps) + 2.0))
         ranked = _ranked(searcher, shortlist.of(searcher))
-        if not ranked:
+        taken = {key(s.chosen) for s in steps}
+        fit = [r for r in ranked if key(r) not in taken and not refused(r, searcher, rules)]
+        last = next(((r, refused(r, searcher, rules)) for r in ranked if key(r) not in taken), None)
+        if not fit:
             break
-        winner = _simplest(ranked, rules)
-        why = refused(winner, searcher, rules)
-        if why:
-            last = (winner, why)
-            break
+        winner = simplest(fit, rules)
         steps.append(Step(winner, [r for r in ranked if r is not winner], searcher))
+        steps = _without_superfluous(comparison, steps, rules)
         searcher = Searcher(comparison, [s.chosen for s in steps])
     return Found(steps, last, searcher)
+
+
+def key(one: Scored) -> tuple[str, str | None]:
+    """Return the name of a candidate's effect and its axis."""
+    effect = named(one.effect)
+    return effect.name, effect.axis
+
+
+def _without_superfluous(comparison: Comparison, steps: Sequence[Step], rules: Rules) -> list[Step]:
+    """Return the causes without those that the last one has made needless."""
+    kept = list(steps)
+    for step in list(steps[:-1]):
+        others = Searcher(comparison, [s.chosen for s in kept if s is not step])
+        again = others.score(step.chosen.effect, step.chosen.table)
+        if again is None or again.gain < rules.needless * step.chosen.gain:
+            kept.remove(step)
+    return kept
 
 
 POLISHED, NEAR = 6, 0.5
@@ -97,24 +116,46 @@ def _ranked(searcher: Searcher, tables: Sequence[tuple[Effect, Table]]) -> list[
     best: dict[tuple[str, str | None], Scored] = {}
     for effect, table in tables:
         one = searcher.score(effect, table)
-        key = (effect.name, effect.axis)
-        if one is not None and one.gain > 0.0 and allowed(one, searcher.comparison):
-            if key not in best or one.gain > best[key].gain:
-                best[key] = one
+        group = (named(effect).name, effect.axis)
+        fits = one is not None and one.gain > 0.0 and allowed(one, searcher.comparison)
+        if one is not None and fits and (group not in best or one.gain > best[group].gain):
+            best[group] = one
     ranked = sorted(best.values(), key=lambda s: -s.gain)
     top = [searcher.polished(s) if s.gain > NEAR * ranked[0].gain else s for s in ranked[:POLISHED]]
     top = [t if allowed(t, searcher.comparison) else s for t, s in zip(top, ranked, strict=False)]
     return sorted([*top, *ranked[POLISHED:]], key=lambda s: -s.gain)
 
 
-def _simplest(ranked: Sequence[Scored], rules: Rules) -> Scored:
-    """Return the candidate with fewest numbers among those that close as much as the best."""
-    close = [s for s in ranked if s.gain >= rules.as_good * ranked[0].gain]
-    return min(close, key=lambda s: (s.numbers, -s.gain))
+def simplest(ranked: Sequence[Scored], rules: Rules) -> Scored:
+    """Return the candidate with fewest numbers among those that close as much as the best.
+
+    A relative of the best with fewer numbers may close a little less, for the richer one can bend itself
+    to what the model never had; likewise an effect of the catalogue beside a pattern without a name. Of
+    bodies that ride on several links the one on the last is taken.
+    """
+    best = ranked[0]
+    kin = {*named(best.effect).contains, *named(best.effect).imitates, *named(best.effect).inseparable}
+    close = []
+    for one in ranked:
+        near = named(one.effect).name in kin or (
+            isinstance(best.effect, Pattern) and not isinstance(one.effect, Pattern)
+        )
+        related = near and one.joint == best.joint
+        if one.gain >= (rules.as_good_kin if related else rules.as_good) * best.gain:
+            close.append(one)
+    return min(close, key=lambda s: (s.numbers, -_link(s), -s.gain))
+
+
+def _link(one: Scored) -> int:
+    effect = named(one.effect)
+    body = effect.name == "payload" and effect.axis is not None
+    return one.order if body else 0
 
 
 def allowed(one: Scored, comparison: Comparison) -> bool:
     """Whether the coefficients can be those of the effect: within their bounds, by two standard errors."""
+    if isinstance(one.effect, (Pattern, Joined)):
+        return True
     before = known(one.effect, comparison)
     error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 0.0))
     for k, c in enumerate(one.effect.coefficients()):
@@ -145,10 +186,18 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
         return f"is {one.judged.strength:.1f} squared standard errors a number"
     if lower_bound(one, searcher) <= 0.0:
         return "closes nothing for certain on rows not fitted"
+    if c.change and one.gain < rules.excess * _rows(one, c):
+        return "closes less than what the twin's own misfit may differ by"
     moved = size_of(one, c) / max(c.new.size(one.joint), 1e-300)
     if moved < rules.size_structure:
         return f"moves its axis' effort by {moved:.1%}"
     return ""
+
+
+def _rows(one: Scored, comparison: Comparison) -> int:
+    """Return the number of rows of the axis that a candidate moves most, validation logs included."""
+    samples = [comparison.new, comparison.unseen]
+    return sum(len(s.residual[one.joint]) for s in samples if s is not None and one.joint in s.joints)
 
 
 def size_of(one: Scored, comparison: Comparison) -> float:

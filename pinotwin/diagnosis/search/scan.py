@@ -28,10 +28,9 @@ class Scored:
         table: its columns on every sample.
         judged: coefficients and what is left.
         gain: squared residual closed on rows not fitted, in units of the floor.
-        shares: the same of each block over the mean squared residual of a block, fitted logs first.
-        rows: number of rows it acts on.
-        moved: RMS of what it adds at its main joint [N or N·m].
-        joint: that joint.
+        share: the same over the squared residual of the joints it acts on.
+        joint: the joint whose effort it moves most, against its floor.
+        order: place of its axis in the tree.
     """
 
     effect: Effect
@@ -40,6 +39,7 @@ class Scored:
     gain: float
     share: float
     joint: int
+    order: int = 0
 
     @property
     def numbers(self) -> int:
@@ -111,15 +111,22 @@ class Searcher:
         alone = self.ground.alone
         gain = float((alone.left - found.left).sum() + (alone.unseen - found.unseen).sum())
         joint = max(table[0], key=lambda j: float(np.sum((table[0][j] @ found.theta) ** 2)) / self._floor2(j))
-        return Scored(effect, table, found, gain, gain / max(self.power(table), 1e-300), joint)
+        names = self.comparison.machine.names
+        order = names.index(effect.axis) if effect.axis in names else 0
+        return Scored(effect, table, found, gain, gain / max(self.power(table), 1e-300), joint, order)
 
     def power(self, table: Table) -> float:
         """Return the squared residual, not fitted, at the joints that columns act on, floor units."""
         joints = set(table[0])
         total = 0.0
-        for base, left in ((self.ground.new, self.alone_by_joint[0]), (self.ground.unseen, self.alone_by_joint[1])):
+        for base, left in (
+            (self.ground.new, self.alone_by_joint[0]),
+            (self.ground.unseen, self.alone_by_joint[1]),
+        ):
             if base is not None:
-                total += sum(float(left[:, at].sum()) for at, j in enumerate(base.sample.joints) if j in joints)
+                total += sum(
+                    float(left[:, at].sum()) for at, j in enumerate(base.sample.joints) if j in joints
+                )
         return total
 
     @cached_property
@@ -162,10 +169,14 @@ class Searcher:
                 best = one
             return 0.0 if one is None else -one.gain
 
-        start = np.array([np.log(v) if g else v for v, g in zip(scored.effect.shape_values(), log, strict=True)])
+        start = np.array(
+            [np.log(v) if g else v for v, g in zip(scored.effect.shape_values(), log, strict=True)]
+        )
         size = np.where(log, 0.05, 0.05 * (high - low))
         simplex = np.vstack([start, *(start + np.diag(size))])
-        minimize(loss, start, method="Nelder-Mead", options={"maxfev": evaluations, "initial_simplex": simplex})
+        minimize(
+            loss, start, method="Nelder-Mead", options={"maxfev": evaluations, "initial_simplex": simplex}
+        )
         return best
 
 

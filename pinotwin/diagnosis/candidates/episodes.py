@@ -1,0 +1,190 @@
+r"""Pushes from outside: stretches of time in which the residual stands away from what it is elsewhere.
+
+An episode has any length and is taken as a constant force; it is found where the squared sum of the
+residual over its length, sum(r)^2 / n, is far beyond what the same search reaches on the twin's own logs.
+A cause that returns with the motion explains other logs as well and is preferred if it closes as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.samples import Sample
+from pinotwin.diagnosis.rules import RULES, Rules
+
+WIDTHS = np.geomspace(0.04, 6.0, 15)
+"""Lengths of an episode that are tried [s]."""
+MOST = 40
+"""Most episodes of one axis."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One push.
+
+    Attributes:
+        start: [s]. end: [s]. segment: stretch of the motion it lies in.
+        force: its mean [N or N·m], with the sign of a load on the axis.
+        error: standard error of that.
+    """
+
+    start: float
+    end: float
+    segment: int
+    force: float
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Episodes:
+    """The pushes on one axis.
+
+    Attributes:
+        joint: its column.
+        episodes: in order of time.
+        gain: squared residual that they close, each half of an episode predicted by the other, floor units.
+        share: the same over the squared residual of the axis.
+        rows: which rows of the axis lie in an episode, shape (m,).
+    """
+
+    joint: int
+    episodes: Sequence[Episode]
+    gain: float
+    share: float
+    rows: Floats
+
+
+def episodes(
+    sample: Sample,
+    residual: Mapping[int, Floats],
+    own: Mapping[int, Floats] | None,
+    own_sample: Sample | None,
+    floor: Mapping[int, float],
+    joint: int,
+    rules: Rules = RULES,
+) -> Episodes | None:
+    """Return the pushes on one axis, None if there are none.
+
+    Args:
+        sample: rows of the logs in question.
+        residual: joint -> residual in units of the floor.
+        own: the same on the twin's own logs, or None.
+        own_sample: rows of those.
+        floor: joint -> unit of the residual.
+        joint: which axis.
+        rules: thresholds.
+    """
+    r, t, segment = residual[joint], *_time(sample, joint)
+    if own is not None and own_sample is not None and joint in own:
+        usual = _largest(own[joint], *_time(own_sample, joint))
+    else:
+        usual = _typical(r, t, segment)
+    left, found = r.copy(), []
+    while len(found) < MOST:
+        gain, a, b = _best(left, t, segment)
+        if gain < rules.push * usual:
+            break
+        a, b = _edges(left, segment, a, b)
+        found.append((a, b))
+        left[a:b] -= left[a:b].mean()
+    if not found:
+        return None
+    inside = np.zeros(len(r), dtype=bool)
+    for a, b in found:
+        inside[a:b] = True
+    if inside.mean() > rules.most_of_time:
+        return None
+    gain = _closed(r, found)
+    listed = [_episode(sample, joint, floor[joint], r, t, segment, a, b) for a, b in sorted(found)]
+    return Episodes(joint, listed, gain, gain / max(float(r @ r), 1e-300), inside)
+
+
+def _time(sample: Sample, joint: int) -> tuple[Floats, Floats]:
+    """Return the time of every row of a joint, and the stretch of the motion it lies in."""
+    at = sample.samples(joint)
+    kept = sample.rows.kept[sample.rows.joints.index(joint)]
+    return sample.motion.t[at], sample.rows.block[kept]
+
+
+def _windows(r: Floats, t: Floats, segment: Floats, width: float) -> tuple[Floats, Floats, Floats]:
+    """Return gain, first row and row after the last of every window of one width."""
+    ends = np.searchsorted(t + 1e6 * segment, t + 1e6 * segment + width)
+    total = np.concatenate([[0.0], np.cumsum(r)])
+    starts = np.arange(len(r))
+    count = ends - starts
+    full = count >= 4
+    gain = np.where(full, (total[ends] - total[starts]) ** 2 / np.maximum(count, 1), 0.0)
+    return gain, starts, ends
+
+
+def _best(r: Floats, t: Floats, segment: Floats) -> tuple[float, int, int]:
+    best = (0.0, 0, 0)
+    for width in WIDTHS:
+        gain, starts, ends = _windows(r, t, segment, float(width))
+        k = int(np.argmax(gain))
+        if gain[k] > best[0]:
+            best = (float(gain[k]), int(starts[k]), int(ends[k]))
+    return best
+
+
+def _edges(r: Floats, segment: Floats, a: int, b: int) -> tuple[int, int]:
+    """Return the edges of an episode moved to where its gain is largest."""
+    size = max(b - a, 4)
+    low, high = max(0, a - size), min(len(r), b + size)
+    same = np.flatnonzero(segment[low:high] == segment[a]) + low
+    low, high = int(same[0]), int(same[-1]) + 1
+    total = np.concatenate([[0.0], np.cumsum(r[low:high])])
+    for _ in range(3):
+        for k in np.arange(low, b - 3)[:: max(1, (b - low) // 200)]:
+            if _gain(total, low, int(k), b) > _gain(total, low, a, b):
+                a = int(k)
+        for k in np.arange(a + 4, high + 1)[:: max(1, (high - a) // 200)]:
+            if _gain(total, low, a, int(k)) > _gain(total, low, a, b):
+                b = int(k)
+    return a, b
+
+
+def _gain(total: Floats, low: int, a: int, b: int) -> float:
+    return float((total[b - low] - total[a - low]) ** 2 / (b - a))
+
+
+def _largest(r: Floats, t: Floats, segment: Floats) -> float:
+    return max(_best(r, t, segment)[0], 1e-300)
+
+
+def _typical(r: Floats, t: Floats, segment: Floats) -> float:
+    """Return what the largest window of a residual without pushes may reach: from its quieter windows."""
+    worst = 0.0
+    for width in WIDTHS:
+        gain = _windows(r, t, segment, float(width))[0]
+        worst = max(worst, float(np.quantile(gain, 0.75)))
+    return max(6.0 * worst, 1e-300)
+
+
+def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> float:
+    """Return what constants close, every other pair of rows predicted from those between them."""
+    left = r.copy()
+    for a, b in found:
+        half = (np.arange(b - a) // 2) % 2 == 0
+        part = left[a:b]
+        if half.all() or not half.any():
+            continue
+        one, other = part[half].mean(), part[~half].mean()
+        left[a:b] = np.where(half, part - other, part - one)
+    return float(r @ r - left @ left)
+
+
+def _episode(  # noqa: PLR0913, what one push is read from
+    sample: Sample, joint: int, floor: float, r: Floats, t: Floats, segment: Floats, a: int, b: int
+) -> Episode:
+    part = r[a:b] * floor
+    force = -float(part.mean())
+    pieces = np.array_split(part, max(2, min(8, len(part) // 2)))
+    means = np.array([p.mean() for p in pieces])
+    error = float(means.std(ddof=1) / np.sqrt(len(means)))
+    step = sample.motion.step * sample.motion.decimation
+    return Episode(float(t[a]), float(t[b - 1] + step), int(segment[a]), force, error)

@@ -1,0 +1,159 @@
+"""What to record next, and the command that does it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+
+PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
+    (
+        frozenset({"coulomb_asymmetric", "offset", "rigid_body"}),
+        "hold several postures with the brake off and read the effort",
+        "slow",
+    ),
+    (
+        frozenset({"effort_scale", "rigid_body"}),
+        "add a known payload: its weight is the ruler for the effort",
+        "slow",
+    ),
+    (
+        frozenset({"delay", "drive_flexibility", "joint_flexibility", "encoder_error"}),
+        "a multisine to beyond the mode: a delay turns the phase in proportion to frequency, a mode peaks",
+        "multisine",
+    ),
+    (
+        frozenset(
+            {
+                "viscous",
+                "stribeck",
+                "quadratic_drag",
+                "viscous_thermal",
+                "load_friction",
+                "viscous_asymmetric",
+            }
+        ),
+        "constant speeds over two decades, both ways",
+        "speeds",
+    ),
+    (
+        frozenset({"presliding", "backlash", "encoder_error", "stribeck"}),
+        "slow reversals of growing stroke, 1 um (1 mdeg) upwards",
+        "slow",
+    ),
+    (
+        frozenset({"ripple", "ripple_modulated", "position_table", "encoder_error", "geometric_error"}),
+        "the same travel at two speeds: what keeps its place is position, what keeps its rate is time",
+        "speeds",
+    ),
+)
+
+
+def advise(
+    noise: str, pairs: Sequence[tuple[str, str, str | None]], *, has_command: bool
+) -> tuple[list[str], list[tuple[str, str | None]]]:
+    """Return sentences of advice and the motions (kind, axis) that they ask for."""
+    words, motions = [], []
+    if noise == "assumed":
+        words.append(
+            "record the same command twice: the difference of the runs is the noise floor, "
+            "which this diagnosis had to assume"
+        )
+    if not has_command:
+        words.append("log the command (<axis>.qr) as well: without it only the open loop is diagnosed")
+    for a, b, axis in pairs:
+        for group, text, kind in PAIRS:
+            if {a, b} <= group:
+                where = "" if axis is None else f" on {axis}"
+                words.append(f"to tell {a} from {b}{where}: {text}")
+                motions.append((kind, axis))
+                break
+    return words, motions
+
+
+def resting(machine: Machine, seen: Collection[str]) -> list[str]:
+    """Return what to do about axes that these logs tell nothing of.
+
+    Args:
+        machine: whose axes.
+        seen: axes that have a gap.
+    """
+    silent = [name for name in machine.axes if name not in seen]
+    return [
+        f"{x} hardly moves in these logs, or its effort is not in them: nothing is said of it" for x in silent
+    ]
+
+
+def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> dict[str, Floats]:
+    """Return a command (t and every ``<axis>.qr``) within what the log already visited.
+
+    Args:
+        machine: whose axes.
+        motion: a log of it: its travel and speed are the limits.
+        kind: ``slow``, ``speeds`` or ``multisine``.
+        axis: the axis that moves; the first when None.
+    """
+    name = axis or next(iter(machine.axes))
+    j = motion.index(name)
+    q, v, a = motion.q[:, j], np.abs(motion.v[:, j]), np.abs(motion.a[:, j])
+    centre, reach = 0.5 * (q.max() + q.min()), 0.5 * float(np.ptp(q))
+    top, push = float(v.max()), float(np.quantile(a, 0.995))
+    t, path = MOTIONS[kind](reach, top, push)
+    out = {"t": t}
+    for other in machine.axes.values():
+        k = other.index
+        home = 0.5 * float(motion.q[:, k].max() + motion.q[:, k].min())
+        out[f"{other.name}.qr"] = centre + path if other.name == name else np.full(len(t), home)
+    return out
+
+
+def _slow(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
+    del push
+    t, x, now = [], [], 0.0
+    for stroke in (1e-4, 3e-4, 1e-3, 1e-2, 1e-1):
+        size = stroke * reach
+        period = max(2.0 * np.pi * size / (0.02 * top), 2.0)
+        s = np.arange(0.0, 2.0 * period, 2e-3)
+        t.append(now + s)
+        x.append(size * np.sin(2.0 * np.pi * s / period))
+        now += 2.0 * period
+    return np.concatenate(t), np.concatenate(x)
+
+
+def _speeds(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
+    t, x, now = [], [], 0.0
+    for share in (0.01, 0.03, 0.1, 0.3, 0.8):
+        speed = share * top
+        half = min(0.9 * reach, 2.0 * speed)
+        turn = speed / max(0.5 * push, 1e-9)
+        period = 4.0 * half / speed + 4.0 * turn
+        s = np.arange(0.0, period, 2e-3)
+        rate = np.clip(np.cos(2 * np.pi * s / period) * period / (2 * np.pi * turn + 1e-9), -1, 1)
+        path = np.cumsum(rate) * 2e-3
+        path -= np.linspace(0.0, path[-1], len(path))
+        t.append(now + s)
+        x.append(np.clip(path * speed, -reach, reach))
+        now += period
+    return np.concatenate(t), np.concatenate(x)
+
+
+def _multisine(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
+    t = np.arange(0.0, 20.0, 2e-3)
+    f = np.geomspace(0.3, 60.0, 24)
+    phase = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, len(f))
+    amplitude = 1.0 / (1.0 + f**2)
+    window = np.minimum(1.0, np.minimum(t, t[-1] - t))
+    angle = 2 * np.pi * np.outer(t, f) + phase
+    x = window * (np.sin(angle) @ amplitude)
+    rate, rise = np.gradient(x, t), np.gradient(np.gradient(x, t), t)
+    room = min(0.9 * reach / np.abs(x).max(), 0.9 * top / np.abs(rate).max(), 0.9 * push / np.abs(rise).max())
+    return t, room * x
+
+
+MOTIONS = {"slow": _slow, "speeds": _speeds, "multisine": _multisine}
+
+Commands = Mapping[str, Mapping[str, Floats]]

@@ -1,0 +1,160 @@
+"""What is named: each cause with its size, its shrink on rows not fitted, and its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pinotwin.diagnosis.candidates.catalogue import named
+from pinotwin.diagnosis.candidates.episodes import Episodes
+from pinotwin.diagnosis.candidates.patterns import Pattern
+from pinotwin.diagnosis.conclusion.bodies import body_of, body_sizes
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.evidence.bootstrap import share_interval
+from pinotwin.diagnosis.others.servo import ServoChange
+from pinotwin.diagnosis.result import Found, Shrink, Size
+from pinotwin.diagnosis.search.forward import Found as Search
+from pinotwin.diagnosis.search.forward import Step, known
+from pinotwin.diagnosis.search.scan import Scored, Searcher
+
+LIKELY = 0.5
+"""Share of the winner's gain from which a rival is worth a line."""
+
+
+def effects_named(comparison: Comparison, found: Search, confidence: Sequence[float]) -> list[Found]:
+    """Return the effects that a search has found, patterns left out."""
+    out = []
+    for step, sure in zip(found.steps, confidence, strict=True):
+        if not isinstance(step.chosen.effect, Pattern):
+            out.append(_named(comparison, step, sure))
+    return out
+
+
+def _named(c: Comparison, step: Step, sure: float) -> Found:
+    one, effect = step.chosen, named(step.chosen.effect)
+    names = [x.name for x in one.effect.coefficients()]
+    theta = dict(zip(names, one.judged.theta.tolist(), strict=True))
+    shapes = dict(zip((s.name for s in effect.shapes()), effect.shape_values(), strict=True))
+    return Found(
+        effect=effect.name,
+        axis=effect.axis,
+        confidence=sure,
+        shape=shapes,
+        theta=theta,
+        shrink={"u": shrink_of(c, one, step.searcher)},
+        alternatives=_rivals(step, sure),
+        moves=_moves(c, one),
+        gain=one.gain / max(_rows(c), 1),
+        size=sizes_of(c, one),
+    )
+
+
+def _rows(c: Comparison) -> int:
+    return sum(len(r) for r in c.new.residual.values())
+
+
+def sizes_of(c: Comparison, one: Scored) -> list[Size]:
+    """Return what changed from what to what, in the effect's own numbers."""
+    effect = named(one.effect)
+    theta, covariance = one.judged.theta, one.judged.covariance
+    if effect.name == "payload":
+        return body_sizes(body_of(theta, covariance))
+    before = known(one.effect, c)
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    rows = []
+    for k, x in enumerate(one.effect.coefficients()):
+        after = before[k] + float(theta[k])
+        half = 1.645 * float(error[k])
+        rows.append(Size(f"{effect.name}.{x.name}", before[k], after, x.unit, (after - half, after + half)))
+    return rows
+
+
+def _moves(c: Comparison, one: Scored) -> dict[str, tuple[float, float, float]]:
+    error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 1e-300))
+    return {
+        f"{named(one.effect).axis}.{s.name}": (s.before, s.after, abs(s.after - s.before) / float(e))
+        for s, e in zip(sizes_of(c, one), error, strict=False)
+        if np.isfinite(s.before)
+    }
+
+
+def shrink_of(c: Comparison, one: Scored, searcher: Searcher) -> Shrink:
+    """Return how far the gap of an effect's main axis shrinks by it alone, on rows not fitted."""
+    alone, judged = searcher.ground.alone, one.judged
+    floor = c.floor[one.joint]
+    at = list(c.new.joints).index(one.joint)
+    fitted, beyond = searcher.alone_by_joint
+    promised = _share(alone.left, judged.left, float(fitted[:, at].sum()))
+    if len(judged.unseen) and c.unseen is not None and one.joint in c.unseen.joints:
+        before, after = alone.unseen, judged.unseen
+        level = float(beyond[:, list(c.unseen.joints).index(one.joint)].sum())
+        count, on = len(c.unseen.residual[one.joint]), "validation"
+    else:
+        before, after = alone.left, judged.left
+        level, count, on = float(fitted[:, at].sum()), len(c.new.residual[one.joint]), "held-out blocks"
+    others = before - level / max(len(before), 1)
+    share = _share(before, after, level)
+    low, high = share_interval(np.maximum(before - others, 0.0), np.maximum(after - others, 0.0))
+    rms_before = floor * float(np.sqrt(level / max(count, 1)))
+    rms_after = rms_before * float(np.sqrt(max(1.0 - share, 0.0)))
+    return Shrink(rms_before, rms_after, share, (low, min(high, 1.0)), promised, on)
+
+
+def _share(before: Any, after: Any, level: float) -> float:
+    return float(np.clip((before.sum() - after.sum()) / max(level, 1e-300), -1.0, 1.0))
+
+
+def _rivals(step: Step, sure: float) -> list[Mapping[str, Any]]:
+    """Return other effects that close nearly as much, with how they stand against the winner."""
+    out: list[Mapping[str, Any]] = []
+    near = [r for r in step.rivals if r.gain > LIKELY * step.chosen.gain and not isinstance(r.effect, Pattern)]
+    total = sum(r.gain for r in near)
+    for r in near[:5]:
+        effect = named(r.effect)
+        out.append(
+            {
+                "effect": effect.name,
+                "axis": effect.axis,
+                "probability": (1.0 - sure) * r.gain / total,
+                "why": f"closes {r.share:.0%} where {named(step.chosen.effect).name} closes "
+                f"{step.chosen.share:.0%} of the squared gap",
+            }
+        )
+    return out
+
+
+def servo_named(changes: Sequence[ServoChange], sure: float) -> list[Found]:
+    """Return the changes of the servo as named effects."""
+    out = []
+    for x in changes:
+        size = Size(x.name, x.before, x.after, x.unit, x.interval)
+        shrink = {}
+        if x.gap[0] > 0.0:
+            low = max(2.0 * x.share - 1.0, 0.0)
+            shrink = {"law": Shrink(x.gap[0], x.gap[1], x.share, (low, 1.0), x.share, "held-out blocks")}
+        shape = {"limit": x.after} if x.effect == "saturation" else {}
+        theta = {x.name.replace(" ", "_"): x.after - (0.0 if np.isinf(x.before) else x.before)}
+        out.append(Found(x.effect, x.axis, sure, shape, theta, shrink, [], size=[size], gain=x.share))
+    return out
+
+
+def pushes_named(c: Comparison, found: Sequence[Episodes], sure: float) -> list[Found]:
+    """Return the pushes on every axis as one named effect each."""
+    out = []
+    for pushed in found:
+        axis = c.machine.names[pushed.joint]
+        unit = "N·m" if c.machine.rotary[pushed.joint] else "N"
+        largest = max(pushed.episodes, key=lambda e: abs(e.force))
+        floor = c.floor[pushed.joint]
+        level = floor * float(np.sqrt(np.mean(c.new.residual[pushed.joint] ** 2))) / floor
+        after = level * float(np.sqrt(max(1.0 - pushed.share, 0.0)))
+        half = 1.645 * largest.error
+        span = (largest.force - half, largest.force + half)
+        sizes = [Size("largest push", 0.0, largest.force, unit, span)]
+        shrink = Shrink(level, after, pushed.share, (0.8 * pushed.share, min(1.0, 1.1 * pushed.share)), pushed.share, "held-out rows of the pushes")
+        theta = {f"f{k}": e.force for k, e in enumerate(pushed.episodes)}
+        shape = {f"start{k}": e.start for k, e in enumerate(pushed.episodes)}
+        out.append(Found("external_force", axis, sure, shape, theta, {"u": shrink}, [], size=sizes, gain=pushed.gain / max(_rows(c), 1)))
+    return out

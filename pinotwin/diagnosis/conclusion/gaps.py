@@ -1,0 +1,103 @@
+"""The gap of every axis: measured effort less the twin's on rows in motion, beside noise and misfit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.result import Gap, Traces
+from pinotwin.diagnosis.search.scan import Searcher
+from pinotwin.logs.repeats import labels
+from pinotwin.motion import Motion
+from pinotwin.signals import rms, roughness
+
+
+def moving_rows(motion: Motion, joint: int) -> Mask:
+    """Return the rows on which the gap of an axis is stated: in motion, inside the stretches."""
+    inside = np.zeros(len(motion), dtype=bool)
+    for s in motion.segments:
+        inside[s] = True
+    return inside & motion.use[:, joint] & np.isfinite(motion.u[:, joint])
+
+
+def gap_table(
+    c: Comparison, searcher: Searcher, pushed: Mapping[int, float], noise: Mapping[int, float]
+) -> dict[str, dict[str, Gap]]:
+    """Return axis -> signal -> gap.
+
+    ``rms`` is that of ``u - twin.effort`` on the rows in motion of the logs in question; ``after`` is what
+    is left of it once the causes are modelled, by the share that goes on rows that were not fitted.
+
+    Args:
+        c: the comparison.
+        searcher: the ground with all causes among its columns.
+        pushed: joint -> share of the squared gap that pushes account for.
+        noise: joint -> RMS of the noise.
+    """
+    motion = c.new.motion
+    residual = motion.u - c.twin.effort(motion)
+    first = Searcher(c).alone_by_joint[0].sum(axis=0)
+    last = searcher.alone_by_joint[0].sum(axis=0)
+    out = {}
+    for at, j in enumerate(c.new.joints):
+        rows = moving_rows(motion, j)
+        level = rms(residual[rows, j])
+        left = min(float(last[at] / max(first[at], 1e-300)), 1.0) * (1.0 - pushed.get(j, 0.0))
+        effort = rms(motion.u[rows, j])
+        misfit = float("nan")
+        if c.own is not None and j in c.own.joints:
+            misfit = c.own.level(j)
+        out[motion.names[j]] = {
+            "u": Gap(level, level / max(effort, 1e-300), noise[j], level * float(np.sqrt(left)), misfit)
+        }
+    return out
+
+
+def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
+    """Return joint -> RMS of the noise, and where it comes from: ``repeats`` or ``assumed``.
+
+    Two runs of one command differ by noise and by the scatter from run to run; of a single run only the
+    roughness from row to row is known.
+    """
+    motions = [c.twin.motion(log) for log in c.logs]
+    known = labels(motions)
+    pairs = [(a, b) for b, label in enumerate(known) for a in range(b) if known[a] == label]
+    out = {}
+    for j in c.new.joints:
+        if pairs:
+            each = [_difference(motions[a], motions[b], j) for a, b in pairs]
+            out[j] = float(np.sqrt(np.mean(np.square(each))))
+        else:
+            u = c.new.motion.u[:, j]
+            out[j] = float(roughness([u[s] for s in c.new.motion.segments if np.isfinite(u[s]).all()] or [np.zeros(4)]))
+    return out, "repeats" if pairs else "assumed"
+
+
+def _difference(a: Motion, b: Motion, joint: int) -> float:
+    n = min(len(a), len(b))
+    rows = moving_rows(a, joint)[:n] & moving_rows(b, joint)[:n]
+    if not rows.any():
+        return 0.0
+    return rms((a.u[:n, joint] - b.u[:n, joint])[rows]) / np.sqrt(2.0)
+
+
+def traces(c: Comparison, searcher: Searcher) -> list[Traces]:
+    """Return arrays for plots: the gap before and after the causes, by axis and log."""
+    after = searcher.residual()
+    out = []
+    for j in c.new.joints:
+        at = c.new.samples(j)
+        t, before = c.new.motion.t[at], c.new.residual[j]
+        left: Floats = after[j] * c.floor[j]
+        ends = np.flatnonzero(np.diff(t) < 0.0) + 1
+        for k, part in enumerate(_split(len(t), ends)):
+            out.append(Traces(c.new.motion.names[j], k, t[part], before[part], left[part]))
+    return out
+
+
+def _split(n: int, ends: Sequence[int] | Floats) -> list[slice]:
+    edges = [0, *(int(e) for e in ends), n]
+    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]

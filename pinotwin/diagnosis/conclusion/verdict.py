@@ -1,0 +1,132 @@
+"""The verdict: one word, one sentence, and what stays open on every axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.diagnosis.candidates.patterns import Pattern
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.result import Found, Gap, Size, Verdict
+from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.search.forward import Found as Search
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What is concluded.
+
+    Attributes:
+        verdict: the word.
+        sentence: what a person reads first.
+        unexplained: axis -> signal -> share of the squared gap that no named cause closes.
+        remains: axis -> what is left follows, in words.
+        notes: what deserves attention on single axes.
+    """
+
+    verdict: Verdict
+    sentence: str
+    unexplained: Mapping[str, Mapping[str, float]]
+    remains: Mapping[str, str]
+    notes: Sequence[str]
+
+
+def judge(
+    c: Comparison,
+    found: Search,
+    gaps: Mapping[str, Mapping[str, Gap]],
+    effects: Sequence[Found],
+    rules: Rules = RULES,
+) -> Judgement:
+    """Return the verdict on a comparison."""
+    patterns = {
+        c.machine.names[s.chosen.joint]: s.chosen.effect.says()
+        for s in found.steps
+        if isinstance(s.chosen.effect, Pattern)
+    }
+    open_axes = {axis: row["u"] for axis, row in gaps.items() if _open(c, row["u"], rules)}
+    unexplained = {
+        axis: {"u": float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))}
+        for axis, g in open_axes.items()
+    }
+    for axis in patterns:
+        unexplained.setdefault(axis, {"u": 1.0})
+    if effects:
+        verdict: Verdict = "partly_explained" if unexplained else "explained"
+    else:
+        verdict = "unexplained" if unexplained else "none"
+    notes = [_note(axis, row["u"]) for axis, row in gaps.items() if _odd(row["u"], rules) and axis not in unexplained]
+    sentence = _sentence(c, verdict, effects, gaps, patterns)
+    return Judgement(verdict, sentence, unexplained, patterns, notes)
+
+
+def _open(c: Comparison, g: Gap, rules: Rules) -> bool:
+    """Whether more of an axis' gap stays than its model leaves on healthy logs."""
+    if c.change and np.isfinite(g.misfit):
+        return g.after > rules.open_change * g.misfit
+    return g.after > rules.open_structure * g.rms / max(g.nrmse, 1e-300)
+
+
+def _odd(g: Gap, rules: Rules) -> bool:
+    return bool(np.isfinite(g.misfit) and g.after > rules.odd * g.misfit)
+
+
+def _note(axis: str, g: Gap) -> str:
+    return (
+        f"{axis} leaves {g.after / g.misfit:.1f} times what its twin leaves of its own logs, which no single "
+        "cause closes: this motion may lie outside of what the twin was identified on"
+    )
+
+
+def _sentence(
+    c: Comparison,
+    verdict: Verdict,
+    effects: Sequence[Found],
+    gaps: Mapping[str, Mapping[str, Gap]],
+    patterns: Mapping[str, str],
+) -> str:
+    if not gaps:
+        return "no axis moves enough to be judged"
+    if verdict == "none":
+        if c.change:
+            return "no change: what is left of these logs is what the twin leaves of its own"
+        return "nothing is missing that these logs could show"
+    parts = [_said(e) for e in effects]
+    text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
+    largest = max(gaps, key=lambda a: _relative(gaps[a]["u"]))
+    if largest not in {e.axis for e in effects}:
+        text += ("; " if text else "") + _largest(largest, gaps[largest]["u"], patterns.get(largest))
+    head = {
+        "explained": "has changed: " if c.change else "the model misses ",
+        "partly_explained": "has changed in part: " if c.change else "the model misses in part ",
+        "unexplained": "",
+    }[verdict]
+    return (head + text).strip()
+
+
+def _relative(g: Gap) -> float:
+    return g.rms / g.misfit if np.isfinite(g.misfit) and g.misfit > 0.0 else g.nrmse
+
+
+def _largest(axis: str, g: Gap, follows: str | None) -> str:
+    what = f"; it {follows}" if follows else ""
+    return f"the gap of {axis} ({g.nrmse:.1%} of its effort) is closed by no effect of the catalogue{what}"
+
+
+def _said(e: Found) -> str:
+    """Return an effect with its size and shrink, e.g. ``viscous on Y (b 51 -> 297 N·s/m, gap -98 %)``."""
+    where = "" if e.axis is None else f" on {e.axis}"
+    size = f"{size_text(e.size[0])}, " if e.size else ""
+    shrink = next(iter(e.shrink.values()), None)
+    closes = "" if shrink is None else f"closes {max(shrink.share, 0.0):.0%} of the squared gap, "
+    return f"{e.effect}{where} ({size}{closes}confidence {e.confidence:.0%})"
+
+
+def size_text(s: Size) -> str:
+    """Return a size in words: from what to what where the model held a number."""
+    name = s.name.rpartition(".")[2]
+    if np.isfinite(s.before) and s.before != 0.0:
+        return f"{name} {s.before:.4g} -> {s.after:.4g} {s.unit}"
+    return f"{name} {s.after:.4g} {s.unit}"

@@ -1,0 +1,102 @@
+"""A drive at its limit: an effort that rests at a largest size while the axis is left behind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.loop.gains import at_limit
+from pinotwin.motion import Motion
+from pinotwin.signals import rms, roughness
+
+LIMITED = 2e-3  # share of rows at the limit that is worth a name
+WORSE = 8.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
+OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
+SPIKE = 40.0  # density of sizes at the limit over that below it, if it is FLAT and the error LEFT_BEHIND
+LEFT_BEHIND = 1.3  # the tracking error there over that elsewhere then
+FLAT = 1.1  # spread of the effort there over its roughness then: steady acceleration leaves 1.4 to 2.8
+STANDING = 0.01  # of the top speed: below it an axis stands
+AFTER = 0.05  # [s] that a limit is felt in the tracking error once it is left
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The limit of one drive, reached.
+
+    Attributes:
+        level: largest effort [N or N·m].
+        share: of the samples that are at it.
+        worst: tracking error there over that elsewhere.
+        samples: per log, samples at the limit or just after it, each of shape (n,).
+    """
+
+    level: float
+    share: float
+    worst: float
+    samples: tuple[Mask, ...]
+
+
+def reached(motions: Sequence[Motion], joint: int) -> Limit | None:
+    """Return the limit that a drive reached, None if it did not, or no command tells.
+
+    Args:
+        motions: prepared logs.
+        joint: column of the drive.
+    """
+    if not motions or any(m.qr is None for m in motions):
+        return None
+    efforts = [m.u[:, joint] for m in motions]
+    if not all(np.isfinite(u).any() for u in efforts):
+        return None
+    rough = [roughness([u[np.isfinite(u)]]) for u in efforts]
+    going = [_moving(m, joint) for m in motions]
+    near = [at_limit(u, r, m.step) & x for m, u, r, x in zip(motions, efforts, rough, going, strict=True)]
+    after = [followed(x, round(AFTER / m.step)) for m, x in zip(motions, near, strict=True)]
+    at, late = np.concatenate(near), np.concatenate(after)
+    size = np.abs(np.nan_to_num(np.concatenate(efforts)))
+    e = np.concatenate([_error(m, joint) for m in motions])
+    share = float(np.mean(at))
+    if share < LIMITED or late.all():
+        return None
+    worst = rms(e[late]) / max(rms(e[~late]), 1e-300)
+    level = float(np.median(size[at]))
+    over, spike = _plateau(size[np.concatenate(going)], level, float(np.mean(rough)))
+    flat = float(np.std(size[at])) < FLAT * float(np.mean(rough))
+    clear = worst > WORSE or (spike > SPIKE and flat and worst > LEFT_BEHIND)
+    if over > OVER * share or not clear:
+        return None
+    return Limit(level, share, float(worst), tuple(after))
+
+
+def _moving(m: Motion, joint: int) -> Mask:
+    """Return where an axis or its command moves: an effort that rests while both stand holds a weight."""
+    assert m.qr is not None
+    out = np.zeros(len(m.t), dtype=bool)
+    for q in (m.q, m.qr):
+        v = np.abs(np.gradient(q[:, joint], m.step))
+        out |= v > STANDING * v.max(initial=0.0)
+    return out
+
+
+def _error(m: Motion, joint: int) -> Floats:
+    assert m.qr is not None
+    return np.asarray(m.qr[:, joint] - m.q[:, joint])
+
+
+def _plateau(size: Floats, level: float, noise: float) -> tuple[float, float]:
+    """Return the share of samples above a level, and how much denser sizes are at it than below it."""
+    width = max(4.0 * noise, 0.01 * level)
+    at = np.count_nonzero(np.abs(size - level) < width)
+    below = np.count_nonzero((size > level - 4.0 * width) & (size < level - 2.0 * width))
+    return float(np.mean(size > level + width)), float(at) / float(max(int(below), 1))
+
+
+def followed(mask: Mask, samples: int) -> Mask:
+    """Return the mask with the samples that follow each true one."""
+    out = mask.copy()
+    for k in range(1, samples + 1):
+        out[k:] |= mask[:-k]
+    return out

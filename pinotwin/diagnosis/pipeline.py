@@ -1,0 +1,240 @@
+"""``diagnose``: where a log and its model differ, which effect is missing, how far the gap shrinks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pinotwin.diagnosis.candidates.catalogue import candidates
+from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
+from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
+from pinotwin.diagnosis.conclusion.advice import advise, command, resting
+from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
+from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
+from pinotwin.diagnosis.conclusion.verdict import judge
+from pinotwin.diagnosis.conclusion.where import localise
+from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
+from pinotwin.diagnosis.others.servo import servo_changes
+from pinotwin.diagnosis.result import Diagnosis, Region
+from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.search.forward import Found as Search
+from pinotwin.diagnosis.search.forward import search
+from pinotwin.diagnosis.search.injections import confidences, pairs_alike
+from pinotwin.diagnosis.search.scan import Searcher
+from pinotwin.effects import Effect
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.threads import one_blas_thread
+from pinotwin.twin import Twin
+
+Tell = Callable[[str, float], None]
+
+
+@one_blas_thread
+def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
+    subject: Machine | Twin,
+    log: Log | Sequence[Log],
+    *,
+    validate: Log | Sequence[Log] | None = None,
+    quick: bool = False,
+    report: Tell | None = None,
+    seed: int = 0,
+    leave_out: Sequence[str] = (),
+    closed_loop: bool = True,
+    rules: Rules = RULES,
+) -> Diagnosis:
+    """Say where logs and their model differ, which effects cause it, and how far the gap shrinks.
+
+    Args:
+        subject: a machine (its model is fitted to these logs and something is missing) or a twin
+            (identified earlier, and these logs no longer agree).
+        log: servo log(s); those with the same command are repeats and give the noise.
+        validate: log(s) that nothing is fitted to; the shrink is then stated on them.
+        quick: one cause at most, and no trials for its confidence.
+        report: called with the stage and the share done.
+        seed: of everything random.
+        leave_out: effects of the catalogue that are not to be considered.
+        closed_loop: also look at the servo.
+        rules: thresholds.
+
+    Raises:
+        LogError: a channel is missing or unusable.
+        DataError: the logs hold too little.
+    """
+    tell = report or _silent
+    tell("preparing the logs", 0.02)
+    c = compare(subject, _list(log), _list(validate))
+    tell("candidates", 0.15)
+    tried = [*candidates(c, leave_out), *patterns(c)]
+    found, pushed, c = _searched(c, tried, leave_out, rules, tell, most=1 if quick else None)
+    tell("how sure", 0.8)
+    rng = np.random.default_rng([seed, 1])
+    sure = [rules.quick_confidence] * len(found.steps) if quick else confidences(c, found, rng, rules=rules)
+    named = effects_named(c, found, sure)
+    named += pushes_named(c, pushed, rules.push_confidence)
+    if closed_loop:
+        named += servo_named(
+            servo_changes(c, _mismeasured(named), leave_out, rules), rules.servo_confidence
+        )
+    return _concluded(subject, c, found, pushed, named, seed, quick, rules)
+
+
+def _searched(  # noqa: PLR0913, what one search takes
+    c: Comparison,
+    tried: Sequence[Effect],
+    leave_out: Sequence[str],
+    rules: Rules,
+    tell: Tell,
+    *,
+    most: int | None,
+) -> tuple[Search, list[Episodes], Comparison]:
+    """Return the causes that come with the motion, the pushes from outside, and what was compared.
+
+    Pushes stand against causes that return with the motion on the same axis: whichever closes more. Their
+    rows are then left out, and the search goes on without them.
+    """
+    found = search(c, tried, rules=rules, most=most, tell=lambda s, x: tell(s, 0.2 + 0.5 * x))
+    if "external_force" in leave_out or not c.change:
+        return found, [], c
+    pushed = _pushes(c, found, rules)
+    if not pushed:
+        return found, [], c
+    rest = without_pushes(c, {p.joint: p.rows for p in pushed})
+    return search(rest, tried, rules=rules, most=most), pushed, rest
+
+
+def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
+    """Return the pushes that close more than the causes on the same axis do."""
+    out = []
+    own = None if c.own is None else {j: c.own.residual[j] / c.floor[j] for j in c.own.joints if j in c.floor}
+    first = Searcher(c)
+    for at, j in enumerate(c.new.joints):
+        residual = {j: c.new.residual[j] / c.floor[j]}
+        pushed = episodes(c.new, residual, own, c.own, c.floor, j, rules)
+        if pushed is None or pushed.gain < rules.excess * len(residual[j]) * rules.push_least:
+            continue
+        before = float(first.alone_by_joint[0][:, at].sum())
+        after = float(found.searcher.alone_by_joint[0][:, at].sum())
+        if pushed.gain > rules.push_better * (before - after):
+            out.append(pushed)
+    return out
+
+
+def _mismeasured(effects: Sequence[Any]) -> set[str]:
+    return {str(e.axis) for e in effects if e.effect in ("effort_scale", "delay", "encoder_error")}
+
+
+def _concluded(  # noqa: PLR0913, what one call has found out
+    subject: Machine | Twin,
+    c: Comparison,
+    found: Search,
+    pushed: Sequence[Episodes],
+    named: list[Any],
+    seed: int,
+    quick: bool,
+    rules: Rules,
+) -> Diagnosis:
+    noise, kind = noise_levels(c)
+    gaps = gap_table(c, found.searcher, {p.joint: p.share for p in pushed}, noise)
+    named.sort(key=lambda e: -_closes(e))
+    verdict = judge(c, found, gaps, named, rules)
+    pairs = pairs_alike(found.steps)
+    has_command = c.new.motion.qr is not None
+    advice, motions = advise(kind, [(a, b, None) for a, b in pairs], has_command=has_command)
+    axes = {p[0]: next((str(e.axis) for e in named if e.effect == p[0]), None) for p in pairs}
+    files = {
+        f"advice_{k}.csv": command(c.machine, c.new.motion, k, next(iter(axes.values()), None))
+        for k, _ in motions[:2]
+    }
+    return Diagnosis(
+        verdict=verdict.verdict,
+        sentence=verdict.sentence,
+        gap=gaps,
+        where=_where(c, found, pushed, np.random.default_rng([seed, 2])),
+        effects=named,
+        confusable=[list(p) for p in pairs],
+        unexplained=verdict.unexplained,
+        remains=verdict.remains,
+        noise=kind,
+        advice=[*advice, *resting(c.machine, gaps), *verdict.notes],
+        situation="change" if c.change else "structure",
+        shrink=_together(named, gaps),
+        quick=quick,
+        traces=traces(c, found.searcher),
+        machine=c.machine.name,
+        subject=subject,
+        commands=files,
+        missing=missing_before(c, found),
+    )
+
+
+def _closes(e: Any) -> float:
+    shrink = next(iter(e.shrink.values()), None)
+    return float("inf") if shrink is None else float(shrink.share)
+
+
+def _together(named: Sequence[Any], gaps: Mapping[str, Any]) -> dict[str, Any]:
+    """Return, for every axis, how far all named causes together shrink its gap."""
+    out: dict[str, Any] = {}
+    for axis, row in gaps.items():
+        own = [e.shrink["u"] for e in named if e.axis == axis and "u" in e.shrink]
+        if own:
+            g = row["u"]
+            share = float(1.0 - (g.after / max(g.rms, 1e-300)) ** 2)
+            out[axis] = {"u": replace(own[0], before=g.rms, after=g.after, share=share)}
+    return out
+
+
+def missing_before(c: Comparison, found: Search) -> list[dict[str, Any]]:
+    """Return what the twin already lacked on its own logs: no change, but worth identifying.
+
+    Args:
+        c: of a twin with its own logs.
+        found: the search, whose candidates are asked again on the own logs alone.
+    """
+    if c.own is None:
+        return []
+    alone = replace(c, new=c.own, own=None, unseen=None)
+    searcher = Searcher(alone)
+    best: dict[tuple[str, str | None], float] = {}
+    seen = [s.chosen for s in found.steps] + [r for s in found.steps for r in s.rivals[:6]]
+    seen += [found.last[0]] if found.last else []
+    for one in seen:
+        again = None if isinstance(one.effect, Pattern) else searcher.score(one.effect)
+        if again is not None and again.share > RULES.share_structure and again.judged.strength > 12.0:
+            key = (one.effect.name, one.effect.axis)
+            best[key] = max(best.get(key, 0.0), again.share)
+    rows = [{"effect": e, "axis": a, "share": x} for (e, a), x in best.items()]
+    return sorted(rows, key=lambda r: -float(str(r["share"])))
+
+
+def _where(c: Comparison, found: Search, pushed: Sequence[Episodes], rng: np.random.Generator) -> list[Region]:
+    """Return the regions of the axes that something is said of, the times of pushes first."""
+    out = []
+    for p in pushed:
+        total = sum(e.end - e.start for e in p.episodes)
+        length = max(float(np.ptp(c.new.motion.t)), 1e-9)
+        for e in sorted(p.episodes, key=lambda e: -abs(e.force))[:12]:
+            share = p.share * (e.end - e.start) / max(total, 1e-9)
+            axis = c.machine.names[p.joint]
+            out.append(Region(axis, "u", "time", (e.start, e.end), "s", share, (e.end - e.start) / length, None))
+    joints = list(dict.fromkeys(s.chosen.joint for s in found.steps))
+    level = {j: c.new.level(j) / c.floor[j] for j in c.new.joints}
+    joints = joints or sorted(level, key=lambda j: -level[j])[:1]
+    rest: list[Region] = []
+    for j in joints:
+        rest += localise(c.new, c.new.residual[j], j, rng)
+    return [*out, *sorted(rest, key=lambda r: -(r.share - r.time_share))]
+
+
+def _list(logs: Log | Sequence[Log] | None) -> list[Log]:
+    if logs is None:
+        return []
+    return [logs] if isinstance(logs, Log) else list(logs)
+
+
+def _silent(stage: str, done: float) -> None:
+    del stage, done

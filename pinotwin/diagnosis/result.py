@@ -1,0 +1,270 @@
+"""What a diagnosis found, and its public form, ``diagnosis.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from pinotwin.arrays import Floats, plain
+
+Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap of one signal of one axis.
+
+    Attributes:
+        rms: RMS of log minus model, on data not used to fit [N or N·m].
+        nrmse: the same over the RMS of the signal.
+        noise: RMS of the noise.
+        after: RMS once the named effects are modelled.
+        misfit: RMS that the twin left of its own logs, cross-validated; NaN where there is none.
+    """
+
+    rms: float
+    nrmse: float
+    noise: float
+    after: float
+    misfit: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where a gap lies: a range that holds more of its power than of the time.
+
+    Attributes:
+        axis: axis.
+        signal: ``u`` or ``e``.
+        kind: time, position, velocity, acceleration, frequency, load or other_axis.
+        range: lowest and highest value [unit].
+        unit: SI unit.
+        share: of the squared gap.
+        time_share: of the time.
+        p_value: chance to see such a concentration anywhere in a gap without structure; None where that
+            was not tested (frequency bands).
+        other: the other axis, for ``other_axis``.
+    """
+
+    axis: str
+    signal: str
+    kind: str
+    range: tuple[float, float]
+    unit: str
+    share: float
+    time_share: float
+    p_value: float | None
+    other: str | None = None
+
+
+@dataclass(frozen=True)
+class Shrink:
+    """How far the gap of a signal shrinks.
+
+    Attributes:
+        before: RMS without the effect [unit of the signal].
+        after: RMS with it.
+        share: of the squared gap above the noise that goes.
+        interval: 90 % interval of that share.
+        promised: the share that the fit itself promised.
+        on: ``validation``, ``held-out blocks``, or ``fitted logs`` (of an event that no other holds).
+        promised_interval: within which another log's share is promised to lie (90 %): the range of the
+            shares of single blocks that were not fitted. None where there are too few.
+    """
+
+    before: float
+    after: float
+    share: float
+    interval: tuple[float, float]
+    promised: float
+    on: str
+    promised_interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Size:
+    """The size of a cause in the machine's own numbers.
+
+    Attributes:
+        name: of the number, e.g. ``viscous.b``.
+        before: what the model held; 0 for what it did not have, NaN where it is no number of the model.
+        after: what these logs ask for.
+        unit: of both.
+        interval: 90 % interval of ``after``.
+    """
+
+    name: str
+    before: float
+    after: float
+    unit: str
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Found:
+    """One named effect.
+
+    Attributes:
+        effect: name in the table of effects.
+        axis: axis, or None for the machine.
+        confidence: probability that this is the effect.
+        shape: shape values, SI.
+        theta: coefficients, SI.
+        shrink: per signal, the effect alone.
+        alternatives: other effects with probability and reason.
+        moves: base parameters that move when it is admitted: name -> (before, after, in sigmas).
+        gain: squared residual closed on rows that were not fitted, over that of a good model.
+        size: what changed from what to what.
+    """
+
+    effect: str
+    axis: str | None
+    confidence: float
+    shape: Mapping[str, float]
+    theta: Mapping[str, float]
+    shrink: Mapping[str, Shrink]
+    alternatives: Sequence[Mapping[str, Any]]
+    moves: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    gain: float = 0.0
+    size: Sequence[Size] = ()
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Plain arrays for plots, of one axis in one log.
+
+    Attributes:
+        axis: axis.
+        log: index of the log.
+        t: time [s], shape (m,).
+        before: log minus model [N or N·m].
+        after: with the named effects.
+    """
+
+    axis: str
+    log: int
+    t: Floats
+    before: Floats
+    after: Floats
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Where the gap lies, which effects cause it, and how far it shrinks.
+
+    Attributes:
+        verdict: none, explained, partly_explained or unexplained.
+        sentence: the verdict in words.
+        gap: axis -> signal -> gap.
+        where: regions, the most telling first.
+        effects: named effects, by how much each shrinks the gap.
+        confusable: groups that this log cannot tell apart.
+        unexplained: axis -> signal -> share of the squared gap above the noise that stays.
+        remains: axis -> what the remainder looks like.
+        noise: ``repeats`` or ``assumed``.
+        advice: what to do next.
+        situation: ``structure`` (a machine) or ``change`` (a twin).
+        shrink: axis -> signal -> shrink of all named effects together.
+        quick: whether only the screen was run.
+        traces: arrays for plots.
+        machine: name of the machine.
+        subject: what was diagnosed, for :meth:`apply`.
+        isolability: (effect, axis) put into healthy noise on this motion -> what a search would name
+            it, with probabilities; known before the log was looked at.
+        commands: advised command files: name -> channel -> values.
+        missing: what the twin already lacked on its own logs: effect, axis and share of its residual there.
+        warnings: what ``check`` says of these logs.
+    """
+
+    verdict: Verdict
+    sentence: str
+    gap: Mapping[str, Mapping[str, Gap]]
+    where: Sequence[Region]
+    effects: Sequence[Found]
+    confusable: Sequence[Sequence[str]]
+    unexplained: Mapping[str, Mapping[str, float]]
+    remains: Mapping[str, str]
+    noise: str
+    advice: Sequence[str]
+    situation: str
+    shrink: Mapping[str, Mapping[str, Shrink]]
+    quick: bool = False
+    traces: Sequence[Traces] = field(default=(), repr=False)
+    machine: str = ""
+    subject: Any = field(default=None, repr=False)
+    isolability: Mapping[tuple[str, str | None], Mapping[tuple[str, str | None], float]] = field(
+        default_factory=dict, repr=False
+    )
+    commands: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict, repr=False)
+    missing: Sequence[Mapping[str, Any]] = ()
+    warnings: Sequence[str] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of diagnosis.json, in JSON's own types."""
+        out = plain(
+            {
+                "verdict": self.verdict,
+                "sentence": self.sentence,
+                "gap": {a: {s: vars(g) for s, g in row.items()} for a, row in self.gap.items()},
+                "where": [_region(r) for r in self.where],
+                "effects": [_effect(e) for e in self.effects],
+                "missing_since_identification": [dict(m) for m in self.missing],
+                "confusable": [list(group) for group in self.confusable],
+                "unexplained": {a: dict(row) for a, row in self.unexplained.items()},
+                "remains": dict(self.remains),
+                "noise": self.noise,
+                "confidence_calibrated": not self.quick,
+                "advice": list(self.advice),
+                "warnings": list(self.warnings),
+                "situation": self.situation,
+                "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in self.shrink.items()},
+                "quick": self.quick,
+                "machine": self.machine,
+            }
+        )
+        assert isinstance(out, dict)
+        return out
+
+    def apply(self, folder: str | Path) -> Path:
+        """Write the machine with the named effects added, and return the path of its YAML."""
+        from pinotwin.diagnosis.apply import apply
+
+        return apply(self, Path(folder))
+
+
+def _region(r: Region) -> dict[str, Any]:
+    row = {k: v for k, v in vars(r).items() if k != "other" or v is not None}
+    return {**row, "range": list(r.range)}
+
+
+def _effect(e: Found) -> dict[str, Any]:
+    sizes = [{**vars(x), "interval90": list(x.interval)} for x in e.size]
+    for row in sizes:
+        del row["interval"]
+    return {
+        "effect": e.effect,
+        "axis": e.axis,
+        "confidence": e.confidence,
+        "shape": dict(e.shape),
+        "theta": dict(e.theta),
+        "size": sizes[0] if sizes else None,
+        "sizes": sizes,
+        "shrink": _shrinks(e),
+        "alternatives": [dict(a) for a in e.alternatives],
+        "moves": {k: list(v) for k, v in e.moves.items()},
+        "gain": e.gain,
+    }
+
+
+def _shrinks(e: Found) -> dict[str, Any]:
+    out: dict[str, Any] = {s: _shrink(x) for s, x in e.shrink.items()}
+    on = {x.on for x in e.shrink.values()}
+    return {**out, "on": on.pop() if len(on) == 1 else "held-out blocks"}
+
+
+def _shrink(x: Shrink) -> dict[str, Any]:
+    row = {k: v for k, v in vars(x).items() if k not in ("interval", "promised_interval", "on")}
+    promised = None if x.promised_interval is None else list(x.promised_interval)
+    return {**row, "interval90": list(x.interval), "promised_interval": promised}
