@@ -76,13 +76,11 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     named = effects_named(c, found, sure)
     named += pushes_named(c, pushed, rules.push_confidence)
     if closed_loop:
-        named += servo_named(
-            servo_changes(c, _mismeasured(named), leave_out, rules), rules.servo_confidence
-        )
+        named += servo_named(servo_changes(c, _mismeasured(named), leave_out, rules), rules.servo_confidence)
     return _concluded(subject, c, found, pushed, named, seed, quick, rules)
 
 
-def _searched(  # noqa: PLR0913, what one search takes
+def _searched(
     c: Comparison,
     tried: Sequence[Effect],
     leave_out: Sequence[str],
@@ -211,7 +209,9 @@ def missing_before(c: Comparison, found: Search) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda r: -float(str(r["share"])))
 
 
-def _where(c: Comparison, found: Search, pushed: Sequence[Episodes], rng: np.random.Generator) -> list[Region]:
+def _where(
+    c: Comparison, found: Search, pushed: Sequence[Episodes], rng: np.random.Generator
+) -> list[Region]:
     """Return the regions of the axes that something is said of, the times of pushes first."""
     out = []
     for p in pushed:
@@ -220,7 +220,9 @@ def _where(c: Comparison, found: Search, pushed: Sequence[Episodes], rng: np.ran
         for e in sorted(p.episodes, key=lambda e: -abs(e.force))[:12]:
             share = p.share * (e.end - e.start) / max(total, 1e-9)
             axis = c.machine.names[p.joint]
-            out.append(Region(axis, "u", "time", (e.start, e.end), "s", share, (e.end - e.start) / length, None))
+            out.append(
+                Region(axis, "u", "time", (e.start, e.end), "s", share, (e.end - e.start) / length, None)
+            )
     joints = list(dict.fromkeys(s.chosen.joint for s in found.steps))
     level = {j: c.new.level(j) / c.floor[j] for j in c.new.joints}
     joints = joints or sorted(level, key=lambda j: -level[j])[:1]

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.data.samples import Sample
+from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.rules import RULES, Rules
 
 WIDTHS = np.geomspace(0.04, 6.0, 15)
@@ -48,6 +49,7 @@ class Episodes:
         episodes: in order of time.
         gain: squared residual that they close, each half of an episode predicted by the other, floor units.
         share: the same over the squared residual of the axis.
+        interval: 90 % interval of the share, over stretches of the log drawn with replacement.
         rows: which rows of the axis lie in an episode, shape (m,).
     """
 
@@ -55,7 +57,8 @@ class Episodes:
     episodes: Sequence[Episode]
     gain: float
     share: float
-    rows: Floats
+    interval: tuple[float, float]
+    rows: Mask
 
 
 def episodes(
@@ -83,7 +86,8 @@ def episodes(
         usual = _largest(own[joint], *_time(own_sample, joint))
     else:
         usual = _typical(r, t, segment)
-    left, found = r.copy(), []
+    left = r.copy()
+    found: list[tuple[int, int]] = []
     while len(found) < MOST:
         gain, a, b = _best(left, t, segment)
         if gain < rules.push * usual:
@@ -98,19 +102,23 @@ def episodes(
         inside[a:b] = True
     if inside.mean() > rules.most_of_time:
         return None
-    gain = _closed(r, found)
+    left = _closed(r, found)
+    block = sample.block[joint]
+    before, after = (np.bincount(block, x * x, sample.blocks).astype(float) for x in (r, left))
+    gain = float(before.sum() - after.sum())
     listed = [_episode(sample, joint, floor[joint], r, t, segment, a, b) for a, b in sorted(found)]
-    return Episodes(joint, listed, gain, gain / max(float(r @ r), 1e-300), inside)
+    share = gain / max(float(r @ r), 1e-300)
+    return Episodes(joint, listed, gain, share, share_interval(before, after), inside)
 
 
-def _time(sample: Sample, joint: int) -> tuple[Floats, Floats]:
+def _time(sample: Sample, joint: int) -> tuple[Floats, Ints]:
     """Return the time of every row of a joint, and the stretch of the motion it lies in."""
     at = sample.samples(joint)
     kept = sample.rows.kept[sample.rows.joints.index(joint)]
     return sample.motion.t[at], sample.rows.block[kept]
 
 
-def _windows(r: Floats, t: Floats, segment: Floats, width: float) -> tuple[Floats, Floats, Floats]:
+def _windows(r: Floats, t: Floats, segment: Ints, width: float) -> tuple[Floats, Ints, Ints]:
     """Return gain, first row and row after the last of every window of one width."""
     ends = np.searchsorted(t + 1e6 * segment, t + 1e6 * segment + width)
     total = np.concatenate([[0.0], np.cumsum(r)])
@@ -121,7 +129,7 @@ def _windows(r: Floats, t: Floats, segment: Floats, width: float) -> tuple[Float
     return gain, starts, ends
 
 
-def _best(r: Floats, t: Floats, segment: Floats) -> tuple[float, int, int]:
+def _best(r: Floats, t: Floats, segment: Ints) -> tuple[float, int, int]:
     best = (0.0, 0, 0)
     for width in WIDTHS:
         gain, starts, ends = _windows(r, t, segment, float(width))
@@ -131,7 +139,7 @@ def _best(r: Floats, t: Floats, segment: Floats) -> tuple[float, int, int]:
     return best
 
 
-def _edges(r: Floats, segment: Floats, a: int, b: int) -> tuple[int, int]:
+def _edges(r: Floats, segment: Ints, a: int, b: int) -> tuple[int, int]:
     """Return the edges of an episode moved to where its gain is largest."""
     size = max(b - a, 4)
     low, high = max(0, a - size), min(len(r), b + size)
@@ -152,11 +160,11 @@ def _gain(total: Floats, low: int, a: int, b: int) -> float:
     return float((total[b - low] - total[a - low]) ** 2 / (b - a))
 
 
-def _largest(r: Floats, t: Floats, segment: Floats) -> float:
+def _largest(r: Floats, t: Floats, segment: Ints) -> float:
     return max(_best(r, t, segment)[0], 1e-300)
 
 
-def _typical(r: Floats, t: Floats, segment: Floats) -> float:
+def _typical(r: Floats, t: Floats, segment: Ints) -> float:
     """Return what the largest window of a residual without pushes may reach: from its quieter windows."""
     worst = 0.0
     for width in WIDTHS:
@@ -165,8 +173,8 @@ def _typical(r: Floats, t: Floats, segment: Floats) -> float:
     return max(6.0 * worst, 1e-300)
 
 
-def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> float:
-    """Return what constants close, every other pair of rows predicted from those between them."""
+def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:
+    """Return what constants leave, every other pair of rows predicted from those between them."""
     left = r.copy()
     for a, b in found:
         half = (np.arange(b - a) // 2) % 2 == 0
@@ -175,11 +183,11 @@ def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> float:
             continue
         one, other = part[half].mean(), part[~half].mean()
         left[a:b] = np.where(half, part - other, part - one)
-    return float(r @ r - left @ left)
+    return left
 
 
 def _episode(  # noqa: PLR0913, what one push is read from
-    sample: Sample, joint: int, floor: float, r: Floats, t: Floats, segment: Floats, a: int, b: int
+    sample: Sample, joint: int, floor: float, r: Floats, t: Floats, segment: Ints, a: int, b: int
 ) -> Episode:
     part = r[a:b] * floor
     force = -float(part.mean())

@@ -109,7 +109,9 @@ def _share(before: Any, after: Any, level: float) -> float:
 def _rivals(step: Step, sure: float) -> list[Mapping[str, Any]]:
     """Return other effects that close nearly as much, with how they stand against the winner."""
     out: list[Mapping[str, Any]] = []
-    near = [r for r in step.rivals if r.gain > LIKELY * step.chosen.gain and not isinstance(r.effect, Pattern)]
+    near = [
+        r for r in step.rivals if r.gain > LIKELY * step.chosen.gain and not isinstance(r.effect, Pattern)
+    ]
     total = sum(r.gain for r in near)
     for r in near[:5]:
         effect = named(r.effect)
@@ -147,14 +149,21 @@ def pushes_named(c: Comparison, found: Sequence[Episodes], sure: float) -> list[
         axis = c.machine.names[pushed.joint]
         unit = "N·m" if c.machine.rotary[pushed.joint] else "N"
         largest = max(pushed.episodes, key=lambda e: abs(e.force))
-        floor = c.floor[pushed.joint]
-        level = floor * float(np.sqrt(np.mean(c.new.residual[pushed.joint] ** 2))) / floor
-        after = level * float(np.sqrt(max(1.0 - pushed.share, 0.0)))
+        level = float(np.sqrt(np.mean(c.new.residual[pushed.joint] ** 2)))
         half = 1.645 * largest.error
-        span = (largest.force - half, largest.force + half)
-        sizes = [Size("largest push", 0.0, largest.force, unit, span)]
-        shrink = Shrink(level, after, pushed.share, (0.8 * pushed.share, min(1.0, 1.1 * pushed.share)), pushed.share, "held-out rows of the pushes")
+        size = Size("largest push", 0.0, largest.force, unit, (largest.force - half, largest.force + half))
+        shrink = Shrink(
+            before=level,
+            after=level * float(np.sqrt(max(1.0 - pushed.share, 0.0))),
+            share=pushed.share,
+            interval=pushed.interval,
+            promised=pushed.share,
+            on="held-out rows of the pushes",
+        )
         theta = {f"f{k}": e.force for k, e in enumerate(pushed.episodes)}
         shape = {f"start{k}": e.start for k, e in enumerate(pushed.episodes)}
-        out.append(Found("external_force", axis, sure, shape, theta, {"u": shrink}, [], size=sizes, gain=pushed.gain / max(_rows(c), 1)))
+        gain = pushed.gain / max(_rows(c), 1)
+        out.append(
+            Found("external_force", axis, sure, shape, theta, {"u": shrink}, [], size=[size], gain=gain)
+        )
     return out

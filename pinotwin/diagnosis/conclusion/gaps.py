@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.result import Gap, Traces
 from pinotwin.diagnosis.search.scan import Searcher
@@ -72,7 +73,9 @@ def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
             out[j] = float(np.sqrt(np.mean(np.square(each))))
         else:
             u = c.new.motion.u[:, j]
-            out[j] = float(roughness([u[s] for s in c.new.motion.segments if np.isfinite(u[s]).all()] or [np.zeros(4)]))
+            out[j] = float(
+                roughness([u[s] for s in c.new.motion.segments if np.isfinite(u[s]).all()] or [np.zeros(4)])
+            )
     return out, "repeats" if pairs else "assumed"
 
 
@@ -98,6 +101,6 @@ def traces(c: Comparison, searcher: Searcher) -> list[Traces]:
     return out
 
 
-def _split(n: int, ends: Sequence[int] | Floats) -> list[slice]:
+def _split(n: int, ends: Ints) -> list[slice]:
     edges = [0, *(int(e) for e in ends), n]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges)]

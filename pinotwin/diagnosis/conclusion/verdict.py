@@ -57,7 +57,11 @@ def judge(
         verdict: Verdict = "partly_explained" if unexplained else "explained"
     else:
         verdict = "unexplained" if unexplained else "none"
-    notes = [_note(axis, row["u"]) for axis, row in gaps.items() if _odd(row["u"], rules) and axis not in unexplained]
+    notes = [
+        _note(axis, row["u"])
+        for axis, row in gaps.items()
+        if _odd(row["u"], rules) and axis not in unexplained
+    ]
     sentence = _sentence(c, verdict, effects, gaps, patterns)
     return Judgement(verdict, sentence, unexplained, patterns, notes)
 

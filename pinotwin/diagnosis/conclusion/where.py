@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
-from pinotwin.diagnosis.result import Region
 from pinotwin.diagnosis.data.samples import Sample
+from pinotwin.diagnosis.result import Region
 from pinotwin.motion import Motion
 
 SHIFTS = 99

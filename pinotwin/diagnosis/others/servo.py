@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -77,7 +78,15 @@ def servo_changes(
             spread = (0.98 * limited.level, 1.02 * limited.level)
             out.append(
                 ServoChange(
-                    "saturation", axis.name, "limit", np.inf, limited.level, spread, unit, limited.share, (0.0, 0.0)
+                    "saturation",
+                    axis.name,
+                    "limit",
+                    np.inf,
+                    limited.level,
+                    spread,
+                    unit,
+                    limited.share,
+                    (0.0, 0.0),
                 )
             )
             continue
@@ -113,7 +122,9 @@ def _law_change(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
         return None
     interval = (factor - 1.645 * error, factor + 1.645 * error)
     name = "acceleration feed-forward" if effect == "feedforward" else "feedback gains"
-    return ServoChange(effect, axis, name, 1.0, factor, interval, "of what it was", share, (level, rms(after)))
+    return ServoChange(
+        effect, axis, name, 1.0, factor, interval, "of what it was", share, (level, rms(after))
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +162,7 @@ class _Law:
             return None
         count = int(np.clip(len(u) * motion.step / 0.5, 6, 40))
         edges = np.linspace(0, len(u), count + 1).astype(int)
-        blocks = [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        blocks = [slice(int(a), int(b)) for a, b in pairwise(edges)]
         return cls(columns, u, blocks, float(np.std(u)))
 
     def fitted(self) -> tuple[Floats, float]:

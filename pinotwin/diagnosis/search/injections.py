@@ -27,7 +27,12 @@ STRETCH = 1.0
 
 
 def confidences(
-    comparison: Comparison, found: Found, rng: np.random.Generator, *, rules: Rules = RULES, trials: int = TRIALS
+    comparison: Comparison,
+    found: Found,
+    rng: np.random.Generator,
+    *,
+    rules: Rules = RULES,
+    trials: int = TRIALS,
 ) -> list[float]:
     """Return the confidence of every cause of a search."""
     return [_confidence(comparison, found, step, rng, rules, trials) for step in found.steps]

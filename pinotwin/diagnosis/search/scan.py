@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -68,20 +68,16 @@ class Searcher:
                     table[j] = np.hstack([table[j], more])
         width = next(iter(tables[0].values())).shape[1]
         bases = [base_of(s, t, c.floor, width) for s, t in zip(samples, tables, strict=True)]
-        by = dict(zip(("new", "own", "unseen"), self._placed(bases), strict=True))
-        diagonal = np.einsum("kjbb->b", by["new"].XX)
-        return Ground(by["new"], by["own"], by["unseen"], np.diag(1e-6 * diagonal + 1e-300))
+        own = bases[1] if c.own is not None else None
+        unseen = bases[-1] if c.unseen is not None else None
+        diagonal = np.einsum("kjbb->b", bases[0].XX)
+        return Ground(bases[0], own, unseen, np.diag(1e-6 * diagonal + 1e-300))
 
     def residual(self) -> dict[int, Floats]:
         """Return what the model leaves of the logs in question with all its columns fitted, floor units."""
         delta = self.ground.alone.base
         base = self.ground.new
         return {j: base.residual[j] - base.columns[j] @ delta for j in base.sample.joints}
-
-    def _placed(self, bases: Sequence[Base]) -> list[Base | None]:
-        left = list(bases)
-        c = self.comparison
-        return [left.pop(0), left.pop(0) if c.own else None, left.pop(0) if c.unseen else None]
 
     def table(self, effect: Effect, *, screen: bool = False) -> Table | None:
         """Return the columns of an effect on every sample; None if it acts on no row or is not finite.
@@ -204,8 +200,3 @@ def _by_joint(base: Base, delta: Floats) -> Floats:
         - 2.0 * np.einsum("kb,kjb->kj", delta, base.Xr)
         + np.einsum("kb,kjbc,kc->kj", delta, base.XX, delta)
     )
-
-
-def with_shapes(effect: Effect, values: Sequence[float]) -> Effect:
-    """Return an effect at other shapes."""
-    return replace(effect.shaped(values))
