@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import pytest
 import pinotwin as pt
 from pinotwin.cli.main import main
 from pinotwin.diagnosis import diagnose
-from pinotwin.diagnosis.closed_loop import _where
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.logs.write import write_log
@@ -54,7 +52,6 @@ def test_a_healthy_machine_is_accused_of_nothing(machine, urdf_dir):
 def test_the_missing_effect_is_named_first(stribeck):
     assert (stribeck.effects[0].effect, stribeck.effects[0].axis) == ("stribeck", "X")
     assert stribeck.verdict in ("explained", "partly_explained")
-    # Recalibrated on injections, a quarter of them outside the catalogue: never far above 0.9.
     assert stribeck.effects[0].confidence > 0.6
 
 
@@ -96,24 +93,10 @@ def test_apply_adds_the_effect_and_the_machine_loads(stribeck, tmp_path):
     assert "stribeck" in [e.name for e in again.axis("X").effects]
 
 
-def test_the_tracking_error_is_a_second_witness(stribeck):
-    gap, shrink = stribeck.gap["X"]["e"], stribeck.effects[0].shrink["e"]
-    assert gap.after < 0.7 * gap.rms
-    assert shrink.on == "validation"
-    assert 0.3 < shrink.share <= 1.0
-
-
 def test_what_was_promised_was_not_measured_on_the_validation_log(stribeck):
     shrink = stribeck.effects[0].shrink["u"]
     assert shrink.promised != shrink.share
     assert abs(shrink.promised - shrink.share) < 0.3
-
-
-def test_what_a_search_would_confuse_is_known_before_the_log_is_looked_at(stribeck):
-    row = stribeck.isolability["stribeck", "X"]
-    assert row["stribeck", "X"] > 0.5
-    assert sum(row.values()) == pytest.approx(1.0, abs=0.3)
-    assert stribeck.to_dict()["isolability"]["X.stribeck"]["X.stribeck"] > 0.5
 
 
 def test_a_delay_is_found_in_size(machine, urdf_dir):
@@ -152,7 +135,7 @@ def test_the_command_line(urdf_dir, tmp_path, capsys):
         "--quick",
     ]
     assert main(words) == 0
-    assert capsys.readouterr().out.startswith("The model misses stribeck on axis X")
+    assert capsys.readouterr().out.startswith("The model misses stribeck on X")
     assert json.loads((tmp_path / "d.json").read_text())["effects"]
     assert (tmp_path / "d" / "diagnosis.json").is_file()
     assert main([*words, "--fail-on-gap"]) == 1
@@ -181,7 +164,7 @@ def test_emps_without_viscous(data_dir):
 
 def test_emps_with_symmetric_friction(data_dir):
     found = diagnose(*emps(data_dir, "coulomb", "viscous"), quick=True)
-    assert found.effects[0].effect in ("coulomb_asymmetric", "viscous_asymmetric")
+    assert found.effects[0].effect in ("coulomb_asymmetric", "offset")
     assert np.isfinite(found.gap["X"]["u"].rms)
 
 
@@ -196,17 +179,3 @@ def test_a_log_that_hardly_moves_is_refused_in_one_line(machine, urdf_dir):
     )
     with pytest.raises(PinotwinError, match=r"still\.csv"):
         diagnose(machine, still, quick=True)
-
-
-def test_a_tracking_error_is_localised_where_it_lies():
-    t = 2e-3 * np.arange(4000)
-    q = np.stack([0.3 * np.sin(2.0 * t), np.sin(0.7 * t)], axis=1)
-    v, a = np.gradient(q, 2e-3, axis=0), np.zeros_like(q)
-    motion = SimpleNamespace(t=t, step=2e-3, q=q, v=v, a=a, names=("X", "C"), rotary=(False, True))
-    rng = np.random.default_rng(3)
-    slow = np.abs(v[:, 0]) < 0.05 * np.abs(v[:, 0]).max()
-    left = [(0, t, rng.standard_normal(4000) * np.where(slow, 3.0, 0.3))]
-    first = _where([motion], 0, left, rng)[0]
-    assert (first.axis, first.signal, first.kind) == ("X", "e", "velocity")
-    assert first.share == pytest.approx(9.0 * slow.mean() / (9.0 * slow.mean() + 0.09), rel=0.1)
-    assert _where([motion], 0, [(0, t, rng.standard_normal(4000))], rng) == []

@@ -1,120 +1,125 @@
-"""Held-out evidence against dense Gaussians, thresholds per axis, and what a found effect leaves over."""
+"""The evidence: held-out gains, differences of differences, pushes, the servo's law, bodies; closed forms."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.calibration import Calibration
-from pinotwin.diagnosis.decide import Named
-from pinotwin.diagnosis.findings import _options
-from pinotwin.diagnosis.ledger import build_ledger, sums
-from pinotwin.diagnosis.search import Screened
-from pinotwin.diagnosis.stage import Piece, Stage
-from pinotwin.diagnosis.trivial import _leaves
-from pinotwin.diagnosis.worth import worth
+from pinotwin.diagnosis.candidates.episodes import episodes
+from pinotwin.diagnosis.conclusion.bodies import body_of, body_sizes
+from pinotwin.diagnosis.data.samples import Sample, sample
+from pinotwin.diagnosis.evidence.bootstrap import share_interval
+from pinotwin.diagnosis.evidence.held_out import Ground, judged
+from pinotwin.diagnosis.evidence.moments import base_of, products
+from pinotwin.diagnosis.rules import RULES
+from pinotwin.motion import Motion
 
-ROWS, FOLDS = 60, 3
-
-
-@pytest.fixture
-def made():
-    """Return base columns, a candidate, an effort and folds of made-up whitened rows."""
-    rng = np.random.default_rng(5)
-    B, C = rng.standard_normal((ROWS, 4)), rng.standard_normal((ROWS, 3))
-    fold = np.repeat(np.arange(FOLDS), ROWS // FOLDS)
-    C[fold == 1, 2] = 0.0  # a knot that one block never visits, and ...
-    C[fold != 1, 1] *= 1e-9  # ... one that only this block does
-    y = B @ [1.0, -2.0, 0.5, 0.0] + C @ [0.7, 1.0, -0.4] + rng.standard_normal(ROWS)
-    return B, C, y, fold
+RATE, SECONDS = 100.0, 30.0
 
 
-def stage(B, y, fold, precision):
-    base = SimpleNamespace(count=B.shape[1], precision=precision, change=False)
-    where = SimpleNamespace(log=0, joint=0)
-    piece = Piece(where, np.arange(ROWS), fold, np.arange(B.shape[1]), B, y)
-    return Stage(None, base, None, (piece,), FOLDS)
+def motion(seed: int = 0) -> Motion:
+    t = np.arange(0.0, SECONDS, 1.0 / RATE)
+    q = np.sin(0.7 * t) + 0.3 * np.sin(2.3 * t + seed)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    one = np.ones((len(t), 1), dtype=bool)
+    columns = (x[:, None] for x in (q, v, a, v))
+    q, v, a, u = columns
+    return Motion(("X",), (False,), t, q, v, a, u, (slice(0, len(t)),), 1.0 / RATE, one)
 
 
-def deviance(y, V, seen):
-    """Return -2 log p of the rows that are not seen, given those that are."""
-
-    def whole(rows):
-        W = V[np.ix_(rows, rows)]
-        return y[rows] @ np.linalg.solve(W, y[rows]) + np.linalg.slogdet(W)[1]
-
-    every = np.ones(len(y), dtype=bool)
-    return whole(every) - whole(seen)
+def rows(residual: np.ndarray, seed: int = 0) -> Sample:
+    return sample(motion(seed), residual[:, None], RULES.block_time)
 
 
-@pytest.mark.parametrize("ridge", [0.02, 0.3])
-def test_the_gain_is_the_predictive_deviance_of_dense_gaussians(made, ridge):
-    B, C, y, fold = made
-    precision = np.diag([0.1, 0.2, 0.3, 0.4])
-    ledger = build_ledger(stage(B, y, fold, precision))
-    found = worth(ledger, sums(ledger, [C[:, None, :]]), ridge)
-    level = ridge * np.mean(np.sum(C**2, axis=0))
-    without = np.eye(ROWS) + B @ np.linalg.inv(precision) @ B.T
-    with_it = without + C @ C.T / level
-    expected = sum(deviance(y, without, fold != f) - deviance(y, with_it, fold != f) for f in range(FOLDS))
-    assert found.G[0, 0] == pytest.approx(expected, rel=1e-4)
+def ground(new: Sample, own: Sample | None = None, base: np.ndarray | None = None) -> Ground:
+    floor = {0: 1.0}
+    width = 0 if base is None else base.shape[1]
+    table = {} if base is None else {0: base}
+    own_base = None if own is None else base_of(own, {}, floor, 0)
+    return Ground(base_of(new, table, floor, width), own_base, None, 1e-9 * np.eye(width))
 
 
-def test_a_block_that_no_other_foretells_costs_little_once_coefficients_are_held(made):
-    B, C, y, fold = made
-    ledger = build_ledger(stage(B, y, fold, 0.1 * np.eye(4)))
-    free, held = (worth(ledger, sums(ledger, [C[:, None, :]]), r).G[0, 0] for r in (0.0, 0.02))
-    assert held > free
-
-
-def screened(tops, keys):
-    return Screened((), keys, np.asarray(tops))
-
-
-def test_what_one_axis_leaves_open_does_not_hide_the_effect_of_another():
+def test_a_coefficient_and_what_it_leaves_are_those_of_least_squares() -> None:
     rng = np.random.default_rng(1)
-    quiet, loud = rng.gumbel(5.0, 2.0, 4000), rng.gumbel(900.0, 100.0, 4000)
-    found = screened([quiet, loud], (("delay", "X"), ("backlash", "Y"))).thresholds(0.02)
-    assert found["X"] == pytest.approx(5.0 - 2.0 * np.log(-np.log(0.99)), rel=0.05)
-    assert found["Y"] > 1000.0
-    assert screened([quiet, loud], (("delay", "X"), ("backlash", "Y"))).threshold(0.02) > 1000.0
+    m = motion()
+    noise = 0.1 * rng.normal(size=len(m))
+    new = rows(2.0 * m.v[:, 0] + noise)
+    g = ground(new)
+    found = judged(g, products(g.new, {0: new.picked(m.v[:, :1], 0)}), None, None)
+    v = new.picked(m.v[:, :1], 0)[:, 0]
+    expected = v @ new.residual[0] / (v @ v)
+    assert found.theta[0] == pytest.approx(expected, rel=1e-5)
+    assert found.left.sum() == pytest.approx(np.sum(noise**2), rel=0.05)
+    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(0.1 / np.sqrt(np.sum(v**2)), rel=0.5)
 
 
-def named(effect, axis, *joints):
-    columns = [[(j, None) for j in joints]]
-    candidate = SimpleNamespace(effect=effect, axis=axis, columns=columns)
-    return SimpleNamespace(candidate=candidate, joints=set(joints))
+def test_what_the_twin_always_lacked_is_no_change() -> None:
+    m, other = motion(), motion(3)
+    rng = np.random.default_rng(2)
+    lacked = 5.0
+    new = rows(lacked * m.v[:, 0] + 0.1 * rng.normal(size=len(m)))
+    own = rows(lacked * other.v[:, 0] + 0.1 * rng.normal(size=len(m)), 3)
+    g = ground(new, own)
+    columns = [
+        products(b, {0: s.picked(x.v[:, :1], 0)}) for b, s, x in ((g.new, new, m), (g.own, own, other))
+    ]
+    found = judged(g, columns[0], columns[1], None)
+    assert abs(found.theta[0]) < 0.05
+    assert found.strength < RULES.strength_change
+    alone = judged(ground(new), columns[0], None, None)
+    assert alone.theta[0] == pytest.approx(lacked, rel=0.01)
 
 
-def test_a_ripple_leaves_more_to_its_like_than_to_friction_or_to_other_axes():
-    ripple = named("ripple", "X", 0)
-    like = _leaves(ripple, named("encoder_error", "X", 0))
-    other = _leaves(ripple, named("viscous", "X", 0))
-    apart = _leaves(ripple, named("viscous", "Y", 1))
-    wide = _leaves(named("payload", "X", 0, 1), named("viscous", "Y", 1))
-    assert like > other > apart
-    assert wide > apart
+def test_a_candidate_that_the_model_holds_already_is_not_determined() -> None:
+    m = motion()
+    new = rows(m.v[:, 0])
+    v = new.picked(m.v[:, :1], 0)
+    g = ground(new, base=v)
+    assert not judged(g, products(g.new, {0: v}), None, None).determined
+    assert judged(g, products(g.new, {0: new.picked(m.a[:, :1], 0)}), None, None).determined
 
 
-def judged(effect, G, axis="X"):
-    candidate = SimpleNamespace(effect=effect, axis=axis)
-    return SimpleNamespace(G=G, candidate=candidate, key=(effect, axis))
+@pytest.mark.parametrize(("start", "length"), [(5.0, 0.3), (12.0, 4.0)])
+def test_a_push_of_any_length_is_found_with_its_time_and_force(start: float, length: float) -> None:
+    m = motion()
+    rng = np.random.default_rng(4)
+    inside = (m.t >= start) & (m.t < start + length)
+    r = rng.normal(size=len(m)) + 4.0 * inside
+    new, own = rows(r), rows(rng.normal(size=len(m)), 3)
+    found = episodes(new, new.residual, own.residual, own, {0: 1.0}, 0)
+    assert found is not None
+    (push,) = found.episodes
+    assert push.start == pytest.approx(start, abs=0.05)
+    assert push.end == pytest.approx(start + length, abs=0.05)
+    assert push.force == pytest.approx(-4.0, abs=4.0 * push.error + 0.3)
 
 
-def test_an_answer_that_leaves_part_of_the_gap_open_shares_with_close_rivals_and_the_unknown():
-    known = Calibration(0.01, np.zeros(0), np.zeros(0), {})
-    answer, close, far = (
-        judged("backlash", 900.0),
-        judged("drive_flexibility", 420.0),
-        judged("delay", 90.0),
-    )
-    named = Named(answer, (close, far), 20.0)
-    whole, part = (_options(named, known, partial=p) for p in (False, True))
-    for options in (whole, part):
-        assert sum(p for _, p in options) == pytest.approx(1.0)
-        assert options[0][0] is answer
-    share = {x if isinstance(x, str) else x.key[0]: p for x, p in part}
-    assert whole[0][1] > part[0][1]
-    assert share["unknown"] > share["drive_flexibility"] > 10.0 * share["delay"]
+def test_noise_alone_holds_no_push() -> None:
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        new, own = rows(rng.normal(size=3000)), rows(rng.normal(size=3000), 3)
+        assert episodes(new, new.residual, own.residual, own, {0: 1.0}, 0) is None
+
+
+def test_intervals_of_a_share_cover_it() -> None:
+    inside, true = 0, 0.5
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        before = rng.exponential(size=40)
+        after = true * before * rng.uniform(0.6, 1.4, size=40)
+        low, high = share_interval(before, after, seed)
+        inside += low <= 1.0 - true <= high
+    assert 0.80 <= inside / 200 <= 0.98
+
+
+def test_a_body_has_mass_and_centre_with_intervals() -> None:
+    pi = np.array([2.0, 0.2, 0.0, -0.1, *np.zeros(6)])
+    covariance = np.diag(np.array([0.01, 0.002, 0.002, 0.002, *np.ones(6)]) ** 2)
+    body = body_of(pi, covariance)
+    assert body.centre == pytest.approx([0.1, 0.0, -0.05])
+    assert body.centre_error[0] == pytest.approx(np.hypot(0.002, 0.01 * 0.1) / 2.0)
+    mass, *_ = body_sizes(body)
+    assert mass.interval == pytest.approx((2.0 - 0.01645, 2.0 + 0.01645))
+    taken = body_of(-pi, covariance)
+    assert taken.mass == -2.0
+    assert taken.centre == pytest.approx([0.1, 0.0, -0.05])

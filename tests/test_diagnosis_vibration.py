@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pinotwin.diagnosis.apply import extended
-from pinotwin.diagnosis.deflection import PassiveSpring, load_on, springs
+from pinotwin.diagnosis.data.deflection import PassiveSpring, load_on, springs
+from pinotwin.diagnosis.others.vibration import look_at_vibration, unused
 from pinotwin.diagnosis.result import Diagnosis
-from pinotwin.diagnosis.vibration import look_at_vibration, unused
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine

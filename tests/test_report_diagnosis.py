@@ -99,7 +99,7 @@ def test_an_untested_chance_is_not_stated_and_what_confidence_means_is_said() ->
     page = diagnosis_report(replace(EXPLAINED, where=[band]))
     (row,) = [r for r in read(page).rows if r and "slow changes, below 1 Hz" in " ".join(r)]
     assert row[-1] == "–"
-    assert "simulated faults on this same motion" in page
+    assert "this cause was put into what the model leaves anyway" in page
 
 
 def test_the_bars_turn_shares_of_the_square_into_rms() -> None:

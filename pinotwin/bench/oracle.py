@@ -1,32 +1,29 @@
-"""What an oracle could see of an effect: the evidence of its true course on the diagnosis' own rows.
+"""What an oracle could see of an effect: its true course as a candidate on the diagnosis' own rows.
 
 The gap that an effect makes, taken from two runs without noise, is put into the place of a candidate: no
-catalogue can hold a better one. What it would gain in the mean, with the base model, its prior and the
-run-to-run scatter of friction fitted beside it, is its deviance. Below about 25 (METHODS A2: what the best of
-a catalogue reaches by chance) nobody who looks at an axis in motion can name it.
+catalogue can hold a better one. What it adds that the base model's own coefficients cannot take up is
+its size there, as a share of the axis' effort. Below what a rule of the diagnosis asks for, nobody who
+looks at an axis in motion can name it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from pinotwin.bench.produce import Produced
-from pinotwin.diagnosis.bank import stacked
-from pinotwin.diagnosis.ledger import build_ledger, moments
-from pinotwin.diagnosis.prepare import Ready, ready
-from pinotwin.diagnosis.stage import Blocks
+from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.evidence.moments import products
+from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.errors import DataError
 from pinotwin.log import Log
-from pinotwin.logs.prepare import prepare
 from pinotwin.twin import Twin
 
 
 def evidence(made: Produced, twin: Twin | None) -> float | None:
-    """Return the expected deviance of the true course of the weakest effect, the others' beside it.
+    """Return the least size of the effects' true courses beside the model and each other.
 
-    None without effects, and where one is the controller's.
+    A share of the effort's variation of the axis that each moves most; None without effects, and where
+    one is the controller's.
 
     Args:
         made: the case.
@@ -36,32 +33,28 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
         return None
     sealed = made.sealed
     try:
-        start = ready(twin or sealed.machine, sealed.logs, sealed.validation, _silent)
+        c = compare(twin or sealed.machine, sealed.logs, [])
     except DataError:
         return None
-    stage = start.search_stage
-    columns = stacked(stage, [_columns(start, made.courses)])
-    S = moments(build_ledger(stage, start.theta), columns).S[0, 0]
+    searcher = Searcher(c)
+    columns = {}
+    for j in c.new.joints:
+        table = [_course(c.twin, c.new.motion.t, course, j) for course in made.courses]
+        columns[j] = c.new.picked(np.stack(table, axis=1), j)
+    sums = products(searcher.ground.new, columns)
+    CX, inverse = sums.CX.sum(axis=0), searcher.ground.folds[-1]
+    S = sums.CC.sum(axis=0) - CX @ inverse @ CX.T
     scale = np.sqrt(np.maximum(np.diag(S), 1e-300))
-    given = np.diag(np.linalg.inv(S / np.outer(scale, scale) + 1e-9 * np.eye(len(S))))
-    return float(np.min(scale**2 / given))
+    given = scale**2 / np.diag(np.linalg.inv(S / np.outer(scale, scale) + 1e-9 * np.eye(len(S))))
+    sizes = []
+    for k, power in enumerate(given):
+        main = max(columns, key=lambda j: float(np.sum(columns[j][:, k] ** 2)) / c.floor[j] ** 2)
+        rows = max(len(c.new.residual[main]), 1)
+        sizes.append(c.floor[main] * float(np.sqrt(power / rows)) / max(c.new.size(main), 1e-300))
+    return min(sizes)
 
 
-def _columns(start: Ready, courses: Sequence[Log]) -> list[Blocks]:
-    """Return the courses as the columns of one candidate."""
-    machine = start.context.machine
-    cutoff = machine.data.cutoff or 1e9
-    read = [prepare(machine, log, cutoff=cutoff, decimate=1) for log in courses]
-    out: list[Blocks] = []
-    for scene in start.context.scenes:
-        values = np.zeros((len(scene.motion), machine.nv, len(read)))
-        for k, course in enumerate(read):
-            count = min(len(values), len(course))
-            if not start.stage.rows.validation[scene.log]:
-                values[:count, :, k] = np.nan_to_num(course.u[:count])
-        out.append([(joint, values[:, joint]) for joint in range(machine.nv)])
-    return out
-
-
-def _silent(stage: str) -> None:
-    del stage
+def _course(twin: Twin, t: np.ndarray, course: Log, joint: int) -> np.ndarray:
+    """Return the true effort of an effect at one joint on the rows of the motion, logs one after the other."""
+    motion = twin.motion(course)
+    return np.nan_to_num(np.interp(t, motion.t, np.nan_to_num(motion.u[:, joint])))

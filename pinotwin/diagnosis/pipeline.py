@@ -18,7 +18,9 @@ from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
 from pinotwin.diagnosis.others.servo import servo_changes
-from pinotwin.diagnosis.result import Diagnosis, Region
+from pinotwin.diagnosis.others.tracking import tracking_gaps
+from pinotwin.diagnosis.others.vibration import Vibrations, look_at_vibration, unused
+from pinotwin.diagnosis.result import Diagnosis, Gap, Region, Shrink
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import search
@@ -26,6 +28,7 @@ from pinotwin.diagnosis.search.injections import confidences, pairs_alike
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import Effect
 from pinotwin.log import Log
+from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
 from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
@@ -77,7 +80,38 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     named += pushes_named(c, pushed, rules.push_confidence)
     if closed_loop:
         named += servo_named(servo_changes(c, _mismeasured(named), leave_out, rules), rules.servo_confidence)
-    return _concluded(subject, c, found, pushed, named, seed, quick, rules)
+    shaken = look_at_vibration(
+        subject,
+        [*c.logs, *c.validation],
+        [*(False for _ in c.logs), *(True for _ in c.validation)],
+        labels([c.twin.motion(x) for x in (*c.logs, *c.validation)]),
+        np.random.default_rng([seed, 3]),
+    )
+    named += shaken.effects
+    result = _concluded(subject, c, found, pushed, named, seed, quick, rules)
+    if closed_loop and not quick:
+        tell("tracking error", 0.9)
+        result = _with_tracking(result, *tracking_gaps(c, [s.chosen for s in found.steps]))
+    return _with_vibration(result, shaken, unused(subject, c.logs))
+
+
+def _with_tracking(d: Diagnosis, gaps: Mapping[str, Gap], shrinks: Mapping[str, Shrink]) -> Diagnosis:
+    """Return the diagnosis with the gap of the tracking error, simulated from the command."""
+    gap = {axis: {**row, **({"e": gaps[axis]} if axis in gaps else {})} for axis, row in d.gap.items()}
+    effects = [
+        replace(e, shrink={**e.shrink, "e": shrinks[str(e.axis)]})
+        if e.axis in shrinks and "u" in e.shrink
+        else e
+        for e in d.effects
+    ]
+    return replace(d, gap=gap, effects=effects)
+
+
+def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagnosis:
+    """Return the diagnosis with what the measured vibration of passive joints says."""
+    gap = {**d.gap, **{joint: {"v": g} for joint, g in v.gaps.items()}}
+    shrink = {**d.shrink, **{joint: {"v": s} for joint, s in v.shrinks.items()}}
+    return replace(d, gap=gap, shrink=shrink, where=[*d.where, *v.where], advice=[*d.advice, *advice])
 
 
 def _searched(

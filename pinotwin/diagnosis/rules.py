@@ -23,6 +23,7 @@ class Rules:
     as_good: float = 0.97
     """[of the best gain] a simpler candidate that reaches this is preferred."""
     as_good_kin: float = 0.92
+    as_good_curve: float = 0.6
     needless: float = 0.1
     excess: float = 0.9
     most: int = 8
@@ -33,6 +34,8 @@ class Rules:
     law_holds: float = 0.35
     law_worse: float = 1.5
     law_share: float = 0.5
+    left_behind: float = 5.0
+    at_limit: float = 0.01
     open_change: float = 2.5
     open_structure: float = 0.15
     odd: float = 1.5
@@ -41,6 +44,13 @@ class Rules:
     quick_confidence: float = 0.7
     push_confidence: float = 0.85
     servo_confidence: float = 0.85
+    vibration_gap: float = 0.35
+    vibration_form: float = 0.1
+    vibration_share: float = 0.2
+    vibration_moved: float = 4.0
+    vibration_stays: float = 0.15
+    vibration_quiet: float = 0.25
+    vibration_confidence: float = 0.9
 
 
 RULES = Rules()

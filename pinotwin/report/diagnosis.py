@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pinotwin.diagnosis.calibration import PARTIAL, SUREST
 from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.log import Log
 from pinotwin.report import display
@@ -151,10 +150,8 @@ def which_blocks(d: Diagnosis) -> list[Block]:
         )
         out.append(
             paragraph(
-                "Confidence: of simulated faults on this same motion, a quarter of them "
-                "unknown to pinotwin, the share whose cause was named right where the "
-                f"answer looked as sure as here; at most {SUREST:.0%}, and {PARTIAL:.0%} "
-                "of that where part of the gap stays.",
+                "Confidence: of trials in which this cause was put into what the model leaves anyway on "
+                "this motion, the share in which the same search named it first.",
                 "lead",
             )
         )

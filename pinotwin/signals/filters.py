@@ -14,8 +14,8 @@ corner 0.8/r).
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy import signal

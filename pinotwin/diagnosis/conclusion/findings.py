@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern
@@ -83,27 +84,24 @@ def _moves(c: Comparison, one: Scored) -> dict[str, tuple[float, float, float]]:
 def shrink_of(c: Comparison, one: Scored, searcher: Searcher) -> Shrink:
     """Return how far the gap of an effect's main axis shrinks by it alone, on rows not fitted."""
     alone, judged = searcher.ground.alone, one.judged
-    floor = c.floor[one.joint]
-    at = list(c.new.joints).index(one.joint)
     fitted, beyond = searcher.alone_by_joint
-    promised = _share(alone.left, judged.left, float(fitted[:, at].sum()))
+    at = list(c.new.joints).index(one.joint)
+    before, gained = fitted[:, at], alone.left - judged.left
+    promised = _share(before, gained)
+    count, on = len(c.new.residual[one.joint]), "held-out blocks"
     if len(judged.unseen) and c.unseen is not None and one.joint in c.unseen.joints:
-        before, after = alone.unseen, judged.unseen
-        level = float(beyond[:, list(c.unseen.joints).index(one.joint)].sum())
+        before = beyond[:, list(c.unseen.joints).index(one.joint)]
+        gained = alone.unseen - judged.unseen
         count, on = len(c.unseen.residual[one.joint]), "validation"
-    else:
-        before, after = alone.left, judged.left
-        level, count, on = float(fitted[:, at].sum()), len(c.new.residual[one.joint]), "held-out blocks"
-    others = before - level / max(len(before), 1)
-    share = _share(before, after, level)
-    low, high = share_interval(np.maximum(before - others, 0.0), np.maximum(after - others, 0.0))
-    rms_before = floor * float(np.sqrt(level / max(count, 1)))
-    rms_after = rms_before * float(np.sqrt(max(1.0 - share, 0.0)))
-    return Shrink(rms_before, rms_after, share, (low, min(high, 1.0)), promised, on)
+    share = _share(before, gained)
+    low, high = share_interval(before, before - gained)
+    level = c.floor[one.joint] * float(np.sqrt(before.sum() / max(count, 1)))
+    after = level * float(np.sqrt(max(1.0 - share, 0.0)))
+    return Shrink(level, after, share, (low, min(high, 1.0)), promised, on)
 
 
-def _share(before: Any, after: Any, level: float) -> float:
-    return float(np.clip((before.sum() - after.sum()) / max(level, 1e-300), -1.0, 1.0))
+def _share(before: Floats, gained: Floats) -> float:
+    return float(np.clip(gained.sum() / max(before.sum(), 1e-300), -1.0, 1.0))
 
 
 def _rivals(step: Step, sure: float) -> list[Mapping[str, Any]]:

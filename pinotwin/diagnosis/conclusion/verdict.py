@@ -92,11 +92,11 @@ def _sentence(
     patterns: Mapping[str, str],
 ) -> str:
     if not gaps:
-        return "no axis moves enough to be judged"
+        return "No axis moves enough to be judged"
     if verdict == "none":
         if c.change:
-            return "no change: what is left of these logs is what the twin leaves of its own"
-        return "nothing is missing that these logs could show"
+            return "No change: what is left of these logs is what the twin leaves of its own"
+        return "Nothing is missing that these logs could show"
     parts = [_said(e) for e in effects]
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     largest = max(gaps, key=lambda a: _relative(gaps[a]["u"]))
@@ -107,7 +107,8 @@ def _sentence(
         "partly_explained": "has changed in part: " if c.change else "the model misses in part ",
         "unexplained": "",
     }[verdict]
-    return (head + text).strip()
+    text = (head + text).strip()
+    return text[:1].upper() + text[1:]
 
 
 def _relative(g: Gap) -> float:

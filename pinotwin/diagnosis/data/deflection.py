@@ -1,4 +1,4 @@
-r"""The deflection of passive joints that a twin foretells from the motion of the axes (thesis Eq. 5.4).
+r"""The deflection of passive joints that a twin predicts from the motion of the axes (thesis Eq. 5.4).
 
 With the posture nearly that of the undeflected machine, a passive joint is a mode that its own load drives:
 
@@ -99,7 +99,7 @@ def load_on(twin: Twin, motion: Motion, joint: int) -> Load:
 
 
 def bent(twin: Twin, motion: Motion, measured: Motion) -> Motion:
-    """Return the motion with its passive joints as they were measured, else as the twin foretells.
+    """Return the motion with its passive joints as they were measured, else as the twin predicts.
 
     Args:
         twin: with its springs.

@@ -104,6 +104,12 @@ def _law_change(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
     new = _Law.of(c.new.motion, joint)
     if old is None or new is None:
         return None
+    if _left_behind(c, joint, rules):
+        level = float(np.quantile(np.abs(c.new.motion.u[:, joint]), 0.999))
+        unit = "N·m" if c.new.motion.rotary[joint] else "N"
+        return ServoChange(
+            "saturation", axis, "limit", np.inf, level, (0.98 * level, 1.02 * level), unit, 1.0, (0.0, 0.0)
+        )
     gains, held = old.fitted()
     if held > rules.law_holds * old.size:
         return None  # this law is not that controller's
@@ -125,6 +131,19 @@ def _law_change(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
     return ServoChange(
         effect, axis, name, 1.0, factor, interval, "of what it was", share, (level, rms(after))
     )
+
+
+def _left_behind(c: Comparison, joint: int, rules: Rules) -> bool:
+    """Whether an axis falls far behind its command while its effort rests at its largest size."""
+    assert c.own is not None
+    new, own = c.new.motion, c.own.motion
+    errors = [rms(m.qr[:, joint] - m.q[:, joint]) for m in (new, own) if m.qr is not None]
+    size = np.abs(np.nan_to_num(new.u[:, joint]))
+    top = float(np.quantile(size, 0.999))
+    before = np.abs(np.nan_to_num(own.u[:, joint]))
+    at = float(np.mean(size > 0.97 * top))
+    usual = float(np.mean(before > 0.97 * np.quantile(before, 0.999)))
+    return errors[0] > rules.left_behind * errors[1] and at > max(rules.at_limit, 2.0 * usual)
 
 
 @dataclass(frozen=True, eq=False)

@@ -137,11 +137,12 @@ def simplest(ranked: Sequence[Scored], rules: Rules) -> Scored:
     kin = {*named(best.effect).contains, *named(best.effect).imitates, *named(best.effect).inseparable}
     close = []
     for one in ranked:
-        near = named(one.effect).name in kin or (
-            isinstance(best.effect, Pattern) and not isinstance(one.effect, Pattern)
-        )
-        related = near and one.joint == best.joint
-        if one.gain >= (rules.as_good_kin if related else rules.as_good) * best.gain:
+        enough = rules.as_good
+        if one.joint == best.joint and named(one.effect).name in kin:
+            enough = rules.as_good_kin
+        if one.joint == best.joint and isinstance(best.effect, Pattern) > isinstance(one.effect, Pattern):
+            enough = rules.as_good_kin if best.numbers <= 3 else rules.as_good_curve
+        if one.gain >= enough * best.gain:
             close.append(one)
     return min(close, key=lambda s: (s.numbers, -_link(s), -s.gain))
 
@@ -201,6 +202,6 @@ def _rows(one: Scored, comparison: Comparison) -> int:
 
 
 def size_of(one: Scored, comparison: Comparison) -> float:
-    """Return the RMS of what a cause adds at its main joint [N or N·m]."""
-    C = one.table[0][one.joint]
-    return float(np.sqrt(np.mean((C @ one.judged.theta) ** 2)))
+    """Return the RMS that a cause closes at its main joint beyond what the model could take up [N or N·m]."""
+    rows = max(_rows(one, comparison), 1)
+    return comparison.floor[one.joint] * float(np.sqrt(max(one.gain, 0.0) / rows))

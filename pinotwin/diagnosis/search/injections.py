@@ -15,6 +15,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import named
+from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.rules import RULES, Rules
@@ -100,11 +101,14 @@ def _shuffled(r: Floats, n: int, size: int, rng: np.random.Generator) -> Floats:
 
 def pairs_alike(steps: Sequence[Step], share: float = 0.9) -> list[tuple[str, str]]:
     """Return names that these logs hardly tell apart: rivals that close nearly as much as what was named."""
-    out = []
+    out: list[tuple[str, str]] = []
     for step in steps:
+        effect = named(step.chosen.effect)
+        out += [(effect.name, other) for other in effect.inseparable]
         for rival in step.rivals:
-            if rival.gain > share * step.chosen.gain and rival.joint == step.chosen.joint:
-                pair = (named(step.chosen.effect).name, named(rival.effect).name)
+            near = rival.gain > share * step.chosen.gain and rival.joint == step.chosen.joint
+            if near and not isinstance(rival.effect, Pattern):
+                pair = (effect.name, named(rival.effect).name)
                 if pair[0] != pair[1] and pair not in out:
                     out.append(pair)
     return out

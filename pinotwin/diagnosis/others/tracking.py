@@ -1,0 +1,134 @@
+"""The tracking error's gap: the log's against that of the twin simulated from the command alone.
+
+Before: the twin as it is. After: the twin with the causes that were named, its own numbers changed or
+the effects added. The misfit is the same difference on the twin's own logs. Where the twin has no closed
+loop, or the simulation cannot carry a cause, nothing is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.candidates.catalogue import Joined, named
+from pinotwin.diagnosis.candidates.patterns import Pattern
+from pinotwin.diagnosis.conclusion.gaps import moving_rows
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.result import Gap, Shrink
+from pinotwin.diagnosis.search.scan import Scored
+from pinotwin.errors import PinotwinError
+from pinotwin.log import Log
+from pinotwin.motion import Motion
+from pinotwin.signals import rms
+from pinotwin.twin import Twin
+
+LONGEST = 120_000
+"""Samples of the logs in question beyond which the tracking error is not simulated."""
+
+
+def tracking_gaps(c: Comparison, causes: Sequence[Scored]) -> tuple[dict[str, Gap], dict[str, Shrink]]:
+    """Return axis -> gap of the tracking error, and how far the causes shrink it.
+
+    Args:
+        c: of a twin with closed loops and logs with commands.
+        causes: what was named.
+    """
+    if not c.change or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
+        return {}, {}
+    logs = list(c.validation) or list(c.logs)
+    try:
+        before = [_errors(c.twin, log) for log in logs]
+        own = _own_errors(c)
+    except PinotwinError:
+        return {}, {}
+    later = with_causes(c.twin, causes)
+    try:
+        after = before if later is None else [_errors(later, log) for log in logs]
+    except PinotwinError:
+        later, after = None, before
+    gaps, shrinks = {}, {}
+    for name, axis in c.machine.axes.items():
+        j = axis.index
+        x, y = (float(np.sqrt(np.mean([e[0][j] ** 2 for e in part]))) for part in (before, after))
+        size = float(np.sqrt(np.mean([e[1][j] ** 2 for e in before])))
+        if not np.isfinite(x) or size <= 0.0:
+            continue
+        gaps[name] = Gap(x, x / size, 0.0, min(x, y), float(own[j]))
+        if later is not None and any(name == named(s.effect).axis for s in causes) and y < x:
+            share = 1.0 - (y / x) ** 2
+            each = [1.0 - (b[0][j] / max(a[0][j], 1e-300)) ** 2 for a, b in zip(before, after, strict=True)]
+            on = "validation" if c.validation else "fitted logs"
+            shrinks[name] = Shrink(x, y, share, (min(each), max(each)), share, on)
+    return gaps, shrinks
+
+
+def _errors(twin: Twin, log: Log) -> tuple[Floats, Floats]:
+    """Return the RMS of measured minus simulated tracking error, and of the measured, shape (nv,) each."""
+    motion = twin.motion(log)
+    return _difference(twin, log, motion)
+
+
+def _difference(twin: Twin, log: Log, motion: Motion) -> tuple[Floats, Floats]:
+    said = twin.simulate(log)
+    nv = len(motion.names)
+    off, size = np.full(nv, np.nan), np.full(nv, np.nan)
+    assert motion.qr is not None
+    for name, axis in twin.machine.axes.items():
+        rows = moving_rows(motion, axis.index)
+        if f"{name}.e" in said and rows.any():
+            e = (motion.qr - motion.q)[:, axis.index]
+            guess = np.interp(motion.t, said.t, said[f"{name}.e"])
+            off[axis.index], size[axis.index] = rms((e - guess)[rows]), rms(e[rows])
+    return off, size
+
+
+def _own_errors(c: Comparison) -> Floats:
+    """Return the same RMS on the twin's own logs, stretch by stretch, shape (nv,)."""
+    nothing = np.full(c.machine.nv, np.nan)
+    if c.own is None or c.own.motion.qr is None or len(c.own.motion) > LONGEST:
+        return nothing
+    motion = c.own.motion
+    longest = max(motion.segments, key=lambda s: s.stop - s.start)
+    part = motion.cut(longest.start, longest.stop)
+    assert part.qr is not None
+    channels = {"t": part.t - part.t[0]}
+    channels |= {f"{name}.qr": part.qr[:, a.index] for name, a in c.machine.axes.items()}
+    channels |= {f"{name}.q": part.q[:, a.index] for name, a in c.machine.axes.items()}
+    moved = replace(part, t=channels["t"])
+    return _difference(c.twin, Log(channels, source="own logs"), moved)[0]
+
+
+def with_causes(twin: Twin, causes: Sequence[Scored]) -> Twin | None:
+    """Return the twin with the named causes in its numbers; None if it cannot hold them all."""
+    theta, effects = twin.theta.copy(), list(twin.effects)
+    for one in causes:
+        if isinstance(one.effect, Pattern) or named(one.effect).family.acts != "effort":
+            return None
+        parts = one.effect.parts if isinstance(one.effect, Joined) else (one.effect,)
+        at = 0
+        for part in parts:
+            count = len(part.coefficients())
+            change = one.judged.theta[at : at + count]
+            at += count
+            place = _place(twin, part.name, part.axis, count)
+            if place is None and part.unlisted:
+                return None
+            if place is None:
+                effects.append(part)
+                theta = np.concatenate([theta, change])
+            else:
+                theta[place] += change
+    p = len(theta)
+    covariance = np.zeros((p, p))
+    covariance[: len(twin.theta), : len(twin.theta)] = twin.covariance
+    return replace(twin, effects=tuple(effects), theta=theta, covariance=covariance)
+
+
+def _place(twin: Twin, name: str, axis: str | None, count: int) -> slice | None:
+    for effect, where in zip(twin.effects, twin.slices, strict=True):
+        if (effect.name, effect.axis) == (name, axis) and len(effect.coefficients()) == count:
+            return where
+    return None

@@ -1,0 +1,301 @@
+"""The gap of the vibration of passive joints, where the logs hold it: the twin's springs against the log.
+
+What the axes' motion does to a passive joint is known (:mod:`pinotwin.diagnosis.data.deflection`); its own
+stiffness and damping are what can have changed of it. They are fitted anew, and judged on logs, or
+every other part of them, that were not fitted. Only the band of the vibration counts: no IMU knows the
+slow angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.conclusion.where import Cell, bins, concentrated
+from pinotwin.diagnosis.data.deflection import Load, PassiveSpring, is_measured, load_on, springs
+from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
+from pinotwin.diagnosis.rules import RULES
+from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.signals import rms
+from pinotwin.signals.band import edge_rows, vibration_band
+from pinotwin.twin import Twin
+
+BLOCK = 0.5
+"""Length of data that counts as one stretch [s]; every other one is fitted without a validation log."""
+RESAMPLES = 400
+LEFT = "a vibration that no stiffness or damping of the joint brings about ({:.0%} of it)"
+
+
+@dataclass(frozen=True)
+class Vibrations:
+    """What a diagnosis says of passive joints.
+
+    Attributes:
+        gaps: joint -> gap of its velocity [m/s or rad/s].
+        effects: springs that have changed.
+        where: regions in which the gaps lie.
+        shrinks: joint -> how far its gap shrinks with the spring that was found.
+        stays: column of a joint with a gap -> share of its power that stays.
+        open: column of a joint -> what stays of its gap, in words.
+    """
+
+    gaps: dict[str, Gap]
+    effects: list[Found]
+    where: list[Region]
+    shrinks: dict[str, Shrink]
+    stays: dict[int, float]
+    open: dict[int, str]
+
+
+def look_at_vibration(
+    subject: Machine | Twin,
+    logs: Sequence[Log],
+    validation: Sequence[bool],
+    commands: Sequence[int],
+    rng: np.random.Generator,
+) -> Vibrations:
+    """Return the gap of every passive joint whose velocity the logs hold, and why it is there.
+
+    Args:
+        subject: a twin with springs; of anything else nothing is said.
+        logs: servo logs, with ``<joint>.v`` where it was measured.
+        validation: which of them nothing is fitted to.
+        commands: a label per log, the same for repeats.
+        rng: of resampling.
+    """
+    out = Vibrations({}, [], [], {}, {}, {})
+    if not isinstance(subject, Twin) or not springs(subject):
+        return out
+    motions = [prepare(subject.machine, log, decimate=1) for log in logs]
+    for spring in springs(subject):
+        runs = [
+            _Run.of(subject, m, spring.index, label, k)
+            for k, (m, label) in enumerate(zip(motions, commands, strict=True))
+            if is_measured(m, spring.index)
+        ]
+        sealed = [validation[r.log] for r in runs]
+        if runs and not all(sealed):
+            _judge(spring, _Split(runs, sealed), rng, out)
+    return out
+
+
+def unused(subject: Machine | Twin, logs: Sequence[Log]) -> list[str]:
+    """Return what to do about vibrations that the logs hold and nothing is compared with."""
+    if isinstance(subject, Twin):
+        return []
+    names = [p for p in subject.passive if any(f"{p}.v" in log for log in logs)]
+    return [
+        f"the vibration of {p} is in the log, but a machine does not know its spring: identify a twin "
+        "with this log and diagnose that"
+        for p in names
+    ]
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One joint in one log; rows within the band.
+
+    Attributes:
+        log: number of the log. command: label of its command.
+        load: what drives the joint.
+        measured: velocity, shape (m,).
+        rows: rows of the motion that they belong to, shape (m,).
+    """
+
+    log: int
+    command: int
+    load: Load
+    measured: Floats
+    rows: Ints
+
+    @classmethod
+    def of(cls, twin: Twin, motion: Motion, joint: int, command: int, log: int) -> _Run:
+        """Return the run of one log."""
+        rate, rows = 1.0 / motion.step, []
+        for s in motion.segments:
+            edge = edge_rows(s.stop - s.start, rate)
+            rows.append(np.arange(s.start + edge, s.stop - edge))
+        load = load_on(twin, motion, joint)
+        return cls(log, command, load, _banded(motion, motion.v[:, joint]), np.concatenate(rows))
+
+    def left(self, spring: PassiveSpring) -> Floats:
+        """Return measured minus predicted velocity, shape (m,)."""
+        return self.measured - _banded(self.load.motion, self.load.response(spring)[1])
+
+
+def _banded(motion: Motion, x: Floats) -> Floats:
+    rate = 1.0 / motion.step
+    return np.concatenate([vibration_band(x[s, None], rate)[:, 0] for s in motion.segments])
+
+
+@dataclass(frozen=True)
+class _Split:
+    """Runs of one joint: what may be fitted, and what is judged on."""
+
+    runs: Sequence[_Run]
+    sealed: Sequence[bool]
+
+    def parts(self, values: Sequence[Floats], *, fitted: bool) -> list[Floats]:
+        """Return the rows that are fitted, or those that are not."""
+        if any(self.sealed):
+            return [x for x, s in zip(values, self.sealed, strict=True) if s != fitted]
+        turns = [np.arange(len(x)) // max(round(BLOCK / self.step), 1) % 2 == 0 for x in values]
+        return [x[turn == fitted] for x, turn in zip(values, turns, strict=True)]
+
+    def left(self, spring: PassiveSpring, *, fitted: bool) -> list[Floats]:
+        """Return measured minus predicted velocity of the rows that are fitted, or of the others."""
+        return self.parts([r.left(spring) for r in self.runs], fitted=fitted)
+
+    @property
+    def step(self) -> float:
+        """Time between rows [s]."""
+        return self.runs[0].load.motion.step
+
+    def noise(self, spring: PassiveSpring) -> float:
+        """Return the RMS by which repeats differ, over sqrt(2); without repeats, of the quietest blocks.
+
+        Args:
+            spring: as it was refitted.
+        """
+        for a, b in combinations(self.runs, 2):
+            if a.command == b.command:
+                n = min(len(a.measured), len(b.measured))
+                return float(np.std(a.measured[:n] - b.measured[:n]) / np.sqrt(2.0))
+        left = np.concatenate([r.left(spring) for r in self.runs])
+        rows = max(round(BLOCK / self.step), 1)
+        blocks = np.array_split(left, max(len(left) // rows, 1))
+        return float(np.quantile([rms(x) for x in blocks], RULES.vibration_quiet))
+
+
+def _judge(spring: PassiveSpring, runs: _Split, rng: np.random.Generator, out: Vibrations) -> None:
+    """Fill in what is said of one joint."""
+    found, moved = _refitted(spring, runs)
+    noise = runs.noise(found)
+    before, after = (np.concatenate(runs.left(x, fitted=False)) for x in (spring, found))
+    x, y = (np.concatenate(runs.left(k, fitted=True)) for k in (spring, found))
+    size = rms(np.concatenate(runs.parts([r.measured for r in runs.runs], fitted=False)))
+    shrink = _shrink((before, after), _share(x, y, noise), noise, runs, rng)
+    least = max((1.0 + RULES.vibration_gap) * noise**2, noise**2 + (RULES.vibration_form * size) ** 2)
+    there = rms(before) ** 2 > least
+    named = (
+        there
+        and shrink.share > RULES.vibration_share
+        and max(abs(x[2]) for x in moved.values()) > RULES.vibration_moved
+    )
+    rest = rms(after) if named else rms(before)
+    out.gaps[spring.name] = Gap(rms(before), rms(before) / max(size, 1e-300), noise, rest)
+    if not there:
+        return
+    stays = (rest**2 - noise**2) / (rms(before) ** 2 - noise**2)
+    out.stays[spring.index] = float(np.clip(stays, 0.0, 1.0))
+    if rest**2 > least and stays > RULES.vibration_stays:
+        out.open[spring.index] = LEFT.format(stays)
+    out.where.extend(_where(spring, runs, rng))
+    if named:
+        out.shrinks[spring.name] = shrink
+        out.effects.append(_named(spring, found, runs, shrink, moved))
+
+
+Moves = dict[str, tuple[float, float, float]]
+
+
+def _refitted(spring: PassiveSpring, runs: _Split) -> tuple[PassiveSpring, Moves]:
+    """Return the spring that the rows to be fitted ask for, and by how many errors it moved.
+
+    Errors by the sandwich over blocks of time: what is left is coloured.
+    """
+
+    def shaped(x: Floats) -> PassiveSpring:
+        k, c = np.exp(x) * [spring.stiffness, max(spring.damping, 1e-9)]
+        return replace(spring, stiffness=float(k), damping=float(c))
+
+    def left(x: Floats) -> Floats:
+        return np.concatenate(runs.left(shaped(x), fitted=True))
+
+    scale = max(rms(left(np.zeros(2))), 1e-300)
+    best = least_squares(lambda x: left(x) / scale, np.zeros(2), bounds=([-2.0, -4.0], [2.0, 4.0]))
+    J, e = best.jac, best.fun
+    block = np.arange(len(e)) // max(round(BLOCK / runs.step), 1)
+    scores = np.stack([np.bincount(block, e * j) for j in J.T])
+    inverse = np.linalg.pinv(J.T @ J)
+    error = np.sqrt(np.maximum(np.diag(inverse @ scores @ scores.T @ inverse), 1e-18))
+    found = shaped(best.x)
+    moved = {
+        f"{spring.name}.spring.{name}": (a, b, float(x / s))
+        for name, a, b, x, s in zip(
+            "kc",
+            (spring.stiffness, spring.damping),
+            (found.stiffness, found.damping),
+            best.x,
+            error,
+            strict=True,
+        )
+    }
+    return found, moved
+
+
+def _share(before: Floats, after: Floats, noise: float) -> float:
+    x, y, n = rms(before) ** 2, rms(after) ** 2, noise**2
+    return float(np.clip((x - y) / max(x - n, 0.02 * x + 1e-300), -1.0, 1.0))
+
+
+def _shrink(
+    unseen: tuple[Floats, Floats],
+    promised: float,
+    noise: float,
+    runs: _Split,
+    rng: np.random.Generator,
+) -> Shrink:
+    """Return how far other springs shrink the gap on rows that were not fitted, blocks resampled."""
+    blocks = max(len(unseen[0]) // max(round(BLOCK / runs.step), 1), 1)
+    parts = [np.array_split(x, blocks) for x in unseen]
+    share = []
+    for _ in range(RESAMPLES):
+        pick = rng.integers(0, blocks, blocks)
+        x, y = (np.concatenate([p[k] for k in pick]) for p in parts)
+        share.append(_share(x, y, noise))
+    interval = float(np.quantile(share, 0.05)), float(np.quantile(share, 0.95))
+    on = "validation" if any(runs.sealed) else "held-out blocks"
+    before, after = unseen
+    return Shrink(rms(before), rms(after), _share(before, after, noise), interval, promised, on)
+
+
+def _where(spring: PassiveSpring, runs: _Split, rng: np.random.Generator) -> list[Region]:
+    """Return when the gap is there, and while which axes accelerate."""
+    left = [r.left(spring) for r in runs.runs]
+    t = np.concatenate([r.load.motion.t[r.rows] for r in runs.runs])
+    cells = bins("time", t, "s", 8)
+    motion = runs.runs[0].load.motion
+    for joint, name in enumerate(motion.names):
+        a = np.concatenate([np.abs(r.load.motion.a[r.rows, joint]) for r in runs.runs])
+        top = float(a.max())
+        if joint != spring.index and top > 0.0:
+            unit = ("rad" if motion.rotary[joint] else "m") + "/s²"
+            cells.append(Cell("other_axis", (0.1 * top, top), unit, a > 0.1 * top, name))
+    cells = [c for c in cells if 0.01 < c.mask.mean() < 0.95]
+    power = np.concatenate(left) ** 2
+    return concentrated(cells, power, spring.name, "v", rng) if cells else []
+
+
+def _named(old: PassiveSpring, new: PassiveSpring, runs: _Split, shrink: Shrink, moved: Moves) -> Found:
+    inertia = float(np.mean([r.load.inertia.mean() for r in runs.runs]))
+    wn, zeta = new.mode(inertia)
+    return Found(
+        "joint_flexibility",
+        old.name,
+        RULES.vibration_confidence,
+        {"frequency": wn / (2.0 * np.pi), "damping": zeta},
+        {"k": new.stiffness, "c": new.damping},
+        {"v": shrink},
+        [],
+        moved,
+        gain=float(len(runs.runs[0].measured) * np.log(shrink.before / max(shrink.after, 1e-300))),
+    )
