@@ -102,7 +102,7 @@ class Answer:
 
 
 def same_class(said: Key, true: Key) -> bool:
-    """Whether two answers can never be told apart (METHODS A4); a load may be named on any axis."""
+    """Whether two answers can never be told apart; a load may be named on any axis."""
     group = next((g for g in EXACT if true[0] in g), frozenset({true[0]}))
     return said[0] in group and (said[1] == true[1] or "payload" in group)
 

@@ -124,7 +124,7 @@ EXACT: tuple[frozenset[str], ...] = (
     frozenset({"coulomb_asymmetric", "offset"}),
     frozenset({"payload", "inertial_coupling"}),
 )
-"""Classes that no motion of one axis can split (METHODS A4): always merged, never in the strict row."""
+"""Classes that no motion of one axis can split: always merged, never in the strict row."""
 
 CONTAINED_IN: dict[str, frozenset[str]] = {
     "coulomb": frozenset({"coulomb_asymmetric"}),

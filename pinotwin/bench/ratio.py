@@ -2,7 +2,7 @@
 
 Both come from simulation without the diagnosing code. The gap is the difference of two runs without
 noise, along the same command, with and without the effect, after the closed loop. The noise has two
-levels (METHODS A0): sensors, and friction that scatters from run to run.
+levels: sensors, and friction that scatters from run to run.
 
 A model that is fitted to the very log (situation ``structure``) takes up what of that difference its own
 columns can; only the rest is a gap that anybody can see. :func:`left_of` takes that part away, with the

@@ -22,6 +22,7 @@ from pinotwin.effects.scene import with_model
 from pinotwin.identification import identify
 from pinotwin.identification.misfit import own_residual
 from pinotwin.log import Log
+from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
@@ -74,6 +75,8 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         DataError: the logs hold too little.
     """
     change = isinstance(subject, Twin)
+    columns = (subject.machine if isinstance(subject, Twin) else subject).columns
+    logs, validation = ([bind(log, columns) for log in part] for part in (logs, validation))
     twin = subject if isinstance(subject, Twin) else identify(subject, logs, loop=False)
     block = RULES.block_time
     new = _sample(twin, _joined(twin, logs), block)
