@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: on two cores OpenBLAS' own threads make least squares 10 to 200 times slower.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup demo test lint bench benchmarks docs clean
+.PHONY: setup demo test lint bench benchmarks fuzz docs clean
 
 setup: $(VENV)/.ready
 
@@ -34,6 +34,10 @@ bench: setup
 # Speed and accuracy of every part beside its peers.
 benchmarks: setup
 	$(BIN)/python -m benchmarks
+
+# 10,000 spoiled files for each of ten readers; hours. The suite reads 40 of each.
+fuzz: setup
+	$(BIN)/python -m tests.fuzz --count 10000
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info out

@@ -10,9 +10,18 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST = 480
+"""Letters of a message: names and values that it repeats may come from a file of any kind."""
+
 
 class PinotwinError(Exception):
-    """Root of all errors raised on purpose."""
+    """Root of all errors raised on purpose; its message is one line of bounded length."""
+
+    def __init__(self, message: str = "") -> None:
+        text = " ".join(str(message).split())
+        if len(text) > LONGEST:
+            text = f"{text[: LONGEST - 185]} ... {text[-180:]}"
+        super().__init__(text)
 
 
 class InputError(PinotwinError):

@@ -42,6 +42,12 @@ def split_unit(header: str) -> tuple[str, str | None]:
     return header.strip(), None
 
 
+def _is_frozen(values: Floats) -> bool:
+    """Whether an array is nobody's to change, as those of another log: it need not be copied."""
+    own = isinstance(values, np.ndarray) and values.dtype == float and values.flags.owndata
+    return own and not values.flags.writeable
+
+
 @dataclass(frozen=True)
 class Log:
     """Named channels on one clock.
@@ -69,7 +75,7 @@ class Log:
             raise LogError(f"{self.source}: channels differ in length: {lengths}")
         frozen = {}
         for name, values in self.channels.items():
-            x = np.array(values, dtype=float)
+            x = values if _is_frozen(values) else np.array(values, dtype=float)
             x.flags.writeable = False
             frozen[str(name)] = x
         object.__setattr__(self, "channels", MappingProxyType(frozen))

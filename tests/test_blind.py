@@ -10,7 +10,7 @@ import pytest
 from pinotwin.bench.cases import Case, draw_cases
 from pinotwin.bench.oracle import evidence
 from pinotwin.bench.produce import produce
-from pinotwin.bench.run import Plan, answer, run_bench, written
+from pinotwin.bench.run import Plan, _write, answer, run_bench, written
 from pinotwin.cli.main import main
 
 
@@ -132,3 +132,14 @@ def test_bad_arguments_are_refused(arguments, message, tmp_path, capsys):
 def test_answers_of_other_code_are_not_used(cases, plan, answers, tmp_path, monkeypatch):
     monkeypatch.setattr("pinotwin.bench.run.fingerprint", lambda: "other")
     assert not set(written(plan.file)) & {plan.key(c) for c in cases}
+
+
+def test_broken_lines_and_errors_are_run_again(cases, plan, answers, tmp_path):
+    good = plan.file.read_text().splitlines()[0]
+    key = json.loads(good)["key"]
+    file = tmp_path / "cases.jsonl"
+    file.write_text(good[:40])  # the disk was full
+    _write(file, key, answers[0])
+    with file.open("a") as stream:
+        stream.write(json.dumps({**json.loads(good), "key": "failed", "verdict": "error"}) + "\n{}\n[1]\n")
+    assert set(written(file)) == {key}

@@ -7,11 +7,14 @@ its result does not depend on how often that was, nor on how many processes it h
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import fcntl
+import functools
 import json
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +22,7 @@ from typing import Any
 from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, failed, noted, read_answer
 from pinotwin.bench.cases import Case
+from pinotwin.bench.engine import Each, engine
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.floors import floors
 from pinotwin.bench.oracle import evidence
@@ -41,6 +45,7 @@ class Plan:
         workers: processes.
         minutes: no case is begun after so long; None for no limit.
         quick: screen only.
+        scheduler: address of a running Dask scheduler; None for workers of this computer.
     """
 
     folder: Path
@@ -48,6 +53,7 @@ class Plan:
     workers: int = 2
     minutes: float | None = None
     quick: bool = False
+    scheduler: str | None = None
 
     @property
     def file(self) -> Path:
@@ -116,55 +122,58 @@ def run_bench(cases: Sequence[Case], plan: Plan, report: Report | None = None) -
     tell = report or _silent
     for count, (case, said) in enumerate(_answers(left, plan, tell), 1 + len(done)):
         key = plan.key(case)
-        with plan.file.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps({"key": key, **plain(dataclasses.asdict(said))}) + "\n")
+        _write(plan.file, key, said)
         done[key] = said
         tell(f"{count} of {len(cases)} cases", count / len(cases))
     return sorted(done.values(), key=lambda a: a.number)
 
 
 def written(file: Path) -> dict[str, Answer]:
-    """Return the answers that a file holds, by key; a line that broke off is passed over."""
+    """Return the answers that a file holds, by key; broken lines and errors are passed over, to be run again."""
     out: dict[str, Answer] = {}
-    for line in file.read_text(encoding="utf-8").splitlines() if file.is_file() else ():
-        if line.endswith("}") and line.startswith("{"):
+    for line in file.read_text(encoding="utf-8", errors="replace").splitlines() if file.is_file() else ():
+        with contextlib.suppress(ValueError, LookupError, TypeError, AttributeError):
             raw: Mapping[str, Any] = json.loads(line)
-            out[str(raw["key"])] = read_answer(raw)
+            said = read_answer(raw)
+            if said.verdict != "error":
+                out[str(raw["key"])] = said
     return out
 
 
+def _write(file: Path, key: str, said: Answer) -> None:
+    """Add a line to the answers; one that broke off before it, or another process, does not spoil it."""
+    line = json.dumps({"key": key, **plain(dataclasses.asdict(said))}) + "\n"
+    with file.open("a+b") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        end = stream.seek(0, os.SEEK_END)
+        if end:
+            stream.seek(end - 1)
+            if stream.read(1) != b"\n":
+                line = "\n" + line
+        stream.write(line.encode())
+
+
 def _answers(cases: Sequence[Case], plan: Plan, tell: Report) -> Iterator[tuple[Case, Answer]]:
-    end = None if plan.minutes is None else time.monotonic() + 60.0 * plan.minutes
-    if plan.workers <= 1:
-        for case in cases:
-            if end is not None and time.monotonic() > end:
-                return
-            yield case, answer(case, plan)
+    if not cases:
         return
-    with ProcessPoolExecutor(plan.workers) as pool:
-        _make_twins(cases, plan, pool, tell)
-        running: dict[Future[Answer], Case] = {}
-        waiting = list(cases)[::-1]
-        while running or waiting:
-            late = end is not None and time.monotonic() > end
-            while waiting and not late and len(running) < plan.workers + 1:
-                case = waiting.pop()
-                running[pool.submit(answer, case, plan)] = case
-            if not running:
-                return
-            for job in wait(running, return_when=FIRST_COMPLETED).done:
-                case = running.pop(job)
-                error = job.exception()
-                yield case, job.result() if error is None else failed(case, error)
+    end = None if plan.minutes is None else time.monotonic() + 60.0 * plan.minutes
+    with engine(plan.workers, plan.scheduler) as each:
+        _make_twins(cases, plan, each, tell)
+        for case, said in each(functools.partial(answer, plan=plan), cases, end):
+            yield case, failed(case, said) if isinstance(said, BaseException) else said
 
 
-def _make_twins(cases: Sequence[Case], plan: Plan, pool: ProcessPoolExecutor, tell: Report) -> None:
+def _make_twins(cases: Sequence[Case], plan: Plan, each: Each, tell: Report) -> None:
     """Identify the healthy twins before the cases, so that two processes never make the same one."""
     wanted = sorted({(c.machine, c.twin) for c in cases if c.situation == "change"})
-    jobs = [pool.submit(make_twin, plan.twins, *pair) for pair in wanted]
-    for count, job in enumerate(jobs, 1):
-        tell(f"healthy twin {count} of {len(jobs)}", 0.0)
-        job.exception()  # waits; a twin that cannot be made is an error of each of its cases
+    for count, _ in enumerate(each(functools.partial(_make_twin, plan.twins), wanted, None), 1):
+        tell(
+            f"healthy twin {count} of {len(wanted)}", 0.0
+        )  # one that cannot be made is an error of its cases
+
+
+def _make_twin(folder: Path, pair: tuple[str, int]) -> None:
+    make_twin(folder, *pair)
 
 
 def _silent(stage: str, done: float) -> None:

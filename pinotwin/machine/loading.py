@@ -142,10 +142,13 @@ def _check_words(spec: Mapping[str, Any]) -> None:
         raise MachineError(f"name: {spec['name']!r} begins or ends with a dot or blank")
     if not isinstance(spec["urdf"], str):
         raise MachineError(f"urdf: expected the name of a file, found {spec['urdf']!r}")
+    for key in ("name", "urdf"):
+        if max(len(part) for part in str(spec[key]).split("/")) > 200 or len(str(spec[key])) > 2000:
+            raise MachineError(f"{key}: {spec[key]!r} is too long to name a file; shorten it")
     for kind in ("axes", "passive"):
         for name in mapping(spec.get(kind), f"{kind}."):
             text = "" if name is None else str(name)
-            if not text or text.strip() != text or set(',;:=+\n"') & set(text):
+            if not text or text.strip() != text or set(',;:=+\n"/\\') & set(text):
                 raise MachineError(f"{kind}: {name!r} cannot name a joint; use letters and digits")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ _WIDE = "1e9"
 
 def _without_turns(root: etree._Element) -> bytes:
     """Return the XML with continuous joints as revolute ones and every limit present."""
-    copy = etree.fromstring(etree.tostring(root))
+    copy = deepcopy(root)
     for joint in copy.findall("joint"):
         if joint.get("type") not in MOVING:
             continue

@@ -17,6 +17,9 @@ from pinotwin.errors import MachineError, nearest
 MOVING = ("revolute", "continuous", "prismatic")
 """Joint types with one degree of freedom, which may be axes."""
 
+MOST_BYTES = 50_000_000
+MOST_ELEMENTS = 2000
+
 _TYPES = (*MOVING, "fixed", "floating", "planar")
 
 
@@ -28,15 +31,35 @@ def read_tree(path: Path) -> etree._Element:
     """
     if not path.is_file():
         raise MachineError(f"{path}: no such URDF file; check `urdf` in machine.yaml")
-    try:
-        root = etree.parse(str(path), etree.XMLParser(remove_comments=False)).getroot()
-    except etree.XMLSyntaxError as error:
-        raise MachineError(f"{path}: not valid XML: {error.msg}; export it again") from None
+    root = _parsed(path)
     _check_root(path, root)
+    if len(root) > MOST_ELEMENTS:
+        raise MachineError(
+            f"{path}: has {len(root)} links and joints; no machine has more than {MOST_ELEMENTS}"
+        )
     _check_links(path, root)
     parents = _check_joints(path, root)
     _check_is_tree(path, [str(link.get("name")) for link in root.findall("link")], parents)
     return root
+
+
+def _parsed(path: Path) -> etree._Element:
+    """Return the root of an XML file; no entity of it is looked up, in the file or elsewhere."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise MachineError(f"{path}: is larger than {MOST_BYTES:.0e} bytes; a URDF names its meshes")
+        content = path.read_bytes()
+    except OSError as error:
+        raise MachineError(f"{path}: cannot be read: {error.strerror}; check its access") from None
+    parser = etree.XMLParser(remove_comments=False, resolve_entities=False, no_network=True)
+    try:
+        return etree.fromstring(content, parser)
+    except (etree.LxmlError, ValueError, OSError) as error:
+        what = " ".join(str(error).split())
+        if "encoding" in what or "UTF-8" in what:
+            hint = "save it as UTF-8, or name its encoding in the first line, <?xml encoding=...?>"
+            raise MachineError(f"{path}: not valid XML: {what}; {hint}") from None
+        raise MachineError(f"{path}: not valid XML: {what}; export it again") from None
 
 
 def moving_joints(root: etree._Element) -> tuple[str, ...]:

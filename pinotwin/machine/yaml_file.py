@@ -16,6 +16,10 @@ from pinotwin.errors import MachineError, nearest
 DEFAULT_EFFECTS: tuple[Any, ...] = ("viscous", "coulomb")
 
 
+_MOST_BYTES = 10_000_000
+_MOST_NODES = 50_000
+
+
 class _Loader(yaml.SafeLoader):
     """SafeLoader that refuses a key given twice and keeps `y`, `no`, `on` as text.
 
@@ -53,19 +57,56 @@ def read_yaml(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise MachineError(f"{path}: no such file; give a machine folder or its machine.yaml")
     try:
-        content = yaml.load(path.read_text(encoding="utf-8-sig"), Loader=_Loader)
+        content = _content(path)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f" line {mark.line + 1}:" if mark is not None else ""
         problem = getattr(error, "problem", None) or "not valid YAML"
         raise MachineError(f"{path}:{line} {problem}") from None
     except UnicodeDecodeError:
-        raise MachineError(f"{path}: not a text file") from None
+        raise MachineError(f"{path}: not a text file in UTF-8; save it as one") from None
+    except (ValueError, OverflowError) as error:  # a date that is none, a number of thousands of digits
+        raise MachineError(f"{path}: {error}; correct this value") from None
+    except RecursionError:
+        raise MachineError(f"{path}: lists in lists without end; a machine has a few levels") from None
+    except OSError as error:
+        raise MachineError(f"{path}: cannot be read: {error.strerror}; check its access") from None
     except MachineError as error:
         raise MachineError(f"{path}: {error}") from None
     if not isinstance(content, dict):
         raise MachineError(f"{path}: expected keys such as name, urdf, axes at the top level")
     return content
+
+
+def _content(path: Path) -> Any:
+    if path.stat().st_size > _MOST_BYTES:
+        raise MachineError(f"is larger than {_MOST_BYTES} bytes; give a machine.yaml")
+    loader = _Loader(path.read_text(encoding="utf-8-sig"))
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _size(node, {}, ())
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+def _size(node: yaml.Node, known: dict[yaml.Node, int], above: tuple[yaml.Node, ...]) -> int:
+    """Return how many nodes there are once every alias is written out; refuse rings and floods."""
+    if node in known:
+        return known[node]
+    if node in above:
+        raise MachineError(f"line {node.start_mark.line + 1}: an alias that holds itself; write it out")
+    parts = node.value if isinstance(node, yaml.CollectionNode) else []
+    inner = [n for part in parts for n in (part if isinstance(part, tuple) else (part,))]
+    size = 1 + sum(_size(n, known, (*above, node)) for n in inner)
+    if size > _MOST_NODES:
+        raise MachineError(
+            f"holds more than {_MOST_NODES} entries, aliases written out; a machine has hundreds"
+        )
+    known[node] = size
+    return size
 
 
 def check_keys(given: Mapping[Any, Any], known: Sequence[str], where: str) -> None:
@@ -102,7 +143,7 @@ def number(value: Any, where: str, *, positive: bool = False) -> float:
         raise MachineError(f"{where}: expected a number, found {value!r}")
     try:
         x = float(value)
-    except ValueError:
+    except (ValueError, OverflowError):
         raise MachineError(f"{where}: expected a number, found {value!r}") from None
     if not np.isfinite(x) or (positive and x <= 0.0):
         raise MachineError(f"{where}: expected a {'positive' if positive else 'finite'} number, found {x:g}")

@@ -22,6 +22,9 @@ from pinotwin.log import Log, split_unit
 SHORT = 64
 """Longest vector that is kept as scalars ``name[0]``, ``name[1]``... when it is no channel."""
 
+MOST = 400_000_000
+"""Most numbers that a file may hold (3.2 GB): five axes at 4 kHz for two hours."""
+
 _EPOCH_EXACT = 2.0**53
 
 
@@ -70,6 +73,16 @@ def damaged(source: str, error: Exception, remedy: str = "save or copy it again"
     """Return the error for a file that its own library cannot read to the end."""
     reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
     return LogError(f"{source}: is damaged or cut off ({reason}); {remedy}")
+
+
+def limited(name: str, numbers: int) -> None:
+    """Refuse an array that is larger than any log, before memory is asked for.
+
+    Raises:
+        ValueError: for the reader to say of which file.
+    """
+    if not 0 <= numbers <= MOST:
+        raise ValueError(f"{name + ' ' if name else ''}claims {numbers:.3g} numbers, more than {MOST:.0e}")
 
 
 def to_log(content: Content, source: str, only: str | None = None) -> Log:

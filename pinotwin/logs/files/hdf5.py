@@ -9,7 +9,7 @@ from pathlib import Path
 
 import h5py
 
-from pinotwin.logs.files.content import Content, damaged
+from pinotwin.logs.files.content import Content, damaged, limited
 
 
 def load(path: Path, source: str) -> Content:
@@ -20,21 +20,28 @@ def load(path: Path, source: str) -> Content:
     content = Content()
     try:
         with h5py.File(path, "r") as file:
-            _walk(file, "", content)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+            _walk(file, "", content, set())
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError) as error:
         raise damaged(source, error) from None
     return content
 
 
-def _walk(group: h5py.Group, prefix: str, content: Content) -> None:
+def _walk(group: h5py.Group, prefix: str, content: Content, seen: set[object]) -> None:
+    """Take the data sets of a group once each, by their first name; links to other files are left out."""
     for key in group:
         if key.startswith("#"):  # MATLAB's store for cells and references
             continue
         name = f"{prefix}{key}"
+        if isinstance(group.get(key, getlink=True), h5py.ExternalLink):
+            content.left_out.append(name)
+            content.notes.append(f"{name}: a link to another file, not followed; join the files by a+b")
+            continue
         item = group.get(key)
         if isinstance(item, h5py.Group):
-            _walk(item, f"{name}.", content)
-        elif isinstance(item, h5py.Dataset):
+            if item.id not in seen:  # groups may be linked to each other, even in rings
+                seen.add(item.id)
+                _walk(item, f"{name}.", content, seen)
+        elif isinstance(item, h5py.Dataset) and not (item.external or item.is_virtual):
             _take(name, item, content)
         else:
             content.left_out.append(name)
@@ -50,4 +57,5 @@ def _take(name: str, item: h5py.Dataset, content: Content) -> None:
         unit = item.attrs.get(key)
         if isinstance(unit, bytes | str):
             content.units[name] = unit.decode() if isinstance(unit, bytes) else unit
+    limited(name, item.size or 0)
     content.add(name, item[()])

@@ -24,6 +24,7 @@ _BROKEN = (
     AttributeError,
     UnboundLocalError,
     MemoryError,
+    ArithmeticError,
     OSError,
     EOFError,
     zlib.error,

@@ -59,7 +59,7 @@ def load(path: Path, source: str) -> Content:
                 times.setdefault(channel.topic, []).append(message.log_time)
             else:
                 return _content(tables, times, text, source)
-    except _BROKEN as error:
+    except (*_BROKEN, AttributeError, TypeError) as error:
         raise damaged(source, error, "recover it with `mcap recover`") from None
     from pinotwin.logs.files.rosbag import load as load_ros
 
@@ -77,7 +77,7 @@ def _content(tables: dict[str, Table], times: dict[str, list[int]], text: set[st
             content.add(prefix + name, x)
         if "t" not in arrays:
             stamps = times[topic]
-            content.add(f"{prefix}t", (np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9)
+            content.add(f"{prefix}t", np.array([s - stamps[0] for s in stamps], dtype=float) * 1e-9)
             content.units[f"{prefix}t"] = "s"
             content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")
     return content

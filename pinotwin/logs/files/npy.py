@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import struct
 import tokenize
 import zipfile
 import zlib
@@ -10,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.content import Content, damaged
+from pinotwin.logs.files.content import Content, damaged, limited
 
 # What NumPy lets through when header or body are damaged.
 _BROKEN = (
@@ -21,6 +23,8 @@ _BROKEN = (
     tokenize.TokenError,
     MemoryError,
     OverflowError,
+    NotImplementedError,
+    struct.error,
     OSError,
     EOFError,
     zipfile.BadZipFile,
@@ -28,10 +32,26 @@ _BROKEN = (
 )
 
 
+def _check_sizes(path: Path) -> None:
+    """Refuse what a header or a compressed file promises beyond all sense, before it is made."""
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as packed:
+            limited("", sum(item.file_size for item in packed.infolist()) // 8)
+        return
+    with path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        read = (
+            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        )
+        shape, _, _ = read(file)
+    limited("", math.prod(max(1, n) for n in shape))
+
+
 def load(path: Path, source: str) -> Content:
     """Return the content of a NumPy file; a nameless array is ``stem[0]``, ``stem[1]``..."""
     content = Content()
     try:
+        _check_sizes(path)
         stored = np.load(path, allow_pickle=False)
         named = dict(stored) if isinstance(stored, np.lib.npyio.NpzFile) else {"": stored}
     except _BROKEN as error:

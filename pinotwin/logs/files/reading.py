@@ -12,6 +12,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.log import Log
+from pinotwin.logs.files import isolated
 from pinotwin.logs.files.content import to_log
 
 # Format -> module with `load(path: Path, source: str) -> Content`. Imported on use: pyarrow, h5py
@@ -26,6 +27,9 @@ _READERS = {
     "json": "pinotwin.logs.files.json_text",
     "ros": "pinotwin.logs.files.rosbag",
 }
+
+# Read in a process of their own: a damaged file ends or holds up the C libraries behind them.
+_ISOLATED = ("mat", "hdf5")
 
 _ENDINGS = {
     ".csv": "csv",
@@ -104,7 +108,10 @@ def _read_one(path: Path, only: str | None) -> Log:
     else:
         kind, note = _format(path, _head(path))
     loader = importlib.import_module(_READERS[kind])
-    content = loader.load(path, source)
+    if kind in _ISOLATED:
+        content = isolated.load(loader.load, path, source)
+    else:
+        content = loader.load(path, source)
     content.notes[:0] = note
     return to_log(content, source, only)
 
@@ -114,6 +121,8 @@ def _head(path: Path) -> bytes:
     if path.is_dir():
         raise LogError(f"{path}: is a folder; name a log file inside it")
     try:
+        if path.exists() and not path.is_file():
+            raise LogError(f"{path}: is a device or a pipe; save the log as a file first")
         with path.open("rb") as file:
             head = file.read(512)
     except FileNotFoundError:

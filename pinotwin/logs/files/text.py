@@ -36,6 +36,9 @@ _ENDS = (b"eof", b"end", b"ende", b"[eof]", b"[end]", b"end of file")
 _TRAILING = " trailing"
 
 
+_LINE = 2_000_000  # letters of the longest first line: a few thousand columns
+
+
 @dataclass(frozen=True)
 class _Body:
     """The rows of numbers of a text log.
@@ -81,7 +84,12 @@ class _Body:
 
 def load(path: Path, source: str) -> Content:
     """Return the columns of a text log."""
-    layout = inspect_layout(path.read_bytes(), path.stem, source)
+    text = path.read_bytes()
+    if len(text) > _LINE and not {10, 13} & set(text[:_LINE]):
+        raise LogError(
+            f"{source}: its first line is longer than {_LINE} letters; this is no log, export it again"
+        )
+    layout = inspect_layout(text, path.stem, source)
     arrow.refuse_repeated(list(layout.names), source)
     body = _body(layout, source)
     kinds = _kinds(body)

@@ -1,0 +1,86 @@
+"""One function over many items in many processes (Dask distributed): a dead worker costs a retry, no answer.
+
+By default the processes are of this computer and end with it; with a scheduler's address the work goes there.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from pinotwin.errors import InputError
+
+Each = Callable[[Callable[[Any], Any], Sequence[Any], float | None], Iterator[tuple[Any, Any]]]
+"""Takes a function, items and a time after which none is begun; yields items with result or exception."""
+
+
+@contextmanager
+def engine(workers: int, scheduler: str | None = None) -> Iterator[Each]:
+    """Yield what works on items, as they come, each with its result or the exception that it ended in.
+
+    Args:
+        workers: processes of this computer; with 1 and no scheduler the work is done in this process.
+        scheduler: address of a running Dask scheduler, such as ``tcp://10.0.0.5:8786``.
+
+    Raises:
+        InputError: nothing answers at that address.
+    """
+    if workers <= 1 and scheduler is None:
+        yield _here
+        return
+    from distributed import Client, LocalCluster
+
+    with ExitStack() as stack:
+        if scheduler is None:
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+            )
+            client = stack.enter_context(Client(stack.enter_context(cluster)))
+        else:
+            try:
+                client = stack.enter_context(Client(scheduler, timeout="10s"))
+            except (OSError, ValueError) as error:
+                raise InputError(
+                    f"--scheduler: {scheduler}: no Dask scheduler answers ({error}); start one with "
+                    "`dask scheduler`, and `dask worker ADDRESS`"
+                ) from None
+
+        def there(
+            function: Callable[[Any], Any], items: Sequence[Any], end: float | None
+        ) -> Iterator[tuple[Any, Any]]:
+            return _there(client, function, items, end)
+
+        yield there
+
+
+def _here(
+    function: Callable[[Any], Any], items: Sequence[Any], end: float | None
+) -> Iterator[tuple[Any, Any]]:
+    for item in items:
+        if end is not None and time.monotonic() > end:
+            return
+        yield item, function(item)
+
+
+def _there(
+    client: Any, function: Callable[[Any], Any], items: Sequence[Any], end: float | None
+) -> Iterator[tuple[Any, Any]]:
+    from distributed import wait
+
+    room = 1 + max(1, sum(client.nthreads().values()))
+    running: dict[Any, Any] = {}
+    waiting = list(items)[::-1]
+    while running or waiting:
+        late = end is not None and time.monotonic() > end
+        while waiting and not late and len(running) < room:
+            item = waiting.pop()
+            running[client.submit(function, item, pure=False)] = item
+        if not running:
+            return
+        for job in wait(list(running), return_when="FIRST_COMPLETED").done:
+            item = running.pop(job)
+            error = job.exception()
+            yield item, job.result() if error is None else error
