@@ -121,15 +121,37 @@ def test_gains_come_back_from_noisy_data(shapes, rate, within):
     problem = with_measurement(single(log, servo), servo, rng, 0.01)
     found = find(problem)
     assert found is not None
-    assert np.sqrt(np.sum(found.residual.reshape(-1, 2) ** 2, axis=0)) == pytest.approx(
-        [0.0, 0.01], abs=0.004
-    )
+    assert found.errors == pytest.approx((0.0, 0.01), abs=0.004)
     assert found.servo.gains[0] == pytest.approx(servo.gains[0], rel=within)
     other = single(smooth_command(plain_machine("trunnion"), 6.0, rate, seed=8), servo)
     said, true = other.response(found.servo), other.response(servo)
     assert np.sqrt(np.mean((said - true) ** 2, axis=0) / np.mean(true**2, axis=0)) == pytest.approx(
         0.0, abs=0.02
     )
+
+
+def test_friction_is_refined_only_as_far_as_the_plant_allows():
+    """A plant with 10 % too little viscous and 5 % too much dry friction: both come back, or are refused."""
+    servo = cascade(velocity_lag=3e-4, output_lag=1.5e-4, dead=1e-4)
+    true = single(smooth_command(plain_machine("trunnion"), 12.0, 500.0), servo, friction=40.0)
+    problem = with_measurement(true, servo, np.random.default_rng(2), 0.005).with_plant((1.0, 0.9, 1.05))
+    found, kept = find(problem, ("viscous", "dry")), find(problem, ("viscous", "dry"), lambda factors: False)
+    assert found is not None
+    assert kept is not None
+    assert found.factors[1] == pytest.approx(1.0 / 0.9, rel=0.05)
+    assert found.factors[2] == pytest.approx(1.0 / 1.05, rel=0.02)
+    assert found.errors[0] < kept.errors[0]
+    assert kept.factors == (1.0, 1.0, 1.0)
+
+
+def test_a_cascade_is_recognised_by_its_ties():
+    servo = cascade(ffv=0.6, velocity_lag=3e-4, output_lag=1.5e-4, dead=1e-4)
+    log = smooth_command(plain_machine("trunnion"), 12.0, 500.0)
+    found = find(with_measurement(single(log, servo), servo, np.random.default_rng(3), 0.01))
+    assert found is not None
+    assert found.servo.form == "cascade"
+    for name, value in (("kp", 60.0), ("kv", 5000.0), ("rate", 40.0), ("ffv", 0.6), ("ffa", 30.0)):
+        assert found.servo.cascade()[name] == pytest.approx(value, rel=0.05), name
 
 
 def test_a_law_without_an_integral_is_found_as_such():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -26,6 +26,8 @@ WINDOWS = 4
 """Most windows of a log that the controllers are fitted to."""
 BETTER = 0.9
 """Another form than the coupled one must bring the held-out error below this share of it."""
+NO_WORSE = 1.01
+"""Refined friction may raise the plant's own error on rows it did not see to this, not beyond."""
 JUDGED, LEAD = 20.0, 1.0
 """Longest stretch of the log on which the forms are compared, and what is run before it [s]."""
 
@@ -37,12 +39,14 @@ class Servos:
     Attributes:
         servos: controller of each axis, from all windows.
         trials: from the first windows only: these are judged on the others.
+        factors: on inertia, viscous and dry friction of the axes, where held-out windows asked for them.
         quality: per axis the errors, in the fit and held out.
         notes: axes that were left out, and why.
     """
 
     servos: dict[str, Servo] = field(default_factory=dict)
     trials: dict[str, Servo] = field(default_factory=dict)
+    factors: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -68,9 +72,12 @@ def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, flo
         if np.ptp(raw.qr[:, i]) == 0.0 or not np.isfinite(raw.u[:, i]).any():
             found.notes.append(f"no controller of {name}: it does not move, or its effort is not logged")
             continue
-        load = -(d[:, i] - _friction_effort(twin, motion, name))
-        problem = axis_problem(twin, motion, raw, vr, load, plant, name)
-        servo = find(problem) if problem is not None else None
+        dry = _friction_effort(twin, motion, name)
+        problem = axis_problem(twin, motion, raw, vr, dry - d[:, i], plant, name)
+        servo = None
+        if problem is not None:
+            friction, allowed = _refinable(twin, motion, problem, dry, name)
+            servo = find(problem, friction, allowed)
         if servo is None:
             found.notes.append(
                 f"no controller of {name}: no law keeps the simulated axis on its command; plant and log "
@@ -79,13 +86,64 @@ def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, flo
             continue
         found.servos[name] = servo.servo
         found.trials[name] = servo.trial or servo.servo
+        found.factors[name] = servo.factors
         found.quality[name] = _row(servo)
     return found
 
 
+def _refinable(
+    twin: Twin, motion: Motion, problem: AxisProblem, dry: Floats, name: str
+) -> tuple[tuple[str, ...], Callable[[tuple[float, float, float]], bool]]:
+    """Return which friction of an axis can be refined, and what the plant's own effort says of factors.
+
+    The effort along the measured motion, on rows that the refinement does not see, may not get worse.
+    """
+    i = twin.machine.axes[name].index
+    _, judge = problem.split()
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in judge.windows])
+    rows = rows[motion.use[rows, i] & np.isfinite(motion.u[rows, i])]
+    left = (motion.u - twin.effort(motion))[rows, i]
+    slide, stick = problem.viscous * motion.v[rows, i], dry[rows]
+    names = tuple(k for k, x in (("viscous", slide), ("dry", stick)) if np.any(x != 0.0))
+
+    def allowed(factors: tuple[float, float, float]) -> bool:
+        after = left - (factors[1] - 1.0) * slide - (factors[2] - 1.0) * stick
+        return float(np.sum(after**2)) <= NO_WORSE**2 * float(np.sum(left**2))
+
+    return names, allowed
+
+
+def with_factors(twin: Twin, factors: Mapping[str, tuple[float, float, float]]) -> Twin:
+    """Return the twin with viscous and dry friction of its axes multiplied, its table included."""
+    theta, viscous = twin.theta.copy(), np.array(twin.diagonal["viscous"], dtype=float)
+    rows = {row.name: row for row in twin.parameters}
+    for key, effect, s in zip(twin.keys, twin.effects, twin.slices, strict=True):
+        if effect.axis not in factors or effect.axis is None:
+            continue
+        plain = effect.causes[0] == "viscous"
+        dry = effect.depends in ("direction", "displacement")
+        share = factors[effect.axis][1 if plain else 2]
+        for k, coefficient in enumerate(effect.coefficients()):
+            if share == 1.0 or not (plain or (dry and coefficient.name not in ("m", "d"))):
+                continue
+            theta[s.start + k] *= share
+            name = f"{key}.{coefficient.name}"
+            if name in rows:
+                rows[name] = replace(rows[name], value=float(theta[s.start + k]))
+    for axis, factor in factors.items():
+        viscous[twin.machine.axes[axis].index] *= factor[1]
+    diagonal = {**twin.diagonal, "viscous": viscous}
+    return replace(twin, theta=theta, diagonal=diagonal, parameters=tuple(rows.values()))
+
+
 def _row(found: Found) -> dict[str, Any]:
-    squares = np.sqrt(np.sum(found.residual.reshape(-1, 2) ** 2, axis=0))
-    return {"fit": {"e": float(squares[0]), "u": float(squares[1])}, "held_out": found.held_out}
+    e, u = found.errors
+    return {
+        "form": found.servo.form,
+        "fit": {"e": e, "u": u},
+        "held_out": dict(zip("eu", found.held_out, strict=True)),
+        "friction": {"viscous": found.factors[1], "dry": found.factors[2]},
+    }
 
 
 def axis_problem(

@@ -17,7 +17,7 @@ from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError
-from pinotwin.identification.coupled import choice, fit_servos
+from pinotwin.identification.coupled import choice, fit_servos, with_factors
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.table import refined_table
 from pinotwin.log import Log
@@ -100,7 +100,7 @@ def with_loops(twin: Twin, motion: Motion, logs: Sequence[Log], tell: Callable[[
         return replace(twin, quality={**twin.quality, "warnings": [*twin.quality["warnings"], note]})
     raw = prepare(twin.machine, logs, cutoff=0.0, decimate=1)
     found = fit_servos(twin, motion, raw, lambda stage, done: tell(stage, 0.5 * done))
-    twin = replace(twin, servos=found.servos)
+    twin = replace(with_factors(twin, found.factors), servos=found.servos)
     judged = choice(twin, replace(twin, servos=found.trials), logs[-1], ("coupled",))
     error = judged["held_out"]["coupled"]
     quality = {**twin.quality, "servos": found.quality, "simulation": judged}

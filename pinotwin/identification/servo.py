@@ -42,11 +42,33 @@ LAGS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
 OUTPUT_LAG, DEAD = 2e-4, 1.2e-4
 """Lag of the current loop and dead time from which the search starts [s]."""
 SHAPES = ("velocity_lag", "output_lag", "dead")
+USUAL = {
+    "velocity_lag": (4e-4, 1.0),
+    "output_lag": (2e-4, 1.0),
+    "dead": (1.2e-4, 1.0),
+    "notch1": (0.1, 0.5),
+    "notch2": (0.6, 0.4),
+}
+"""Usual shapes of drives [s, -] and the standard deviation of their logarithms.
+
+At 200 Hz a log tells lags of a millisecond and the flanks of a notch badly apart; what it leaves open is
+better usual than anything.
+"""
+CORRELATED = 20.0
+"""Rows of residual that tell as much as one independent row."""
 PLANT = ("inertia", "viscous", "dry")
-STEPS = 12
+NAMED = ("kp", "kv", "rate", "ffv", "ffa")
+STEPS, LONGEST = 12, 0.7
+"""Most steps of a search, and the longest of them: shares of a gain, or of a shape's logarithm."""
+ENOUGH = 1e-3
+"""The search ends when a step brings less than this share."""
+SIMPLER = 0.97
+"""A law with fewer gains is kept if it costs less than this on held-out windows."""
 BRIEF, REPOLISH = 4, 4
 SLOW_INTEGRAL = 1.0
 """Integral action slower than this is doubted: the law without it is tried [1/s]."""
+QUIET = 5e-4
+"""Error of a signal, as a share of its RMS, that is no worse than none."""
 CLOSE = 0.005
 """Error of e, as a share of its RMS, below which no notch is looked for."""
 PAYS = 0.98
@@ -67,6 +89,7 @@ class AxisProblem:
         tables: the axis' own friction.
         windows: rows to simulate.
         sizes: RMS of e and u over the windows, shape (2,).
+        noise: share of it below which an error of e and u says nothing, shape (2,).
     """
 
     step: float
@@ -82,6 +105,7 @@ class AxisProblem:
     windows: tuple[slice, ...]
     fine: float = FINE
     sizes: Floats = field(default_factory=lambda: np.ones(2))
+    noise: Floats = field(default_factory=lambda: np.ones(2))
 
     @property
     def substeps(self) -> int:
@@ -104,10 +128,13 @@ class AxisProblem:
             servo: the controller.
             extra: factors on inertia, viscous and dry friction.
         """
+        if extra != (1.0, 1.0, 1.0):
+            return self.with_plant(extra).response(servo)
+        tables = self.tables
         laws = coupled.servo_arrays([servo], [False], self.step / self.substeps)
         axis = Axis(
-            self.inertia * extra[0],
-            self.viscous * extra[1],
+            self.inertia,
+            self.viscous,
             laws.gains[0],
             float(laws.see[0]),
             float(laws.lag[0]),
@@ -118,9 +145,6 @@ class AxisProblem:
             float(laws.limit[0]),
             float(laws.offset[0]),
         )
-        tables = self.tables
-        if extra[2] != 1.0:
-            tables = tables._replace(dry=tables.dry * extra[2], slip=tables.slip * extra[2])
         limit, out = 0.2 * float(np.ptp(self.qr)) + 1e-9, []
         for s in self.windows:
             qr, vr, load = (np.ascontiguousarray(x[s]) for x in (self.qr, self.vr, self.load))
@@ -133,6 +157,12 @@ class AxisProblem:
                 return None
             out.append(y[self.skip :])
         return np.concatenate(out)
+
+    def with_plant(self, factors: tuple[float, float, float]) -> AxisProblem:
+        """Return the same axis with inertia, viscous and dry friction multiplied."""
+        tables = self.tables._replace(dry=self.tables.dry * factors[2], slip=self.tables.slip * factors[2])
+        inertia, viscous = self.inertia * factors[0], self.viscous * factors[1]
+        return replace(self, inertia=inertia, viscous=viscous, tables=tables)
 
     def split(self) -> tuple[AxisProblem, AxisProblem]:
         """Return the part that structures are fitted to, and the part that judges them."""
@@ -186,7 +216,8 @@ def _solved(p: AxisProblem, form: Servo, columns: list[tuple[Floats, Floats]]) -
 
 def _kept(form: Servo) -> list[int]:
     """Return which of the six gains a form has."""
-    return [0, 2, 3, 5] if form.form == "proportional" else [0, 1, 2, 3, 4, 5]
+    kept: dict[str, list[int]] = {"proportional": [0, 2, 3, 5], "pid": [0, 1, 2, 3, 5], "cascade": []}
+    return kept.get(form.form, [0, 1, 2, 3, 4, 5])
 
 
 def _low(x: Floats, lag: float, h: float) -> Floats:
@@ -205,9 +236,9 @@ def proportional(p: AxisProblem, near: Servo) -> Servo:
 
 
 def starts(p: AxisProblem) -> list[Servo]:
-    """Return laws by least squares that keep the simulated axis on its command: best first.
+    """Return laws by least squares that keep the simulated axis on its command.
 
-    One for each place of a notch, the first without one; the velocity's filter from a few trials.
+    One without a notch and one for each place of it; the velocity's filter from a few trials.
     """
     columns = _columns(p)
     found = []
@@ -216,8 +247,7 @@ def starts(p: AxisProblem) -> list[Servo]:
         servo = min((_solved(p, form, columns) for form in forms), key=lambda x: x[0])[1]
         r = misfit(p, servo)
         found.append((np.inf if r is None else float(r @ r), servo))
-    plain, notched = found[0], sorted(found[1:], key=lambda x: x[0])[:2]
-    return [servo for cost, servo in (plain, *notched) if np.isfinite(cost)]
+    return [servo for cost, servo in found if np.isfinite(cost)]
 
 
 # ------------------------------------------------------------------ output error
@@ -233,16 +263,30 @@ class Search:
         """Return the controller at a point."""
         gains, notch = list(self.start.gains), list(self.start.notch)
         shapes: dict[str, Any] = {}
+        named: dict[str, float] = {}
         for name, value, scale in zip(self.names, x, self.scale, strict=True):
             if name.startswith("gain"):
                 gains[int(name[4:])] = float(value * scale)
+            elif name in NAMED:
+                named[name] = float(value * scale)
             elif name.startswith("notch"):
                 notch[int(name[5:])] *= float(np.exp(value))
             elif name in SHAPES:
                 shapes[name] = float(scale * np.exp(value))
             elif name == "offset":
                 shapes[name] = float(scale * value)
+        if named:
+            gains = list(Servo.of_cascade(**named).gains)
         return replace(self.start, gains=tuple(gains), notch=(notch[0], notch[1], notch[2]), **shapes)
+
+    def doubt(self, x: Floats) -> Floats:
+        """Return how far the shapes are from usual ones, in standard deviations of what drives have."""
+        servo, out = self.servo(x), []
+        for name in self.names:
+            if name in USUAL:
+                value = getattr(servo, name) if name in SHAPES else servo.notch[int(name[5:])]
+                out.append(float(np.log(value / USUAL[name][0])) / USUAL[name][1])
+        return np.array(out)
 
     def extra(self, x: Floats) -> tuple[float, float, float]:
         """Return the factors on inertia, viscous and dry friction at a point."""
@@ -259,6 +303,11 @@ def search_of(servo: Servo, plant: Sequence[str] = (), offset_scale: float = 1.0
     typical[4] = max(abs(g[4]), 0.05 * abs(g[1]) * abs(g[2]) / max(abs(g[0]), 1e-12))
     scale = [typical[i] for i in kept]
     x = [g[i] / typical[i] for i in kept]
+    if servo.form == "cascade":
+        named = servo.cascade()
+        names += NAMED
+        scale += [abs(named[k]) or 1.0 for k in NAMED]
+        x += [named[k] / (abs(named[k]) or 1.0) for k in NAMED]
     if servo.form == "proportional":
         names.append("offset")
         scale.append(offset_scale)
@@ -291,8 +340,16 @@ class Found:
     jacobian: Floats
     residual: Floats
     search: Search
-    held_out: float = np.nan
+    noise: Floats
+    held_out: tuple[float, float] = (np.nan, np.nan)
     trial: Servo | None = None
+    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Errors of e and u on the windows that were fitted, each over its RMS."""
+        e, u = np.sqrt(np.sum(self.residual.reshape(-1, 2) ** 2, axis=0)) * self.noise
+        return float(e), float(u)
 
 
 def misfit(
@@ -302,51 +359,97 @@ def misfit(
     y = p.response(servo, extra)
     if y is None or not np.isfinite(y).all():
         return None
-    return ((y - p.measured()) / p.sizes).ravel() / np.sqrt(len(y))
+    return ((y - p.measured()) / (p.sizes * p.noise)).ravel() / np.sqrt(len(y))
 
 
-def find(p: AxisProblem) -> Found | None:
+def find(
+    p: AxisProblem,
+    friction: tuple[str, ...] = (),
+    allowed: Callable[[tuple[float, float, float]], bool] = lambda factors: True,
+) -> Found | None:
     """Return the controller of an axis, or None if none keeps it on its command.
+
+    Args:
+        p: the axis.
+        friction: which of viscous and dry friction may be refined beside the controller.
+        allowed: whether factors on inertia, viscous and dry friction leave the plant's own fit as good.
 
     A notch is looked for where the law without one leaves something of e, and taken where it pays on
     windows that were not fitted.
     """
     train, judge = p.split()
     begun = starts(train)
-    plain = next((f for f in (polish(train, s) for s in begun if s.notch[0] == 0.0) if f is not None), None)
-    tried = [] if plain is None else [plain]
-    if plain is None or float(np.sqrt(np.sum(plain.residual[::2] ** 2))) > CLOSE:
-        brief = [polish(train, servo, steps=BRIEF) for servo in begun if servo.notch[0] > 0.0]
-        good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:1]
-        tried += [polish(train, f.servo) or f for f in good]
-    scored = [(error_of(judge, f), f) for f in tried]
-    if not scored:
+    best = next((f for f in (polish(train, s) for s in begun if s.notch[0] == 0.0) if f is not None), None)
+    notched = [servo for servo in begun if servo.notch[0] > 0.0]
+    if best is not None:  # from here on every signal counts against its own error
+        p, train, judge = (replace(x, noise=np.maximum(best.errors, QUIET)) for x in (p, train, judge))
+        best = polish(train, best.servo, steps=BRIEF) or best
+    if best is None or best.errors[0] > CLOSE:
+        brief = [polish(train, servo, steps=BRIEF) for servo in notched]
+        good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:2]
+        long = sorted((polish(train, f.servo) or f for f in good), key=lambda f: f.cost)
+        best = better_of(judge, best, long, PAYS)
+    if best is None:
         return None
-    best = scored[0]
-    if scored[-1][0] < PAYS * best[0]:
-        best = scored[-1]
-    g = best[1].servo.gains
-    if g[1] < SLOW_INTEGRAL * abs(g[0]):
-        simple = polish(train, proportional(train, best[1].servo))
-        error = np.inf if simple is None else error_of(judge, simple)
-        if simple is not None and error * PAYS < best[0]:
-            best = error, simple
-    last = polish(p, best[1].servo, steps=REPOLISH) or best[1]
-    return replace(last, held_out=best[0], trial=best[1].servo)
+    factors = (1.0, 1.0, 1.0)
+    refined = polish(train, best.servo, friction, BRIEF + REPOLISH) if friction else None
+    if refined is not None and better_of(judge, best, [refined], PAYS) is refined and allowed(refined.extra):
+        factors, best = refined.extra, replace(refined, extra=factors)
+        p, train, judge = (x.with_plant(factors) for x in (p, train, judge))
+    others = (polish(train, servo) for servo in simpler(train, best.servo))
+    best = better_of(judge, best, [f for f in others if f is not None], 1.0 / SIMPLER) or best
+    last = polish(replace(p, fine=coupled.LONGEST), best.servo, steps=REPOLISH) or best
+    return replace(last, held_out=_errors(judge, best), trial=best.servo, factors=factors)
+
+
+def better_of(judge: AxisProblem, best: Found | None, others: Sequence[Found], pays: float) -> Found | None:
+    """Return the first of the others whose held-out error is below this share of the best one's, or that."""
+    for other in others:
+        if best is None or error_of(judge, other) < pays * error_of(judge, best):
+            return other
+    return best
 
 
 def error_of(p: AxisProblem, found: Found) -> float:
-    """Return the error of a controller on a problem's windows: RMS over e and u, each over its size."""
+    """Return the error of a controller on a problem's windows: geometric mean of e's and u's."""
+    e, u = _errors(p, found)
+    return float(np.sqrt(max(e, QUIET) * max(u, QUIET)))
+
+
+def _errors(p: AxisProblem, found: Found) -> tuple[float, float]:
+    """Return the errors of e and u on a problem's windows, each over its RMS."""
     r = misfit(p, found.servo, found.extra)
-    return np.inf if r is None else float(np.sqrt(r @ r))
+    if r is None:
+        return np.inf, np.inf
+    e, u = np.sqrt(np.sum(r.reshape(-1, 2) ** 2, axis=0)) * p.noise
+    return float(e), float(u)
+
+
+def simpler(p: AxisProblem, servo: Servo) -> list[Servo]:
+    """Return laws with fewer gains near one with six: the simplest that holds is kept."""
+    g = servo.gains
+    if g[1] < SLOW_INTEGRAL * abs(g[0]):
+        return [proportional(p, servo)]
+    found = [replace(servo, form="pid", gains=(*g[:4], 0.0, g[5]))]
+    kv, product = g[2], g[1] / g[2]
+    if kv > 0.0:
+        ffv, middle = g[3] / kv, float(np.sqrt(product))
+        rate = g[4] / (kv * (ffv - 1.0)) if ffv != 1.0 else middle
+        rate = rate if 0.2 * middle < rate < 5.0 * middle else middle
+        shapes = {k: getattr(servo, k) for k in (*SHAPES, "notch", "step")}
+        found.insert(0, Servo.of_cascade(product / rate, kv, rate, ffv, g[5], **shapes))
+    return found
 
 
 def polish(p: AxisProblem, servo: Servo, plant: Sequence[str] = (), steps: int = STEPS) -> Found | None:
     """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start."""
     search, x = search_of(servo, plant, float(p.sizes[1]))
+    rows = sum(s.stop - s.start - p.skip for s in p.windows)
+    doubt = np.sqrt(CORRELATED / max(rows, 1))
 
     def at(x: Floats) -> Floats | None:
-        return misfit(p, search.servo(x), search.extra(x))
+        r = misfit(p, search.servo(x), search.extra(x))
+        return None if r is None else np.concatenate([r, doubt * search.doubt(x)])
 
     r = at(x)
     if r is None:
@@ -355,21 +458,23 @@ def polish(p: AxisProblem, servo: Servo, plant: Sequence[str] = (), steps: int =
     J = _slopes(at, x, r)
     for _ in range(steps):
         A, g, trial, move = J.T @ J, J.T @ r, None, x
-        for _ in range(6):
-            move = np.clip(-np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-12), g), -0.7, 0.7)
+        for _ in range(9):
+            full = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-12), -g)
+            move = np.asarray(full * min(1.0, LONGEST / max(float(np.abs(full).max()), 1e-300)), dtype=float)
             trial = at(x + move)
             if trial is not None and float(trial @ trial) < cost:
                 break
-            trial, damping = None, damping * 8.0
+            trial, damping = None, damping * 6.0
         if trial is None:
             break
         gain = 1.0 - float(trial @ trial) / cost
         x, r, cost = x + move, trial, float(trial @ trial)
-        damping = max(damping / 8.0, 1e-9)
-        if gain < 2e-3:
+        damping = max(damping / 30.0, 1e-9)
+        if gain < ENOUGH:
             break
         J = _slopes(at, x, r)
-    return Found(search.servo(x), cost, search.extra(x), x, J, r, search)
+    left = r[: 2 * rows]
+    return Found(search.servo(x), cost, search.extra(x), x, J, left, search, p.noise)
 
 
 def _slopes(at: Callable[[Floats], Floats | None], x: Floats, r: Floats) -> Floats:

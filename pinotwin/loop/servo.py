@@ -27,7 +27,7 @@ from pinotwin.arrays import Floats
 
 GAINS = ("e", "integral", "v", "vr", "slip", "ar")
 """Names of the six gains, in the order of the arrays: k_e, k_i, k_v, k_vr, k_w, k_ar."""
-Form = Literal["general", "cascade", "proportional"]
+Form = Literal["general", "cascade", "pid", "proportional"]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,8 @@ class Servo:
         notch: frequency [Hz], damping ratio of the zeros and of the poles; a frequency of 0 for none.
         dead: from the effort as logged to the effort that acts [s].
         limit: largest effort [N or N·m]; the integrator stops there.
-        form: ``cascade`` where set-point weight 1 was imposed, ``proportional`` where there is no integral.
+        form: ``cascade`` where set-point weight 1 was imposed, ``pid`` where k_w = 0 was, ``proportional``
+            where there is no integral; ``general`` has all six gains free.
         offset: what I holds for ever in the proportional form [N or N·m].
         errors: standard errors by name of the gains and shapes that were searched.
         step: sampling interval of the log [s].
@@ -57,6 +58,14 @@ class Servo:
     offset: float = 0.0
     errors: Mapping[str, float] = field(default_factory=dict)
     step: float = 0.001
+
+    @classmethod
+    def of_cascade(
+        cls, kp: float, kv: float, rate: float, ffv: float, ffa: float, weight: float = 1.0, **shapes: Any
+    ) -> Self:
+        """Return the law of a cascade: rate is 1/ti, weight that of the set point in the proportional part."""
+        gains = (kv * (kp + rate), kv * kp * rate, kv, kv * weight * ffv, kv * rate * (ffv - 1.0), ffa)
+        return cls(gains, **{"form": "cascade" if weight == 1.0 else "general", **shapes})
 
     def cascade(self) -> dict[str, float]:
         """Return kp, kv, rate (1/ti), ffv, ffa and the set-point weight, as a cascade has them.

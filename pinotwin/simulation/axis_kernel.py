@@ -72,7 +72,8 @@ class Memory(NamedTuple):
         bend: of presliding elements, shape (m, 7).
         where: their positions, shape (m,).
         one: effort, damping and stiffness of the element last moved, shape (3,).
-        x: position, velocity, velocity seen, integral, effort, two of the notch, shape (7,).
+        x: position, velocity, velocity seen, integral, effort, two of the notch, the
+            velocity before, shape (8,).
         c: command and its two derivatives, shape (3,).
         at: place of the present effort in ``late``, shape (1,).
     """
@@ -86,7 +87,7 @@ class Memory(NamedTuple):
     at: Ints
 
 
-Q, V, SEEN, WOUND, OUT, FIRST, SECOND = range(7)
+Q, V, SEEN, WOUND, OUT, FIRST, SECOND, BEFORE = range(8)
 """Places in ``Memory.x``."""
 
 
@@ -132,7 +133,9 @@ def _law(axis, h, c, memory):  # type: ignore[no-untyped-def]
     """Step the controller; return the effort that acts."""
     x, g = memory.x, axis.gains
     e = c[0] - x[Q]
-    x[SEEN] += axis.see * (x[V] - x[SEEN])
+    v = 1.5 * x[V] - 0.5 * x[BEFORE]  # the velocity of the scheme is half a step late
+    x[BEFORE] = x[V]
+    x[SEEN] += axis.see * (v - x[SEEN])
     u = g[0] * e + x[WOUND] - g[2] * x[SEEN] + g[3] * c[1] + g[5] * c[2]
     if axis.notched == 1:
         b = axis.notch
@@ -194,7 +197,7 @@ def _begin(axis, c, start, memory):  # type: ignore[no-untyped-def]
     x, g, b = memory.x, axis.gains, axis.notch
     q, v, u = start[0], start[1], start[2]
     law = g[0] * (c[0] - q) - g[2] * v + g[3] * c[1] + g[5] * c[2]
-    x[Q], x[V], x[SEEN], x[OUT] = q, v, v, u
+    x[Q], x[V], x[SEEN], x[OUT], x[BEFORE] = q, v, v, u, v
     x[WOUND] = u - law if np.isnan(axis.offset) else axis.offset
     x[FIRST], x[SECOND] = u * (1.0 - b[0]), u * (b[2] - b[4])
     for k in range(len(memory.late)):
@@ -238,4 +241,4 @@ def room(whole: int, slips: int, elements: int) -> Memory:
     """Return fresh memory."""
     z = np.zeros
     at = np.zeros(1, dtype=np.intp)
-    return Memory(z(whole + 2), z((slips, elements + 1)), z(slips), z(3), z(7), z(3), at)
+    return Memory(z(whole + 2), z((slips, elements + 1)), z(slips), z(3), z(8), z(3), at)

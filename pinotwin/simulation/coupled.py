@@ -56,6 +56,7 @@ class Coupled(NamedTuple):
     w: Floats
     act: Floats
     seen: Floats
+    before: Floats
     wound: Floats
     out: Floats
     past: Floats
@@ -106,7 +107,7 @@ def servo_arrays(servos: Sequence[Servo | None], passive: Sequence[bool], h: flo
             continue
         out.kind[j] = kernel.SERVO
         out.gains[j] = servo.gains
-        out.see[j] = _share(servo.velocity_lag - 0.5 * h, h)
+        out.see[j] = _share(servo.velocity_lag, h)
         out.lag[j] = _share(servo.output_lag, h)
         if servo.notch[0] > 0.0:
             out.notched[j] = 1
@@ -149,6 +150,7 @@ def state(servos: Servos, tape_size: int, start: Floats, tables: Lookup) -> Coup
         w=z(nv),
         act=z(nv),
         seen=z(nv),
+        before=z(nv),
         wound=z(nv),
         out=z(nv),
         past=z((nv, 2)),

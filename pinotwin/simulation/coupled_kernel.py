@@ -31,7 +31,9 @@ ENOUGH = 1e-9
 def _law(servos, j, c, h, s):  # type: ignore[no-untyped-def]
     """Step the controller of joint j: fill u (as logged) and the effort that acts."""
     e = c[0, j] - s.q[j]
-    s.seen[j] += servos.see[j] * (s.v[j] - s.seen[j])
+    v = 1.5 * s.v[j] - 0.5 * s.before[j]  # the velocity of the scheme is half a step late
+    s.before[j] = s.v[j]
+    s.seen[j] += servos.see[j] * (v - s.seen[j])
     g = servos.gains
     u = g[j, 0] * e + s.wound[j] - g[j, 2] * s.seen[j] + g[j, 3] * c[1, j] + g[j, 5] * c[2, j]
     if servos.notched[j] == 1:
@@ -206,6 +208,7 @@ def begin(servos, c, s):  # type: ignore[no-untyped-def]
         else:
             s.wound[j] = s.u[j] - law - g[j, 0] * (c[0, j] - s.q[j])
         s.seen[j], s.out[j], s.e[j] = s.v[j], s.u[j], c[0, j] - s.q[j]
+        s.before[j] = s.v[j]
         b = servos.notch
         s.past[j, 0] = s.u[j] * (1.0 - b[j, 0])
         s.past[j, 1] = s.u[j] * (b[j, 2] - b[j, 4])
