@@ -12,8 +12,8 @@ from pinotwin.identification.coupled import axis_problem, command_velocity, own_
 from pinotwin.identification.servo import AxisProblem, find
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
-from pinotwin.loop import Controller, Servo, close, couple
-from pinotwin.simulation import simulate
+from pinotwin.loop import Controller, Servo, close, couple, margins
+from pinotwin.simulation import feedforward, simulate
 from pinotwin.simulation.coupled import LONGEST, biquad
 from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.tables import tabulate
@@ -262,3 +262,28 @@ def test_a_slow_log_gets_no_loop_and_one_line(tmp_path):
     twin = pt.identify(pt.Machine.load(slide(tmp_path)), slow)
     assert not twin.loops
     assert sum("Hz, at least" in line for line in twin.quality["warnings"]) == 1
+
+
+def test_margins_are_where_the_closed_loop_becomes_unstable():
+    """Gains raised by the gain margin, and dead time by the delay margin, bring a pole to the axis."""
+    servo = cascade(velocity_lag=4e-4, output_lag=2e-4, dead=5e-4)
+    found = margins(servo, M, B)
+    assert 1.0 < found.gain < 100.0
+    assert close(servo.scaled(all=0.97 * found.gain), M, B).poles.real.max() < 0.0
+    with pytest.raises(pt.errors.DataError, match="unstable"):
+        close(servo.scaled(all=1.03 * found.gain), M, B)
+    assert close(replace(servo, dead=servo.dead + 0.9 * found.delay), M, B).poles.real.max() < 0.0
+    with pytest.raises(pt.errors.DataError, match="unstable"):
+        close(replace(servo, dead=servo.dead + 1.1 * found.delay), M, B)
+
+
+def test_the_effort_ahead_of_time_is_that_of_axes_that_follow_their_command():
+    """Axes without a controller do just that in a simulation, which finds their effort by its own kernel."""
+    twin = known_twin(plain_machine("trunnion"))
+    log = smooth_command(twin.machine, 2.0, 1000.0)
+    y = twin.controllers["Y"]
+    servo = cascade(kp=y.kp, kv=y.kv, rate=y.integral, ffv=1.0, ffa=y.ffa)
+    ahead, said = feedforward(twin, log), simulate(twin, log, controller={"Y": servo})
+    for name in ("A", "C"):
+        x, y = ahead[f"{name}.u"], said[f"{name}.u"]
+        assert np.sqrt(np.mean((x - y) ** 2) / np.mean(y**2)) < 0.05, name

@@ -67,15 +67,20 @@ def summary(rows) -> list[str]:  # type: ignore[no-untyped-def]
     """Return the table of errors, none where nothing was measured."""
     if not rows:
         return []
-    lines = [f"{'axis':<8}{'e':>9}{'u':>9}{'u of std':>10}   (RMS error / RMS measured)"]
+    head = f"{'axis':<8}{'e':>9}{'u':>9}{'u of std':>10}{'e moving':>10}{'u moving':>10}{'u at rest':>11}"
+    lines = [f"{head}   (RMS error / RMS measured)"]
     for name, row in rows.items():
         cells = [
             row.get("e", {}).get("nrmse"),
             row.get("u", {}).get("nrmse"),
             row.get("u", {}).get("nrmse_std"),
+            row.get("e", {}).get("moving"),
+            row.get("u", {}).get("moving"),
+            row.get("u", {}).get("resting"),
         ]
-        texts = ["-" if x is None else f"{x:.2%}" for x in cells]
-        lines.append(f"{name:<8}{texts[0]:>9}{texts[1]:>9}{texts[2]:>10}")
+        texts = ["-" if x is None or x != x else f"{x:.2%}" for x in cells]
+        widths = (9, 9, 10, 10, 10, 11)
+        lines.append(f"{name:<8}" + "".join(f"{x:>{w}}" for x, w in zip(texts, widths, strict=True)))
     return lines
 
 

@@ -6,9 +6,9 @@ from pinotwin.loop.data import LoopData, command_rates
 from pinotwin.loop.fit import LoopFit, ParameterFit
 from pinotwin.loop.grey import identify_controller
 from pinotwin.loop.identify import identify_loop
+from pinotwin.loop.margins import Margins, margins
 from pinotwin.loop.modal import ModalStep
 from pinotwin.loop.model import LoopModel
-from pinotwin.loop.order import OrderChoice, select_order
 from pinotwin.loop.servo import Servo
 from pinotwin.loop.structure import Section, Structure
 
@@ -17,8 +17,8 @@ __all__ = [
     "LoopData",
     "LoopFit",
     "LoopModel",
+    "Margins",
     "ModalStep",
-    "OrderChoice",
     "ParameterFit",
     "Section",
     "Servo",
@@ -28,5 +28,5 @@ __all__ = [
     "couple",
     "identify_controller",
     "identify_loop",
-    "select_order",
+    "margins",
 ]

@@ -6,28 +6,34 @@ from contextlib import suppress
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine
 
+STILL = 1e-9
+"""Command between two rows, as a share of its travel, that counts as standing."""
+
 
 def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, dict[str, float]]]:
-    """Return the errors of a prediction, axis -> ``e`` and ``u`` -> rms, nrmse, nrmse_std.
+    """Return the errors of a prediction, axis -> ``e`` and ``u`` -> rms, nrmse, nrmse_std, moving, resting.
 
     ``nrmse`` is over the RMS of what was measured, as in the thesis, ``nrmse_std`` over its standard
-    deviation. Signals that the log does not hold are left out, rows that are not numbers too.
+    deviation; ``moving`` and ``resting`` are the errors of the rows whose command moves and stands, over
+    the same RMS of all rows: at rest friction holds any effort up to its level. Signals that the log does
+    not hold are left out, rows that are not numbers too.
     """
     log = _bound(machine, log)
     out: dict[str, dict[str, dict[str, float]]] = {}
     for name in machine.axes:
         rows = {}
+        moves = np.abs(np.gradient(log[f"{name}.qr"])) > STILL * float(np.ptp(log[f"{name}.qr"]))
         if f"{name}.q" in log:
             measured = log[f"{name}.qr"] - log[f"{name}.q"]
-            rows["e"] = _row(measured, predicted[f"{name}.e"])
+            rows["e"] = _row(measured, predicted[f"{name}.e"], moves)
         if f"{name}.u" in log:
-            rows["u"] = _row(log[f"{name}.u"], predicted[f"{name}.u"])
+            rows["u"] = _row(log[f"{name}.u"], predicted[f"{name}.u"], moves)
         if rows:
             out[name] = rows
     return out
@@ -43,7 +49,7 @@ def _bound(machine: Machine, log: Log) -> Log:
     return bind(log, held)
 
 
-def _row(measured: Floats, predicted: Floats) -> dict[str, float]:
+def _row(measured: Floats, predicted: Floats, moves: Mask) -> dict[str, float]:
     good = np.isfinite(measured)
     y = measured[good]
     rms = float(np.sqrt(np.mean((predicted[good] - y) ** 2))) if len(y) else float("nan")
@@ -53,4 +59,10 @@ def _row(measured: Floats, predicted: Floats) -> dict[str, float]:
         "rms": rms,
         "nrmse": rms / size if size > 0.0 else float("nan"),
         "nrmse_std": rms / spread if spread > 0.0 else float("nan"),
+        "moving": _share(predicted - measured, good & moves, size),
+        "resting": _share(predicted - measured, good & ~moves, size),
     }
+
+
+def _share(error: Floats, rows: Mask, size: float) -> float:
+    return float(np.sqrt(np.mean(error[rows] ** 2))) / size if rows.any() and size > 0.0 else float("nan")
