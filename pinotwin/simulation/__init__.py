@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pinotwin.simulation.feedforward import feedforward
-from pinotwin.simulation.run import Response, preferred, respond, simulate, wide_loops
+from pinotwin.simulation.run import Response, feedforward, preferred, respond, simulate, wide_loops
 from pinotwin.simulation.score import compare
 
 __all__ = ["Response", "compare", "feedforward", "preferred", "respond", "simulate", "wide_loops"]
