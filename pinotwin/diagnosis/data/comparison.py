@@ -77,7 +77,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     change = isinstance(subject, Twin)
     columns = (subject.machine if isinstance(subject, Twin) else subject).columns
     logs, validation = ([bind(log, columns) for log in part] for part in (logs, validation))
-    twin = subject if isinstance(subject, Twin) else identify(subject, logs, loop=False)
+    twin = subject if isinstance(subject, Twin) else identify(_without_leads(subject), logs, loop=False)
     block = RULES.block_time
     new = _sample(twin, _joined(twin, logs), block)
     unseen = _sample(twin, _joined(twin, validation), block) if validation else None
@@ -86,6 +86,12 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         motion = with_model(twin.misfit.motion, twin.effects, twin.theta)
         own = sample(motion, own_residual(twin), block)
     return Comparison(twin, change, logs, validation, new, own, unseen, _floor(new, own))
+
+
+def _without_leads(machine: Machine) -> Machine:
+    """Return the machine with the leads that it states, none where it states none: a lag is a finding."""
+    axes = {k: replace(a, lead=0.0 if a.lead is None else a.lead) for k, a in machine.axes.items()}
+    return replace(machine, axes=axes)
 
 
 def _joined(twin: Twin, logs: Sequence[Log]) -> Motion:
