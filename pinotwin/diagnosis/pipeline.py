@@ -148,6 +148,9 @@ def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
         pushed = episodes(c.new, residual, own, c.own, c.floor, j, rules)
         if pushed is None or pushed.gain < rules.excess * len(residual[j]) * rules.push_least:
             continue
+        closed = c.floor[j] * float(np.sqrt(pushed.gain / len(residual[j])))
+        if closed < rules.push_size * c.new.size(j):
+            continue
         before = float(first.alone_by_joint[0][:, at].sum())
         after = float(found.searcher.alone_by_joint[0][:, at].sum())
         if pushed.gain > rules.push_better * (before - after):

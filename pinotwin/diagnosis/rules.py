@@ -30,7 +30,8 @@ class Rules:
     push: float = 3.0
     push_least: float = 0.35
     push_better: float = 1.1
-    most_of_time: float = 0.6
+    most_of_time: float = 0.9
+    push_size: float = 0.005
     law_holds: float = 0.35
     law_worse: float = 1.5
     law_share: float = 0.5
