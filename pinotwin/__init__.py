@@ -1,11 +1,20 @@
 """pinotwin: from a URDF and a log to a model that says where reality differs, and why.
 
     import pinotwin as pt
-    machine = pt.Machine.load("trunnion")
-    log = pt.read("log.csv")
-    twin = pt.identify(machine, log)
+    twin = pt.identify("trunnion", "log.csv")        # a machine and its log(s)
+    predicted = twin.simulate("other.csv")           # from the command alone
+    found = pt.diagnose(twin, "today.csv")           # where, why, how far it shrinks
 
-Names are loaded on first use, so that ``import pinotwin`` costs nothing.
+Wherever a log, a machine or a twin is asked for, the name of its file or folder will do.
+
+Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
+Verbs:     new  read  check  identify  simulate  diagnose  compare  decompose  export_twin  reconstruct_vibration
+           prepare  resample  machines
+Table:     EFFECTS (every effect by name)
+Errors:    PinotwinError > InputError > LogError, MachineError, DataError, TwinError
+
+Each has its own help, e.g. ``help(pt.identify)``. Names are loaded on first use, so that
+``import pinotwin`` costs nothing.
 """
 
 from __future__ import annotations
@@ -17,15 +26,23 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Axis": "pinotwin.machine",
+    "Controller": "pinotwin.loop",
+    "DataError": "pinotwin.errors",
+    "Diagnosis": "pinotwin.diagnosis",
     "EFFECTS": "pinotwin.effects",
     "Effect": "pinotwin.effects",
     "InputError": "pinotwin.errors",
     "Log": "pinotwin.log",
+    "LogError": "pinotwin.errors",
     "Machine": "pinotwin.machine",
+    "MachineError": "pinotwin.errors",
     "Motion": "pinotwin.motion",
     "PinotwinError": "pinotwin.errors",
     "Twin": "pinotwin.twin",
+    "TwinError": "pinotwin.errors",
+    "Vibration": "pinotwin.reconstruction",
     "check": "pinotwin.logs.check",
+    "compare": "pinotwin.analysis.comparison",
     "decompose": "pinotwin.analysis.decomposition",
     "diagnose": "pinotwin.diagnosis",
     "export_twin": "pinotwin.export",
@@ -39,15 +56,19 @@ _HOME = {
     "simulate": "pinotwin.simulation",
 }
 
-__all__ = sorted([*_HOME, "__version__"])
-
 if TYPE_CHECKING:
+    from pinotwin.analysis.comparison import compare as compare
     from pinotwin.analysis.decomposition import decompose as decompose
+    from pinotwin.diagnosis import Diagnosis as Diagnosis
     from pinotwin.diagnosis import diagnose as diagnose
     from pinotwin.effects import EFFECTS as EFFECTS
     from pinotwin.effects import Effect as Effect
+    from pinotwin.errors import DataError as DataError
     from pinotwin.errors import InputError as InputError
+    from pinotwin.errors import LogError as LogError
+    from pinotwin.errors import MachineError as MachineError
     from pinotwin.errors import PinotwinError as PinotwinError
+    from pinotwin.errors import TwinError as TwinError
     from pinotwin.export import export_twin as export_twin
     from pinotwin.identification import identify as identify
     from pinotwin.log import Log as Log
@@ -55,10 +76,12 @@ if TYPE_CHECKING:
     from pinotwin.logs.files import read as read
     from pinotwin.logs.prepare import prepare as prepare
     from pinotwin.logs.quality import resample as resample
+    from pinotwin.loop import Controller as Controller
     from pinotwin.machine import Axis as Axis
     from pinotwin.machine import Machine as Machine
     from pinotwin.machine import machines as machines
     from pinotwin.motion import Motion as Motion
+    from pinotwin.reconstruction import Vibration as Vibration
     from pinotwin.reconstruction import reconstruct_vibration as reconstruct_vibration
     from pinotwin.scaffold import new as new
     from pinotwin.simulation import simulate as simulate
@@ -72,4 +95,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return list(__all__)
+    return sorted([*_HOME, "__version__"])

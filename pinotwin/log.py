@@ -16,17 +16,20 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import LogError, nearest
+from pinotwin.errors import InputError, LogError, nearest
+from pinotwin.notebook import card
 from pinotwin.units import SI_FACTOR
 
 _UNIT_AT_END = re.compile(
     r"^(?P<name>.*?\S)\s*(?:[\[(<]\s*(?P<unit>[^\])>]+?)\s*[\])>]|\s(?:/|in)\s+(?P<bare>[^\s\[\]()]+))$"
 )
 
+_LOG_COLUMNS = ("channel", "unit", "smallest", "largest", "missing")
 ONE_UNIT: tuple[float, float] = (1.0, 0.0)
 
 
@@ -117,6 +120,59 @@ class Log:
         """Return this log with other channels and further notes."""
         return Log(channels, self.source, self.scalars, (*self.notes, *notes), self.units, self.scale)
 
+    def to_pandas(self) -> Any:
+        """Return the channels as a pandas DataFrame; units and notes in its ``attrs``.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        pandas = _pandas()
+        table = pandas.DataFrame({name: np.array(x) for name, x in self.channels.items()})
+        table.attrs = {"source": self.source, "units": dict(self.units), "notes": list(self.notes)}
+        return table
+
+    @classmethod
+    def from_pandas(cls, table: Any, source: str = "DataFrame") -> Log:
+        """Return the columns of a pandas DataFrame as a log.
+
+        A time index becomes ``t`` in seconds from its first entry, and an index named ``t`` becomes ``t``,
+        unless there is a column of that name.
+
+        Args:
+            table: one row a sample; headers may carry units, ``Y_ActPos [mm]``.
+            source: what messages call it.
+
+        Raises:
+            LogError: a column holds no numbers.
+        """
+        channels, units = {}, dict(getattr(table, "attrs", {}).get("units", {}))
+        index = table.index
+        if "t" not in table.columns and index.dtype.kind in "Mm":
+            channels["t"] = np.asarray((index - index[0]) / np.timedelta64(1, "s"), dtype=float)
+        elif "t" not in table.columns and index.name == "t":
+            channels["t"] = np.asarray(index, dtype=float)
+        for header in table.columns:
+            name, unit = split_unit(str(header))
+            try:
+                channels[name] = table[header].to_numpy(dtype=float, na_value=np.nan)
+            except (ValueError, TypeError):
+                raise LogError(f"{source}: column {header!r} does not hold numbers; drop it") from None
+            if unit is not None:
+                units[name] = unit
+        return cls(channels, source=source, units=units)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                name,
+                self.units.get(name, ""),
+                *(f"{x:.5g}" for x in _ends(values)),
+                int(np.isnan(values).sum()),
+            )
+            for name, values in self.channels.items()
+        ]
+        return card(f"Log {self.source}: {len(self)} rows", _LOG_COLUMNS, rows, " ".join(self.notes[:3]))
+
     def fingerprint(self) -> str:
         """Return a hash of names and numbers that tells two recordings apart."""
         digest = hashlib.sha256()
@@ -124,3 +180,17 @@ class Log:
             digest.update(name.encode())
             digest.update(np.ascontiguousarray(self.channels[name]).tobytes())
         return digest.hexdigest()[:16]
+
+
+def _ends(x: Floats) -> tuple[float, float]:
+    """Return the smallest and the largest value, NaN where there is none."""
+    known = x[np.isfinite(x)]
+    return (float(known.min()), float(known.max())) if len(known) else (np.nan, np.nan)
+
+
+def _pandas() -> Any:
+    try:
+        import pandas
+    except ImportError:
+        raise InputError("pandas is not installed; `pip install pandas`, or use log.channels") from None
+    return pandas

@@ -20,6 +20,7 @@ FLOORS = {
     "errors": 0,
     "arrays": 0,
     "threads": 0,
+    "notebook": 0,
     "units": 1,
     "writing": 1,
     "log": 2,

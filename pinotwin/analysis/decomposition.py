@@ -21,13 +21,13 @@ import numpy as np
 from pinotwin.analysis.disturbance import CAUSES, split
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.log import Log
+from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.simulation.run import Loops, as_motion, respond
 from pinotwin.threads import one_blas_thread
+from pinotwin.twin.given import TwinLike, as_twin
 
 if TYPE_CHECKING:
     from pinotwin.loop import LoopModel
-    from pinotwin.twin import Twin
 
 COMMAND = "command"
 
@@ -91,7 +91,11 @@ class Decomposition:
 
 @one_blas_thread
 def decompose(
-    twin: Twin, log: Log, window: tuple[float, float] | None = None, *, controller: Loops | None = None
+    twin: TwinLike,
+    log: LogLike,
+    window: tuple[float, float] | None = None,
+    *,
+    controller: Loops | None = None,
 ) -> Decomposition:
     """Tell apart, by cause, the disturbances and the tracking error that a command will meet.
 
@@ -104,7 +108,8 @@ def decompose(
     Raises:
         DataError: nothing of the log lies in the window.
     """
-    found = respond(twin, log, controller=controller, every_step=True)
+    twin = as_twin(twin)
+    found = respond(twin, as_log(log), controller=controller, every_step=True)
     asked = found.request
     parts = dict(split(twin, as_motion(twin, asked, found)).parts)
     rest = found.d - np.sum(list(parts.values()), axis=0)

@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
+from textwrap import fill
 
 from pinotwin.errors import PinotwinError
 
@@ -24,6 +25,7 @@ COMMANDS: dict[str, str] = {
     "simulate": "predict position, tracking error and effort from the command alone",
     "diagnose": "say where a log and its model differ, which effect is missing, how far it shrinks",
     "study": "how much data, which coupling, which effect matters: the source's studies",
+    "compare": "put twins or diagnoses side by side: what moved, how well each predicts",
     "blind": "score the diagnosis on machines whose effect is withheld",
     "vibration": "reconstruct the vibration of a passive joint from servo and IMU logs",
     "orientation": "find the orientation of an IMU over time from its log alone",
@@ -33,6 +35,42 @@ COMMANDS: dict[str, str] = {
     "demo": "the whole chain on a bundled machine, and on the real EMPS drive if it is at hand",
 }
 """Command -> what it does."""
+
+
+EXAMPLES: dict[str, str] = {
+    "check": "pinotwin check trunnion log.csv",
+    "identify": "pinotwin identify trunnion log.csv --validate other.csv --out twin",
+    "simulate": "pinotwin simulate twin other.csv --out predicted.csv",
+    "diagnose": "pinotwin diagnose twin today.csv today2.csv --validate other.csv --out found",
+    "compare": "pinotwin compare twin_march twin_june --log today.csv --out moved",
+    "blind": "pinotwin blind --machines trunnion --seeds 1 --out bench",
+    "vibration": "pinotwin vibration flexure_rig --servo s.csv --imu i.csv --out vib.csv",
+    "record": "pinotwin record trunnion --seconds 24 --inject viscous:Y=0.2 --out log.csv",
+    "view": "pinotwin view twin log.csv --html machine.html",
+    "export": "pinotwin export twin --format mjcf --out trunnion.xml",
+    "demo": "pinotwin demo --out out/demo",
+    "new": "pinotwin new XYZAC log.csv --out mymachine",
+    "force": "pinotwin force twin log.csv --out force.csv",
+    "study": "pinotwin study trunnion log.csv --only amount --out study",
+}
+"""Command -> an example of its use."""
+
+
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """Help that states every default that is not stated already."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, max_help_position=26, width=80)
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        text, value = action.help, action.default
+        silent = value is None or value is False or value == [] or value is argparse.SUPPRESS
+        if text is None or silent or not action.option_strings:
+            return text
+        shown = " ".join(map(str, value)) if isinstance(value, list) else str(value)
+        short = f"{value:g}" if isinstance(value, float) else shown
+        said = "default" in text or f"({short}" in text
+        return text if said else f"{text} ({short})"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -46,15 +84,21 @@ def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="pinotwin",
         description="From a URDF and a log to a model that says where reality differs, and why.",
+        epilog="Each command has its own help with an example: pinotwin identify --help",
+        formatter_class=_Help,
     )
     from pinotwin import __version__
 
     parser.add_argument("--version", action="version", version=f"pinotwin {__version__}")
-    sub = parser.add_subparsers(dest="verb", metavar="COMMAND", required=True)
+    sub = parser.add_subparsers(dest="verb", metavar="COMMAND", required=True, title="commands")
     for name, text in COMMANDS.items():
         if importlib.util.find_spec(f"pinotwin.cli.{name}") is None:
             continue
-        command = sub.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        example = f"example:\n  {EXAMPLES[name]}" if name in EXAMPLES else None
+        told = text[0].upper() + text[1:] + "."
+        command = sub.add_parser(
+            name, help=text, description=fill(told, 80), epilog=example, formatter_class=_Help
+        )
         if name in commands:
             module = importlib.import_module(f"pinotwin.cli.{name}")
             module.add_arguments(command)
@@ -70,6 +114,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its own threads slow small problems
     _end_in_order()
     words = list(sys.argv[1:] if argv is None else argv)
+    if not words:
+        _parser(()).print_help()
+        return 0
     named = [w for w in words[:1] if w in COMMANDS]
     try:
         args = _parser(named).parse_args(words)

@@ -16,11 +16,19 @@ TRAJECTORIES = ("random", "multisine", "slow_reversals", "constant_speeds")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
+    from pinotwin.virtual.doses import INJECT, INJECT_MACHINE
+
     parser.add_argument("machine", help="machine folder, machine.yaml, or a bundled name")
     parser.add_argument("--seconds", type=float, default=20.0, help="length of the log (20)")
     text = "of the noise, and of the trajectory unless --trajectory-seed is given"
     parser.add_argument("--seed", type=int, default=1, help=text)
-    parser.add_argument("--trajectory", choices=TRAJECTORIES, default="random")
+    parser.add_argument(
+        "--trajectory",
+        choices=TRAJECTORIES,
+        default="random",
+        metavar="KIND",
+        help=f"{', '.join(TRAJECTORIES)} (random)",
+    )
     parser.add_argument(
         "--trajectory-seed", type=int, metavar="N", help="same N, other --seed: a repeat of the same command"
     )
@@ -28,7 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--withhold", nargs="+", default=[], metavar="EFFECT[:AXIS]", help="effects to leave out of the truth"
     )
     parser.add_argument(
-        "--inject", nargs="+", default=[], metavar="EFFECT:AXIS=SIZE", help="effects to add to the truth"
+        "--inject",
+        nargs="+",
+        default=[],
+        metavar="EFFECT:AXIS=SIZE",
+        help="effects to add to the truth; SIZE is relative, 0.1 being a tenth of the axis' rated effort where "
+        f"the effect is an effort. Of an axis: {', '.join(INJECT)}; of the machine: {', '.join(INJECT_MACHINE)}",
     )
     parser.add_argument("--axis", help="axis that slow_reversals and constant_speeds move")
     parser.add_argument("--command", metavar="LOG", help="run the command of this log again")

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.inputs import add_meshes, with_meshes
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.writing import whole_folder
+from pinotwin.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
+    import pinocchio as pin
+
     from pinotwin.analysis.modal import Modes
     from pinotwin.machine import Machine
     from pinotwin.viewer import Scene
+    from pinotwin.viewer.tracks import Tracks
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--servo", action="store_true", help="servo loops closed, for --mode; takes a twin")
     parser.add_argument("--html", metavar="FILE", help="write one page that opens without network")
     parser.add_argument("--no-frames", action="store_true", help="leave out joint frames and masses")
+    parser.add_argument("--overlay", metavar="MACHINE|TWIN", help="draw a second one through the first")
     add_meshes(parser)
     add_common(parser, out="folder for the page, as --html does with a file")
 
@@ -39,35 +43,67 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Draw, and write a page or open the browser."""
     from pinotwin.machine import Machine
-    from pinotwin.viewer import missing_meshes, save_html, show
+    from pinotwin.viewer import missing_meshes
+    from pinotwin.viewer.live import serve
 
     _check(args)
     machine = with_meshes(Machine.load(args.machine), args.meshes)
     missing = missing_meshes(machine.urdf, machine.meshes)
     if missing:
         say(missing)
-    drawn = draw_machine(machine, args.posture, args.log, extras=not args.no_frames)
-    if args.mode is not None:
-        drawn = show_mode(machine, drawn, args)
+    page = _page(machine, args)
     if args.json:
         write_json(args.json, _facts(machine, args))
     if args.html:
-        save_html(Path(args.html), drawn)
+        write_text(args.html, page)
         say(f"{machine.name} written to {args.html}")
     if args.out:
         with whole_folder(args.out) as folder:
-            save_html(folder / f"{machine.name}.html", drawn)
+            (folder / f"{machine.name}.html").write_text(page, encoding="utf-8")
         say(f"{machine.name} written to {Path(args.out) / machine.name}.html")
     if args.html or args.out:
         return 0
-    live = show(drawn)
-    say(f"{machine.name} at {live.url}; stop with Ctrl-C")
-    try:
-        while True:
-            time.sleep(1.0)
-    except KeyboardInterrupt:
-        live.close()
-    return 0
+    with serve(page) as url:
+        say(f"{machine.name} at {url}; stop with Ctrl-C")
+        try:
+            while True:
+                time.sleep(1.0)
+        except KeyboardInterrupt:
+            return 0
+
+
+def _page(machine: Machine, args: argparse.Namespace) -> str:
+    """Return the page of a machine or twin: at a posture, playing a log, or in one of its modes."""
+    from pinotwin.machine import Machine
+    from pinotwin.viewer.panel import Overlay, panel, stage_for
+
+    drawn = draw_machine(machine, args.posture, extras=not args.no_frames)
+    other = None
+    if args.overlay:
+        second = with_meshes(Machine.load(args.overlay), args.meshes)
+        other = Overlay(second, _shapes(second))
+    if args.mode is not None:
+        tracks, told = show_mode(machine, args)
+        return panel(drawn, machine, tracks=tracks, overlay=other, subtitle=told)
+    if args.log is None:
+        return panel(drawn, machine, overlay=other, subtitle="move the axes; drag to turn, wheel to zoom")
+    tracks = _played(machine, args)
+    framed = stage_for(drawn, tracks.q)
+    return panel(framed, machine, tracks=tracks, overlay=other, subtitle=f"playing {Path(args.log).name}")
+
+
+def _played(machine: Machine, args: argparse.Namespace) -> Tracks:
+    """Return the playback of a log, with the model's effort where a twin was given."""
+    from pinotwin.logs.files import read_argument
+    from pinotwin.logs.prepare import prepare
+    from pinotwin.twin import Twin
+    from pinotwin.viewer.tracks import tracks_of
+
+    log = read_argument(args.log)
+    if not (Path(args.machine) / "twin.json").is_file():
+        return tracks_of(machine, prepare(machine, log, decimate=1))
+    twin = Twin.load(args.machine)
+    return tracks_of(machine, twin.motion(log), twin)
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -97,33 +133,33 @@ def _facts(machine: Machine, args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def draw_machine(machine: Machine, posture: str | None, log: str | None, *, extras: bool) -> Scene:
-    """Return the scene of a machine at a posture, or playing a log."""
-    from pinotwin.logs.files import read_argument
-    from pinotwin.logs.prepare import prepare
-    from pinotwin.viewer import draw, parse_posture, play, visual_model
+def _shapes(machine: Machine) -> pin.GeometryModel:
+    from pinotwin.viewer import visual_model
+
+    return visual_model(machine.model, machine.urdf, machine.meshes)
+
+
+def draw_machine(machine: Machine, posture: str | None, *, extras: bool) -> Scene:
+    """Return the scene of a machine at a posture."""
+    from pinotwin.viewer import draw, parse_posture
 
     rotary = dict(zip(machine.names, machine.rotary, strict=True))
     joints = {part.name: part.joint for part in machine.parts}
     values = parse_posture(posture, rotary) if posture else {}
-    scene = draw(
+    return draw(
         machine.model,
-        visual_model(machine.model, machine.urdf, machine.meshes),
+        _shapes(machine),
         posture={joints[name]: value for name, value in values.items()},
         frames=extras,
         masses=extras,
         name=machine.name,
     )
-    if log is None:
-        return scene
-    motion = prepare(machine, read_argument(log))
-    return play(scene, motion.t, motion.q)
 
 
-def show_mode(machine: Machine, drawn: Scene, args: argparse.Namespace) -> Scene:
-    """Return the scene vibrating in one of its modes, enlarged so that it can be seen."""
+def show_mode(machine: Machine, args: argparse.Namespace) -> tuple[Tracks, str]:
+    """Return one of the modes as a playback, enlarged so that it can be seen, and what it is."""
     from pinotwin.analysis.modal import animate
-    from pinotwin.viewer import play
+    from pinotwin.viewer.tracks import Tracks
 
     found = _modes(machine, args)
     for k, mode in enumerate(found.modes, 1):
@@ -135,7 +171,10 @@ def show_mode(machine: Machine, drawn: Scene, args: argparse.Namespace) -> Scene
         mark = " <" if k == args.mode else ""
         say(f"mode {k}: {mode.frequency:.2f} Hz, damping {mode.damping:.3f} ({shares}){mark}")
     t, q = animate(found, args.mode, 0.1)
-    return play(drawn, t, q)
+    mode = found.modes[args.mode - 1]
+    return Tracks(
+        t, q
+    ), f"mode {args.mode}: {mode.frequency:.1f} Hz, damping {mode.damping:.3f}, enlarged and slowed"
 
 
 def _modes(machine: Machine, args: argparse.Namespace) -> Modes:

@@ -15,6 +15,7 @@ from pinotwin.export.mjcf import mjcf_lines, mjcf_text, passive_text
 from pinotwin.export.numpy_file import numpy_text
 from pinotwin.export.urdf_file import urdf_lines, urdf_text
 from pinotwin.twin import Twin
+from pinotwin.twin.given import TwinLike, as_twin
 from pinotwin.writing import write_bytes
 
 SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}
@@ -39,7 +40,7 @@ class Export:
 
 
 def export_twin(
-    twin: Twin,
+    twin: TwinLike,
     format: str,
     out: str | Path,
     *,
@@ -49,7 +50,7 @@ def export_twin(
     """Write a twin for other tools and return what was written.
 
     Args:
-        twin: what was found.
+        twin: what was found, or its folder.
         format: ``urdf`` (``<dynamics>`` with damping and friction), ``mjcf`` (MuJoCo, with a Python
             passive-force function beside it), ``numpy`` or ``c`` (the inverse model in one file).
         out: the file.
@@ -60,7 +61,7 @@ def export_twin(
         InputError: there is no such format, or the name has another format's suffix.
     """
     path = Path(out)
-    made = prepare_export(twin, format, path, travel=travel, speed=speed)
+    made = prepare_export(as_twin(twin), format, path, travel=travel, speed=speed)
     for name, content in made.files.items():
         write_bytes(path.parent / name, content)
     return made

@@ -20,8 +20,10 @@ from pinotwin.identification.plant import Plant, fit_options, fit_plant
 from pinotwin.identification.springs import with_springs
 from pinotwin.identification.table import at_bounds, parameter_table
 from pinotwin.log import Log
+from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
+from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
 from pinotwin.solve.crossval import held_out
 from pinotwin.solve.linear import Options
@@ -33,10 +35,10 @@ FOLDS = 5
 
 @one_blas_thread
 def identify(  # noqa: PLR0913, the public call: every option is a keyword
-    machine: Machine,
-    log: Log | Sequence[Log],
+    machine: MachineLike,
+    log: LogLike | Sequence[LogLike],
     *,
-    validate: Log | Sequence[Log] | None = None,
+    validate: LogLike | Sequence[LogLike] | None = None,
     loop: bool = True,
     consistent: bool = True,
     cutoff: float | None = None,
@@ -49,8 +51,8 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     All axes are fitted in one problem, so that a parameter that two axes share is found once.
 
     Args:
-        machine: what is believed about it.
-        log: servo log(s) to fit.
+        machine: what is believed about it; or its folder, URDF or bundled name.
+        log: servo log(s) to fit, or their files.
         validate: log(s) to judge on; without them the judgement is on held-out blocks.
         loop: also identify the closed loops of the axes whose command is logged.
         consistent: require inertias that a real body could have.
@@ -65,8 +67,8 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the log", 0.02)
-    logs = [log] if isinstance(log, Log) else list(log)
-    machine = _as_logged(machine.require_physical(), logs, resample)
+    machine, logs = as_machine(machine).require_physical(), as_logs(log)
+    machine = _as_logged(machine, logs, resample)
     prepared = functools.partial(prepare, log=logs, cutoff=cutoff, decimate=decimate)
     tell("fitting the plant", 0.1)
     machine, motion, plant, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
@@ -76,7 +78,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     quality = _quality(machine, motion, plant) | {"leads": leads}
     quality["at_bound"] = at_bounds(table)
     if validate is not None:
-        _validate(machine, plant, validate, settings, quality)
+        _validate(machine, plant, as_logs(validate, "validate"), settings, quality)
     quality["warnings"] = warnings(quality, dict(zip(machine.names, machine.rotary, strict=True)))
     twin = Twin(
         machine=machine,

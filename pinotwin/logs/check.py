@@ -16,10 +16,12 @@ from pinotwin.errors import InputError, MachineError
 from pinotwin.log import Log
 from pinotwin.logs.channels import finite
 from pinotwin.logs.columns import bind
+from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.plausible import effort_findings
 from pinotwin.logs.prepare import prepare
 from pinotwin.logs.quality import Finding, Limits, Quality, inspect
 from pinotwin.machine import Machine
+from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
 from pinotwin.machine.urdf_check import mimics, read_tree
 from pinotwin.motion import Motion
@@ -87,16 +89,18 @@ class Check:
         }
 
 
-def check(machine: Machine, log: Log | None = None) -> Check:
+def check(machine: MachineLike, log: LogLike | None = None) -> Check:
     """Examine a machine, and what a log of it can identify.
 
     Args:
-        machine: the machine.
-        log: a servo log of it, raw or in the names of the contract.
+        machine: the machine; or its folder, URDF or bundled name.
+        log: a servo log of it or its file, raw or in the names of the contract.
     """
+    machine = as_machine(machine)
     findings = machine_findings(machine)
     if log is None:
         return Check(machine, tuple(findings))
+    log = as_log(log)
     quality = inspect_log(machine, log)
     findings += quality.findings
     excited, determined = None, {}

@@ -31,9 +31,11 @@ from pinotwin.logs.channels import (
 )
 from pinotwin.logs.clock import even_clock
 from pinotwin.logs.columns import bind
+from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.quality.axes import inspect_axes
 from pinotwin.logs.quality.sampling import resample as interpolated
 from pinotwin.machine import DataSettings, Machine
+from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
 from pinotwin.signals import (
     clock,
@@ -53,8 +55,8 @@ Intervals = Sequence[tuple[str, float, float]]
 
 
 def prepare(  # noqa: PLR0913, the public call: every option is a keyword
-    machine: Machine,
-    log: Log | Sequence[Log],
+    machine: MachineLike,
+    log: LogLike | Sequence[LogLike],
     *,
     cutoff: float | None = None,
     decimate: int | None = None,
@@ -68,8 +70,8 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
     What is not given comes from machine.yaml. Logs of unequal rates are put on the slowest one's.
 
     Args:
-        machine: whose log it is.
-        log: servo log(s), raw or in the names of the contract.
+        machine: whose log it is; or its folder, URDF or bundled name.
+        log: servo log(s) or their files, raw or in the names of the contract.
         cutoff: corner of the low-pass [Hz], 0 for none; else from the spectra.
         decimate: fit one row in so many; else five rows a period of the corner.
         order: order of the Butterworth filter.
@@ -81,7 +83,7 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
         LogError: a channel is missing or unusable; the message names it.
         DataError: too little of the log can be used.
     """
-    logs = [log] if isinstance(log, Log) else list(log)
+    machine, logs = as_machine(machine), as_logs(log)
     if not logs:
         raise DataError(f"{machine.name}: no log given; give at least one")
     how = replace(

@@ -16,7 +16,9 @@ from pinotwin.imu import batch
 from pinotwin.imu.clock import ClockFit, SyncSettings, sync
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.log import Log
+from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
+from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.reconstruction.combine import combined, of_run
 from pinotwin.reconstruction.methods import methods
 from pinotwin.reconstruction.nonlinear import needed, shares, with_columns, with_posture
@@ -29,7 +31,7 @@ from pinotwin.reconstruction.unused import unused
 from pinotwin.threads import one_blas_thread
 
 Report = Callable[[str, float], None]
-Logs = Log | Sequence[Log]
+Logs = LogLike | Sequence[LogLike]
 
 FAINT = 6.0
 """Size of the deflection's velocity over its standard deviation below which the mode is doubtful."""
@@ -40,7 +42,7 @@ LOOSE = 0.1
 
 @one_blas_thread
 def reconstruct_vibration(
-    machine: Machine,
+    machine: MachineLike,
     servo_logs: Logs,
     imu_logs: Logs,
     imu2_logs: Logs | None = None,
@@ -63,11 +65,14 @@ def reconstruct_vibration(
         LogError: a channel is missing.
         DataError: the logs do not come in pairs, nothing rotates, or they are not repeats.
     """
+    machine = as_machine(machine)
     s = settings or Settings()
     tell = report or _silent
     joint = passive_joint(machine, s.joint)
-    servo = [bound(machine, log) for log in _several(servo_logs)]
-    groups = [_several(logs) for logs in (imu_logs, imu2_logs) if logs is not None]
+    servo = [bound(machine, log) for log in as_logs(servo_logs)]
+    if not servo:
+        raise DataError("no log given; give at least one servo and one IMU log")
+    groups = [as_logs(logs) for logs in (imu_logs, imu2_logs) if logs is not None]
     for group in groups:
         if len(group) != len(servo):
             raise DataError(f"{len(servo)} servo and {len(group)} IMU logs; give them in pairs")
@@ -99,13 +104,6 @@ def reconstruct_vibration(
 
 def _silent(stage: str, done: float) -> None:
     del stage, done
-
-
-def _several(logs: Logs) -> list[Log]:
-    out = [logs] if isinstance(logs, Log) else list(logs)
-    if not out:
-        raise DataError("no log given; give at least one servo and one IMU log")
-    return out
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError, InputError, TwinError, nearest
 from pinotwin.log import Log
+from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.loop import Controller, LoopModel, Servo, close, couple
 from pinotwin.motion import Motion
 from pinotwin.simulation import coupled, coupled_kernel, kernel
@@ -22,6 +23,7 @@ from pinotwin.simulation.command import Request, motor_coordinates, request
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.state import Command, Record
 from pinotwin.threads import one_blas_thread
+from pinotwin.twin.given import TwinLike, as_twin
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
@@ -66,7 +68,9 @@ class Response:
     notes: tuple[str, ...]
 
 
-def simulate(twin: Twin, log: Log, *, step: float | None = None, controller: Loops | None = None) -> Log:
+def simulate(
+    twin: TwinLike, log: LogLike, *, step: float | None = None, controller: Loops | None = None
+) -> Log:
     """Return position, tracking error and effort that the machine will show for a command.
 
     Args:
@@ -89,7 +93,8 @@ def simulate(twin: Twin, log: Log, *, step: float | None = None, controller: Loo
         TwinError: the twin has no closed loop.
         DataError: the simulated machine leaves its command.
     """
-    found = respond(twin, log, step=step, controller=controller, full=bool(twin.machine.passive))
+    twin = as_twin(twin)
+    found = respond(twin, as_log(log), step=step, controller=controller, full=bool(twin.machine.passive))
     asked, machine = found.request, twin.machine
     q, e, u = motor_coordinates(machine, *(asked.at_stamps(x) for x in (found.q, found.e, found.u)))
     channels = {"t": asked.t}

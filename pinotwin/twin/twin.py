@@ -17,8 +17,10 @@ from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.errors import TwinError, nearest
 from pinotwin.log import Log
+from pinotwin.logs.files.given import LogLike
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.notebook import card
 from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.parameters import Parameter
 
@@ -120,13 +122,13 @@ class Twin:
             total -= motion.external
         return total
 
-    def motion(self, log: Log) -> Motion:
+    def motion(self, log: LogLike) -> Motion:
         """Return a log of this machine prepared as the ones the twin was identified from."""
         from pinotwin.logs.prepare import prepare
 
         return prepare(self.machine, log, **self.settings)
 
-    def simulate(self, log: Log, **options: Any) -> Log:
+    def simulate(self, log: LogLike, **options: Any) -> Log:
         """Return position, error and effort that the command of a log will produce.
 
         Nothing measured is used; see :func:`pinotwin.simulation.simulate` for the options.
@@ -134,6 +136,17 @@ class Twin:
         from pinotwin.simulation import simulate
 
         return simulate(self, log, **options)
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for name in self.machine.names:
+            own = [e.title for e in self.effects if e.axis == name]
+            judged = self.quality.get("axes", {}).get(name, {}).get("held_out", {}).get("nrmse")
+            error = "" if judged is None else f"{judged:.1%}"
+            rows.append((name, ", ".join(own), error, "yes" if name in self.loops else ""))
+        columns = ("axis", "effects", "effort error, held out", "closed loop")
+        note = f"{len(self.theta)} coefficients from {len(self.data)} log(s)"
+        return card(f"Twin of {self.machine.name}", columns, rows, note)
 
     def save(self, folder: str | Path) -> Path:
         """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""

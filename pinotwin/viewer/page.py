@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -85,10 +86,36 @@ class Page:
             title: title of the page.
             controls: whether to keep meshcat's control panel.
         """
-        packed = (base64.b64encode(umsgpack.packb(m)).decode() for m in self.messages.values())
         return _TEMPLATE.format(
             title=html.escape(title),
             style="" if controls else ".dg.main {display: none}",
-            script=_SCRIPT.read_text(encoding="utf-8"),
-            commands=",\n".join(f'"{text}"' for text in packed),
+            script=self.script(),
+            commands=self.commands(),
         )
+
+    def script(self) -> str:
+        """Return meshcat's own script."""
+        return _SCRIPT.read_text(encoding="utf-8")
+
+    def commands(self) -> str:
+        """Return the commands as lines of JavaScript, the same in every run.
+
+        Meshcat gives every shape a random name (UUID); here they are numbered in the order of drawing.
+        """
+        known: dict[str, str] = {}
+        packed = (umsgpack.packb(_numbered(m, known)) for m in self.messages.values())
+        return ",\n".join(f'"{base64.b64encode(m).decode()}"' for m in packed)
+
+
+_UUID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+
+
+def _numbered(value: Any, known: dict[str, str]) -> Any:
+    """Return a message with every UUID replaced by the number of its first appearance."""
+    if isinstance(value, dict):
+        return {key: _numbered(x, known) for key, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [_numbered(x, known) for x in value]
+    if isinstance(value, str) and _UUID.fullmatch(value):
+        return known.setdefault(value, f"00000000-0000-0000-0000-{len(known) + 1:012x}")
+    return value

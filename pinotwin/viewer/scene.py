@@ -178,18 +178,44 @@ def draw(
     return drawn
 
 
-def _load_shapes(drawn: Scene) -> None:
+def add_copy(
+    drawn: Scene,
+    model: pin.Model,
+    visual: pin.GeometryModel,
+    root: str,
+    rgba: tuple[float, float, float, float],
+) -> None:
+    """Draw what moves of a second machine in one colour below a root of its own.
+
+    Args:
+        drawn: the scene, which is changed.
+        model: kinematics of the second machine.
+        visual: its shapes.
+        root: name of its node.
+        rgba: red, green, blue, opacity, each 0 to 1.
+    """
+    pale = pin.GeometryModel()
+    for shape in visual.geometryObjects:
+        if shape.parentJoint != 0:  # the base would only shine through itself
+            pale.addGeometryObject(pin.GeometryObject(shape))
+    for shape in pale.geometryObjects:
+        shape.meshColor = np.array(rgba)
+        shape.overrideMaterial = True
+    _load_shapes(Scene(model, pale, drawn.page, drawn.q, drawn.name), root)
+
+
+def _load_shapes(drawn: Scene, root: str = ROOT) -> None:
     """Hang every shape below its joint; the renamed copies carry the path in their name."""
     shapes = drawn.visual.clone()
     for shape in shapes.geometryObjects:
         shape.name = f"{drawn.model.names[shape.parentJoint]}/{shape.name}"
     loader = MeshcatVisualizer(drawn.model, None, shapes)
     loader.initViewer(viewer=drawn.viewer())
-    loader.viewerVisualGroupName = ROOT
+    loader.viewerVisualGroupName = root
     for shape in shapes.geometryObjects:
         loader.loadViewerGeometryObject(shape, pin.GeometryType.VISUAL)
         pose = shape.placement.homogeneous @ np.diag([*shape.meshScale, 1.0])
-        loader.viewer[f"{ROOT}/{shape.name}"].set_transform(pose)
+        loader.viewer[f"{root}/{shape.name}"].set_transform(pose)
 
 
 def joint_poses(model: pin.Model, q: Floats) -> list[pin.SE3]:

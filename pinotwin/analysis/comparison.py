@@ -1,0 +1,309 @@
+"""Twins of one machine side by side: which parameters moved, and how each predicts the same log.
+
+A parameter that every twin determines is constant under the null hypothesis; the weighted sum of squares
+about its mean is then chi-squared with one degree of freedom fewer than twins (Cochran 1937). Hundreds of
+parameters are asked at once, so the accepted ones hold a false discovery rate (Benjamini & Hochberg 1995,
+10.1111/j.2517-6161.1995.tb02031.x).
+
+Standard errors speak of noise. What a model leaves out moves its parameters too, from one trajectory to the
+next, so they are widened by the ratio of an axis' held-out to its fitted error, the worst of the twins. Knots
+of a table lean on their neighbours and on what else acts there: of two healthy twins of the virtual trunnion
+two in three differ by more than chance. They are not asked one by one; what a table does as a whole is its
+change of effort along a log.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from pinotwin.arrays import Floats
+from pinotwin.effects import EFFECTS
+from pinotwin.errors import InputError
+from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.simulation import compare as score
+from pinotwin.simulation import simulate
+from pinotwin.twin import Twin
+from pinotwin.twin.given import TwinLike, as_twin
+
+FALSE_DISCOVERIES = 0.05
+"""Share of the parameters said to have moved that may be chance."""
+Z90 = 1.6449
+"""Half width of a 90 % interval in standard errors."""
+TABLE = 12
+"""An effect with more coefficients than this is a table: it is not asked knot by knot."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One parameter in every twin.
+
+    Attributes:
+        name: full name.
+        effect: key of its effect.
+        unit: SI unit.
+        values: in the order of the twins, NaN where a twin does not determine it.
+        errors: standard errors, likewise, widened by what the model leaves out.
+        p: probability of so much scatter by chance; NaN where fewer than two determine it, or of a table.
+        moved: whether it moved, all parameters considered.
+    """
+
+    name: str
+    effect: str
+    unit: str
+    values: tuple[float, ...]
+    errors: tuple[float, ...]
+    p: float
+    moved: bool = False
+
+    @property
+    def change(self) -> float:
+        """Last value minus first [unit]."""
+        return self.values[-1] - self.values[0]
+
+    @property
+    def change_error(self) -> float:
+        """Standard error of the change [unit]."""
+        return float(np.hypot(self.errors[0], self.errors[-1]))
+
+    def as_dict(self, labels: Sequence[str]) -> dict[str, Any]:
+        """Return the row for JSON."""
+        pairs = list(zip(self.values, self.errors, strict=True))
+        known = [np.isfinite(x) for x, _ in pairs]
+        both = known[0] and known[-1]
+        half = Z90 * self.change_error
+        return {
+            "name": self.name,
+            "effect": self.effect,
+            "unit": self.unit,
+            "values": {
+                label: {"value": x, "interval90": [x - Z90 * e, x + Z90 * e]} if ok else None
+                for label, (x, e), ok in zip(labels, pairs, known, strict=True)
+            },
+            "change": self.change if both else None,
+            "change_interval90": [self.change - half, self.change + half] if both else None,
+            "p": self.p if np.isfinite(self.p) else None,
+            "moved": self.moved,
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Twins of one machine side by side.
+
+    Attributes:
+        machine: name of the machine.
+        labels: name of each twin.
+        widening: axis -> factor by which the standard errors were widened.
+        rows: every parameter that two twins have, in the order of the first.
+        only: label -> parameters that no other twin has.
+        errors: axis -> signal -> label -> ``rms``, ``nrmse``, on the same log; empty without one.
+        shifts: effect key -> RMS change of its effort along the log, last twin against first, with axis
+            and unit; empty without a log.
+        log: source of that log.
+        notes: what deserves attention.
+    """
+
+    machine: str
+    labels: tuple[str, ...]
+    widening: Mapping[str, float]
+    rows: tuple[Row, ...]
+    only: Mapping[str, tuple[str, ...]]
+    errors: Mapping[str, Mapping[str, Mapping[str, Mapping[str, float]]]] = field(default_factory=dict)
+    shifts: Mapping[str, tuple[str, float, str]] = field(default_factory=dict)
+    log: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def moved(self) -> tuple[Row, ...]:
+        """Parameters that moved, the surest first."""
+        return tuple(sorted((row for row in self.rows if row.moved), key=lambda row: row.p))
+
+    @property
+    def causes(self) -> tuple[tuple[str, str, int], ...]:
+        """Effects of which parameters moved: key, title, and how many; the surest first."""
+        count: dict[str, int] = {}
+        for row in self.moved:
+            count[row.effect] = count.get(row.effect, 0) + 1
+        return tuple((key, effect_title(key), n) for key, n in count.items())
+
+    @property
+    def sentence(self) -> str:
+        """The result in one sentence."""
+        asked = sum(np.isfinite(row.p) for row in self.rows)
+        if not self.moved:
+            return f"None of {asked} parameters moved beyond chance."
+        named = ", ".join(key for key, *_ in self.causes[:4])
+        more = f" and {len(self.causes) - 4} more effects" if len(self.causes) > 4 else ""
+        return f"{len(self.moved)} of {asked} parameters moved: {named}{more}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of compare.json."""
+        return {
+            "kind": "twins",
+            "machine": self.machine,
+            "labels": list(self.labels),
+            "sentence": self.sentence,
+            "false_discovery_rate": FALSE_DISCOVERIES,
+            "widening": self.widening,
+            "moved": [row.name for row in self.moved],
+            "causes": [{"effect": k, "title": title, "parameters": n} for k, title, n in self.causes],
+            "parameters": [row.as_dict(self.labels) for row in self.rows],
+            "only_in": {label: list(names) for label, names in self.only.items()},
+            "log": self.log or None,
+            "errors": self.errors,
+            "effort_change": {
+                key: {"axis": axis, "rms": rms, "unit": unit}
+                for key, (axis, rms, unit) in self.shifts.items()
+            },
+            "notes": list(self.notes),
+        }
+
+
+def compare(*twins: TwinLike, labels: Sequence[str] | None = None, log: LogLike | None = None) -> Comparison:
+    """Put twins of one machine side by side, in the order of time.
+
+    Args:
+        twins: two or more, or their folders.
+        labels: name of each; ``1``, ``2``... where None.
+        log: on which each is judged; without it parameters alone are compared.
+
+    Raises:
+        InputError: fewer than two twins, or twins of different machines.
+    """
+    given = [as_twin(one) for one in twins]
+    names = tuple(labels) if labels is not None else tuple(str(k + 1) for k in range(len(given)))
+    if len(given) < 2:
+        raise InputError("compare: give two twins or more")
+    machines = {twin.machine.name for twin in given}
+    if len(machines) > 1:
+        raise InputError(f"compare: twins of different machines ({', '.join(sorted(machines))})")
+    plain, only = _rows(given, names)
+    rows, widening = _widened(given, plain)
+    errors: dict[str, Any] = {}
+    shifts: dict[str, tuple[str, float, str]] = {}
+    notes: tuple[str, ...] = ()
+    source = ""
+    if log is not None:
+        held = as_log(log)
+        source = held.source
+        errors, notes = _errors(given, names, held)
+        shifts = _shifts(given[0], given[-1], held)
+    return Comparison(
+        machines.pop(), names, widening, _discoveries(rows), only, errors, shifts, source, notes
+    )
+
+
+def effect_title(key: str) -> str:
+    """Return what an effect is called in a heading, from its key ``Y.ripple#2``."""
+    name = key.rsplit(".", 1)[-1].split("#")[0]
+    return EFFECTS[name].title if name in EFFECTS else name
+
+
+def _rows(twins: Sequence[Twin], labels: Sequence[str]) -> tuple[tuple[Row, ...], dict[str, tuple[str, ...]]]:
+    tables = [{row.name: row for row in twin.parameters} for twin in twins]
+    every = list(dict.fromkeys(name for table in tables for name in table))
+    shared = [name for name in every if sum(name in table for table in tables) > 1]
+    rows = []
+    for name in shared:
+        first = next(table[name] for table in tables if name in table)
+        found = [table.get(name) for table in tables]
+        known = [row if row is not None and row.determined and row.error > 0.0 else None for row in found]
+        values = tuple(row.value if row is not None else np.nan for row in known)
+        spread = tuple(row.error if row is not None else np.nan for row in known)
+        p = _chance(np.array(values), np.array(spread))
+        rows.append(Row(name, first.effect, first.unit, values, spread, p))
+    only = {
+        label: tuple(name for name in table if name not in shared)
+        for label, table in zip(labels, tables, strict=True)
+        if any(name not in shared for name in table)
+    }
+    return tuple(rows), only
+
+
+def _widened(twins: Sequence[Twin], rows: Sequence[Row]) -> tuple[tuple[Row, ...], dict[str, float]]:
+    """Return the rows with errors that allow for what the models leave out, and the factor of each axis."""
+    factors = {axis: max(_overfit(twin, axis) for twin in twins) for axis in twins[0].machine.names}
+    rest = max(factors.values())
+    count = Counter(row.effect for row in rows if not row.effect.startswith("rigid_body"))
+    out = []
+    for row in rows:
+        k = factors.get(row.effect.split(".")[0], rest)
+        errors = tuple(k * e for e in row.errors)
+        asked = count[row.effect] <= TABLE
+        p = _chance(np.array(row.values), np.array(errors)) if asked else float("nan")
+        out.append(Row(row.name, row.effect, row.unit, row.values, errors, p))
+    return tuple(out), factors | {"rigid_body": rest}
+
+
+def _overfit(twin: Twin, axis: str) -> float:
+    """Return the held-out error of an axis over its fitted one, 1 where that is not known."""
+    row = twin.quality.get("axes", {}).get(axis, {})
+    fitted, held = row.get("fit"), row.get("held_out", {}).get("nrmse")
+    return max(float(held / fitted), 1.0) if fitted and held else 1.0
+
+
+def _chance(values: Floats, errors: Floats) -> float:
+    """Return the probability of so much scatter of a constant, NaN for fewer than two values."""
+    known = np.isfinite(values) & np.isfinite(errors)
+    if known.sum() < 2:
+        return float("nan")
+    x, weight = values[known], 1.0 / errors[known] ** 2
+    mean = np.sum(weight * x) / np.sum(weight)
+    return float(chi2.sf(np.sum(weight * (x - mean) ** 2), known.sum() - 1))
+
+
+def _discoveries(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """Mark the rows that moved, at the stated rate of false discoveries."""
+    p = np.sort([row.p for row in rows if np.isfinite(row.p)])
+    below = p <= FALSE_DISCOVERIES * np.arange(1, len(p) + 1) / max(len(p), 1)
+    limit = p[np.flatnonzero(below)[-1]] if below.any() else -1.0
+    return tuple(Row(r.name, r.effect, r.unit, r.values, r.errors, r.p, bool(r.p <= limit)) for r in rows)
+
+
+def _errors(twins: Sequence[Twin], labels: Sequence[str], log: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return each twin's errors: effort from the measured motion, e and u from the command alone."""
+    out: dict[str, Any] = {}
+    notes = []
+    for twin, label in zip(twins, labels, strict=True):
+        motion = twin.motion(log)
+        effort = twin.effort(motion)
+        for name, axis in twin.machine.axes.items():
+            rows = motion.use[:, axis.index] & np.isfinite(motion.u[:, axis.index])
+            if rows.any():
+                u = motion.u[rows, axis.index]
+                rms = float(np.sqrt(np.mean((u - effort[rows, axis.index]) ** 2)))
+                row = {"rms": rms, "nrmse": rms / float(np.sqrt(np.mean(u**2)))}
+                out.setdefault(name, {}).setdefault("effort", {})[label] = row
+        if not twin.loops:
+            continue
+        try:
+            found = score(twin.machine, log, simulate(twin, log))
+        except InputError as error:
+            notes.append(f"{label}: not simulated: {error}")
+            continue
+        for name, signals in found.items():
+            for signal, row in signals.items():
+                out.setdefault(name, {}).setdefault(f"simulated {signal}", {})[label] = dict(row)
+    return out, tuple(notes)
+
+
+def _shifts(first: Twin, last: Twin, log: Any) -> dict[str, tuple[str, float, str]]:
+    """Return by how much each effect's effort differs between two twins along one motion, RMS."""
+    motion = first.motion(log)
+    before, after = first.parts(motion), last.parts(motion)
+    out = {}
+    for key in dict.fromkeys([*before, *after]):
+        zero = np.zeros(motion.q.shape)
+        difference = after.get(key, zero) - before.get(key, zero)
+        for name, axis in first.machine.axes.items():
+            rms = float(np.sqrt(np.mean(difference[:, axis.index] ** 2)))
+            if rms > 0.0:
+                label = key if not key.startswith("rigid_body") else f"rigid_body on {name}"
+                out[label] = (name, rms, "N·m" if axis.rotary else "N")
+    return dict(sorted(out.items(), key=lambda item: -item[1][1]))

@@ -1,0 +1,96 @@
+"""``pinotwin compare A B [MORE...] --out DIR``: twins or diagnoses side by side."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.writing import whole_folder
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument(
+        "subjects",
+        nargs="+",
+        metavar="TWIN|DIAGNOSIS",
+        help="two folders or more, in the order of time, all of twins or all of diagnoses",
+    )
+    parser.add_argument("--log", metavar="LOG", help="servo log on which every twin is judged")
+    add_common(parser, out="folder for compare.html and compare.json", required=True)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare, write the page, and say what moved."""
+    from pinotwin.errors import InputError
+
+    if len(args.subjects) < 2:
+        raise InputError("compare: give two twins or two diagnoses, or more")
+    labels = _labels(args.subjects)
+    kinds = {_kind(subject) for subject in args.subjects}
+    if len(kinds) > 1:
+        raise InputError("compare: give twins or diagnoses, not both")
+    (kind,) = kinds
+    if kind == "diagnosis" and args.log:
+        raise InputError("--log: belongs to twins; a diagnosis has its own logs")
+    document, page, lines = _twins(args, labels) if kind == "twin" else _diagnoses(args, labels)
+    with whole_folder(args.out) as folder:
+        write_json(folder / "compare.json", document)
+        (folder / "compare.html").write_text(page, encoding="utf-8")
+    if args.json:
+        write_json(args.json, document)
+    for line in lines:
+        say(line)
+    say(f"written to {args.out}: compare.html, compare.json")
+    return 0
+
+
+def _kind(subject: str) -> str:
+    from pinotwin.errors import InputError
+
+    path = Path(subject)
+    if path.name == "diagnosis.json" or (path / "diagnosis.json").is_file():
+        return "diagnosis"
+    if path.name == "twin.json" or (path / "twin.json").is_file():
+        return "twin"
+    raise InputError(
+        f"{subject}: holds neither twin.json nor diagnosis.json; give what identify or diagnose wrote"
+    )
+
+
+def _labels(subjects: list[str]) -> list[str]:
+    """Return a short name for each: the folder's, with its parents where two are the same."""
+    paths = [Path(s).resolve() for s in subjects]
+    paths = [p.parent if p.suffix == ".json" else p for p in paths]
+    for depth in range(1, 6):
+        names = ["/".join(p.parts[-depth:]) for p in paths]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{k + 1}" for k in range(len(paths))]
+
+
+def _twins(args: argparse.Namespace, labels: list[str]) -> tuple[dict[str, Any], str, list[str]]:
+    from pinotwin.analysis.comparison import compare
+    from pinotwin.report.comparison import comparison_report
+
+    found = compare(*args.subjects, labels=labels, log=args.log)
+    lines = [found.sentence]
+    width = min(max([len(row.name) for row in found.moved[:10]], default=0), 34)
+    for row in found.moved[:10]:
+        told = " -> ".join(f"{x:.4g}" for x in row.values)
+        lines.append(f"  {row.name:<{width}}  {told} {row.unit}  (± {1.6449 * row.change_error:.2g})")
+    for axis, signals in found.errors.items():
+        for signal, held in signals.items():
+            told = "  ".join(f"{row['nrmse']:.1%}" for row in held.values())
+            lines.append(f"  {axis} {signal:<12} error: {told}")
+    return found.to_dict(), comparison_report(found), [*lines, *(f"note: {n}" for n in found.notes)]
+
+
+def _diagnoses(args: argparse.Namespace, labels: list[str]) -> tuple[dict[str, Any], str, list[str]]:
+    from pinotwin.analysis.diagnoses import read_diagnoses
+    from pinotwin.report.comparison import diagnoses_report
+
+    found = read_diagnoses(args.subjects, labels)
+    return found.to_dict(), diagnoses_report(found), [found.sentence]

@@ -1,0 +1,198 @@
+"""The page of ``pinotwin compare``: what moved, how each twin predicts the same log, the series over time."""
+
+from __future__ import annotations
+
+import numpy as np
+import plotly.graph_objects as go
+
+from pinotwin.analysis.comparison import Z90, Comparison, Row, effect_title
+from pinotwin.analysis.diagnoses import Diagnoses
+from pinotwin.report.blocks import Block, Group, Html, Plot, Tile, notes, paragraph, table, tiles
+from pinotwin.report.display import rounded as with_error
+from pinotwin.report.figures import effect_colour, style
+from pinotwin.report.page import Page
+
+_SHOWN = 12
+"""Parameters drawn over the series; the table has them all."""
+
+
+def rounded(x: float) -> str:
+    """Return four digits of a number."""
+    return f"{x:.4g}"
+
+
+def comparison_report(found: Comparison) -> str:
+    """Return the page of twins side by side as one HTML text."""
+    series = len(found.labels) > 2
+    title = f"{found.machine}: {' · '.join(found.labels)}"
+    page = Page("What moved", title)
+    page = page.section("", paragraph(found.sentence, "verdict"), _tiles(found))
+    page = page.section(
+        "Parameters that moved",
+        *_moved(found, series),
+        intro="Surest first. Chance explains at most one in twenty of them (false discovery rate 5 %). Intervals "
+        "are wider than the noise alone would have it: by how much worse a twin predicts data that it was not "
+        "fitted to. Tables are not asked knot by knot.",
+    )
+    page = page.section(
+        "Effort of each effect", *_shifts(found), intro=f"Along {found.log}, last against first."
+    )
+    page = page.section("Errors on the same log", *_errors(found), intro=found.log)
+    plain = tuple(row for row in found.rows if np.isfinite(row.p))
+    knots = tuple(row for row in found.rows if not np.isfinite(row.p))
+    page = page.section("All parameters", _table(found, plain), *_folded(found, knots))
+    page = page.section("To note", *_notes(found))
+    return page.html()
+
+
+def diagnoses_report(found: Diagnoses) -> str:
+    """Return the page of diagnoses side by side as one HTML text."""
+    page = Page("Diagnoses side by side", " · ".join(found.labels))
+    verdicts = [
+        Tile(label, str(d.get("verdict", "")).replace("_", " "), str(d.get("sentence", "")))
+        for label, d in zip(found.labels, found.documents, strict=True)
+    ]
+    page = page.section("", paragraph(found.sentence, "verdict"), tiles(verdicts))
+    rows = [
+        (effect_title(effect), axis, *(_cause(held.get(label)) for label in found.labels))
+        for (effect, axis), held in found.causes.items()
+    ]
+    if rows:
+        page = page.section("Causes", table(("effect", "axis", *found.labels), rows))
+    gaps = [
+        (axis, signal, *(_gap(held.get(label)) for label in found.labels))
+        for axis, signals in found.gap.items()
+        for signal, held in signals.items()
+    ]
+    return page.section(
+        "Gap, RMS (share of the signal)", table(("axis", "signal", *found.labels), gaps)
+    ).html()
+
+
+def _cause(effect: object) -> str:
+    if not isinstance(effect, dict):
+        return "not named"
+    size = effect.get("size")
+    told = f"{float(effect.get('confidence') or 0.0):.0%}"
+    if isinstance(size, dict) and size.get("after") is not None:
+        before = "" if size.get("before") is None else f"{rounded(size['before'])} → "
+        return (
+            f"{size.get('name', '')} {before}{rounded(size['after'])} {size.get('unit', '')} ({told})".strip()
+        )
+    return told
+
+
+def _gap(row: object) -> str:
+    if not isinstance(row, dict) or row.get("rms") is None:
+        return ""
+    return (
+        f"{rounded(row['rms'])} ({row['nrmse']:.1%})" if row.get("nrmse") is not None else rounded(row["rms"])
+    )
+
+
+def _tiles(found: Comparison) -> Html:
+    out = [
+        Tile(
+            effect_title(key),
+            key.split(".")[0] if "." in key else "machine",
+            f"{count} parameter{'s' if count > 1 else ''} moved",
+        )
+        for key, _, count in found.causes[:4]
+    ]
+    return tiles(out or [Tile("Parameters", "none moved", "differences are within what chance explains")])
+
+
+def _moved(found: Comparison, series: bool) -> list[Block]:
+    if not found.moved:
+        return ["None."]
+    plots = [_plot(found, row) for row in found.moved[:_SHOWN]] if series else [_changes(found)]
+    groups: list[Block] = [Group(tuple(plots[k : k + 2])) for k in range(0, len(plots), 2)]
+    return [_table(found, found.moved), *groups]
+
+
+def _plot(found: Comparison, row: Row) -> Plot:
+    figure = go.Figure(
+        go.Scatter(
+            x=list(found.labels),
+            y=list(row.values),
+            error_y={"type": "data", "array": [Z90 * e for e in row.errors], "thickness": 1.5},
+            mode="lines+markers",
+            marker={"size": 8, "color": effect_colour(row.effect)},
+            line={"width": 1.5, "color": effect_colour(row.effect)},
+        )
+    )
+    figure.update_yaxes(title=row.unit)
+    return Plot(style(figure, 240, legend=False), row.name, "bars: 90 % interval")
+
+
+def _changes(found: Comparison) -> Plot:
+    rows = list(found.moved[:20])[::-1]
+    z = [row.change / row.change_error for row in rows]
+    figure = go.Figure(
+        go.Bar(
+            x=z,
+            y=[row.name for row in rows],
+            orientation="h",
+            marker={"color": [effect_colour(row.effect) for row in rows]},
+        )
+    )
+    figure.update_xaxes(title="change over its standard error")
+    figure.update_yaxes(automargin=True)
+    return Plot(style(figure, 80 + 24 * len(rows), legend=False), "How sure each change is")
+
+
+def _table(found: Comparison, rows: tuple[Row, ...]) -> Html:
+    head = ("parameter", "unit", *found.labels, "change", "90 % interval", "moved")
+    body = []
+    for row in rows:
+        cells = [_value(x, e) for x, e in zip(row.values, row.errors, strict=True)]
+        half = Z90 * row.change_error
+        known = np.isfinite(row.change)
+        change = f"{rounded(row.change)}{_share(row)}" if known else ""
+        interval = f"{rounded(row.change - half)} to {rounded(row.change + half)}" if known else ""
+        body.append((row.name, row.unit, *cells, change, interval, "moved" if row.moved else ""))
+    return table(head, body, numeric=range(2, 4 + len(found.labels)))
+
+
+def _folded(found: Comparison, rows: tuple[Row, ...]) -> list[Block]:
+    if not rows:
+        return []
+    title = f"{len(rows)} knots of tables, and what one twin alone determines"
+    return [Html(f"<details><summary>{title}</summary>{_table(found, rows).text}</details>")]
+
+
+def _value(x: float, error: float) -> str:
+    return " ± ".join(with_error(x, Z90 * error)) if np.isfinite(x) else "not determined"
+
+
+def _share(row: Row) -> str:
+    first = row.values[0]
+    return f" ({row.change / abs(first):+.0%})" if first and abs(row.change) < 100.0 * abs(first) else ""
+
+
+def _shifts(found: Comparison) -> list[Block]:
+    if not found.shifts:
+        return []
+    rows = [
+        (key, effect_title(key.split(" on ")[0]), axis, rounded(rms), unit)
+        for key, (axis, rms, unit) in found.shifts.items()
+    ]
+    return [table(("effect", "what", "axis", "change of effort, RMS", "unit"), rows[:20], numeric=(3,))]
+
+
+def _errors(found: Comparison) -> list[Block]:
+    rows = [
+        (axis, signal, *(_gap(held.get(label)) for label in found.labels))
+        for axis, signals in found.errors.items()
+        for signal, held in signals.items()
+    ]
+    head = ("axis", "signal", *(f"{label}: RMS (of the signal)" for label in found.labels))
+    return [table(head, rows, numeric=range(2, len(head)))] if rows else []
+
+
+def _notes(found: Comparison) -> list[Block]:
+    lines = [*found.notes]
+    for label, names in found.only.items():
+        few = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+        lines.append(f"only in {label}: {few}")
+    return [notes(lines)] if lines else []

@@ -1,0 +1,281 @@
+// The panel beside meshcat: sliders, time, plots, ghost, labels. DATA comes from the page.
+(function () {
+  const $ = (id) => document.getElementById(id);
+  const make = (tag, text, parent, cls) => {
+    const e = document.createElement(tag);
+    if (text) e.textContent = text;
+    if (cls) e.className = cls;
+    if (parent) parent.appendChild(e);
+    return e;
+  };
+  const state = { q: DATA.q.slice(), k: 0, playing: false, factor: DATA.factor, axis: 0 };
+  const frames = DATA.frames;
+
+  // Pose of every joint: column-major 4x4, from the tree that Python wrote.
+  function times(a, b) {
+    const c = new Array(16).fill(0);
+    for (let i = 0; i < 4; i++)
+      for (let j = 0; j < 4; j++)
+        for (let m = 0; m < 4; m++) c[4 * j + i] += a[4 * m + i] * b[4 * j + m];
+    return c;
+  }
+  function moved(joint, q) {
+    const [x, y, z] = joint.axis;
+    if (!joint.rotary) return [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x * q, y * q, z * q, 1];
+    const c = Math.cos(q), s = Math.sin(q), t = 1 - c;
+    return [t * x * x + c, t * x * y + s * z, t * x * z - s * y, 0,
+            t * x * y - s * z, t * y * y + c, t * y * z + s * x, 0,
+            t * x * z + s * y, t * y * z - s * x, t * z * z + c, 0, 0, 0, 0, 1];
+  }
+  function pose(body, q) {
+    const world = [];
+    body.joints.forEach((joint) => {
+      const own = times(joint.place, moved(joint, q[joint.column]));
+      const at = joint.parent < 0 ? own : times(world[joint.parent], own);
+      world.push(at);
+      viewer.handle_command({ type: "set_transform", path: "/meshcat/" + joint.path, matrix: at });
+    });
+  }
+  const property = (path, name, value) =>
+    viewer.handle_command({ type: "set_property", path: "/meshcat/" + path, property: name, value: value });
+
+  function colour(share) {
+    const low = [0.62, 0.65, 0.68], high = [0.8, 0.13, 0.1];
+    return low.map((x, i) => x + Math.min(1, share) * (high[i] - x));
+  }
+  // Shapes of an axis in one colour, or in their own again; frames, masses and ellipsoids keep theirs.
+  function paint(axis, rgb) {
+    const node = viewer.scene_tree.find(["meshcat"].concat(axis.path.split("/")));
+    Object.entries(node.children).forEach(([name, child]) => {
+      if (["frame", "mass", "inertia"].includes(name)) return;
+      child.object.traverse((o) => {
+        if (!o.material || !o.material.color) return;
+        o.userData.own = o.userData.own || o.material.color.clone();
+        if (rgb) o.material.color.setRGB(rgb[0], rgb[1], rgb[2]);
+        else o.material.color.copy(o.userData.own);
+      });
+    });
+  }
+  function show() {
+    let q = state.q, ghost = null;
+    if (frames) {
+      q = frames.q[state.k];
+      if (frames.qr) ghost = q.map((x, i) => x + state.factor * (frames.qr[state.k][i] - x));
+      $("time").value = state.k;
+      $("now").textContent = frames.t[state.k].toFixed(3) + " s";
+      if ($("tint") && $("tint").checked)
+        DATA.axes.forEach((axis) => {
+          const s = axis.series && axis.series.gap;
+          if (s) paint(axis, colour(Math.abs(s[0].y[state.k] || 0) / axis.full));
+        });
+      draw();
+    }
+    DATA.bodies.forEach((body) => pose(body, body.ghost ? ghost || q : q));
+    DATA.axes.forEach((axis, i) => {
+      if (axis.slider) axis.slider.value = q[axis.column];
+      if (axis.told) axis.told.textContent = (q[axis.column] * axis.scale).toFixed(axis.digits) + " " + axis.unit;
+    });
+    viewer.set_dirty();
+  }
+
+  // Sliders, postures
+  const sliders = $("sliders");
+  DATA.axes.forEach((axis, i) => {
+    const row = make("label", "", sliders, "row");
+    make("b", axis.name, row);
+    axis.slider = make("input", "", row);
+    axis.slider.type = "range";
+    axis.slider.min = axis.low;
+    axis.slider.max = axis.high;
+    axis.slider.step = (axis.high - axis.low) / 1000;
+    axis.told = make("span", "", row);
+    row.title = (axis.low * axis.scale).toFixed(axis.digits) + " to " + (axis.high * axis.scale).toFixed(axis.digits) +
+      " " + axis.unit + (axis.limited ? " (limits of the URDF)" : " (no limits in the URDF)");
+    axis.slider.oninput = () => {
+      if (frames) { play(false); state.free = true; }
+      if (frames && !state.loose) { state.loose = frames.q[state.k].slice(); }
+      const q = frames ? state.loose : state.q;
+      q[axis.column] = Number(axis.slider.value);
+      DATA.bodies.forEach((body) => pose(body, q));
+      axis.told.textContent = (q[axis.column] * axis.scale).toFixed(axis.digits) + " " + axis.unit;
+      viewer.set_dirty();
+    };
+  });
+  Object.entries(DATA.postures).forEach(([name, q]) => {
+    const button = make("button", name, $("postures"));
+    button.onclick = () => {
+      play(false);
+      DATA.bodies.forEach((body) => pose(body, q));
+      state.q = q.slice();
+      if (!frames) show();
+      viewer.set_dirty();
+    };
+  });
+
+  // What is drawn
+  DATA.layers.forEach((layer) => {
+    const row = make("label", "", $("layers"), "layer");
+    const box = make("input", "", row);
+    box.type = "checkbox";
+    box.checked = layer.on;
+    const patch = make("i", "", row);
+    patch.style.background = layer.colour;
+    make("span", layer.text, row);
+    const set = () => {
+      if (layer.labels) $("labels").hidden = !box.checked;
+      layer.paths.forEach((path) => property(path, "visible", box.checked));
+      viewer.set_dirty();
+    };
+    if (layer.tint) {
+      box.id = "tint";
+      box.onchange = () => {
+        if (!box.checked) DATA.axes.forEach((axis) => paint(axis, null));
+        show();
+      };
+    } else { box.onchange = set; set(); }
+  });
+  if (frames && frames.qr) {
+    $("ghosted").hidden = false;
+    $("factor").value = Math.log10(state.factor);
+    const told = () => ($("times").textContent = state.factor + "×");
+    $("factor").oninput = () => {
+      state.factor = Math.round(Math.pow(10, Number($("factor").value)));
+      told();
+      show();
+    };
+    told();
+  }
+
+  // Labels over the picture: project each joint's origin.
+  const tags = DATA.axes.map((axis) => make("span", axis.name, $("labels")));
+  function label() {
+    requestAnimationFrame(label);
+    if ($("labels").hidden) return;
+    const c = viewer.camera, w = $("pane").clientWidth, h = $("pane").clientHeight;
+    const m = times(c.projectionMatrix.elements, c.matrixWorldInverse.elements);
+    DATA.axes.forEach((axis, i) => {
+      const p = viewer.scene_tree.find(["meshcat"].concat(axis.path.split("/"))).object.matrixWorld.elements;
+      const v = [0, 1, 2, 3].map((r) => m[r] * p[12] + m[4 + r] * p[13] + m[8 + r] * p[14] + m[12 + r]);
+      tags[i].style.left = (0.5 + v[0] / v[3] / 2) * w + "px";
+      tags[i].style.top = (0.5 - v[1] / v[3] / 2) * h + "px";
+    });
+  }
+  label();
+
+  // Time and plots
+  function play(on) {
+    state.playing = on;
+    if ($("play")) $("play").textContent = on ? "pause" : "play";
+    if (on) { state.loose = null; state.start = performance.now() - 1000 * (frames.t[state.k] - frames.t[0]) / state.speed; tick(); }
+  }
+  function tick() {
+    if (!state.playing) return;
+    const t = frames.t[0] + state.speed * (performance.now() - state.start) / 1000;
+    if (t > frames.t[frames.t.length - 1]) { state.k = 0; state.start = performance.now(); }
+    while (state.k + 1 < frames.t.length && frames.t[state.k + 1] <= t) state.k++;
+    show();
+    requestAnimationFrame(tick);
+  }
+  function go(k) { play(false); state.loose = null; state.k = Math.max(0, Math.min(frames.t.length - 1, k)); show(); }
+
+  function plot(canvas, title, unit, lines) {
+    const ratio = window.devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight;
+    if (canvas.width !== w * ratio) { canvas.width = w * ratio; canvas.height = h * ratio; }
+    const g = canvas.getContext("2d"), css = getComputedStyle(document.body);
+    g.setTransform(ratio, 0, 0, ratio, 0, 0);
+    g.clearRect(0, 0, w, h);
+    const ink = css.color, left = 52, right = 8, top = 18, bottom = 16;
+    let low = Infinity, high = -Infinity;
+    lines.forEach((l) => l.y.forEach((y) => { if (y !== null) { low = Math.min(low, y); high = Math.max(high, y); } }));
+    if (!(high > low)) { low -= 1; high += 1; }
+    const t = frames.t, X = (x) => left + (x - t[0]) / (t[t.length - 1] - t[0]) * (w - left - right);
+    const Y = (y) => top + (high - y) / (high - low) * (h - top - bottom);
+    g.font = "11px system-ui, sans-serif";
+    g.fillStyle = ink;
+    g.fillText(title + " [" + unit + "]", 4, 11);
+    g.globalAlpha = 0.7;
+    g.textAlign = "right";
+    g.fillText(high.toPrecision(3), left - 4, top + 8);
+    g.fillText(low.toPrecision(3), left - 4, h - bottom);
+    g.textAlign = "left";
+    g.fillText(t[0].toFixed(1), left, h - 3);
+    g.textAlign = "right";
+    g.fillText(t[t.length - 1].toFixed(1) + " s", w - right, h - 3);
+    g.textAlign = "left";
+    g.globalAlpha = 0.25;
+    g.strokeStyle = ink;
+    g.strokeRect(left, top, w - left - right, h - top - bottom);
+    if (low < 0 && high > 0) { g.beginPath(); g.moveTo(left, Y(0)); g.lineTo(w - right, Y(0)); g.stroke(); }
+    g.globalAlpha = 1;
+    let at = 4 + g.measureText(title + " [" + unit + "]").width + 14;
+    lines.forEach((l) => {
+      g.strokeStyle = l.colour;
+      g.lineWidth = 1.2;
+      g.beginPath();
+      let pen = false;
+      l.y.forEach((y, k) => {
+        if (y === null) { pen = false; return; }
+        if (pen) g.lineTo(X(t[k]), Y(y)); else g.moveTo(X(t[k]), Y(y));
+        pen = true;
+      });
+      g.stroke();
+      g.fillStyle = l.colour;
+      if (at + g.measureText(l.name).width < w - 4) { g.fillText(l.name, at, 11); at += g.measureText(l.name).width + 10; }
+    });
+    g.strokeStyle = ink;
+    g.beginPath();
+    g.moveTo(X(t[state.k]), top);
+    g.lineTo(X(t[state.k]), h - bottom);
+    g.stroke();
+    canvas.onpointerdown = canvas.onpointermove = (e) => {
+      if (!e.buttons) return;
+      const share = (e.offsetX - left) / (w - left - right);
+      let k = 0, x = t[0] + share * (t[t.length - 1] - t[0]);
+      while (k + 1 < t.length && t[k + 1] <= x) k++;
+      go(k);
+    };
+  }
+  function draw() {
+    const axis = DATA.axes[state.axis];
+    if (!axis.series) return;
+    Object.entries(axis.series).forEach(([kind, lines]) => {
+      const canvas = $("plot-" + kind);
+      if (canvas) plot(canvas, DATA.titles[kind], kind === "error" ? axis.error_unit : axis.effort_unit, lines);
+    });
+  }
+  if (frames) {
+    document.body.classList.add("timed");
+    state.speed = DATA.speed || 1;
+    $("time").max = frames.t.length - 1;
+    $("time").oninput = () => go(Number($("time").value));
+    $("play").onclick = () => play(!state.playing);
+    DATA.axes.forEach((axis, i) => {
+      if (!axis.series) return;
+      const option = make("option", "axis " + axis.name, $("axis"));
+      option.value = i;
+    });
+    $("axis").onchange = () => { state.axis = Number($("axis").value); rebuild(); show(); };
+    $("axis").hidden = !$("axis").options.length;
+    if ($("axis").options.length) state.axis = Number($("axis").value);
+    rebuild();
+    window.addEventListener("resize", show);
+  }
+  function rebuild() {
+    const plots = $("plots");
+    plots.textContent = "";
+    Object.keys(DATA.axes[state.axis].series || {}).forEach((kind) => { make("canvas", "", plots).id = "plot-" + kind; });
+  }
+  document.addEventListener("keydown", (e) => {
+    if (!frames || e.target.tagName === "INPUT") return;
+    if (e.key === " ") { play(!state.playing); e.preventDefault(); }
+    if (e.key === "ArrowRight") go(state.k + 1);
+    if (e.key === "ArrowLeft") go(state.k - 1);
+  });
+  const fit = () => {
+    viewer.set_3d_pane_size($("pane").clientWidth, $("pane").clientHeight);
+    viewer.set_dirty();
+  };
+  new ResizeObserver(fit).observe($("pane"));
+  fit();
+  show();
+})();

@@ -1,0 +1,102 @@
+"""What a log played back shows beside the machine: effort, gap, tracking error, effort by cause, over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.effects import EFFECTS
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+
+POINTS = 1200
+"""Frames of a playback; more would make the page large and look the same."""
+EDGE = 10
+"""Rows at both ends of a stretch of which the gap is not shown: their derivatives are one-sided."""
+CAUSES = 6
+"""Effects drawn per axis: those with the largest effort."""
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """A playback; times down the rows.
+
+    Attributes:
+        t: time [s], shape (m,).
+        q: positions in the machine's order [m or rad], shape (m, nv).
+        qr: commands, likewise, or None.
+        series: axis -> kind (effort, gap, error, parts) -> (name, colour, values of shape (m,)).
+        full: axis -> gap at which the axis is as red as it gets [N or N·m].
+    """
+
+    t: Floats
+    q: Floats
+    qr: Floats | None = None
+    series: dict[str, dict[str, list[tuple[str, str, Floats]]]] = field(default_factory=dict)
+    full: dict[str, float] = field(default_factory=dict)
+
+    def frames(self) -> dict[str, Any]:
+        """Return the motion for the page."""
+        return {
+            "t": np.round(self.t, 4).tolist(),
+            "q": np.round(self.q, 7).tolist(),
+            "qr": None if self.qr is None else np.round(self.qr, 9).tolist(),
+        }
+
+    def lines(self, axis: str) -> dict[str, list[dict[str, Any]]]:
+        """Return the plots of an axis for the page."""
+        return {
+            kind: [{"name": n, "colour": c, "y": _digits(y)} for n, c, y in lines]
+            for kind, lines in self.series[axis].items()
+        }
+
+
+def _digits(y: Floats) -> list[float | None]:
+    return [float(f"{x:.5g}") if np.isfinite(x) else None for x in y]
+
+
+def _colour(key: str) -> str:
+    name = key.rsplit(".", 1)[-1].split("#")[0]
+    return EFFECTS[name].colour if name in EFFECTS else "#888888"
+
+
+def tracks_of(machine: Machine, motion: Motion, twin: Twin | None = None) -> Tracks:
+    """Return the playback of a motion; with a twin, its effort and the gap beside the measured one.
+
+    Args:
+        machine: whose motion it is.
+        motion: the prepared log.
+        twin: the model to compare with, or None.
+    """
+    rows = np.unique(np.linspace(0, len(motion) - 1, min(POINTS, len(motion))).astype(int))
+    parts = {} if twin is None else twin.parts(motion)
+    model = None if twin is None else twin.effort(motion)
+    series: dict[str, dict[str, list[tuple[str, str, Floats]]]] = {}
+    full = {}
+    settled = np.zeros(len(motion), dtype=bool)
+    for s in motion.segments:
+        settled[s.start + EDGE : s.stop - EDGE] = True
+    for name, axis in machine.axes.items():
+        i = axis.index
+        u = motion.u[:, i]
+        held: dict[str, list[tuple[str, str, Floats]]] = {"effort": [("measured", "#7a828d", u[rows])]}
+        if model is not None:
+            gap = np.where(settled, u - model[:, i], np.nan)
+            held["effort"].append(("model", "#2b6cb0", model[rows, i]))
+            held["gap"] = [("gap", "#d2691e", gap[rows])]
+            full[name] = float(np.nanpercentile(np.abs(gap), 99.0)) or 1.0
+            sizes = {key: float(np.sqrt(np.mean(p[:, i] ** 2))) for key, p in parts.items()}
+            largest = sorted((k for k in sizes if sizes[k] > 0.0), key=lambda k: -sizes[k])[:CAUSES]
+            held["parts"] = [(key, _colour(key), parts[key][rows, i]) for key in largest]
+        if motion.qr is not None:
+            error = (motion.qr[:, i] - motion.q[:, i]) * (1e3 if axis.rotary else 1e6)
+            held["error"] = [("command minus position", "#2fa6a0", error[rows])]
+        series[name] = held
+    qr = None
+    if motion.qr is not None:
+        qr = np.where(np.isfinite(motion.qr), motion.qr, motion.q)[rows]
+    return Tracks(motion.t[rows] - motion.t[0], motion.q[rows], qr, series, full)

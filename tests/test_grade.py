@@ -1,0 +1,89 @@
+"""One grade per axis and signal: the four contradictions that a report once held cannot come back."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+
+from pinotwin.report.grade import BEYOND, KIND, WHOLE, explained, grade, told
+
+NAN = float("nan")
+
+TABLE = [
+    # rms, misfit, noise, after, grade
+    (0.20, 0.1, 0.25, None, "agrees"),
+    (0.37, 0.1, 0.25, None, "agrees"),
+    (4.49, 4.4, 0.248, None, "within the model's own misfit"),
+    (4.49, 0.3, 0.248, None, "not explained"),
+    (4.49, None, 0.248, None, "not judged"),
+    (22.5, 1.0, 2.06, 2.28, "gap explained"),
+    (74.0, 0.5, 0.3, 0.69, "gap explained"),
+    (0.135, 0.005, 0.0086, 0.0748, "partly explained"),
+    (10.0, 0.1, 0.1, 3.0, "partly explained"),
+    (10.0, 0.1, 0.1, 9.9, "not explained"),
+    (10.0, 0.1, 0.1, 12.0, "not explained"),
+    (10.0, 0.1, None, 1.0, "not judged"),
+    (10.0, 0.1, NAN, 1.0, "not judged"),
+    (NAN, 0.1, 0.1, 1.0, "not judged"),
+    (10.0, None, 0.1, 0.15, "gap explained"),
+]
+
+
+@pytest.mark.parametrize(("rms", "misfit", "noise", "after", "expected"), TABLE)
+def test_grades(rms, misfit, noise, after, expected):
+    assert grade(rms, misfit, noise, after) == expected
+
+
+def test_a_gap_of_eighteen_times_the_noise_never_agrees():
+    """Axis Y "agrees", 4.49 N beside a noise of 0.248 N; its plot said that no gap was beyond the noise."""
+    for misfit in (None, NAN, 0.0, 0.248, 4.5, 100.0):
+        assert grade(4.49, misfit, 0.248) != "agrees"
+
+
+def test_nine_times_the_noise_left_is_not_explained():
+    """ "Gap explained" with 0.0748 left of 0.135 N·m at a noise of 0.0086 N·m."""
+    assert grade(0.135, 0.0, 0.0086, 0.0748) == "partly explained"
+
+
+def test_a_gap_without_a_cause_is_never_explained():
+    """A's tracking error, 164 times the noise, "gap explained" without any shrink delivered."""
+    for misfit in (0.0, 0.5, None):
+        assert grade(1.64, misfit, 0.01, None) not in ("gap explained", "partly explained", "agrees")
+
+
+def test_only_noise_differs_means_that_it_agrees():
+    """ "What differs is noise" while C.e was 33 times its noise."""
+    assert grade(3.3, 0.1, 0.1) == "not explained"
+
+
+def test_words_and_numbers_never_contradict():
+    sizes = (0.0, 0.1, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0)
+    for rms, misfit, noise, after in itertools.product(sizes, (None, *sizes), sizes[1:], (None, *sizes)):
+        word = grade(rms, misfit, noise, after)
+        level = math.hypot(noise, misfit or 0.0)
+        assert word in KIND
+        assert (word == "agrees") == (rms <= BEYOND * noise)
+        if word == "gap explained":
+            assert after is not None
+            assert after <= 2.0 * BEYOND * level
+            assert explained(rms, level, after) >= WHOLE
+        if word == "within the model's own misfit":
+            assert noise < rms <= BEYOND * level
+        if word in ("partly explained", "gap explained"):
+            assert after is not None
+            assert after < rms
+
+
+def test_less_left_is_never_a_worse_grade():
+    order = ["not explained", "partly explained", "gap explained"]
+    for rms, noise in ((10.0, 0.1), (3.0, 1.0), (50.0, 2.0)):
+        ranks = [order.index(grade(rms, 0.1, noise, rms * share / 100)) for share in range(100, -1, -1)]
+        assert ranks == sorted(ranks)
+
+
+def test_the_numbers_come_with_units():
+    line = told(4.49, 4.4, 0.248, None, "N")
+    assert line == "gap 4.49 N, noise 0.25 N, model's own misfit 4.4 N"
+    assert "2.28 mN·m with the named causes" in told(22.5, 1.0, 2.06, 2.28, "mN·m")

@@ -1,0 +1,134 @@
+"""Python manners: file names do where objects do, wrong types are named, notebooks and help stay on one screen."""
+
+from __future__ import annotations
+
+import pydoc
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinotwin as pt
+from pinotwin.cli.main import COMMANDS, EXAMPLES, main
+from tests.simulated import known_twin, plain_machine, smooth_command
+
+pandas = pytest.importorskip("pandas")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A machine, its twin and a log on disk."""
+    home = tmp_path_factory.mktemp("manners")
+    machine = plain_machine("emps")
+    machine.save(home / "machine")
+    twin = known_twin(machine)
+    twin.save(home / "twin")
+    command = smooth_command(machine, 6.0, 500.0)
+    found = twin.simulate(command)
+    made = {"t": command.t, "X.qr": command["X.qr"], "X.q": found["X.q"], "X.u": found["X.u"]}
+    pt.Log(made).to_pandas().to_csv(home / "log.csv", index=False)
+    return home
+
+
+def test_paths_do_wherever_objects_do(folder):
+    machine, twin, log = folder / "machine", folder / "twin", folder / "log.csv"
+    assert pt.check(machine, log).ok
+    assert len(pt.prepare(str(machine), [str(log)])) > 1000
+    assert pt.simulate(twin, log)["X.q"].shape == pt.read(log).t.shape
+    assert pt.decompose(twin, log).axes == ("X",)
+    found = pt.identify(machine, str(log), validate=log, loop=False)
+    again = pt.identify(pt.Machine.load(machine), pt.read(log), loop=False)
+    np.testing.assert_allclose(found.theta, again.theta)
+
+
+def test_a_table_will_do_as_a_log(folder):
+    table = pandas.read_csv(folder / "log.csv")
+    found = pt.simulate(folder / "twin", table)
+    np.testing.assert_array_equal(found["X.q"], pt.simulate(folder / "twin", folder / "log.csv")["X.q"])
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: pt.identify(3, "log.csv"), "machine: expected a Machine, its folder, .* not int"),
+        (lambda: pt.identify("emps", 3), "log: expected a Log, a file name or a pandas DataFrame, not int"),
+        (lambda: pt.simulate({}, "log.csv"), "twin: expected a Twin or its folder, not dict"),
+        (lambda: pt.identify("emps", "absent.csv"), "absent.csv"),
+        (lambda: pt.check("emps", [1.0]), "not list"),
+        (lambda: pt.export_twin(None, "c", "x.c"), "twin: expected a Twin or its folder, not NoneType"),
+    ],
+)
+def test_wrong_types_are_named_in_an_error_of_our_own(call, text):
+    with pytest.raises(pt.InputError, match=text):
+        call()
+
+
+def test_pandas_there_and_back():
+    log = pt.Log(
+        {"t": np.arange(4.0), "X.q": np.array([1.0, 2.0, np.nan, 4.0])}, units={"X.q": "mm"}, notes=("a",)
+    )
+    table = log.to_pandas()
+    assert table.attrs["units"] == {"X.q": "mm"}
+    back = pt.Log.from_pandas(table)
+    assert back.units == log.units
+    for name in log.channels:
+        np.testing.assert_array_equal(back[name], log[name])
+
+
+def test_a_time_index_becomes_seconds_and_units_are_read():
+    index = pandas.to_timedelta([0, 4, 8], unit="ms")
+    table = pandas.DataFrame({"Y_ActPos [mm]": [1, 2, 3]}, index=index)
+    log = pt.Log.from_pandas(table)
+    np.testing.assert_allclose(log.t, [0.0, 0.004, 0.008])
+    assert log.units == {"Y_ActPos": "mm"}
+    with pytest.raises(pt.LogError, match="column 'name' does not hold numbers"):
+        pt.Log.from_pandas(pandas.DataFrame({"t": [0.0], "name": ["x"]}))
+
+
+def test_notebook_cells_are_short_and_escaped(folder):
+    log = pt.Log({"t": np.arange(3.0), "<b>": np.ones(3)}, source="a<b>.csv")
+    cells = [pt.Twin.load(folder / "twin"), pt.Machine.load(folder / "machine"), log]
+    for cell in cells:
+        text = cell._repr_html_()
+        assert len(text) < 6000
+        assert text.count("<tr>") <= 26
+    assert "<b>" not in log._repr_html_()
+    assert "&lt;b&gt;" in log._repr_html_()
+
+
+def test_help_of_the_package_is_one_look():
+    text = pydoc.plain(pydoc.render_doc(pt))
+    assert len(text.splitlines()) < 90
+    for name in dir(pt):
+        if not name.startswith("__"):
+            assert re.search(rf"\b{name}\b", pt.__doc__), f"{name} is not in the package's docstring"
+
+
+def test_public_names_load_and_have_docstrings():
+    names = [name for name in dir(pt) if not name.startswith("__")]
+    assert 25 <= len(names) <= 35
+    for name in names:
+        value = getattr(pt, name)
+        assert isinstance(value, dict) or value.__doc__, name
+
+
+def test_types_are_for_users_too():
+    assert (Path(pt.__file__).parent / "py.typed").is_file()
+
+
+def test_pinotwin_alone_prints_the_help(capsys):
+    assert main([]) == 0
+    assert "commands:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_a_description_an_example_and_defaults(command, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([command, "--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    assert f"example:\n  {EXAMPLES[command]}" in text
+    assert max(map(len, text.splitlines())) <= 80
+    assert "(None)" not in text
+    assert "(False)" not in text
