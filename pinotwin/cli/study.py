@@ -18,7 +18,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "subject", metavar="TWIN|MACHINE", help="a twin, or a machine to make one of from the logs"
     )
     parser.add_argument("logs", nargs="+", metavar="LOG", help="servo log(s)")
-    parser.add_argument("--only", nargs="+", choices=KINDS, default=[], help="these studies; all without")
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=KINDS,
+        default=[],
+        metavar="STUDY",
+        help=f"of {', '.join(KINDS)}; all without",
+    )
     parser.add_argument("--axis", nargs="+", default=[], metavar="AXIS", help="these axes; all without")
     text = "seconds of the first log in which the tracking error is told apart by cause"
     parser.add_argument("--window", metavar="LOW,HIGH", help=text)
