@@ -45,6 +45,7 @@ EXAMPLES: dict[str, str] = {
     "compare": "pinotwin compare twin_march twin_june --log today.csv --out moved",
     "blind": "pinotwin blind --machines trunnion --seeds 1 --out bench",
     "vibration": "pinotwin vibration flexure_rig --servo s.csv --imu i.csv --out vib.csv",
+    "orientation": "pinotwin orientation imu.csv --out orientation.csv",
     "record": "pinotwin record trunnion --seconds 24 --inject viscous:Y=0.2 --out log.csv",
     "view": "pinotwin view twin log.csv --html machine.html",
     "export": "pinotwin export twin --format mjcf --out trunnion.xml",
