@@ -29,7 +29,7 @@ from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.simulation import compare as score
 from pinotwin.simulation import simulate
 from pinotwin.twin import Twin
-from pinotwin.twin.given import TwinLike, as_twin
+from pinotwin.twin.twin import TwinLike, as_twin
 
 FALSE_DISCOVERIES = 0.05
 """Share of the parameters said to have moved that may be chance."""

@@ -24,7 +24,7 @@ from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.simulation.run import Loops, as_motion, respond
 from pinotwin.threads import one_blas_thread
-from pinotwin.twin.given import TwinLike, as_twin
+from pinotwin.twin.twin import TwinLike, as_twin
 
 if TYPE_CHECKING:
     from pinotwin.loop import LoopModel

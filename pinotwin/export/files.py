@@ -15,7 +15,7 @@ from pinotwin.export.mjcf import mjcf_lines, mjcf_text, passive_text
 from pinotwin.export.numpy_file import numpy_text
 from pinotwin.export.urdf_file import urdf_lines, urdf_text
 from pinotwin.twin import Twin
-from pinotwin.twin.given import TwinLike, as_twin
+from pinotwin.twin.twin import TwinLike, as_twin
 from pinotwin.writing import write_bytes
 
 SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}

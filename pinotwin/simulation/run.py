@@ -23,7 +23,7 @@ from pinotwin.simulation.command import Request, motor_coordinates, request
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.state import Command, Record
 from pinotwin.threads import one_blas_thread
-from pinotwin.twin.given import TwinLike, as_twin
+from pinotwin.twin.twin import TwinLike, as_twin
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin

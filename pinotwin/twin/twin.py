@@ -164,3 +164,25 @@ class Twin:
         from pinotwin.twin.files import load
 
         return load(Path(folder))
+
+
+TwinLike = Twin | str | Path
+"""A twin, or the folder that `pinotwin identify` wrote."""
+
+
+def as_twin(given: Any, name: str = "twin") -> Twin:
+    """Return a twin as it is, or load it.
+
+    Args:
+        given: a twin, or its folder.
+        name: of the argument, for the message.
+
+    Raises:
+        InputError: it is something else.
+        TwinError: the folder holds no twin.
+    """
+    if isinstance(given, Twin):
+        return given
+    if isinstance(given, str | Path):
+        return Twin.load(given)
+    raise InputError(f"{name}: expected a Twin or its folder, not {type(given).__name__}")
