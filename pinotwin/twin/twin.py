@@ -15,7 +15,7 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
-from pinotwin.errors import TwinError, nearest
+from pinotwin.errors import InputError, TwinError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike
 from pinotwin.machine import Machine
