@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import EFFECTS, Effect
 from pinotwin.machine.yaml_file import settings_of
 
 HEAD = """# Effects
@@ -18,9 +18,49 @@ line in its table.
 """
 
 
+WHERE = """## Where each can be used
+
+*Listed*: under `effects` of an axis in machine.yaml. *Identified*: coefficients with intervals. *Simulated*:
+`by passes` evaluates the effect on the response and runs again until it stays the same; a drive that twists
+settles that way up to about 25 Hz, faster ones and play are refused in one line. *Looked for*: what a search
+chooses beside the coefficients (`EFFECTS[name].candidates`). *Applied*: where a finding is written.
+
+| effect | family | listed | identified | simulated | looked for | applied |
+|---|---|---|---|---|---|---|
+"""
+
+
 def page() -> str:
     """Return the text of docs/effects.md."""
-    return HEAD + "\n".join(_section(name) for name in EFFECTS if name != "rigid_body")
+    sections = "\n".join(_section(name) for name in EFFECTS if name != "rigid_body")
+    return HEAD + WHERE + "".join(_row(name) for name in EFFECTS) + "\n" + sections
+
+
+def _row(name: str) -> str:
+    """Return one line of the table that says where an effect can be used."""
+    effect = EFFECTS[name]
+    listed = "always" if name == "rigid_body" else "no" if effect.unlisted else "yes"
+    in_loop = effect.family.acts == "loop"
+    identified = "yes" if listed != "no" else "with the controller" if in_loop else "by diagnose"
+    shapes = "shape" if effect.searched == 1 else "shapes"
+    searched = f"{effect.searched} {shapes}" if effect.searched else "linear"
+    applied = {"yes": "machine.yaml", "always": "URDF"}.get(listed, f"by hand: it {effect.unlisted}")
+    cells = (name, effect.family.title, listed, identified, _simulated(effect), searched, applied)
+    return f"| {' | '.join(cells)} |\n"
+
+
+def _simulated(effect: type[Effect]) -> str:
+    """Return how a simulation takes an effect in."""
+    if effect.family.acts == "loop":
+        return "in the loop"
+    if effect.unlisted and effect.name != "rigid_body":
+        return "no"
+    if effect.logged_effort:
+        return "in the logged effort"
+    if effect.family.acts == "states":
+        return "by passes, or refused"
+    in_step = effect.depends != "other" or effect.causes[0] in ("viscous", "stiffness", "rigid_body")
+    return "step by step" if in_step else "by passes"
 
 
 def _section(name: str) -> str:

@@ -23,8 +23,8 @@ from pinotwin.effects import (
     RigidBody,
     Tree,
     Viscous,
-    with_model,
 )
+from pinotwin.effects import told as told_by
 from pinotwin.effects.family import FRICTION, POSITION
 from pinotwin.errors import MachineError
 from pinotwin.machine.yaml_file import effect_spec, make_effects, settings_of
@@ -73,7 +73,7 @@ def told(motion: Motion) -> Motion:
     beta = effects[0].base.from_standard(parameters(model))
     lag = 0.004 * motion.v
     with_command = dataclasses.replace(motion, qr=motion.q + lag, vr=motion.v, ar=motion.a)
-    return with_model(with_command, effects, np.concatenate([beta, [12.0, 0.3]]))
+    return told_by(with_command, effects, np.concatenate([beta, [12.0, 0.3]]))
 
 
 @pytest.fixture(scope="module")

@@ -35,6 +35,7 @@ CATALOGUE = {
     "external_force",
     "geometric_error",
     "quadratic_drag",
+    "hysteresis",
 }
 
 

@@ -28,7 +28,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.effects import Effect, RigidBody
+from pinotwin.effects import Effect
+from pinotwin.effects.layout import rigid_body_of
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -148,8 +149,9 @@ def generalised_disturbance(twin: Twin, motion: Motion, diagonal: Mapping[str, F
         diagonal: M_D, C, K as :func:`diagonal` returns them.
     """
     total = _rigid_effort(twin, motion.q, motion.v, motion.a)
+    motion = twin.scene(motion)
     for effect, theta in _effects(twin):
-        if not isinstance(effect, RigidBody):
+        if effect.axis is not None and not effect.logged_effort:
             total += _effort(effect, theta, motion, total.shape[1])
     if motion.external is not None:
         total -= motion.external
@@ -165,9 +167,10 @@ def split(twin: Twin, motion: Motion) -> Split:
     if not twin.diagonal:
         raise DataError(f"{twin.machine.name}: the twin holds no diagonal; identify it again")
     parts: dict[str, Floats] = {}
+    motion = twin.scene(motion)
     n, nv = motion.q.shape
     for effect, theta in _effects(twin):
-        if isinstance(effect, RigidBody):
+        if effect.axis is None:
             continue
         words = causes(effect)
         for cause in dict.fromkeys(words):
@@ -215,10 +218,9 @@ def _only(x: Floats, kept: Mask) -> Floats:
 def _rigid_effort(twin: Twin, q: Floats, v: Floats, a: Floats) -> Floats:
     """Return the effort of the tree with the coefficients that were found, shape (n, nv)."""
     total = np.zeros_like(q)
-    for effect, theta in _effects(twin):
-        if isinstance(effect, RigidBody):
-            for s in _rows(len(q)):
-                total[s] += effect.base.regressor(effect.model, q[s], v[s], a[s]) @ theta
+    tree, where = rigid_body_of(twin.effects)
+    for s in _rows(len(q)):
+        total[s] = tree.base.regressor(tree.model, q[s], v[s], a[s]) @ twin.theta[where]
     return total
 
 

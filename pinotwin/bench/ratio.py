@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.effects import Effect, Presliding, Ripple, RippleModulated
+from pinotwin.effects import Effect
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
@@ -141,12 +141,12 @@ def at_truth(effect: Effect, truth: VirtualMachine) -> Effect:
     if effect.axis is None or effect.axis not in truth.truth.axes:
         return effect
     axis = truth.truth.axes[effect.axis]
-    if isinstance(effect, Presliding):
-        f = axis.friction
-        return replace(effect, x_s=f.presliding or effect.x_s, v_s=f.stribeck_speed or effect.v_s)
-    if isinstance(effect, RippleModulated) and axis.ripple:
-        first = axis.ripple[0]
-        return replace(effect, period=first.period, eps=first.modulation_phase)
-    if isinstance(effect, Ripple) and axis.ripple:
-        return replace(effect, period=axis.ripple[0].period)
-    return effect
+    f, waves = axis.friction, axis.ripple
+    true: dict[str, float | None] = {}
+    if effect.name == "presliding":
+        true = {"x_s": f.presliding, "v_s": f.stribeck_speed}
+    if effect.name in ("ripple", "ripple_modulated") and waves:
+        true = {"period": waves[0].period}
+    if effect.name == "ripple_modulated" and waves:
+        true["eps"] = waves[0].modulation_phase
+    return replace(effect, **{k: x for k, x in true.items() if x})  # type: ignore[type-var]

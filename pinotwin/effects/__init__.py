@@ -21,6 +21,7 @@ from pinotwin.effects.friction import Stribeck as Stribeck
 from pinotwin.effects.friction import Viscous as Viscous
 from pinotwin.effects.friction import ViscousAsymmetric as ViscousAsymmetric
 from pinotwin.effects.friction import ViscousThermal as ViscousThermal
+from pinotwin.effects.hysteresis import Hysteresis as Hysteresis
 from pinotwin.effects.load import ExternalForce as ExternalForce
 from pinotwin.effects.load import GeometricError as GeometricError
 from pinotwin.effects.load import InertialCoupling as InertialCoupling
@@ -32,6 +33,7 @@ from pinotwin.effects.position import RippleModulated as RippleModulated
 from pinotwin.effects.presliding import Presliding as Presliding
 from pinotwin.effects.rigid_body import RigidBody as RigidBody
 from pinotwin.effects.scene import needs_model as needs_model
+from pinotwin.effects.scene import told as told
 from pinotwin.effects.scene import total_effort as total_effort
 from pinotwin.effects.scene import with_model as with_model
 from pinotwin.effects.sensing import Delay as Delay
@@ -60,6 +62,7 @@ EFFECTS: dict[str, type[Effect]] = {
         LoadFriction,
         ViscousThermal,
         QuadraticDrag,
+        Hysteresis,
         Offset,
         Ripple,
         RippleModulated,

@@ -13,7 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect
+from pinotwin.arrays import Floats
+from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect, Paired
 from pinotwin.effects.family import BODY, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
@@ -22,7 +23,7 @@ from pinotwin.motion import Motion
 
 
 @dataclass(frozen=True)
-class WristCoupling(Effect):
+class WristCoupling(Paired):
     """Inertia and friction of a motor that is geared to two joints at once.
 
         tau_i = Ia_m a_j + b_m v_j + c_m sign(v_i + v_j),      tau_j the same with i and j exchanged
@@ -52,6 +53,10 @@ class WristCoupling(Effect):
             Coefficient("b_m", f"{f}·s/{x}", lower=0.0),
             Coefficient("c_m", f, lower=0.0),
         )
+
+    def terms(self, theta: Floats) -> tuple[float, float, float]:
+        """See :meth:`Paired.terms`."""
+        return float(theta[0]), float(theta[1]), float(theta[2])
 
     @classmethod
     def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Effect, ...]:

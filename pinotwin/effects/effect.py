@@ -10,7 +10,7 @@ Identification, simulation, diagnosis, report and documentation read everything 
 
 * ``effect.columns(motion)``: the regressor. Effects whose column is made of the model's own effort
   (``needs`` names the channels: ``model``, ``rigid``, ``mass``) want a motion that holds it:
-  ``motion = with_model(motion, effects, theta)`` of :mod:`pinotwin.effects.scene`, once a model.
+  ``motion = told(motion, effects, theta)`` of :mod:`pinotwin.effects.scene`, once a model.
 * ``effect.coefficients()``, ``effect.shapes()``, ``effect.shaped(values)``: names, units, bounds.
 * ``EFFECTS[name].candidates(machine, axis, motion)``: the instances worth trying on one axis of this
   motion. Empty when the log cannot show the effect (presliding in a coarse log, a Stribeck curve
@@ -41,7 +41,7 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.family import Family
+from pinotwin.effects.family import OTHER, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.tree import HasTree, Tree
 from pinotwin.errors import DataError
@@ -58,7 +58,7 @@ Cause = Literal[
     "rigid_body",
     "other",
 ]
-Depends = Literal["position", "velocity", "direction", "displacement", "other"]
+Depends = Literal["position", "velocity", "direction", "displacement", "partner", "other"]
 Need = Literal["model", "rigid", "mass"]
 
 
@@ -123,8 +123,8 @@ class Effect(abc.ABC):
     name: ClassVar[str]
     """Name in YAML, JSON and reports."""
 
-    family: ClassVar[Family]
-    """Its family, which says what it acts on."""
+    family: ClassVar[Family] = OTHER
+    """Its family, which says what it acts on; every effect of the table has one of its own."""
 
     title: ClassVar[str]
     """Name in a heading."""
@@ -159,8 +159,14 @@ class Effect(abc.ABC):
     searched: ClassVar[int] = 0
     """How many numbers a search over its candidates chooses: the price of finding it."""
 
+    logged_effort: ClassVar[bool] = False
+    """Whether it changes the logged effort after everything else: what moves the machine is without it."""
+
     uses_standstill: ClassVar[bool] = False
     """Whether rows at standstill help to identify it (presliding): they are kept for its axis."""
+
+    refined_in_loop: ClassVar[bool] = True
+    """Whether the closed loop may refine its coefficients, if it is friction or an effort of position."""
 
     held: ClassVar[bool] = False
     """Whether its coefficients are held weakly within the size of the effort: knots that a log hardly
@@ -173,7 +179,8 @@ class Effect(abc.ABC):
     depends: ClassVar[Depends] = "other"
     """What its columns are a function of, so that a simulation can tabulate them: ``position``,
     ``velocity``; ``direction`` (times a function of the speed); ``displacement`` (slip elements times
-    a function of the speed). An effect of any other kind is still simulated, by repeated passes."""
+    a function of the speed); ``partner`` (inertia, viscous and dry friction between two axes, see
+    :class:`Paired`). An effect of any other kind is still simulated, by repeated passes."""
 
     axis: str | None
     """Axis it belongs to, or None for the whole machine."""
@@ -207,6 +214,18 @@ class Effect(abc.ABC):
         """Return the effect with what it takes from its machine (a body's regressor, an endless joint)."""
         del tree
         return self
+
+    def other_forms(self) -> tuple[Self, ...]:
+        """Return the same effect in other usual forms of its law, to try where one has been fitted."""
+        return ()
+
+    def nominal(self) -> Floats | None:
+        """Return the coefficients that the machine's description gives, or None where it gives none."""
+        return None
+
+    def labels(self) -> tuple[str, ...]:
+        """Return the name of every coefficient in a table of parameters."""
+        return tuple(c.name for c in self.coefficients())
 
     def shape_values(self) -> tuple[float, ...]:
         """Return the present values of the shapes."""
@@ -265,6 +284,37 @@ class Effect(abc.ABC):
         return ()
 
 
+class Paired(Effect):
+    """An effect between two axes: inertia and viscous friction of the other's motion, dry friction of both.
+
+    tau_i = Ia a_j + b v_j + c sign(v_i + v_j),      tau_j the same with i and j exchanged
+    """
+
+    depends: ClassVar[Depends] = "partner"
+    axis: str
+    partner: str
+
+    @abc.abstractmethod
+    def terms(self, theta: Floats) -> tuple[float, float, float]:
+        """Return Ia, b and c of coefficients in the order of :meth:`coefficients`."""
+
+
+class Slipping(Effect):
+    """An effect of slip elements and a bristle that bend with the displacement of an axis.
+
+    tau = z g(|v|) + m (y - z) + d y',      dz_i = dq / (x_s yield_i), kept within [-1, 1]
+    """
+
+    depends: ClassVar[Depends] = "displacement"
+    axis: str
+    x_s: float | None
+    play: float | None
+
+    @abc.abstractmethod
+    def memory(self, theta: Floats) -> tuple[float, float]:
+        """Return m and d of coefficients in the order of :meth:`coefficients`."""
+
+
 class AxisEffect(Effect):
     """An effect of one axis that depends on the motion of that axis alone."""
 
@@ -289,6 +339,6 @@ def channel(effect: Effect, motion: Motion, name: Need) -> Floats:
     if found is None:
         raise DataError(
             f"{effect.axis}.{effect.name} needs the effort of a model along the motion; "
-            "call with_model(motion, effects, theta) first"
+            "call told(motion, effects, theta) first"
         )
     return found

@@ -33,5 +33,6 @@ TRANSMISSION = Family("transmission", "Drive train", "states")
 SENSING = Family("sensing", "Sensors", "sensor")
 LOAD = Family("load", "Load", "effort")
 SERVO = Family("servo", "Controller", "loop")
+OTHER = Family("other", "Other", "effort")
 
 FAMILIES = (BODY, FRICTION, POSITION, TRANSMISSION, SENSING, LOAD, SERVO)

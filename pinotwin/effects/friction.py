@@ -9,7 +9,7 @@ Each term is an effect of its own, so that it can be listed, left out, withheld 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -119,7 +119,7 @@ class Coulomb(AxisEffect):
     words: ClassVar[str] = "dry friction: the same force at any speed, against the motion"
     remedy: ClassVar[str] = "check preload of bearings, guides and gears, wipers, a brake that drags"
     colour: ClassVar[str] = "#e15759"
-    imitates: ClassVar[tuple[str, ...]] = ("presliding", "stribeck", "load_friction")
+    imitates: ClassVar[tuple[str, ...]] = ("presliding", "stribeck", "load_friction", "hysteresis")
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "direction"
     axis: str
@@ -223,6 +223,10 @@ class Stribeck(AxisEffect):
         if not sight.both_ways:
             return ()
         return tuple(replace(self, v_s=float(x), exponent=k) for x in speeds for k in (1.0, 2.0))
+
+    def other_forms(self) -> tuple[Self, ...]:
+        """See :meth:`Effect.other_forms`: the other usual exponent."""
+        return (replace(self, exponent=1.0 if self.exponent > 1.5 else 2.0),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinotwin.effects.effect import Effect
+from pinotwin.effects.rigid_body import RigidBody
 
 
 def effect_keys(effects: Sequence[Effect]) -> tuple[str, ...]:
@@ -24,3 +25,11 @@ def effect_slices(effects: Sequence[Effect]) -> tuple[slice, ...]:
     counts = [len(effect.coefficients()) for effect in effects]
     ends = np.cumsum(counts)
     return tuple(slice(int(e - c), int(e)) for e, c in zip(ends, counts, strict=True))
+
+
+def rigid_body_of(effects: Sequence[Effect]) -> tuple[RigidBody, slice]:
+    """Return the rigid bodies among some effects, and where their base parameters lie in the vector."""
+    for effect, where in zip(effects, effect_slices(effects), strict=True):
+        if isinstance(effect, RigidBody):
+            return effect, where
+    raise ValueError("no rigid body among these effects")

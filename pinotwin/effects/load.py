@@ -14,7 +14,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.batch import inverse
 from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
 from pinotwin.dynamics.regressor import regressor
-from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Columns, Effect
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Columns, Effect, Paired
 from pinotwin.effects.family import BODY, LOAD, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, inertia
@@ -79,7 +79,7 @@ class Payload(Effect):
 
 
 @dataclass(frozen=True)
-class InertialCoupling(Effect):
+class InertialCoupling(Paired):
     """Inertia that two axes share: tau_i = J a_j, tau_j = J a_i.
 
     Attributes:
@@ -104,6 +104,10 @@ class InertialCoupling(Effect):
     def coefficients(self) -> tuple[Coefficient, ...]:
         """See :meth:`Effect.coefficients`; between a slide and a rotation the unit is that of kg·m."""
         return (Coefficient("J", inertia(self.rotary)),)
+
+    def terms(self, theta: Floats) -> tuple[float, float, float]:
+        """See :meth:`Paired.terms`."""
+        return float(theta[0]), 0.0, 0.0
 
     @classmethod
     def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Effect, ...]:

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Effect, Shape
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Effect, Shape, Slipping
 from pinotwin.effects.family import FRICTION, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
@@ -82,7 +82,7 @@ def encoder_noise(motion: AxisMotion) -> float:
 
 
 @dataclass(frozen=True)
-class Presliding(AxisEffect):
+class Presliding(AxisEffect, Slipping):
     """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'.
 
     Attributes:
@@ -103,10 +103,9 @@ class Presliding(AxisEffect):
     )
     colour: ClassVar[str] = "#c7568f"
     contains: ClassVar[tuple[str, ...]] = ("coulomb", "stribeck")
-    imitates: ClassVar[tuple[str, ...]] = ("backlash", "stribeck", "coulomb", "encoder_error")
+    imitates: ClassVar[tuple[str, ...]] = ("hysteresis", "backlash", "stribeck", "coulomb", "encoder_error")
     searched: ClassVar[int] = 1
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
-    depends: ClassVar[Depends] = "displacement"
     uses_standstill: ClassVar[bool] = True
     axis: str
     rotary: bool = False
@@ -175,6 +174,10 @@ class Presliding(AxisEffect):
         slope = np.abs(np.diff(sight.speed)) / sight.step
         slow = sight.speed[:-1] < 0.1 * sight.top
         return float(np.median(slope[slow])) if slow.any() else float(np.median(slope))
+
+    def other_forms(self) -> tuple[Self, ...]:
+        """See :meth:`Effect.other_forms`: the other usual exponent of its Stribeck term."""
+        return (replace(self, exponent=1.0 if self.exponent > 1.5 else 2.0),) if self.stribeck else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""

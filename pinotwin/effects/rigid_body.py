@@ -51,6 +51,14 @@ class RigidBody(Effect):
         pairs = zip(self.base.names, self.base.units, strict=True)
         return tuple(Coefficient(name, unit) for name, unit in pairs)
 
+    def labels(self) -> tuple[str, ...]:
+        """See :meth:`Effect.labels`: short ones, whose sums of standard parameters are their meaning."""
+        return self.base.labels
+
+    def nominal(self) -> Floats:
+        """See :meth:`Effect.nominal`: the base parameters of the description."""
+        return self.base.from_standard(parameters(self.model))
+
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""
         values = self.base.regressor(self.model, motion.q, motion.v, motion.a)

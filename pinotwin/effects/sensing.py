@@ -53,6 +53,7 @@ class Delay(Effect):
     )
     needs: ClassVar[tuple[Need, ...]] = ("model",)
     searched: ClassVar[int] = 1
+    logged_effort: ClassVar[bool] = True
     axis: str
     rotary: bool = False
     span: float = 1e-3
@@ -63,7 +64,7 @@ class Delay(Effect):
 
     def shapes(self) -> tuple[Shape, ...]:
         """See :meth:`Effect.shapes`."""
-        return (Shape("span", "s", -0.03, 0.03, log=False),)
+        return (Shape("span", "s", -0.06, 0.06, log=False),)
 
     def warm_up(self, motion: Motion) -> float:
         """See :meth:`Effect.warm_up`."""
@@ -110,6 +111,7 @@ class EffortScale(Effect):
     colour: ClassVar[str] = "#5f7f3f"
     imitates: ClassVar[tuple[str, ...]] = ("rigid_body", "payload", "load_friction")
     needs: ClassVar[tuple[Need, ...]] = ("model",)
+    logged_effort: ClassVar[bool] = True
     axis: str
     rotary: bool = False
 

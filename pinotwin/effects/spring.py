@@ -25,7 +25,7 @@ class Spring(AxisEffect):
     remedy: ClassVar[str] = "check cables, hoses and covers that are stretched along the travel"
     colour: ClassVar[str] = "#6b8e23"
     contains: ClassVar[tuple[str, ...]] = ("viscous",)
-    imitates: ClassVar[tuple[str, ...]] = ("position_table", "rigid_body")
+    imitates: ClassVar[tuple[str, ...]] = ("position_table", "rigid_body", "hysteresis")
     causes: ClassVar[tuple[Cause, ...]] = ("stiffness", "viscous")
     axis: str
     rotary: bool = True

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.effects.scene import without_model
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.identification.plant import fit_options
@@ -36,9 +37,10 @@ def misfit_of(twin: Twin, motion: Motion) -> Misfit | None:
         twin: with its final effects and coefficients.
         motion: the logs it was identified from, prepared.
     """
-    motion = _shortened(motion)
+    motion = _shortened(without_model(motion))
     rows = choose_rows(motion)
-    problem = assemble(motion, twin.effects, rows)
+    told = twin.scene(motion)
+    problem = assemble(told, twin.effects, rows)
     options = fit_options(twin.machine, twin.effects, motion)
     try:
         held = held_out(problem, folds=FOLDS, options=options)
@@ -63,7 +65,7 @@ def own_residual(twin: Twin) -> Floats:
 
 
 def _residual(twin: Twin, motion: Motion, theta: Floats, fold: Ints) -> Floats:
-    effort = np.zeros((len(motion), twin.machine.nv))
+    motion, effort = twin.scene(motion), np.zeros((len(motion), twin.machine.nv))
     for effect, where in zip(twin.effects, twin.slices, strict=True):
         columns = effect.columns(motion)
         at = list(columns.joints)

@@ -11,6 +11,7 @@ import numpy as np
 
 from pinotwin.analysis.disturbance import diagonal
 from pinotwin.dynamics.parameters import parameters
+from pinotwin.effects.scene import with_model
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import assemble
 from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
@@ -109,15 +110,17 @@ def _with_leads(
 ) -> tuple[Machine, Motion, Plant, dict[str, Any]]:
     """Return machine, motion and plant with the leads of the efforts that are significant, and all leads.
 
-    A lead that machine.yaml gives is believed; a passive joint's vibration is no place to look for others. Where
-    a closed loop is identified as well, leads are told but left in: the loop goes round by the channels as they
-    were logged, and the black box did not bear it otherwise (measured on EMPS).
+    A lead that machine.yaml gives is believed, and an axis that lists a delay has it there; a passive joint's
+    vibration is no place to look for others. Where a closed loop is identified as well, leads are told but left
+    in: the loop goes round by the channels as they were logged, and the black box did not bear it otherwise
+    (measured on EMPS).
     """
     motion = prepared(machine)
     plant = _plant(machine, motion, consistent)
     given = {name: axis.lead for name, axis in machine.axes.items() if axis.lead is not None}
-    found = {} if machine.passive else find_leads(machine, motion, plant)
-    found = {name: lead for name, lead in found.items() if name not in given}
+    found = {} if machine.passive else find_leads(machine, plant.motion, plant)
+    listed = {name for name, axis in machine.axes.items() if any(e.logged_effort for e in axis.effects)}
+    found = {name: lead for name, lead in found.items() if name not in given and name not in listed}
     closed = loop and motion.qr is not None
     applied = {name: lead.seconds for name, lead in found.items() if lead.significant and not closed}
     if applied:
@@ -129,7 +132,7 @@ def _with_leads(
     for name, lead in found.items():
         said[name] = {"lead": lead.seconds, "standard_error": lead.error, "significant": lead.significant}
         said[name]["applied"] = name in applied
-    return machine, motion, plant, said
+    return machine, plant.motion, plant, said
 
 
 def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
@@ -232,7 +235,7 @@ def _validate(
     quality: dict[str, Any],
 ) -> None:
     """Add the errors on logs that were not fitted."""
-    motion = prepare(machine, logs, **settings)
+    motion = with_model(prepare(machine, logs, **settings), plant.effects, plant.theta)
     rows = prediction_rows(assemble(motion, plant.effects), plant.theta, machine.names)
     for name, row in rows.items():
         if name in quality["axes"]:

@@ -9,14 +9,21 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.parameters import body_count, parameters
-from pinotwin.effects import Effect, PositionTable, RigidBody
-from pinotwin.effects.layout import effect_slices
+from pinotwin.effects import Effect, needs_model, told
+from pinotwin.effects.layout import effect_slices, rigid_body_of
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.consistency import Bodies, ConsistentFit, Evidence, consistent
 from pinotwin.solve.linear import Options, Prior, linear
 from pinotwin.solve.result import LinearFit
+
+PASSES = 12
+"""Most solutions where an effect scales with the effort of the model."""
+SAME = 1e-6
+"""Relative change of that effort at which it has settled."""
+
+Solved = tuple[LinearFit, tuple[Effect, ...], Floats, Mask]
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,7 @@ class Plant:
         shape_errors: standard error of every searched shape, in the order of the effects.
         shape_at_bound: whether it ended at a bound.
         consistency: what the constraint did; None where it was not asked for.
+        motion: what was fitted, with the model's own effort where an effect scales with it.
     """
 
     effects: tuple[Effect, ...]
@@ -42,6 +50,7 @@ class Plant:
     shape_errors: Floats
     shape_at_bound: Mask
     consistency: ConsistentFit | None
+    motion: Motion
 
 
 def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = True, every: int = 1) -> Plant:
@@ -58,8 +67,7 @@ def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = Tr
     if every > 1:
         picked = np.arange(len(rows.sample)) % every == 0
         rows = replace(rows, kept=tuple(kept & picked for kept in rows.kept))
-    options = fit_options(machine, effects, motion)
-    fit, effects, errors, bounds = _solve(motion, effects, rows, options)
+    motion, (fit, effects, errors, bounds) = _settled(machine, motion, effects, rows)
     pi0 = parameters(machine.model)
     if consistent_inertia:
         found = _consistent(machine, fit, effects, pi0)
@@ -69,7 +77,30 @@ def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = Tr
         theta = fit.theta
         base = machine.base
         pi = pi0 + np.linalg.pinv(base.P) @ (theta[_beta(effects)] - base.P @ pi0)
-    return Plant(effects, rows, fit, theta, pi, errors, bounds, found)
+    return Plant(effects, rows, fit, theta, pi, errors, bounds, found, motion)
+
+
+def _settled(
+    machine: Machine, motion: Motion, effects: tuple[Effect, ...], rows: Rows
+) -> tuple[Motion, Solved]:
+    """Solve, again and again where an effect scales with the effort of the model that is being found.
+
+    The first effort is that of the other effects alone.
+    """
+    if not needs_model(effects):
+        return motion, _solve(motion, effects, rows, fit_options(machine, effects, motion))
+    plain = tuple(effect for effect in effects if not effect.needs)
+    first = _solve(motion, plain, rows, fit_options(machine, plain, motion))
+    motion = told(motion, first[1], first[0].theta)
+    options = fit_options(machine, effects, motion)
+    for _ in range(PASSES):
+        solved = _solve(motion, effects, rows, options)
+        assert motion.model is not None
+        before, motion = motion.model, told(motion, solved[1], solved[0].theta)
+        assert motion.model is not None
+        if np.linalg.norm(motion.model - before) <= SAME * np.linalg.norm(motion.model):
+            break
+    return motion, solved
 
 
 def fit_options(machine: Machine, effects: Sequence[Effect], motion: Motion | None = None) -> Options:
@@ -93,20 +124,18 @@ def _ridge(effects: Sequence[Effect], motion: Motion) -> Floats | None:
     slices = effect_slices(effects)
     out = np.full(slices[-1].stop, np.inf)
     for effect, where in zip(effects, slices, strict=True):
-        if isinstance(effect, PositionTable):
+        if effect.held:
+            assert effect.axis is not None
             u = motion.u[:, motion.index(effect.axis)]
             out[where] = max(float(np.sqrt(np.nanmean(u**2))), 1e-12) if np.isfinite(u).any() else 1.0
     return out if np.isfinite(out).any() else None
 
 
 def _beta(effects: Sequence[Effect]) -> slice:
-    at = [isinstance(effect, RigidBody) for effect in effects].index(True)
-    return effect_slices(effects)[at]
+    return rigid_body_of(effects)[1]
 
 
-def _solve(
-    motion: Motion, effects: tuple[Effect, ...], rows: Rows, options: Options
-) -> tuple[LinearFit, tuple[Effect, ...], Floats, Mask]:
+def _solve(motion: Motion, effects: tuple[Effect, ...], rows: Rows, options: Options) -> Solved:
     searched = [i for i, effect in enumerate(effects) if effect.shapes()]
     searched = [i for i in searched if _joint(motion, effects[i]) in rows.joints]
     if not searched:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import Effect, Presliding, Stribeck
+from pinotwin.effects import Effect
 from pinotwin.loop import LoopData, LoopModel
 from pinotwin.loop.uncertainty import block_covariance
 from pinotwin.motion import Motion
@@ -116,12 +116,7 @@ def refine(
 
 def _others(found: AxisEffects) -> list[AxisEffects]:
     """Return the effects with the other usual exponent of Stribeck's curve, 1 or 2, if they have one."""
-    swapped = tuple(
-        replace(e, exponent=1.0 if e.exponent > 1.5 else 2.0)
-        if isinstance(e, Stribeck) or (isinstance(e, Presliding) and e.stribeck)
-        else e
-        for e in found.effects
-    )
+    swapped = tuple((e.other_forms() or (e,))[0] for e in found.effects)
     return [] if swapped == found.effects else [replace(found, effects=swapped)]
 
 
@@ -222,6 +217,7 @@ def axis_effects(
         for effect, where in zip(effects, slices, strict=True)
         if effect.axis == axis
         and set(effect.causes) <= {"friction", "position"}
+        and effect.refined_in_loop
         and 0 < len(effect.coefficients()) <= MOST_COLUMNS
     ]
     if not mine:

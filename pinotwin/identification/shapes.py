@@ -54,20 +54,21 @@ def search_shapes(
 
 
 def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], rows: Rows) -> Moving:
-    assert effect.axis is not None
-    joint = motion.index(effect.axis)
-    kept = rows.kept[rows.joints.index(joint)]
     shapes = effect.shapes()
-    every = bool(kept.all())  # thousands of trials: a copy by mask costs as much as the columns
+    joints = sorted(set(effect.columns(motion).joints) & set(rows.joints))
+    masks = [rows.kept[rows.joints.index(joint)] for joint in joints]
+    every = [bool(kept.all()) for kept in masks]  # thousands of trials: a copy by mask costs as much
 
     def columns(values: Floats) -> Floats:
         own = effect.shaped(values.tolist()).columns(motion)
-        found = thin(motion, own.values[:, own.joints.index(joint), :])
-        return found if every else found[kept]
+        found = [thin(motion, own.values[:, own.joints.index(joint), :]) for joint in joints]
+        kept = [x if whole else x[mask] for x, whole, mask in zip(found, every, masks, strict=True)]
+        return kept[0] if len(kept) == 1 else np.concatenate(kept)
 
+    places = [rows.slice_of(joint) for joint in joints]
     return Moving(
         name=key,
-        rows=rows.slice_of(joint),
+        rows=places[0] if len(places) == 1 else np.concatenate([np.arange(s.start, s.stop) for s in places]),
         columns=columns,
         names=names,
         shapes=tuple(s.name for s in shapes),

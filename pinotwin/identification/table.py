@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinotwin.arrays import Floats
-from pinotwin.effects import Effect, RigidBody
+from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.identification.plant import Plant
 from pinotwin.machine import Machine
@@ -37,8 +36,7 @@ def parameter_table(machine: Machine, plant: Plant) -> tuple[Parameter, ...]:
 def _linear_rows(key: str, effect: Effect, where: slice, plant: Plant) -> list[Parameter]:
     fit = plant.fit
     error = fit.standard_errors[where]
-    names = _names(effect)
-    prior = _prior(effect, plant)
+    names, prior = effect.labels(), effect.nominal()
     rows = []
     for k, coefficient in enumerate(effect.coefficients()):
         at = where.start + k
@@ -70,20 +68,6 @@ def _verdict(plant: Plant, at: int, value: float, error: float) -> str:
         others = ", ".join(fit.names[i] for i in group if i != at)
         return f"not determined: not separable from {others}" if others else "not determined"
     return verdict(value, error, at_bound=bool(fit.active[at]))
-
-
-def _names(effect: Effect) -> tuple[str, ...]:
-    if isinstance(effect, RigidBody):
-        return effect.base.labels
-    return tuple(c.name for c in effect.coefficients())
-
-
-def _prior(effect: Effect, plant: Plant) -> Floats | None:
-    if not isinstance(effect, RigidBody):
-        return None
-    from pinotwin.dynamics.parameters import parameters
-
-    return effect.base.from_standard(parameters(effect.model))
 
 
 def _shape_rows(key: str, effect: Effect, which: slice, where: slice, plant: Plant) -> list[Parameter]:

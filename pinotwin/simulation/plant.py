@@ -10,7 +10,8 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.tape import Tape, record
-from pinotwin.effects import Effect, RigidBody
+from pinotwin.effects import Effect
+from pinotwin.effects.layout import rigid_body_of
 from pinotwin.simulation.state import Lookup, Parts, State
 from pinotwin.simulation.tables import Tables, tabulate
 
@@ -120,16 +121,15 @@ def plant_of(twin: Twin, qr: Floats, vr: Floats) -> Plant:
     other = tuple(pairs[k] for k in tables.other)
     diagonal = np.stack([np.asarray(twin.diagonal[k], dtype=float) for k in _TERMS])
     ground = np.asarray(twin.diagonal.get("ground", diagonal[0]), dtype=float).copy()
-    return Plant(_tape(twin, pairs, tables), tables, other, diagonal, margin, ground)
+    return Plant(_tape(twin, tables), tables, other, diagonal, margin, ground)
 
 
 _TERMS = ("inertia", "viscous", "stiffness")
 
 
-def _tape(twin: Twin, pairs: list[tuple[Effect, Floats]], tables: Tables) -> Tape:
+def _tape(twin: Twin, tables: Tables) -> Tape:
     """Return the tape for the base parameters that were found; see :mod:`pinotwin.dynamics.tape`."""
     pi = np.zeros(parameter_count(twin.machine.model))
-    for effect, theta in pairs:
-        if isinstance(effect, RigidBody):
-            pi[effect.base.independent] = theta
+    tree, where = rigid_body_of(twin.effects)
+    pi[tree.base.independent] = twin.theta[where]
     return record(twin.machine.model, pi, tables.coupled)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -28,8 +28,10 @@ from pinotwin.twin.twin import TwinLike, as_twin
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
 
-PASSES = 30
+PASSES = 40
 _RELAX = 0.5
+_KEPT = 20  # passes that the next effort is combined from
+_LOST = 0.05  # change after the last pass beyond which there is no answer
 _SAME = 1e-3  # change of the effort between passes, RMS, as a share of its own
 
 Loops = str | Mapping[str, Controller] | Mapping[str, Servo]
@@ -138,7 +140,7 @@ def respond(
     asked = request(twin.machine, log)
     form = controller if controller is not None else preferred(twin)
     plant = plant_of(twin, asked.qr, asked.vr)
-    full = full or bool(plant.other)
+    full = full or bool(plant.other) or any(effect.logged_effort for effect in twin.effects)
     given = _servos_in(form)
     if given is not None:
         servos, notes = _chosen_servos(twin, given)
@@ -155,7 +157,7 @@ def respond(
     if plant.other:
         out, late = _repeat(twin, plant, out, stepper)
         notes = (*notes, *late)
-    return replace(out, notes=(*asked.notes, *notes))
+    return replace(_logged(twin, out), notes=(*asked.notes, *notes))
 
 
 def preferred(twin: Twin) -> str:
@@ -191,18 +193,47 @@ def _chosen_servos(twin: Twin, given: Mapping[str, Servo]) -> tuple[dict[str, Se
 
 
 def _repeat(twin: Twin, plant: Plant, out: Response, stepper: _Stepper) -> tuple[Response, tuple[str, ...]]:
-    """Run again with the effects that have no table, until their effort stays the same."""
+    """Run again with the effects that have no table, until their effort stays the same.
+
+    The next effort is the combination of the last ones whose change would be least (Anderson 1965,
+    10.1145/321296.321305): a plain repetition diverges for a drive that twists, whose load rings in the
+    loop.
+
+    Raises:
+        DataError: it does not settle.
+    """
     asked, change = out.request, np.inf
-    extra = np.zeros((1, twin.machine.nv))
+    shape = out.q.shape
+    extra = np.zeros(shape)
+    tried: list[Floats] = []
+    changes: list[Floats] = []
+    names = ", ".join(sorted({effect.name for effect, _ in plant.other}))
     for _ in range(PASSES):
-        update = _other_effort(plant.other, as_motion(twin, asked, out))
+        update = _effort(plant.other, twin.scene(as_motion(twin, asked, out)))
         change = float(np.linalg.norm(update - extra) / max(float(np.linalg.norm(update)), 1e-300))
         if change <= _SAME:
             return out, ()
-        extra = extra + _RELAX * (update - extra)
+        tried, changes = [*tried, extra.ravel()][-_KEPT:], [*changes, (update - extra).ravel()][-_KEPT:]
+        extra = _mixed(tried, changes).reshape(shape)
         out = stepper(extra)
-    names = ", ".join(sorted({effect.name for effect, _ in plant.other}))
+    if change > _LOST:
+        raise DataError(
+            f"{twin.machine.name}: the effort of {names} does not settle (it changes by {change:.1g} of its size "
+            f"after {PASSES} passes); take it out of the twin's machine to simulate, or give what twists or "
+            "plays a joint of its own under `passive`"
+        )
     return out, (f"{names}: effort still changes by {change:.1g} of its size after {PASSES} passes",)
+
+
+def _mixed(tried: Sequence[Floats], changes: Sequence[Floats]) -> Floats:
+    """Return the next effort to try, from those tried and how each changed, all of shape (n,)."""
+    step = changes[-1]
+    if len(tried) == 1:
+        return tried[0] + _RELAX * step
+    ahead = np.stack([changes[-1] - x for x in changes[:-1]], axis=1)
+    back = np.stack([tried[-1] - x for x in tried[:-1]], axis=1)
+    weights = np.linalg.lstsq(ahead, step, rcond=1e-8)[0]
+    return np.asarray(tried[-1] + _RELAX * step - (back + _RELAX * ahead) @ weights)
 
 
 def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], tuple[str, ...]]:
@@ -265,11 +296,20 @@ def as_motion(twin: Twin, asked: Request, found: Response) -> Motion:
     )
 
 
-def _other_effort(other: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
-    """Return the effort of the effects that have no table, shape (n, nv)."""
+def _logged(twin: Twin, out: Response) -> Response:
+    """Return a response with the effort as the twin's effort channel logs it: late, or off by a factor."""
+    pairs = zip(twin.effects, twin.slices, strict=True)
+    wrong = tuple((e, twin.theta[s]) for e, s in pairs if e.logged_effort)
+    if not wrong:
+        return out
+    return replace(out, u=out.u + _effort(wrong, twin.scene(as_motion(twin, out.request, out))))
+
+
+def _effort(effects: tuple[tuple[Effect, Floats], ...], motion: Motion) -> Floats:
+    """Return the effort of some effects along a motion, shape (n, nv)."""
     nv = len(motion.names)
     total = np.zeros((len(motion), nv))
-    for effect, theta in other:
+    for effect, theta in effects:
         total += effect.columns(motion).effort(theta, nv)
     return total
 

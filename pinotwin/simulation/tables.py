@@ -9,8 +9,9 @@ What an effect says of itself (``Effect.depends``) tells how to tabulate it:
     displacement   tau = z g(|v|) + m (y - z) + d y',   z the mean of the slip elements, y the bristle
 
 The knots over |v| lie at v_max (k / n)², so that a Stribeck speed of 0.1 % of v_max is still well
-resolved. A motor that turns two joints (:class:`WristCoupling`) has friction in the sum of their
-speeds. What fits none of these forms is returned as ``other``.
+resolved. A motor that turns two joints (:class:`Paired`) has friction in the sum of their
+speeds. What fits none of these forms is returned as ``other``; a wrong effort channel and what the
+controller does are no part of the plant.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ from functools import partial
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.effects import Effect, RigidBody, WristCoupling
+from pinotwin.effects import Effect
 from pinotwin.effects.direction import default_width
-from pinotwin.effects.presliding import YIELDS, Presliding
+from pinotwin.effects.effect import Paired, Slipping
+from pinotwin.effects.presliding import YIELDS
+from pinotwin.effects.scene import moves
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.simulation.state import Lookup
@@ -109,16 +112,18 @@ def tabulate(
     """
     v = [x * (np.arange(SPEEDS + 1) / SPEEDS) ** 2 for x in speed]
     forms: dict[str, list[tuple[Effect, Floats]]] = {}
-    wrists: list[tuple[int, int, Floats]] = []
+    partners: list[tuple[int, int, float, float, float]] = []
     other: list[int] = []
     for k, (effect, theta) in enumerate(effects):
-        if isinstance(effect, RigidBody) or effect.causes[0] in ("viscous", "stiffness"):
+        if effect.axis is None or effect.causes[0] in ("viscous", "stiffness") or not moves(effect):
             continue
-        if isinstance(effect, WristCoupling):
-            wrists.append((machine.names.index(effect.axis), machine.names.index(effect.partner), theta))
+        if isinstance(effect, Paired):
+            pairs = machine.names.index(effect.axis), machine.names.index(effect.partner)
+            partners.append((*pairs, *effect.terms(theta)))
         elif effect.depends == "other":
             other.append(k)
         forms.setdefault(effect.depends, []).append((effect, theta))
+    sliding = [(i, j, c) for i, j, _, _, c in partners if c != 0.0]
     position, place, grid = _positions(machine, forms.get("position", ()), travel)
     plain = _merge(machine, forms.get("velocity", ()), _shapeless, lambda f, i: _signs(f, v[i]))
     dry = _merge(machine, forms.get("direction", ()), _width, lambda f, i: _both_ways(f, v[i]))
@@ -131,15 +136,15 @@ def tabulate(
         speeds=_joints(plain),
         velocity=np.array(list(plain.values())).reshape(-1, 2, SPEEDS + 1),
         directions=np.array(
-            [*((i, -1) for i, _ in dry), *((i, j) for i, j, _ in wrists)], dtype=np.intp
+            [*((i, -1) for i, _ in dry), *((i, j) for i, j, _ in sliding)], dtype=np.intp
         ).reshape(-1, 2),
-        slope=1.0 / np.array([*(x for _, x in dry), *(default_width(True) for _ in wrists)]),
-        dry=np.array([*dry.values(), *(_level(theta[2]) for *_, theta in wrists)]).reshape(-1, 2, SPEEDS + 1),
+        slope=1.0 / np.array([*(x for _, x in dry), *(default_width(True) for _ in sliding)]),
+        dry=np.array([*dry.values(), *(_level(c) for *_, c in sliding)]).reshape(-1, 2, SPEEDS + 1),
         slips=_joints(slip),
         give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
         slip=np.array(list(slip.values())).reshape(-1, 1, SPEEDS + 1),
         memory=_memories(machine, forms.get("displacement", ()), slip),
-        coupled=tuple((i, j, float(theta[0]), float(theta[1])) for i, j, theta in wrists),
+        coupled=tuple((i, j, inertia, b) for i, j, inertia, b, _ in partners),
         other=tuple(other),
     )
 
@@ -312,8 +317,9 @@ def _memories(
     """Return 1/x_s, play, m and d of every element, in the order of its tables, shape (m, 4)."""
     out = {(i, x_s): np.array([1.0 / x_s, 0.0, 0.0, 0.0]) for i, x_s in found}
     for effect, theta in effects:
-        assert isinstance(effect, Presliding)
-        row = out[machine.names.index(effect.axis), _bend(effect, effect.rotary)]
+        assert isinstance(effect, Slipping)
+        i = machine.names.index(effect.axis)
+        row = out[i, _bend(effect, machine.rotary[i])]
         row[1] = max(row[1], effect.play or 0.0)
         row[2:] += effect.memory(theta)
     return np.array(list(out.values())).reshape(-1, 4)

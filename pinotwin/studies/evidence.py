@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
-from pinotwin.effects import RigidBody
 from pinotwin.errors import DataError, nearest
 from pinotwin.identification.assemble import choose_rows, thin
 from pinotwin.log import Log
@@ -131,11 +130,11 @@ def _running(t: Floats, block: Ints, step: float) -> Floats:
 
 def _parts(twin: Twin, motion: Motion) -> dict[str, Floats]:
     """Return the effort of each effect at every sample; the tree's regressor piece by piece."""
-    nv = twin.machine.nv
+    nv, motion = twin.machine.nv, twin.scene(motion)
     out = {}
     for key, effect, where in zip(twin.keys, twin.effects, twin.slices, strict=True):
         theta = twin.theta[where]
-        if isinstance(effect, RigidBody):
+        if effect.axis is None:
             out[key] = _rigid(twin, motion.q, motion.v, motion.a)
         else:
             out[key] = effect.columns(motion).effort(theta, nv)

@@ -15,6 +15,7 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
+from pinotwin.effects.scene import with_model
 from pinotwin.errors import InputError, TwinError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike
@@ -105,9 +106,14 @@ class Twin:
         names = [row.name for row in self.parameters]
         raise TwinError(f"{self.machine.name}: no parameter {name!r}; {nearest(name, names)}")
 
+    def scene(self, motion: Motion) -> Motion:
+        """Return a motion with this twin's own effort along it, if any of its effects scales with it."""
+        return with_model(motion, self.effects, self.theta)
+
     def parts(self, motion: Motion) -> dict[str, Floats]:
         """Return the effort of each effect, key -> (n, nv) [N or N·m]."""
         nv = self.machine.nv
+        motion = self.scene(motion)
         return {
             key: effect.columns(motion).effort(self.theta[s], nv)
             for key, effect, s in zip(self.keys, self.effects, self.slices, strict=True)

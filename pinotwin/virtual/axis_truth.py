@@ -91,6 +91,9 @@ class Friction:
         wander: relative change of the Coulomb level along the travel [-].
         wander_period: period of that change [m or rad].
         chatter: relative random part of friction at low speed [-].
+        drag: effort of cables and hoses once they follow [N or N·m].
+        drag_distance: over which it builds up after a reversal [m or rad].
+        drag_sharpness: how suddenly it gives way [-].
     """
 
     kind: str = "lugre"
@@ -108,6 +111,9 @@ class Friction:
     wander: float = 0.0
     wander_period: float = 1.0
     chatter: float = 0.0
+    drag: float = 0.0
+    drag_distance: float = 0.01
+    drag_sharpness: float = 1.0
 
 
 @dataclass(frozen=True)

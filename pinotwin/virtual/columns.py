@@ -16,7 +16,9 @@ QUADRATIC, BY_LOAD, WARMING, WARMING_TIME, WANDER, WANDER_RATE, CHATTER = range(
 RESOLUTION, ERROR, ERROR_RATE, ERROR_PHASE, PITCH = range(33, 38)
 # Current loop: mean of the remaining step over a substep.
 U_MEAN = 38
-N_COLUMNS = 39
+# Cable drag.
+DRAG, DRAG_RATE, DRAG_SHARP = range(39, 42)
+N_COLUMNS = 42
 
 # Columns of the ripple table.
 AMPLITUDE, WAVE, PHASE, MODULATION, MODULATION_PHASE, SPEED, RATE = range(7)

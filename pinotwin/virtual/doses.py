@@ -152,6 +152,11 @@ def _feedforward(a: AxisTruth, d: Dose) -> AxisTruth:
     return replace(a, controller=replace(a.controller, acceleration_feedforward=share))
 
 
+def _drag(a: AxisTruth, d: Dose) -> AxisTruth:
+    distance = 0.03 * d.scale.travel
+    return replace(a, friction=replace(a.friction, drag=d.of(d.scale.rated), drag_distance=distance))
+
+
 def _warming(a: AxisTruth, d: Dose) -> AxisTruth:
     thinner = -min(d.of(1.0), 0.95)
     return replace(a, friction=replace(a.friction, warming=thinner, warming_time=8.0))
@@ -167,6 +172,7 @@ INJECT: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     "quadratic_drag": lambda a, d: _add_friction(a, quadratic=d.of(d.scale.rated / d.scale.speed**2)),
     # size: share of rated effort
     "coulomb": lambda a, d: _add_friction(a, coulomb=d.of(d.scale.rated)),
+    "hysteresis": _drag,
     "coulomb_asymmetric": lambda a, d: _add_friction(a, asymmetry=d.of(d.scale.rated) / _coulomb_of(a, d)),
     "stribeck": lambda a, d: _add_friction(a, static=d.of(d.scale.rated) / _coulomb_of(a, d)),
     "ripple": lambda a, d: _rippled(a, _harmonic(d)),

@@ -110,8 +110,26 @@ def steady_force(P, i, v, z):  # type: ignore[no-untyped-def]
     What a drive transmits is taken with it: the damping answers a change of level within one step, and
     a level that follows the load would chase its own tail.
     """
-    held = z[i].sum() if P[i, c.LAW] == c.GMS else P[i, c.BRISTLE] * z[i, 0]
+    held = z[i, : c.ELEMENTS].sum() if P[i, c.LAW] == c.GMS else P[i, c.BRISTLE] * z[i, 0]
     return held + P[i, c.VISCOUS] * v + P[i, c.QUADRATIC] * v * abs(v)
+
+
+@kernel
+def drag_force(P, i, v, z, dt):  # type: ignore[no-untyped-def]
+    """Advance the drag of an axis' cables by one step and return its mean effort over it.
+
+    Bouc 1967, Wen 1976 (doi:10.1061/JMCEA3.0002106), written in time with beta = gamma:
+    ``w' = A v - beta |v| |w|^(n-1) w - gamma v |w|^n``; w, the last column of ``z``, is the drag
+    itself [N or N·m], A = drag / distance, beta = gamma = A / (2 drag^n).
+    """
+    w, full = z[i, 4], P[i, c.DRAG]
+    A = full * P[i, c.DRAG_RATE]
+    share = abs(w / full) ** P[i, c.DRAG_SHARP]
+    middle = w + 0.5 * dt * A * (v - 0.5 * share * (abs(v) * np.sign(w) + v))
+    share = abs(middle / full) ** P[i, c.DRAG_SHARP]
+    new = w + dt * A * (v - 0.5 * share * (abs(v) * np.sign(middle) + v))
+    z[i, 4] = min(max(new, -full), full)
+    return 0.5 * (w + z[i, 4])
 
 
 @kernel
@@ -123,12 +141,14 @@ def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-d
         i: the axis.
         q: position [m or rad].
         v: speed [m/s or rad/s].
-        z: bristle states, shape (na, 4); changed.
+        z: bristle states and the drag of cables, shape (na, 5); changed.
         load: effort that the transmission carries [N or N·m].
         extra: how warm each axis is (0 to 1) and a normal number for chatter, shape (2, na).
         dt: step [s].
     """
     force = P[i, c.VISCOUS] * (1.0 + P[i, c.WARMING] * extra[0, i]) * v + P[i, c.QUADRATIC] * v * abs(v)
+    if P[i, c.DRAG] != 0.0:
+        force += drag_force(P, i, v, z, dt)
     if P[i, c.LAW] != c.NONE:
         level = friction_level(P, i, q, v, load, extra[1, i])
         if level > 0.0:

@@ -2,8 +2,8 @@
 
 Rates: the controller runs every ``period``. Rigid-body terms M(q) and h(q, v), ripple and tables
 change slowly and are evaluated ``updates`` times a period at the predicted midpoint (second order
-in time). Everything stiff (bristles, transmission, springs, current loop) runs on ``substeps`` of
-each update by drift-kick-drift (Strang 1968, doi:10.1137/0705041); friction.py has the laws of the bristles.
+in time). Everything stiff (bristles, cables, transmission, springs, current loop) runs on ``substeps``
+of each update by drift-kick-drift (Strang 1968, doi:10.1137/0705041); friction.py has the laws of the bristles.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def closed_loop_poles(
 def smooth(tables: Axes) -> Axes:
     """Return the tables without what has no linear part: sticking, ripple, tables, quantisation."""
     P = tables.P.copy()
-    P[:, [c.RESOLUTION, c.ERROR, c.QUADRATIC, c.BACKLASH]] = 0.0
+    P[:, [c.RESOLUTION, c.ERROR, c.QUADRATIC, c.BACKLASH, c.DRAG]] = 0.0
     P[:, c.LAW] = c.NONE
     P[:, [c.U_LIMIT, c.I_LIMIT]] = np.inf
     springs = tables.springs.copy()

@@ -65,6 +65,7 @@ def _friction_row(row: Floats, f: Friction, inertia: float) -> None:
     row[c.WARMING], row[c.WARMING_TIME] = f.warming, f.warming_time
     row[c.WANDER], row[c.WANDER_RATE] = f.wander, 2.0 * np.pi / f.wander_period
     row[c.CHATTER] = f.chatter
+    row[c.DRAG], row[c.DRAG_RATE], row[c.DRAG_SHARP] = f.drag, 1.0 / f.drag_distance, f.drag_sharpness
 
 
 def _control_row(row: Floats, axis: AxisTruth, aff: float, timing: Timing) -> None:

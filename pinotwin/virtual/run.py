@@ -143,7 +143,7 @@ def equilibrium(machine: VirtualMachine, axes: Axes, drive: Drive) -> State:
         z(nv),
         qm,
         z(na),
-        z((na, c.ELEMENTS)),
+        z((na, c.ELEMENTS + 1)),
         z(len(axes.sprung)),
         u.copy(),
         z(na),

@@ -58,6 +58,7 @@ WITHHOLD: Mapping[str, AxisChange] = {
     "saturation": _no_limit,
     "geometric_error": lambda a: replace(a, tilt=(0.0, 0.0, 0.0)),
     "quadratic_drag": _friction(quadratic=0.0),
+    "hysteresis": _friction(drag=0.0),
     "coulomb_position": _friction(wander=0.0),
     "chatter": _friction(chatter=0.0),
 }

@@ -1,0 +1,141 @@
+"""Drag with a long memory: cables, hoses, seals and preloaded gears that follow late and give way slowly.
+
+    tau = k z,      dz/dx = [1 - |z|^n (1 + sgn(z dx)) / 2] / x_h         (Bouc 1967; Wen 1976,
+                                                                            10.1061/JMCEA3.0002106)
+
+z, from -1 to 1, is the share of the drag that has built up over the distance x_h since the last
+reversal. It runs in displacement, not in time: at rest it holds. Unlike presliding (micrometres) the
+distance is millimetres or degrees, so that a stroke may end before the drag has turned round, and what
+it is depends on strokes made long before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numba
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Effect, Shape
+from pinotwin.effects.family import FRICTION, Family
+from pinotwin.effects.sight import Sight
+from pinotwin.effects.symbols import effort, length
+from pinotwin.motion import AxisMotion, Motion
+
+LONG = np.geomspace(0.005, 0.5, 8)
+"""Distances of build-up that are tried, as shares of the travel."""
+SHARP = (0.5, 1.0, 2.0)
+"""Exponents that are tried."""
+FORGOTTEN = 24.0
+"""Distances of sliding one way after which nothing is left of what was before: exp(-24) is 4e-11."""
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
+    """Fill z along a path, by Runge-Kutta steps of a twentieth of the distance at most."""
+    z = 0.0
+    out[0] = z
+    for k in range(1, len(q)):
+        dx = q[k] - q[k - 1]
+        parts = int(np.ceil(20.0 * abs(dx) / x_h)) if dx != 0.0 else 0
+        h = dx / (parts * x_h) if parts else 0.0
+        for _ in range(parts):
+            first = _slope(z, h, n)
+            second = _slope(z + 0.5 * h * first, h, n)
+            third = _slope(z + 0.5 * h * second, h, n)
+            last = _slope(z + h * third, h, n)
+            z += h * (first + 2.0 * second + 2.0 * third + last) / 6.0
+            z = min(1.0, max(-1.0, z))
+        out[k] = z
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _slope(z: float, h: float, n: float) -> float:
+    """Return dz over dx / x_h: full while the drag lets go, less and less while it builds up."""
+    return 1.0 - abs(z) ** n if z * h > 0.0 else 1.0
+
+
+@dataclass(frozen=True)
+class Hysteresis(AxisEffect):
+    """Drag of cables and seals that builds up over a distance: tau = k z.
+
+        dz/dx = [1 - |z|^n (1 + sgn(z dx)) / 2] / x_h
+
+    Every stretch of a log starts with z = 0: what the strokes before it left is not known.
+
+    Attributes:
+        x_h: distance over which the drag builds up [m or rad]; searched.
+        n: how sharply it gives way at the end; searched.
+    """
+
+    name: ClassVar[str] = "hysteresis"
+    family: ClassVar[Family] = FRICTION
+    title: ClassVar[str] = "Hysteresis"
+    words: ClassVar[str] = "drag that turns round slowly after a reversal, as of cables, hoses or seals"
+    remedy: ClassVar[str] = (
+        "follow the cable carrier by hand: stiff cables, rubbing hoses, seals that roll; record short and long strokes"
+    )
+    colour: ClassVar[str] = "#8c6d31"
+    imitates: ClassVar[tuple[str, ...]] = ("presliding", "coulomb", "backlash", "spring", "position_table")
+    searched: ClassVar[int] = 2
+    # Slow as it is, an integrating controller answers it with next to no tracking error: the loop would
+    # trade it for dry friction (18 N came out as 9.5 N), which the effort of the open loop tells apart.
+    refined_in_loop: ClassVar[bool] = False
+    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
+    axis: str
+    rotary: bool = False
+    x_h: float | None = None
+    n: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.x_h is None:
+            object.__setattr__(self, "x_h", 0.05 if self.rotary else 0.005)
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        """See :meth:`Effect.coefficients`."""
+        return (Coefficient("k", effort(self.rotary), lower=0.0),)
+
+    def shapes(self) -> tuple[Shape, ...]:
+        """See :meth:`Effect.shapes`."""
+        low, high = (1e-4, 3.0) if self.rotary else (1e-5, 0.5)
+        return (Shape("x_h", length(self.rotary), low, high), Shape("n", "-", 0.25, 4.0))
+
+    def grid(self, motion: Motion) -> tuple[Floats, ...]:
+        """See :meth:`Effect.grid`: shares of the travel."""
+        (shape, _) = self.shapes()
+        travel = max(float(np.ptp(motion.axis(self.axis).q)), 1e3 * shape.lower)
+        return np.clip(LONG * travel, shape.lower, shape.upper), np.array(SHARP)
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """See :meth:`Effect.trials`: distances of some rows and of more than the noise, with reversals."""
+        if not sight.both_ways or sight.reversals < 2:
+            return ()
+        distances, sharp = self.grid(motion)
+        least = max(0.25 * sight.pace, 10.0 * sight.noise)
+        return self.over([x for x in distances if x >= least], sharp)
+
+    def warm_up(self, motion: Motion) -> float:
+        """See :meth:`Effect.warm_up`: until one long slide has wiped out the strokes before it."""
+        assert self.x_h is not None
+        worst = 0.0
+        own = motion.axis(self.axis)
+        for part in own.segments:
+            q = own.q[part]
+            turns = np.flatnonzero(np.diff(np.sign(np.diff(q))) != 0) + 1
+            ends = np.concatenate([[0], turns, [len(q) - 1]])
+            reached = np.flatnonzero(np.abs(np.diff(q[ends])) > FORGOTTEN * self.x_h)
+            worst = max(worst, float(ends[reached[0] + 1]) * own.step if len(reached) else np.inf)
+        return worst
+
+    def axis_columns(self, motion: AxisMotion) -> Floats:
+        """See :meth:`AxisEffect.axis_columns`."""
+        assert self.x_h is not None
+        out = np.zeros((len(motion.q), 1))
+        for part in motion.segments:
+            if part.stop > part.start:
+                z = np.zeros(part.stop - part.start)
+                _follow(np.ascontiguousarray(motion.q[part]), self.x_h, self.n, z)
+                out[part, 0] = z
+        return out
