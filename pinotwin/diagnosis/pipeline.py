@@ -145,6 +145,9 @@ def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
     first = Searcher(c)
     for at, j in enumerate(c.new.joints):
         residual = {j: c.new.residual[j] / c.floor[j]}
+        after = {j: found.searcher.residual()[j]}
+        if episodes(c.new, after, own, c.own, c.floor, j, rules) is None:
+            continue  # what comes with the motion accounts for them
         pushed = episodes(c.new, residual, own, c.own, c.floor, j, rules)
         if pushed is None or pushed.gain < rules.excess * len(residual[j]) * rules.push_least:
             continue
@@ -152,8 +155,8 @@ def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
         if closed < rules.push_size * c.new.size(j):
             continue
         before = float(first.alone_by_joint[0][:, at].sum())
-        after = float(found.searcher.alone_by_joint[0][:, at].sum())
-        if pushed.gain > rules.push_better * (before - after):
+        rest = float(found.searcher.alone_by_joint[0][:, at].sum())
+        if pushed.gain > rules.push_better * (before - rest):
             out.append(pushed)
     return out
 

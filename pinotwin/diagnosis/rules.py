@@ -24,19 +24,22 @@ class Rules:
     """[of the best gain] a simpler candidate that reaches this is preferred."""
     as_good_kin: float = 0.92
     as_good_curve: float = 0.6
+    second_share: float = 0.1
     needless: float = 0.1
     excess: float = 0.9
     most: int = 8
-    push: float = 3.0
+    push: float = 4.0
     push_least: float = 0.35
     push_better: float = 1.1
     most_of_time: float = 0.9
     push_size: float = 0.005
     law_holds: float = 0.35
-    law_worse: float = 1.5
-    law_share: float = 0.5
+    law_worse: float = 2.5
+    law_level: float = 0.2
+    law_share: float = 0.8
+    law_forward: float = 0.9
     left_behind: float = 5.0
-    at_limit: float = 0.01
+    at_limit: float = 5.0
     open_change: float = 2.5
     open_structure: float = 0.15
     odd: float = 1.5

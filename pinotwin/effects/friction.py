@@ -281,7 +281,7 @@ class LoadFriction(Effect):
     )
     colour: ClassVar[str] = "#8a4f5e"
     imitates: ClassVar[tuple[str, ...]] = ("coulomb", "effort_scale", "stribeck", "viscous_asymmetric")
-    needs: ClassVar[tuple[Need, ...]] = ("model", "rigid")
+    needs: ClassVar[tuple[Need, ...]] = ("model", "rigid", "mass")
     searched: ClassVar[int] = 1
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     axis: str
@@ -298,12 +298,15 @@ class LoadFriction(Effect):
         load = np.abs(channel(self, motion, "rigid")[:, motion.index(self.axis)])
         if not sight.both_ways or load.std() < 0.05 * max(load.mean(), 1e-300):
             return ()
-        return self, replace(self, total=1)
+        return self, replace(self, total=1), replace(self, total=2)
 
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""
         own = motion.axis(self.axis)
-        load = channel(self, motion, "model" if self.total else "rigid")[:, own.index]
+        load = channel(self, motion, "model" if self.total == 1 else "rigid")[:, own.index]
+        if self.total == 2:  # without what accelerates: weight and the forces of speed
+            mass = channel(self, motion, "mass")
+            load = load - np.einsum("nj,nj->n", mass[:, own.index], motion.a)
         return Columns((own.index,), (np.abs(load) * _d(own, self.width))[:, None, None])
 
 

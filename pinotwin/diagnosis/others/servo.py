@@ -18,7 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.others.limits import reached
 from pinotwin.diagnosis.rules import RULES, Rules
@@ -26,7 +26,7 @@ from pinotwin.motion import Motion
 from pinotwin.signals import rms
 
 FEATURES = ("e", "int e", "v", "v_r", "a_r", "q_r")
-FEEDBACK = ("e", "int e", "v", "v_r")
+FEEDBACK = ("e", "int e", "v", "v_r", "q_r")
 FORWARD = ("a_r",)
 
 
@@ -104,46 +104,54 @@ def _law_change(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
     new = _Law.of(c.new.motion, joint)
     if old is None or new is None:
         return None
-    if _left_behind(c, joint, rules):
-        level = float(np.quantile(np.abs(c.new.motion.u[:, joint]), 0.999))
-        unit = "N·m" if c.new.motion.rotary[joint] else "N"
-        return ServoChange(
-            "saturation", axis, "limit", np.inf, level, (0.98 * level, 1.02 * level), unit, 1.0, (0.0, 0.0)
-        )
     gains, held = old.fitted()
     if held > rules.law_holds * old.size:
         return None  # this law is not that controller's
     plain = new.left(gains)
     level = rms(plain)
-    if level < rules.law_worse * held:
+    if level < max(rules.law_worse * held, rules.law_level * new.size):
         return None
-    found = []
-    for effect, names in (("feedforward", FORWARD), ("loop_gain", FEEDBACK)):
-        which = [FEATURES.index(x) for x in names]
-        column = new.columns[:, which] @ gains[which]
-        factor, error, after = new.scaled(plain, column)
-        found.append((1.0 - float(np.mean(after**2) / np.mean(plain**2)), effect, 1.0 + factor, error, after))
-    share, effect, factor, error, after = max(found)
-    if share < rules.law_share:
-        return None
-    interval = (factor - 1.645 * error, factor + 1.645 * error)
-    name = "acceleration feed-forward" if effect == "feedforward" else "feedback gains"
-    return ServoChange(
-        effect, axis, name, 1.0, factor, interval, "of what it was", share, (level, rms(after))
-    )
+    forward, left = new.refitted(plain, FORWARD)
+    if 1.0 - (left / level) ** 2 > rules.law_forward:
+        return _change(axis, "feedforward", "acceleration feed-forward", "a_r", gains, forward, (level, left))
+    feedback, left = new.refitted(plain, FEEDBACK)
+    if 1.0 - (left / level) ** 2 > rules.law_share and left < rules.law_worse * held:
+        return _change(axis, "loop_gain", "feedback gains", "v", gains, feedback, (level, left))
+    return _saturation(c, joint, axis, rules)
 
 
-def _left_behind(c: Comparison, joint: int, rules: Rules) -> bool:
-    """Whether an axis falls far behind its command while its effort rests at its largest size."""
+def _change(
+    axis: str,
+    effect: str,
+    name: str,
+    feature: str,
+    gains: Floats,
+    found: tuple[Floats, Floats],
+    gap: tuple[float, float],
+) -> ServoChange:
+    """Return a change as a factor on one of the law's gains."""
+    k = FEATURES.index(feature)
+    change, error = found
+    before = gains[k] if gains[k] != 0.0 else 1e-300
+    factor, spread = 1.0 + change[k] / before, abs(error[k] / before)
+    interval = (float(factor - 1.645 * spread), float(factor + 1.645 * spread))
+    share = 1.0 - (gap[1] / gap[0]) ** 2
+    return ServoChange(effect, axis, name, 1.0, float(factor), interval, "of what it was", share, gap)
+
+
+def _saturation(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChange | None:
+    """Return a limit where no gains bring the law back and the effort rests at its largest, or the axis runs off."""
     assert c.own is not None
     new, own = c.new.motion, c.own.motion
     errors = [rms(m.qr[:, joint] - m.q[:, joint]) for m in (new, own) if m.qr is not None]
-    size = np.abs(np.nan_to_num(new.u[:, joint]))
+    size, before = (np.abs(np.nan_to_num(m.u[:, joint])) for m in (new, own))
     top = float(np.quantile(size, 0.999))
-    before = np.abs(np.nan_to_num(own.u[:, joint]))
-    at = float(np.mean(size > 0.97 * top))
-    usual = float(np.mean(before > 0.97 * np.quantile(before, 0.999)))
-    return errors[0] > rules.left_behind * errors[1] and at > max(rules.at_limit, 2.0 * usual)
+    rests = [float(np.mean(x > 0.97 * np.quantile(x, 0.999))) for x in (size, before)]
+    if errors[0] < rules.left_behind * errors[1] and rests[0] < rules.at_limit * rests[1]:
+        return None
+    unit = "N·m" if new.rotary[joint] else "N"
+    span = (0.98 * top, 1.02 * top)
+    return ServoChange("saturation", axis, "limit", np.inf, top, span, unit, 1.0, (0.0, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,20 +208,22 @@ class _Law:
         """Return what the law leaves with gains from elsewhere."""
         return self.u - self.columns @ gains
 
-    def scaled(self, plain: Floats, column: Floats) -> tuple[float, float, Floats]:
-        """Return the factor on a part of the law that closes most, its error, and what is left held out."""
-        xx = np.array([column[b] @ column[b] for b in self.blocks])
-        xr = np.array([column[b] @ plain[b] for b in self.blocks])
-        each = (xr.sum() - xr) / np.maximum(xx.sum() - xx, 1e-300)
-        after = plain.copy()
-        for b, f in zip(self.blocks, each, strict=True):
-            after[b] = plain[b] - f * column[b]
+    def refitted(self, plain: Floats, names: Sequence[str]) -> tuple[tuple[Floats, Floats], float]:
+        """Return the change of some gains that closes most, its errors, and what is left held out."""
+        which = [FEATURES.index(x) for x in names]
+        X = self.columns[:, which]
+        scale = np.maximum(X.std(axis=0), 1e-300)
+        X = X / scale
+        N, g = X.T @ X, X.T @ plain
+        ridge = 1e-9 * len(X) * np.eye(len(which))
+        each = np.array(
+            [np.linalg.solve(N - X[b].T @ X[b] + ridge, g - X[b].T @ plain[b]) for b in self.blocks]
+        )
+        left = plain.copy()
+        for b, theta in zip(self.blocks, each, strict=True):
+            left[b] = plain[b] - X[b] @ theta
         K = len(each)
-        error = float(np.sqrt((K - 1) / K * np.sum((each - each.mean()) ** 2)))
-        return float(xr.sum() / max(xx.sum(), 1e-300)), error, after
-
-
-def at_limit_rows(motion: Motion, joint: int) -> Mask | None:
-    """Return the rows in which a drive stands at its limit, None if it never does."""
-    found = reached([motion], joint)
-    return None if found is None else found.samples[0]
+        change, error = np.zeros(len(FEATURES)), np.zeros(len(FEATURES))
+        change[which] = np.linalg.solve(N + ridge, g) / scale
+        error[which] = np.sqrt((K - 1) / K * np.sum((each - each.mean(axis=0)) ** 2, axis=0)) / scale
+        return (change, error), rms(left)

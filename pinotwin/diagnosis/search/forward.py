@@ -79,15 +79,28 @@ def search(
             tell("searching for causes", len(steps) / (len(steps) + 2.0))
         ranked = _ranked(searcher, shortlist.of(searcher))
         taken = {key(s.chosen) for s in steps}
-        fit = [r for r in ranked if key(r) not in taken and not refused(r, searcher, rules)]
+        fit = [
+            r
+            for r in ranked
+            if key(r) not in taken and not refused(r, searcher, rules) and not _a_trace(r, steps, rules)
+        ]
         last = next(((r, refused(r, searcher, rules)) for r in ranked if key(r) not in taken), None)
         if not fit:
             break
         winner = simplest(fit, rules)
         steps.append(Step(winner, [r for r in ranked if r is not winner], searcher))
-        steps = _without_superfluous(comparison, steps, rules)
+        if not isinstance(winner.effect, Pattern):
+            steps = _without_superfluous(comparison, steps, rules)
         searcher = Searcher(comparison, [s.chosen for s in steps])
     return Found(steps, last, searcher)
+
+
+def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
+    """Whether a candidate is small beside the gap of an axis that has a cause: what its form leaves over."""
+    if not any(s.chosen.joint == one.joint for s in steps):
+        return False
+    first = steps[0].searcher
+    return one.gain < rules.second_share * first.power({one.joint: one.table[0][one.joint]})
 
 
 def key(one: Scored) -> tuple[str, str | None]:

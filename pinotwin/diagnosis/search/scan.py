@@ -109,11 +109,11 @@ class Searcher:
         joint = max(table[0], key=lambda j: float(np.sum((table[0][j] @ found.theta) ** 2)) / self._floor2(j))
         names = self.comparison.machine.names
         order = names.index(effect.axis) if effect.axis in names else 0
-        return Scored(effect, table, found, gain, gain / max(self.power(table), 1e-300), joint, order)
+        return Scored(effect, table, found, gain, gain / max(self.power(table[0]), 1e-300), joint, order)
 
-    def power(self, table: Table) -> float:
+    def power(self, columns: Mapping[int, Floats]) -> float:
         """Return the squared residual, not fitted, at the joints that columns act on, floor units."""
-        joints = set(table[0])
+        joints = set(columns)
         total = 0.0
         for base, left in (
             (self.ground.new, self.alone_by_joint[0]),
