@@ -149,7 +149,7 @@ def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
         if episodes(c.new, after, own, c.own, c.floor, j, rules) is None:
             continue  # what comes with the motion accounts for them
         pushed = episodes(c.new, residual, own, c.own, c.floor, j, rules)
-        if pushed is None or pushed.gain < rules.excess * len(residual[j]) * rules.push_least:
+        if pushed is None or not _stands_out(pushed, c.floor[j], len(residual[j]), rules):
             continue
         closed = c.floor[j] * float(np.sqrt(pushed.gain / len(residual[j])))
         if closed < rules.push_size * c.new.size(j):
@@ -159,6 +159,17 @@ def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
         if pushed.gain > rules.push_better * (before - rest):
             out.append(pushed)
     return out
+
+
+def _stands_out(pushed: Episodes, floor: float, rows: int, rules: Rules) -> bool:
+    """Whether pushes are as large as the misfit itself, all along the log or for a moment."""
+    if pushed.gain > rules.excess * rows:
+        return True
+    return any(
+        abs(e.force) > rules.push_strong * floor
+        and (e.end - e.start > rules.push_short or abs(e.force) > 2.0 * rules.push_strong * floor)
+        for e in pushed.episodes
+    )
 
 
 def _mismeasured(effects: Sequence[Any]) -> set[str]:

@@ -29,7 +29,8 @@ class Rules:
     excess: float = 0.9
     most: int = 8
     push: float = 4.0
-    push_least: float = 0.35
+    push_strong: float = 2.2
+    push_short: float = 0.25
     push_better: float = 1.1
     most_of_time: float = 0.9
     push_size: float = 0.005
