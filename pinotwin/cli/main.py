@@ -24,6 +24,7 @@ COMMANDS: dict[str, str] = {
     "identify": "find the machine's model in its logs and save it as a twin",
     "simulate": "predict position, tracking error and effort from the command alone",
     "diagnose": "say where a log and its model differ, which effect is missing, how far it shrinks",
+    "force": "estimate the external effort on every axis over time, with its interval",
     "study": "how much data, which coupling, which effect matters: the source's studies",
     "compare": "put twins or diagnoses side by side: what moved, how well each predicts",
     "blind": "score the diagnosis on machines whose effect is withheld",
@@ -42,6 +43,7 @@ EXAMPLES: dict[str, str] = {
     "identify": "pinotwin identify trunnion log.csv --validate other.csv --out twin",
     "simulate": "pinotwin simulate twin other.csv --out predicted.csv",
     "diagnose": "pinotwin diagnose twin today.csv today2.csv --validate other.csv --out found",
+    "force": "pinotwin force twin today.csv --out force.csv",
     "compare": "pinotwin compare twin_march twin_june --log today.csv --out moved",
     "blind": "pinotwin blind --machines trunnion --seeds 1 --out bench",
     "vibration": "pinotwin vibration flexure_rig --servo s.csv --imu i.csv --out vib.csv",
@@ -51,7 +53,6 @@ EXAMPLES: dict[str, str] = {
     "export": "pinotwin export twin --format mjcf --out trunnion.xml",
     "demo": "pinotwin demo --out out/demo",
     "new": "pinotwin new XYZAC log.csv --out mymachine",
-    "force": "pinotwin force twin log.csv --out force.csv",
     "study": "pinotwin study trunnion log.csv --only amount --out study",
 }
 """Command -> an example of its use."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,21 +28,23 @@ from pinotwin.diagnosis.search.forward import search
 from pinotwin.diagnosis.search.injections import confidences, pairs_alike
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import Effect
-from pinotwin.log import Log
+from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
+from pinotwin.machine.given import as_machine
 from pinotwin.threads import one_blas_thread
 from pinotwin.twin import Twin
+from pinotwin.twin.twin import as_twin
 
 Tell = Callable[[str, float], None]
 
 
 @one_blas_thread
 def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
-    subject: Machine | Twin,
-    log: Log | Sequence[Log],
+    subject: Machine | Twin | str | Path,
+    log: LogLike | Sequence[LogLike],
     *,
-    validate: Log | Sequence[Log] | None = None,
+    validate: LogLike | Sequence[LogLike] | None = None,
     quick: bool = False,
     report: Tell | None = None,
     seed: int = 0,
@@ -52,9 +55,9 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     """Say where logs and their model differ, which effects cause it, and how far the gap shrinks.
 
     Args:
-        subject: a machine (its model is fitted to these logs and something is missing) or a twin
+        subject: folder or object: a machine (its model is fitted to these logs and something is missing) or a twin
             (identified earlier, and these logs no longer agree).
-        log: servo log(s); those with the same command are repeats and give the noise.
+        log: servo log(s) or their files; those with the same command are repeats and give the noise.
         validate: log(s) that nothing is fitted to; the shrink is then stated on them.
         quick: one cause at most, and no trials for its confidence.
         report: called with the stage and the share done.
@@ -69,7 +72,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the logs", 0.02)
-    c = compare(subject, _list(log), _list(validate))
+    subject = _subject(subject)
+    c = compare(subject, as_logs(log), [] if validate is None else as_logs(validate, "validate"))
     tell("candidates", 0.15)
     tried = [*candidates(c, leave_out), *patterns(c)]
     found, pushed, c = _searched(c, tried, leave_out, rules, tell, most=1 if quick else None)
@@ -283,10 +287,13 @@ def _where(
     return [*out, *sorted(rest, key=lambda r: -(r.share - r.time_share))]
 
 
-def _list(logs: Log | Sequence[Log] | None) -> list[Log]:
-    if logs is None:
-        return []
-    return [logs] if isinstance(logs, Log) else list(logs)
+def _subject(given: Machine | Twin | str | Path) -> Machine | Twin:
+    """Return a machine or twin as it is, or load it from its folder."""
+    if isinstance(given, Machine | Twin):
+        return given
+    if isinstance(given, str | Path) and (Path(given) / "twin.json").is_file():
+        return as_twin(given)
+    return as_machine(given, "subject")
 
 
 def _silent(stage: str, done: float) -> None:

@@ -1,0 +1,44 @@
+"""``pinotwin force TWIN LOG --out FORCE.csv``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pinotwin.cli.output import add_common, say, write_json
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("twin", help="folder that `pinotwin identify` wrote")
+    parser.add_argument("log", metavar="LOG", help="servo log of the same machine")
+    add_common(parser, out="external effort over time to write (.csv)", required=True, file=True)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Estimate, write, and say how often each axis is pushed beyond what its twin leaves anyway."""
+    from pinotwin.analysis.force import external_effort
+    from pinotwin.cli.inputs import read_logs
+    from pinotwin.errors import InputError
+    from pinotwin.logs.write import write_log
+    from pinotwin.twin import Twin
+
+    out = Path(args.out)
+    if out.suffix != ".csv":
+        raise InputError(f"--out: {out.name}: the external effort is written as .csv")
+    twin = Twin.load(args.twin)
+    (log,) = read_logs([args.log])
+    found = external_effort(twin, log)
+    write_log(out, found.channels())
+    rows = {}
+    say(f"{'axis':<12}{'largest':>12}{'interval':>12}{'beyond it':>12}")
+    for k, (name, share) in enumerate(zip(found.names, found.beyond(), strict=True)):
+        unit = "N·m" if twin.machine.axis(name).rotary else "N"
+        largest = float(abs(found.force[:, k]).max())
+        half = float(found.half[:, k].mean())
+        rows[name] = {"largest": largest, "half_width90": half, "share_beyond": float(share), "unit": unit}
+        say(f"{name:<12}{largest:>8.4g} {unit:<3}{half:>8.3g} {unit:<3}{share:>12.0%}")
+    if args.json:
+        write_json(args.json, {"machine": twin.machine.name, "log": log.source, "axes": rows})
+    say(f"external effort written to {out}; beyond it: share of the time, 10 % without any force")
+    return 0
