@@ -111,12 +111,16 @@ def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> di
     return out
 
 
+LONGEST = 60.0
+"""Longest that one stroke of an advised motion takes [s]."""
+
+
 def _slow(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
     del push
     t, x, now = [], [], 0.0
     for stroke in (1e-4, 3e-4, 1e-3, 1e-2, 1e-1):
         size = stroke * reach
-        period = max(2.0 * np.pi * size / (0.02 * top), 2.0)
+        period = min(max(2.0 * np.pi * size / (0.02 * top), 2.0), LONGEST)
         s = np.arange(0.0, 2.0 * period, 2e-3)
         t.append(now + s)
         x.append(size * np.sin(2.0 * np.pi * s / period))
@@ -130,7 +134,7 @@ def _speeds(reach: float, top: float, push: float) -> tuple[Floats, Floats]:
         speed = share * top
         half = min(0.9 * reach, 2.0 * speed)
         turn = speed / max(0.5 * push, 1e-9)
-        period = 4.0 * half / speed + 4.0 * turn
+        period = min(4.0 * half / speed + 4.0 * turn, LONGEST)
         s = np.arange(0.0, period, 2e-3)
         rate = np.clip(np.cos(2 * np.pi * s / period) * period / (2 * np.pi * turn + 1e-9), -1, 1)
         path = np.cumsum(rate) * 2e-3

@@ -18,7 +18,7 @@ from pinotwin.diagnosis.data.deflection import bent
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
-from pinotwin.effects.scene import with_model
+from pinotwin.effects.scene import told
 from pinotwin.identification import identify
 from pinotwin.identification.misfit import own_residual
 from pinotwin.log import Log
@@ -83,7 +83,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     unseen = _sample(twin, _joined(twin, validation), block) if validation else None
     own = None
     if change and twin.misfit is not None:
-        motion = with_model(twin.misfit.motion, twin.effects, twin.theta)
+        motion = told(twin.misfit.motion, twin.effects, twin.theta)
         own = sample(motion, own_residual(twin), block)
     return Comparison(twin, change, logs, validation, new, own, unseen, _floor(new, own))
 
@@ -103,7 +103,7 @@ def _joined(twin: Twin, logs: Sequence[Log]) -> Motion:
 
 
 def _sample(twin: Twin, motion: Motion, block: float) -> Sample:
-    motion = with_model(motion, twin.effects, twin.theta)
+    motion = told(motion, twin.effects, twin.theta)
     return sample(motion, motion.u - twin.effort(motion), block)
 
 
