@@ -45,11 +45,12 @@ def usable(machine: Machine, log: Log) -> Log:
             f"{log.source}: no time channel t; name its column under `columns` in machine.yaml, or "
             "give `t: {rate: ...}`"
         )
+    log = finite(log)
     with contextlib.suppress(DataError):  # a clock that stands is refused where it is cut
-        refused = implausible_clock(clock(log.t))
+        refused = implausible_clock(clock(log.t[np.isfinite(log.t)]))
         if refused:
             raise LogError(f"{log.source}: t: {refused}")
-    return finite(log)
+    return log
 
 
 def finite(log: Log) -> Log:

@@ -54,6 +54,7 @@ def clock(t: Floats, tol: float = 0.5) -> Clock:
     step = float(np.median(forward))
     regular = dt[(dt > 0) & (dt <= (1 + tol) * step)] - step
     gaps = np.flatnonzero(dt > (1 + tol) * step)
+    lost = dt[gaps] / step - 1
     return Clock(
         step=step,
         jitter_rms=float(np.sqrt(np.mean(regular**2))),
@@ -61,7 +62,7 @@ def clock(t: Floats, tol: float = 0.5) -> Clock:
         duplicated=_rows(dt == 0),
         backward=_rows(dt < 0),
         gaps=tuple(int(i) + 1 for i in gaps),
-        missing=int(np.round(dt[gaps] / step - 1).sum()),
+        missing=int(np.round(lost[np.isfinite(lost)]).sum()),
         longest=float(dt[gaps].max(initial=0.0)),
     )
 

@@ -40,7 +40,7 @@ class Pattern(AxisEffect):
 
     def says(self) -> str:
         """Return what the pattern is, with its numbers."""
-        return self.words
+        return f"looks like {self.words}"
 
 
 @dataclass(frozen=True)
