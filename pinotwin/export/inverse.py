@@ -89,9 +89,15 @@ def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = 
         data=data,
         travel=travel,
         speed=speed,
-        omitted=tuple(twin.keys[k] for k in tables.other),
+        omitted=_omitted(twin, tables.other),
         error=deviation(twin, data, test),
     )
+
+
+def _omitted(twin: Twin, other: Sequence[int]) -> tuple[str, ...]:
+    """Return the keys of effects that no curve holds, and of those of a sensor or the loop."""
+    outside = [k for k, e in enumerate(twin.effects) if e.family.acts in ("sensor", "loop")]
+    return tuple(twin.keys[k] for k in sorted({*other, *outside}))
 
 
 def default_travel(machine: Machine) -> Floats:
