@@ -159,5 +159,6 @@ def summary(found: Diagnosis) -> list[str]:
         lines.append(f"effect: {e.axis or 'machine'}.{e.effect}, {sure}{share}{rest}")
     if found.noise == "assumed":
         lines.append("noise: assumed (no repeats of a command among the logs)")
+    lines += [f"warning: {text}" for text in found.warnings]
     lines += [f"next: {text}" for text in found.advice]
     return lines

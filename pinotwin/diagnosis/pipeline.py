@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.diagnosis.candidates.catalogue import candidates
+from pinotwin.diagnosis.candidates.catalogue import named as named_of
 from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, resting
@@ -75,7 +76,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     subject = _subject(subject)
     c = compare(subject, as_logs(log), [] if validate is None else as_logs(validate, "validate"))
     tell("candidates", 0.15)
-    tried = [*candidates(c, leave_out), *patterns(c)]
+    tried = [e for e in (*candidates(c, leave_out), *patterns(c)) if c.gate.admits(named_of(e).name, e.axis)]
     found, pushed, c = _searched(c, tried, leave_out, rules, tell, most=1 if quick else None)
     tell("how sure", 0.8)
     rng = np.random.default_rng([seed, 1])
@@ -148,6 +149,8 @@ def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
     own = None if c.own is None else {j: c.own.residual[j] / c.floor[j] for j in c.own.joints if j in c.floor}
     first = Searcher(c)
     for at, j in enumerate(c.new.joints):
+        if not c.gate.admits("external_force", c.machine.names[j]):
+            continue
         residual = {j: c.new.residual[j] / c.floor[j]}
         after = {j: found.searcher.residual()[j]}
         if episodes(c.new, after, own, c.own, c.floor, j, rules) is None:
@@ -155,7 +158,7 @@ def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
         pushed = episodes(c.new, residual, own, c.own, c.floor, j, rules)
         if pushed is None or not _stands_out(pushed, c.floor[j], len(residual[j]), rules):
             continue
-        closed = c.floor[j] * float(np.sqrt(pushed.gain / len(residual[j])))
+        closed = c.floor[j] * float(np.sqrt(max(pushed.gain, 0.0) / len(residual[j])))
         if closed < rules.push_size * c.new.size(j):
             continue
         before = float(first.alone_by_joint[0][:, at].sum())
@@ -213,6 +216,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         remains=verdict.remains,
         noise=kind,
         advice=[*advice, *resting(c.machine, gaps), *verdict.notes],
+        warnings=c.gate.warnings,
         situation="change" if c.change else "structure",
         shrink=_together(named, gaps),
         quick=quick,

@@ -264,6 +264,8 @@ def next_blocks(d: Diagnosis) -> list[Block]:
     if d.verdict == "none":
         lines.insert(0, "Nothing needs mending. Keep this log: it is the reference for later ones.")
     out: list[Block] = [bullets(lines or ["Record the motion again to confirm the finding."])]
+    if d.warnings:
+        out += [paragraph("What makes these logs doubtful:"), bullets([_capital(x) for x in d.warnings])]
     if d.commands:
         out.append(
             paragraph(

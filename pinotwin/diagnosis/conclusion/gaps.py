@@ -54,6 +54,12 @@ def gap_table(
         out[motion.names[j]] = {
             "u": Gap(level, level / max(effort, 1e-300), noise[j], level * float(np.sqrt(left)), misfit)
         }
+    for axis in c.gate.silent:
+        j = motion.index(axis)
+        rows = moving_rows(motion, j)
+        if axis not in out and rows.any():
+            level = rms(residual[rows, j])
+            out[axis] = {"u": Gap(level, level / max(rms(motion.u[rows, j]), 1e-300), float("nan"), level)}
     return out
 
 

@@ -46,12 +46,13 @@ def judge(
         for s in found.steps
         if isinstance(s.chosen.effect, Pattern)
     }
-    open_axes = {axis: row["u"] for axis, row in gaps.items() if _open(c, row["u"], rules)}
+    judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
+    open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, row["u"], rules)}
     unexplained = {
         axis: {"u": float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))}
         for axis, g in open_axes.items()
     }
-    for axis in patterns:
+    for axis in (*patterns, *c.gate.silent):
         unexplained.setdefault(axis, {"u": 1.0})
     if effects:
         verdict: Verdict = "partly_explained" if unexplained else "explained"
@@ -59,11 +60,11 @@ def judge(
         verdict = "unexplained" if unexplained else "none"
     notes = [
         _note(axis, row["u"])
-        for axis, row in gaps.items()
+        for axis, row in judged.items()
         if _odd(row["u"], rules) and axis not in unexplained
     ]
-    sentence = _sentence(c, verdict, effects, gaps, patterns)
-    return Judgement(verdict, sentence, unexplained, patterns, notes)
+    sentence = ". ".join([*_sentence(c, verdict, effects, judged, patterns), *_unjudged(c)])
+    return Judgement(verdict, sentence, unexplained, {**patterns, **c.gate.silent}, notes)
 
 
 def _open(c: Comparison, g: Gap, rules: Rules) -> bool:
@@ -84,23 +85,35 @@ def _note(axis: str, g: Gap) -> str:
     )
 
 
+def _unjudged(c: Comparison) -> list[str]:
+    """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
+    out = [f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in c.gate.silent.items()]
+    if c.gate.effects:
+        names = list(dict.fromkeys(name for row in c.gate.effects.values() for name in row))
+        axes = "" if set(c.gate.effects) == set(c.machine.axes) else f" on {', '.join(c.gate.effects)}"
+        out.append(f"These logs cannot show {', '.join(names)}{axes}")
+    return out
+
+
 def _sentence(
     c: Comparison,
     verdict: Verdict,
     effects: Sequence[Found],
     gaps: Mapping[str, Mapping[str, Gap]],
     patterns: Mapping[str, str],
-) -> str:
+) -> list[str]:
     if not gaps:
-        return "No axis moves enough to be judged"
+        return [] if c.gate.silent else ["No axis moves enough to be judged"]
     if verdict == "none":
         if c.change:
-            return "No change: what is left of these logs is what the twin leaves of its own"
-        return "Nothing is missing that these logs could show"
+            return ["No change: what is left of these logs is what the twin leaves of its own"]
+        return ["Nothing is missing that these logs could show"]
     parts = [_said(e) for e in effects]
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     largest = max(gaps, key=lambda a: _relative(gaps[a]["u"]))
-    if largest not in {e.axis for e in effects}:
+    if largest not in {e.axis for e in effects} and (
+        effects or not c.gate.silent or _open(c, gaps[largest]["u"], RULES)
+    ):
         text += ("; " if text else "") + _largest(largest, gaps[largest]["u"], patterns.get(largest))
     head = {
         "explained": "has changed: " if c.change else "the model misses ",
@@ -108,7 +121,7 @@ def _sentence(
         "unexplained": "",
     }[verdict]
     text = (head + text).strip()
-    return text[:1].upper() + text[1:]
+    return [text[:1].upper() + text[1:]] if text else []
 
 
 def _relative(g: Gap) -> float:

@@ -7,14 +7,15 @@ its coefficients stay free beside a candidate, for it has already taken up what 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.data.deflection import bent
+from pinotwin.diagnosis.data.gate import Gate, confirmed, gate
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
@@ -40,6 +41,7 @@ class Comparison:
         own: rows of the twin's own logs, with its cross-validated residual; None of a machine.
         unseen: rows of the validation logs, or None.
         floor: joint -> what a good model of the axis leaves, by which its rows are divided [N or N·m].
+        gate: what the logs can be asked.
     """
 
     twin: Twin
@@ -50,6 +52,7 @@ class Comparison:
     own: Sample | None
     unseen: Sample | None
     floor: Mapping[int, float]
+    gate: Gate = field(default_factory=Gate)
 
     @property
     def machine(self) -> Machine:
@@ -85,7 +88,19 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     if change and twin.misfit is not None:
         motion = told(twin.misfit.motion, twin.effects, twin.theta)
         own = sample(motion, own_residual(twin), block)
-    return Comparison(twin, change, logs, validation, new, own, unseen, _floor(new, own))
+    asked = gate(twin.machine, [*logs, *validation])
+    if change and asked.silent:
+        m = new.motion
+        asked = confirmed(asked, twin.machine, m.u, twin.effort(m), m.use)
+    judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)
+    new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
+    return Comparison(twin, change, logs, validation, new, own, unseen, _floor(new, own), asked)
+
+
+def _only(s: Sample | None, joints: Collection[int]) -> Sample | None:
+    """Return the sample with the rows of some joints; None if it has none of them."""
+    shared = [j for j in joints if s is not None and j in s.joints]
+    return s.only(shared) if s is not None and shared else None
 
 
 def _without_leads(machine: Machine) -> Machine:

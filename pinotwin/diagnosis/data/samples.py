@@ -7,7 +7,7 @@ Only rows in motion are used: at rest, dry friction holds any effort up to its l
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -49,6 +49,17 @@ class Sample:
     def joints(self) -> tuple[int, ...]:
         """Joints that have rows."""
         return self.rows.joints
+
+    def only(self, joints: Collection[int]) -> Sample:
+        """Return the rows of some joints."""
+        kept = [k for k, j in enumerate(self.joints) if j in joints]
+        if len(kept) == len(self.joints):
+            return self
+        chosen = tuple(self.joints[k] for k in kept)
+        rows = replace(self.rows, joints=chosen, kept=tuple(self.rows.kept[k] for k in kept))
+        part = [{j: x[j] for j in chosen} for x in (self.residual, self.effort)]
+        block = {j: self.block[j] for j in chosen}
+        return replace(self, rows=rows, residual=part[0], effort=part[1], block=block)
 
     def columns(self, effect: Effect) -> dict[int, Floats]:
         """Return the columns of an effect at every joint that it acts on, each of shape (m, p)."""

@@ -19,6 +19,7 @@ SPIKE = 40.0  # density of sizes at the limit over that below it, if it is FLAT 
 LEFT_BEHIND = 1.3  # the tracking error there over that elsewhere then
 FLAT = 1.1  # spread of the effort there over its roughness then: steady acceleration leaves 1.4 to 2.8
 STANDING = 0.01  # of the top speed: below it an axis stands
+OVER_LEVEL = 1.05  # of a limit: what a log may show above it, its current loop's overshoot
 AFTER = 0.05  # [s] that a limit is felt in the tracking error once it is left
 
 
@@ -69,6 +70,20 @@ def reached(motions: Sequence[Motion], joint: int) -> Limit | None:
     if over > OVER * share or not clear:
         return None
     return Limit(level, share, float(worst), tuple(after))
+
+
+def exceeded(efforts: Sequence[Floats], level: float) -> bool:
+    """Return whether logged efforts go beyond a level for longer than noise takes them there.
+
+    Args:
+        efforts: as they were logged, one per log, each of shape (n,).
+        level: that is said to be a limit [N or N·m].
+    """
+    for u in efforts:
+        good = u[np.isfinite(u)]
+        if len(good) > 3 and np.mean(np.abs(good) > OVER_LEVEL * level + 4.0 * roughness([good])) > LIMITED:
+            return True
+    return False
 
 
 def _moving(m: Motion, joint: int) -> Mask:

@@ -20,7 +20,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.others.limits import reached
+from pinotwin.diagnosis.others.limits import exceeded, reached
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
@@ -71,8 +71,12 @@ def servo_changes(
     if motion.qr is None:
         return []
     for axis in comparison.machine.axes.values():
+        if not comparison.gate.asks("servo", axis.name):
+            continue
         limited = reached([motion], axis.index)
         before = None if comparison.own is None else reached([comparison.own.motion], axis.index)
+        if limited is not None and exceeded(_logged(comparison, axis.name), limited.level):
+            limited = None
         if limited is not None and before is None and "saturation" not in leave_out:
             unit = "N·m" if axis.rotary else "N"
             spread = (0.98 * limited.level, 1.02 * limited.level)
@@ -149,9 +153,17 @@ def _saturation(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
     rests = [float(np.mean(x > 0.97 * np.quantile(x, 0.999))) for x in (size, before)]
     if errors[0] < rules.left_behind * errors[1] and rests[0] < rules.at_limit * rests[1]:
         return None
+    if exceeded(_logged(c, axis), top):
+        return None
     unit = "N·m" if new.rotary[joint] else "N"
     span = (0.98 * top, 1.02 * top)
     return ServoChange("saturation", axis, "limit", np.inf, top, span, unit, 1.0, (0.0, 0.0))
+
+
+def _logged(c: Comparison, axis: str) -> list[Floats]:
+    """Return the efforts of an axis as they were logged; none where they are those of motors."""
+    logs = (*c.logs, *c.validation) if c.machine.transmission is None else ()
+    return [log[f"{axis}.u"] for log in logs if f"{axis}.u" in log]
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,6 +38,8 @@ def tracking_gaps(c: Comparison, causes: Sequence[Scored]) -> tuple[dict[str, Ga
     """
     if not c.change or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
         return {}, {}
+    if not any(c.gate.asks("tracking", name) for name in c.machine.axes):
+        return {}, {}
     logs = list(c.validation) or list(c.logs)
     try:
         before = [_errors(c.twin, log) for log in logs]
@@ -51,6 +53,8 @@ def tracking_gaps(c: Comparison, causes: Sequence[Scored]) -> tuple[dict[str, Ga
         later, after = None, before
     gaps, shrinks = {}, {}
     for name, axis in c.machine.axes.items():
+        if not c.gate.asks("tracking", name):
+            continue
         j = axis.index
         x, y = (float(np.sqrt(np.mean([e[0][j] ** 2 for e in part]))) for part in (before, after))
         size = float(np.sqrt(np.mean([e[1][j] ** 2 for e in before])))

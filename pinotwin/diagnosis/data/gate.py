@@ -1,0 +1,180 @@
+"""What the logs can be asked: the findings of ``check`` decide which effects are tried and which questions put.
+
+An effect that rate, resolution or the meaning of a channel cannot show is not looked for: at 10 samples a
+second no vibration is seen, on steps of 1 mm no presliding. An axis whose effort is not an effort (a magnitude,
+noise, of the wrong sign), or whose position is a sentinel for much of the time, is not judged at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Mask
+from pinotwin.log import Log
+from pinotwin.logs.check import doubts
+from pinotwin.logs.quality import Finding
+from pinotwin.machine import Machine
+
+Question = Literal["servo", "tracking"]
+
+INSTANTS = ("presliding", "backlash", "drive_flexibility", "joint_flexibility", "delay", "inertial_coupling")
+"""Effects that happen between two samples of a slow log."""
+MICRONS = ("presliding", "backlash", "encoder_error", "hysteresis")
+"""Effects within few steps of an encoder."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What a finding of ``check`` rules out.
+
+    Attributes:
+        effects: names that are not looked for. questions: that are not put.
+        axis: whether nothing at all is said of the axis.
+        channel: ending of the channel that the finding must be about; "" for any.
+    """
+
+    effects: tuple[str, ...] = ()
+    questions: tuple[Question, ...] = ()
+    axis: bool = False
+    channel: str = ""
+
+
+BARS: Mapping[str, Bar] = {
+    "slow_rate": Bar(INSTANTS, ("servo", "tracking")),
+    "coarse_position": Bar((*MICRONS, "drive_flexibility", "joint_flexibility"), channel="q"),
+    "few_digits": Bar(MICRONS, channel="q"),
+    "command_disagrees": Bar(questions=("servo", "tracking")),
+    "command_is_position": Bar(questions=("servo", "tracking")),
+    "effort_unsigned": Bar(axis=True),
+    "effort_noise": Bar(axis=True),
+    "effort_sign": Bar(axis=True),
+    "effort_exchanged": Bar(axis=True),
+    "sentinel": Bar(axis=True, channel="q"),
+}
+"""Code of a finding -> what it rules out on its axis, or on all where it is about the whole log."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What logs can be asked.
+
+    Attributes:
+        doubts: what ``check`` says of them, one sentence each.
+        effects: axis -> effect that is not looked for -> why.
+        questions: axis -> question that is not put -> why.
+        silent: axis of which nothing is said -> why.
+    """
+
+    doubts: tuple[str, ...] = ()
+    effects: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    questions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    silent: Mapping[str, str] = field(default_factory=dict)
+
+    def admits(self, effect: str, axis: str | None) -> bool:
+        """Whether an effect is looked for on an axis."""
+        name = str(axis)
+        return name not in self.silent and effect not in self.effects.get(name, {})
+
+    def asks(self, question: Question, axis: str) -> bool:
+        """Whether a question is put to an axis."""
+        return axis not in self.silent and question not in self.questions.get(axis, {})
+
+    @property
+    def warnings(self) -> list[str]:
+        """The doubts, and what is not looked for because of them."""
+        return [*self.doubts, *self.unasked]
+
+    @property
+    def unasked(self) -> list[str]:
+        """What is not looked for, one sentence for the axes that share it."""
+        same: dict[tuple[str, ...], list[str]] = {}
+        for axis, row in self.effects.items():
+            same.setdefault(tuple(sorted(row)), []).append(axis)
+        out = [
+            f"{', '.join(axes)}: not looked for, these logs cannot show it: {', '.join(what)}"
+            for what, axes in same.items()
+        ]
+        servo = [axis for axis, row in self.questions.items() if row]
+        if servo:
+            out.append(f"{', '.join(servo)}: nothing is said of controller and tracking error")
+        return [*out, *(f"{axis}: not judged" for axis in self.silent)]
+
+
+def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
+    """Return what logs of a machine can be asked: what one of them cannot show, none is asked.
+
+    Args:
+        machine: whose logs.
+        logs: in the names of the contract.
+    """
+    found = [(log, finding) for log in logs for finding in doubts(machine, log)]
+    effects: dict[str, dict[str, str]] = {}
+    questions: dict[str, dict[str, str]] = {}
+    silent: dict[str, str] = {}
+    for _, finding in found:
+        bar = BARS.get(finding.code)
+        for axis in () if bar is None else _axes(machine, finding, bar.channel):
+            assert bar is not None
+            if bar.effects:
+                effects.setdefault(axis, {}).update(dict.fromkeys(bar.effects, finding.message))
+            if bar.questions:
+                questions.setdefault(axis, {}).update(dict.fromkeys(bar.questions, finding.message))
+            if bar.axis:
+                silent.setdefault(axis, f"{finding.channel}: {finding.message}")
+    return Gate(_said(found, len(logs)), effects, questions, silent)
+
+
+def _axes(machine: Machine, finding: Finding, channel: str) -> list[str]:
+    """Return the axes that a finding is about: all of them where it names none."""
+    named = [c.rpartition(".") for c in _channels(finding)]
+    owners = [owner or last for owner, _, last in named if not channel or last == channel]
+    own = [a for a in dict.fromkeys(owners) if a in machine.axes]
+    everywhere = not channel and not any(owner for owner, _, _ in named)
+    return own or (list(machine.axes) if everywhere else [])
+
+
+def _channels(finding: Finding) -> list[str]:
+    """Return the channels of a finding; of rounded digits they stand at the head of its message."""
+    listed = finding.channel or (finding.message.partition(": ")[0] if finding.code == "few_digits" else "")
+    return listed.split(", ")
+
+
+def _said(found: Sequence[tuple[Log, Finding]], count: int) -> tuple[str, ...]:
+    """Return each doubt once, with the log's name where not all of several logs share it."""
+    of: dict[str, list[str]] = {}
+    for log, f in found:
+        text = f"{f.channel}: {f.message}" if f.channel else f.message
+        of.setdefault(text, []).append(log.source or "log")
+    return tuple(t if len(who) == count else f"{', '.join(who)}: {t}" for t, who in of.items())
+
+
+_KNOWN = 0.3
+"""Correlation of the measured effort with the twin's from which it is an effort of that axis."""
+
+
+def confirmed(gate: Gate, machine: Machine, measured: Floats, said: Floats, rows: Mask) -> Gate:
+    """Return the gate of a change, with axes judged whose effort the twin knows as it was measured.
+
+    A fault may turn what looks like friction round; an effort that was logged with another sign, or of
+    another axis, or beside a position that is none, no longer goes with the twin's.
+
+    Args:
+        gate: as ``check`` has it.
+        machine: whose axes.
+        measured: effort, shape (n, nv).
+        said: the twin's, likewise.
+        rows: which are in motion, likewise.
+    """
+    silent = dict(gate.silent)
+    for axis in gate.silent:
+        j = machine.axes[axis].index
+        use = rows[:, j] & np.isfinite(measured[:, j])
+        x, y = measured[use, j], said[use, j]
+        alive = use.sum() > 3 and np.ptp(x) > 0.0 and np.ptp(y) > 0.0
+        if alive and np.corrcoef(x, y)[0, 1] > _KNOWN:
+            del silent[axis]
+    return replace(gate, silent=silent)
