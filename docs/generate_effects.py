@@ -45,6 +45,8 @@ def _row(name: str) -> str:
     shapes = "shape" if effect.searched == 1 else "shapes"
     searched = f"{effect.searched} {shapes}" if effect.searched else "linear"
     applied = {"yes": "machine.yaml", "always": "URDF"}.get(listed, f"by hand: it {effect.unlisted}")
+    if name == "saturation":
+        applied = "machine.yaml, `effort_limit`"
     cells = (name, effect.family.title, listed, identified, _simulated(effect), searched, applied)
     return f"| {' | '.join(cells)} |\n"
 

@@ -184,3 +184,17 @@ def gain(left: np.ndarray, motion: Motion, effects: list) -> float:
     w = np.concatenate([e.columns(motion).values[:, 0, :] for e in effects], axis=1)[rows]
     rest = left[rows] - w @ np.linalg.lstsq(w, left[rows], rcond=None)[0]
     return 1.0 - float(np.mean(rest**2) / np.mean(left[rows] ** 2))
+
+
+def test_withheld_it_is_named_written_and_identified_from_what_was_written(logs, urdf_dir, tmp_path):
+    """From the machine that does not list it to a twin that holds it, with no hand on the files."""
+    truth, (log, unseen) = logs
+    found = pt.diagnose(light(urdf_dir), log, validate=unseen, quick=True, closed_loop=False)
+    assert [(e.effect, e.axis) for e in found.effects] == [("hysteresis", "Y")]
+    assert found.effects[0].shrink["u"].share > 0.8
+    assert found.effects[0].theta["k"] == pytest.approx(DRAG, rel=0.15)
+    again = Machine.load(found.apply(tmp_path))
+    assert [e.name for e in again.axis("Y").effects] == ["viscous", "coulomb", "hysteresis"]
+    twin = pt.identify(again, log, loop=False)
+    assert twin.parameter("Y.hysteresis.k").value == pytest.approx(DRAG, rel=0.05)
+    assert twin.parameter("Y.hysteresis.x_h").value == pytest.approx(truth.drag_distance, rel=0.15)

@@ -12,6 +12,9 @@ from pinotwin.errors import DataError
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
 
+SAME = 0.03
+"""Share by which two pitches may differ and be one ripple whose size has changed."""
+
 
 def apply(diagnosis: Diagnosis, folder: Path) -> Path:
     """See :meth:`Diagnosis.apply`."""
@@ -20,7 +23,7 @@ def apply(diagnosis: Diagnosis, folder: Path) -> Path:
 
 
 def extended(diagnosis: Diagnosis) -> Machine:
-    """Return the machine with the named effects, as far as machine.yaml knows them.
+    """Return the machine with the named effects, as far as its files can say them.
 
     Raises:
         DataError: the diagnosis does not know its machine.
@@ -32,14 +35,8 @@ def extended(diagnosis: Diagnosis) -> Machine:
     for found in diagnosis.effects:
         if found.axis in machine.passive:
             machine = _sprung(machine, found)
-        if found.axis is None or found.axis not in machine.axes:
-            continue
-        old = machine.axis(found.axis).effects
-        effect = _effect(found, machine)
-        if (effect is not None and not any(e.name == effect.name for e in old)) or (
-            effect is not None and effect.name == "ripple"
-        ):
-            machine = machine.with_effects(found.axis, (*old, effect))
+        if found.axis is not None and found.axis in machine.axes and found.effect in EFFECTS:
+            machine = _with(machine, found)
     return machine
 
 
@@ -52,15 +49,33 @@ def _sprung(machine: Machine, found: Found) -> Machine:
     return dataclasses.replace(machine, spec=spec, passive={**machine.passive, name: part})
 
 
-def _effect(found: Found, machine: Machine) -> Effect | None:
-    if found.effect not in EFFECTS or found.axis is None:
-        return None
-    kind = EFFECTS[found.effect]
-    known = {f.name for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    shape = {k: v for k, v in found.shape.items() if k in known}
-    settings = {"axis": found.axis, "rotary": machine.axis(found.axis).rotary, **shape}
-    if found.effect == "wrist_coupling":
-        settings["partner"] = machine.names[int(found.shape["with"])]
-    if found.effect == "presliding":
-        settings["x_s"] = found.shape["distance"]
-    return kind(**settings)
+def _with(machine: Machine, found: Found) -> Machine:
+    """Return the machine with one effect added to its axis; the machine itself where a file cannot say it.
+
+    The new effect stands for those that are cases of it: presliding for Coulomb friction and its Stribeck
+    term. A drive's limit is written as ``effort_limit``.
+    """
+    name = str(found.axis)
+    axis = machine.axis(name)
+    if found.effect == "saturation":
+        limited = dataclasses.replace(axis, effort_limit=abs(float(found.shape["limit"])))
+        return dataclasses.replace(machine, axes={**machine.axes, name: limited})
+    if EFFECTS[found.effect].unlisted:
+        return machine
+    effect = (found.listed or _from_shapes(found, machine)).settled()
+    if any(e.name == effect.name and (not e.several or _alike(e, found)) for e in axis.effects):
+        return machine
+    kept = [e for e in axis.effects if e.name not in effect.contains or e.several]
+    return machine.with_effects(name, (*kept, effect))
+
+
+def _alike(listed: Effect, found: Found) -> bool:
+    """Whether a listed effect has the shapes of a finding, within :data:`SAME`."""
+    return all(abs(getattr(listed, k) - x) <= SAME * abs(x) for k, x in found.shape.items())
+
+
+def _from_shapes(found: Found, machine: Machine) -> Effect:
+    """Return the effect that a finding names, from what it says of its shapes."""
+    effect = EFFECTS[found.effect].on(machine, str(found.axis))
+    known = {s.name for s in effect.shapes()}
+    return dataclasses.replace(effect, **{k: v for k, v in found.shape.items() if k in known})  # type: ignore[type-var]

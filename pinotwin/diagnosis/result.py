@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pinotwin.arrays import Floats, plain
+from pinotwin.effects import Effect
 
 Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
 
@@ -117,6 +118,7 @@ class Found:
         moves: base parameters that move when it is admitted: name -> (before, after, in sigmas).
         gain: squared residual closed on rows that were not fitted, over that of a good model.
         size: what changed from what to what.
+        listed: the effect at the shapes that were found, for :meth:`Diagnosis.apply`.
     """
 
     effect: str
@@ -129,6 +131,7 @@ class Found:
     moves: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     gain: float = 0.0
     size: Sequence[Size] = ()
+    listed: Effect | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)

@@ -175,6 +175,10 @@ class Presliding(AxisEffect, Slipping):
         slow = sight.speed[:-1] < 0.1 * sight.top
         return float(np.median(slope[slow])) if slow.any() else float(np.median(slope))
 
+    def settled(self) -> Self:
+        """See :meth:`Effect.settled`: with the terms that a search leaves out, at the distance it found."""
+        return replace(self, stribeck=1, bristle=1, play=None)
+
     def other_forms(self) -> tuple[Self, ...]:
         """See :meth:`Effect.other_forms`: the other usual exponent of its Stribeck term."""
         return (replace(self, exponent=1.0 if self.exponent > 1.5 else 2.0),) if self.stribeck else ()

@@ -49,6 +49,7 @@ def _named(c: Comparison, step: Step, sure: float) -> Found:
         moves=_moves(c, one),
         gain=one.gain / max(_rows(c), 1),
         size=sizes_of(c, one),
+        listed=effect,
     )
 
 
