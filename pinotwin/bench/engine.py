@@ -18,17 +18,18 @@ Each = Callable[[Callable[[Any], Any], Sequence[Any], float | None], Iterator[tu
 
 
 @contextmanager
-def engine(workers: int, scheduler: str | None = None) -> Iterator[Each]:
+def engine(workers: int, scheduler: str | None = None, *, apart: bool = False) -> Iterator[Each]:
     """Yield what works on items, as they come, each with its result or the exception that it ended in.
 
     Args:
         workers: processes of this computer; with 1 and no scheduler the work is done in this process.
         scheduler: address of a running Dask scheduler, such as ``tcp://10.0.0.5:8786``.
+        apart: a single worker is a process of its own, too: it may die without this one.
 
     Raises:
         InputError: nothing answers at that address.
     """
-    if workers <= 1 and scheduler is None:
+    if workers <= 1 and scheduler is None and not apart:
         yield _here
         return
     from distributed import Client, LocalCluster
@@ -62,7 +63,11 @@ def _here(
     for item in items:
         if end is not None and time.monotonic() > end:
             return
-        yield item, function(item)
+        try:
+            result = function(item)
+        except Exception as error:  # noqa: BLE001 - the item's result, as a worker's would be
+            result = error
+        yield item, result
 
 
 def _there(

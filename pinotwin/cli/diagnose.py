@@ -1,15 +1,17 @@
-"""``pinotwin diagnose TWIN|MACHINE LOG [LOG...] [--validate LOG...] --out DIR``."""
+"""``pinotwin diagnose TWIN|MACHINE [--each] LOG [LOG...] [--validate LOG...] --out DIR``."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from pinotwin.cli.each import REPLACES, Asked, Fill, run_each
 from pinotwin.cli.inputs import add_meshes, add_resample, read_logs, resampled, with_meshes
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.cli.progress import progress
-from pinotwin.errors import PinotwinError
+from pinotwin.cli.progress import Report, progress, silent
+from pinotwin.errors import InputError, PinotwinError
 from pinotwin.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
@@ -40,41 +42,74 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
     parser.add_argument("--fail-on-gap", action="store_true", help="exit 1 unless the verdict is none")
     parser.add_argument("--seed", type=int, default=0, help="of the healthy draws (0)")
+    parser.add_argument(
+        "--each",
+        action="store_true",
+        help="diagnose every log by itself (a folder stands for the logs in it): a folder each below --out, "
+        "one table of all (each.csv, each.json); run again, it goes on with what is missing or has changed. "
+        "Exit code 2 if a log could not be diagnosed (a line of the table; the others are done all the "
+        "same), else 1 with --fail-on-gap and any verdict but none, else 0",
+    )
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes of --each (default: one for each processor)"
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="run --each on this Dask scheduler, not on this computer"
+    )
     add_meshes(parser)
     add_common(parser, out="folder for diagnosis.json and what goes with it", required=True)
 
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose, save, and say what was found, the verdict first."""
-    from pinotwin.diagnosis import diagnose
-    from pinotwin.logs.columns import bind
-    from pinotwin.report import diagnosis_report
-
-    subject = resampled(load_subject(args.subject), args.resample)
-    # bound here, so that nothing further down meets a controller's own names
-    columns = machine_of(subject).columns
-    logs = [bind(log, columns) for log in read_logs(args.logs)]
-    validate = [bind(log, columns) for log in read_logs(args.validate)]
+    if args.each:
+        # what concerns all logs is refused here, in one line, and not in every line of the table
+        resampled(load_subject(args.subject), args.resample)
+        read_logs(args.validate)
+        return run_each(args, diagnose_one)
+    for name in ("workers", "scheduler"):
+        if getattr(args, name) is not None:
+            raise InputError(f"--{name}: is for many logs; add --each, which diagnoses every log by itself")
+    asked = Asked(args.subject, tuple(args.validate), args.resample, args.quick, args.seed, args.meshes)
     with progress() as report:
-        found = diagnose(
-            subject,
-            logs,
-            validate=validate or None,
-            quick=args.quick,
-            report=report,
-            seed=args.seed,
-        )
-        with whole_folder(args.out, replaces=("machine", "advice_*.csv")) as folder:
-            write(found, folder)
-            page = diagnosis_report(found, logs, validate)
-            write_text(folder / "report.html", page)
-            said = write_view(found, subject, logs[0], folder, args.meshes)
+        found, fill = _diagnosed(args.logs, asked, report)
+        with whole_folder(args.out, replaces=REPLACES) as folder:
+            said = fill(folder)
     if args.json:
         write_json(args.json, found.to_dict())
     for line in (*summary(found), *said):
         say(line)
     say(f"diagnosis written to {args.out}")
     return 1 if args.fail_on_gap and found.verdict != "none" else 0
+
+
+def diagnose_one(log: str, asked: Asked) -> tuple[dict[str, Any], Fill]:
+    """Diagnose one log: the content of diagnosis.json, and what fills a folder with the result."""
+    found, fill = _diagnosed([log], asked, silent)
+    return found.to_dict(), fill
+
+
+def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> tuple[Diagnosis, Fill]:
+    """Return the diagnosis and what writes it into a folder, which returns what went wrong with the picture."""
+    from pinotwin.diagnosis import diagnose
+    from pinotwin.logs.columns import bind
+    from pinotwin.report import diagnosis_report
+
+    subject = resampled(load_subject(asked.subject), asked.resample)
+    # bound here, so that nothing further down meets a controller's own names
+    columns = machine_of(subject).columns
+    logs = [bind(log, columns) for log in read_logs(names)]
+    validate = [bind(log, columns) for log in read_logs(asked.validate)]
+    found = diagnose(
+        subject, logs, validate=validate or None, quick=asked.quick, report=report, seed=asked.seed
+    )
+
+    def fill(folder: Path) -> list[str]:
+        write(found, folder)
+        write_text(folder / "report.html", diagnosis_report(found, logs, validate))
+        return write_view(found, subject, logs[0], folder, asked.meshes)
+
+    return found, fill
 
 
 def load_subject(path: str) -> Machine | Twin:

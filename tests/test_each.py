@@ -1,0 +1,196 @@
+"""Many logs, each diagnosed by itself: one table, resumable, and a bad log is one line of it."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import json
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pinotwin.bench.engine import engine
+from pinotwin.cli import each
+from pinotwin.cli.main import main
+from tests.rig import good_log, run, write_log, write_machine
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A twin, three nights (the last with another friction), a text that is no log."""
+    folder = tmp_path_factory.mktemp("shop")
+    machine = write_machine(folder / "rig")
+    good = good_log()
+    write_log(folder / "own.csv", good)
+    for night in ("monday", "tuesday"):
+        (folder / night).mkdir()
+        write_log(folder / night / "log.csv", good)
+    stiff = {**good, "X.u": good["X.u"] + 60.0 * _speed(good)}
+    write_log(folder / "wednesday.csv", stiff)
+    (folder / "broken.csv").write_text("this is\nno log\n")
+    assert run("identify", machine, folder / "own.csv", "--out", folder / "twin", "--no-loop") == 0
+    return folder
+
+
+def _speed(log):
+    import numpy as np
+
+    return np.gradient(log["X.q"], log["t"])
+
+
+def _logs(shop: Path) -> list[Path]:
+    return [
+        shop / "monday" / "log.csv",
+        shop / "tuesday" / "log.csv",
+        shop / "wednesday.csv",
+        shop / "broken.csv",
+    ]
+
+
+@pytest.fixture(scope="module")
+def done(shop: Path) -> tuple[int, dict]:
+    code = run(
+        "diagnose", shop / "twin", "--each", *_logs(shop), "--quick", "--workers", "2", "--out", shop / "out"
+    )
+    return code, json.loads((shop / "out" / "each.json").read_text())
+
+
+def test_a_log_that_cannot_be_diagnosed_is_a_line_and_no_abort(done: tuple[int, dict]) -> None:
+    code, table = done
+    assert code == 2
+    *diagnosed, broken = table["logs"]
+    assert broken["verdict"] == "failed"
+    assert "broken.csv" in broken["error"]
+    assert broken["folder"] is None
+    assert [row["verdict"] == "failed" for row in diagnosed] == [False] * 3
+    assert table["counts"]["failed"] == 1
+
+
+def test_the_changed_night_is_told_from_the_others(done: tuple[int, dict]) -> None:
+    monday, tuesday, wednesday, _ = done[1]["logs"]
+    assert monday["verdict"] == tuesday["verdict"] == "none"
+    assert wednesday["verdict"] != "none"
+    assert wednesday["signal"] == "X.u"
+    assert wednesday["gap"] > 3.0 * monday["gap"]
+    assert (wednesday["causes"][0]["axis"], wednesday["causes"][0]["effect"]) == ("X", "viscous")
+
+
+def test_every_log_has_its_folder_and_two_of_one_stem_are_told_apart(
+    shop: Path, done: tuple[int, dict]
+) -> None:
+    rows = done[1]["logs"]
+    assert [Path(row["folder"]).name for row in rows[:3]] == ["monday_log", "tuesday_log", "wednesday"]
+    for row in rows[:3]:
+        found = json.loads((Path(row["folder"]) / "diagnosis.json").read_text())
+        assert found["verdict"] == row["verdict"]
+        assert (Path(row["folder"]) / "report.html").is_file()
+    assert not (shop / "out" / "broken").exists()
+    assert [p.name for p in (shop / "out").iterdir() if p.name.startswith(".")] == []
+
+
+def test_the_table_is_also_csv(shop: Path, done: tuple[int, dict]) -> None:
+    with (shop / "out" / "each.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["verdict"] for row in rows] == [row["verdict"] for row in done[1]["logs"]]
+    assert tuple(rows[0]) == each.COLUMNS
+    assert rows[2]["causes"].startswith("X.viscous")
+
+
+def test_a_second_run_works_on_what_is_missing_or_has_changed(
+    shop: Path, done: tuple[int, dict], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    kept = {name: _stamp(shop, name) for name in ("monday_log", "wednesday")}
+    good = good_log()
+    write_log(shop / "tuesday" / "log.csv", {**good, "X.u": 1.0001 * good["X.u"]})
+    old = _stamp(shop, "tuesday_log")
+    words = ["--quick", "--workers", "1", "--json", tmp_path / "t.json", "--out", shop / "out"]
+    assert run("diagnose", shop / "twin", "--each", *_logs(shop)[:3], *words) == 0
+    assert {name: _stamp(shop, name) for name in kept} == kept
+    assert _stamp(shop, "tuesday_log") != old
+    assert "3 logs (2 of an earlier run): 2 none" in capfd.readouterr().out
+    table = json.loads((tmp_path / "t.json").read_text())
+    assert table["kept_of_an_earlier_run"] == 2
+    assert table["logs"][0] == done[1]["logs"][0]
+    # nothing is left to do: no process is started
+    assert run("diagnose", shop / "twin", "--each", *_logs(shop)[:3], *words, "--fail-on-gap") == 1
+    # another option is another question
+    assert each._known(each._jobs(_arguments(shop, seed=1), _asked(shop, seed=1), shop / "out")[0]) is None
+    assert (
+        each._known(each._jobs(_arguments(shop, seed=0), _asked(shop, seed=0), shop / "out")[0]) is not None
+    )
+
+
+def _stamp(shop: Path, name: str) -> int:
+    return (shop / "out" / name / "diagnosis.json").stat().st_mtime_ns
+
+
+def _asked(shop: Path, seed: int) -> each.Asked:
+    return each.Asked(str(shop / "twin"), (), None, True, seed, None)
+
+
+def _arguments(shop: Path, seed: int):
+    import argparse
+
+    return argparse.Namespace(logs=[str(p) for p in _logs(shop)[:3]], scheduler=None, seed=seed)
+
+
+def dies(log: str, asked: each.Asked):
+    """Kill this worker at the first log that is looked at, once; at ``always`` every time."""
+    flag = Path(asked.subject)
+    if "always" in log or not flag.exists():
+        flag.write_text("")
+        os.kill(os.getpid(), signal.SIGKILL)
+    found = {"verdict": "none", "gap": {}, "effects": [], "log": log}
+    return found, functools.partial(_filled, json.dumps(found))
+
+
+def _filled(text: str, folder: Path) -> list[str]:
+    (folder / "diagnosis.json").write_text(text)
+    return []
+
+
+def test_a_dead_worker_costs_a_retry_and_one_that_always_dies_a_line(tmp_path: Path) -> None:
+    asked = each.Asked(str(tmp_path / "flag"), (), None, False, 0, None)
+    jobs = [each.Job(name, tmp_path / name, "x") for name in ("a", "b", "always", "c")]
+    one: Callable = functools.partial(each._one, work=dies, asked=asked)
+    with engine(2, apart=True) as run_all:
+        rows = {
+            job.log: each._died(job, row) if isinstance(row, BaseException) else row
+            for job, row in run_all(one, jobs, None)
+        }
+    assert {log: row["verdict"] for log, row in rows.items()} == {
+        "a": "none",
+        "b": "none",
+        "c": "none",
+        "always": "failed",
+    }
+    assert "worker died" in rows["always"]["error"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b", "c", "flag"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["{twin}", "{log}", "--workers", "2"], "add --each"),
+        (["nosuch", "--each", "{log}"], "nosuch"),
+        (["{twin}", "--each", "{empty}"], "no logs in this folder"),
+        (["{twin}", "--each", "{log}", "--workers", "0"], "--workers: 0"),
+    ],
+)
+def test_bad_words_are_refused_before_the_work(
+    words: list[str], message: str, shop: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    places = {"twin": shop / "twin", "log": shop / "own.csv", "empty": tmp_path / "empty"}
+    filled = [word.format(**places) for word in words]
+    assert main(["diagnose", *filled, "--out", str(tmp_path / "new" / "out")]) == 2
+    assert message in capfd.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_folder_stands_for_the_logs_in_it(shop: Path) -> None:
+    found = [Path(p).name for p in each._expanded(str(shop))]
+    assert found == ["broken.csv", "own.csv", "wednesday.csv"]
