@@ -54,8 +54,9 @@ def test_a_dead_worker_changes_no_answer(tmp_path: Path) -> None:
     assert found == {k: k * k for k in range(8)}
 
 
-def test_an_exception_belongs_to_its_item() -> None:
-    found = each(fails, 5, 2)
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_exception_belongs_to_its_item(workers: int) -> None:
+    found = each(fails, 5, workers)
     assert isinstance(found.pop(2), ValueError)
     assert found == {k: k for k in (0, 1, 3, 4)}
 

@@ -158,7 +158,7 @@ def test_a_dead_worker_costs_a_retry_and_one_that_always_dies_a_line(tmp_path: P
     one: Callable = functools.partial(each._one, work=dies, asked=asked)
     with engine(2, apart=True) as run_all:
         rows = {
-            job.log: each._died(job, row) if isinstance(row, BaseException) else row
+            job.log: each._failed(job, row) if isinstance(row, BaseException) else row
             for job, row in run_all(one, jobs, None)
         }
     assert {log: row["verdict"] for log, row in rows.items()} == {
@@ -194,3 +194,18 @@ def test_bad_words_are_refused_before_the_work(
 def test_a_folder_stands_for_the_logs_in_it(shop: Path) -> None:
     found = [Path(p).name for p in each._expanded(str(shop))]
     assert found == ["broken.csv", "own.csv", "wednesday.csv"]
+
+
+def fails(log: str, asked: each.Asked):
+    raise LookupError(f"{log}: nobody foresaw this")
+
+
+def test_an_error_that_nobody_foresaw_keeps_its_traceback(tmp_path: Path) -> None:
+    asked = each.Asked("x", (), None, False, 0, None)
+    job = each.Job("a", tmp_path / "a", "x")
+    with engine(1, apart=True) as run_all:
+        ((_, error),) = run_all(functools.partial(each._one, work=fails, asked=asked), [job], None)
+    row = each._failed(job, error)
+    assert row["error"] == "LookupError: 'a: nobody foresaw this'"
+    assert "in fails" in row["traceback"]
+    assert list(tmp_path.iterdir()) == []

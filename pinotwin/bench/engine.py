@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
@@ -60,14 +61,12 @@ def engine(workers: int, scheduler: str | None = None, *, apart: bool = False) -
 def _here(
     function: Callable[[Any], Any], items: Sequence[Any], end: float | None
 ) -> Iterator[tuple[Any, Any]]:
-    for item in items:
-        if end is not None and time.monotonic() > end:
-            return
-        try:
-            result = function(item)
-        except Exception as error:  # noqa: BLE001 - the item's result, as a worker's would be
-            result = error
-        yield item, result
+    with ThreadPoolExecutor(1) as pool:  # holds what an item ends in, as a worker's future does
+        for item in items:
+            if end is not None and time.monotonic() > end:
+                return
+            job = pool.submit(function, item)
+            yield item, job.exception() or job.result()
 
 
 def _there(
@@ -88,4 +87,4 @@ def _there(
         for job in wait(list(running), return_when="FIRST_COMPLETED").done:
             item = running.pop(job)
             error = job.exception()
-            yield item, job.result() if error is None else error
+            yield item, job.result() if error is None else error.with_traceback(job.traceback())

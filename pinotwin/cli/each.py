@@ -102,7 +102,7 @@ def run_each(args: argparse.Namespace, work: Work) -> int:
             workers = min(args.workers or os.cpu_count() or 1, len(left))
             with engine(workers, args.scheduler, apart=True) as each:
                 for job, row in each(functools.partial(_one, work=work, asked=asked), left, None):
-                    rows[job.log] = _died(job, row) if isinstance(row, BaseException) else row
+                    rows[job.log] = _failed(job, row) if isinstance(row, BaseException) else row
                     report(f"{len(rows)} of {len(jobs)} logs", len(rows) / len(jobs))
     table = [rows[job.log] for job in jobs]
     document = {
@@ -225,20 +225,14 @@ def _known(job: Job) -> dict[str, Any] | None:
 
 @one_blas_thread
 def _one(job: Job, *, work: Work, asked: Asked) -> dict[str, Any]:
-    """Diagnose one log (in a worker); what is wrong with it is its line of the table."""
+    """Diagnose one log (in a worker) and return its line of the table."""
     start = time.perf_counter()
-    try:
-        found, fill = work(job.log, asked)
-        with whole_folder(job.folder, replaces=REPLACES) as folder:
-            fill(folder)
-            seconds = time.perf_counter() - start
-            record = {"log": job.log, "made_of": job.made_of, "seconds": seconds, "asked": asdict(asked)}
-            write_json(folder / RECORD, record)
-    except PinotwinError as error:
-        return _failed(job, str(error))
-    except Exception as error:  # noqa: BLE001 - whatever is wrong with one log is its line
-        text = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        return {**_failed(job, text), "traceback": traceback.format_exc()}
+    found, fill = work(job.log, asked)
+    with whole_folder(job.folder, replaces=REPLACES) as folder:
+        fill(folder)
+        seconds = time.perf_counter() - start
+        record = {"log": job.log, "made_of": job.made_of, "seconds": seconds, "asked": asdict(asked)}
+        write_json(folder / RECORD, record)
     return _row(job, found, seconds)
 
 
@@ -270,16 +264,17 @@ def _of_signal(gap: Mapping[str, Any], name: str) -> float | None:
     return value * share / rms if value is not None and rms and share else None
 
 
-def _failed(job: Job, why: str) -> dict[str, Any]:
+def _failed(job: Job, error: BaseException) -> dict[str, Any]:
+    """Return the line of a log whose diagnosis ended in an error; an unforeseen one keeps its traceback."""
     blank = dict.fromkeys(("signal", "gap", "after", "misfit", "seconds", "folder"))
-    return {"log": job.log, "verdict": FAILED, **blank, "causes": [], "gaps": {}, "error": why}
-
-
-def _died(job: Job, error: BaseException) -> dict[str, Any]:
-    why = f"{type(error).__name__}: {error}"
+    row = {"log": job.log, "verdict": FAILED, **blank, "causes": [], "gaps": {}, "error": str(error)}
+    if isinstance(error, PinotwinError):
+        return row
     if type(error).__name__ == "KilledWorker":
         why = "its worker died several times: too little memory (fewer --workers), or a crash on this log"
-    return _failed(job, " ".join(why.split())[:300])
+        return {**row, "error": why}
+    text = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+    return {**row, "error": text, "traceback": "".join(traceback.format_exception(error))}
 
 
 def _csv(table: Sequence[Mapping[str, Any]]) -> str:
