@@ -267,7 +267,14 @@ def _of_signal(gap: Mapping[str, Any], name: str) -> float | None:
 def _failed(job: Job, error: BaseException) -> dict[str, Any]:
     """Return the line of a log whose diagnosis ended in an error; an unforeseen one keeps its traceback."""
     blank = dict.fromkeys(("signal", "gap", "after", "misfit", "seconds", "folder"))
-    row = {"log": job.log, "verdict": FAILED, **blank, "causes": [], "gaps": {}, "error": str(error)}
+    row: dict[str, Any] = {
+        "log": job.log,
+        "verdict": FAILED,
+        **blank,
+        "causes": [],
+        "gaps": {},
+        "error": str(error),
+    }
     if isinstance(error, PinotwinError):
         return row
     if type(error).__name__ == "KilledWorker":
