@@ -86,3 +86,10 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
 def test_no_scheduler_is_one_line() -> None:
     with pytest.raises(InputError, match="no Dask scheduler answers"), engine(2, "tcp://127.0.0.1:9"):
         pass
+
+
+@pytest.mark.filterwarnings("error")
+def test_two_engines_at_once_do_not_meet() -> None:
+    with engine(1, apart=True) as one, engine(1, apart=True) as other:
+        assert dict(one(squared, [2], None)) == {2: 4}
+        assert dict(other(squared, [3], None)) == {3: 9}
