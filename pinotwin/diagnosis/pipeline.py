@@ -89,7 +89,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         subject,
         [*c.logs, *c.validation],
         [*(False for _ in c.logs), *(True for _ in c.validation)],
-        labels([c.twin.motion(x) for x in (*c.logs, *c.validation)]),
+        labels(c.motions),
         np.random.default_rng([seed, 3]),
     )
     named += shaken.effects
@@ -216,7 +216,8 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         remains=verdict.remains,
         noise=kind,
         advice=[*advice, *resting(c.machine, gaps), *verdict.notes],
-        warnings=c.gate.warnings,
+        warnings=[*c.gate.warnings, *([] if c.apart is None else [c.apart.words(change=c.change)])],
+        differs=[] if c.apart is None else c.apart.names,
         situation="change" if c.change else "structure",
         shrink=_together(named, gaps),
         quick=quick,

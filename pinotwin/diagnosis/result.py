@@ -179,6 +179,7 @@ class Diagnosis:
         commands: advised command files: name -> channel -> values.
         missing: what the twin already lacked on its own logs: effect, axis and share of its residual there.
         warnings: what ``check`` says of these logs.
+        differs: files that differ from runs of the same command, with which they are not pooled.
     """
 
     verdict: Verdict
@@ -203,6 +204,7 @@ class Diagnosis:
     commands: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict, repr=False)
     missing: Sequence[Mapping[str, Any]] = ()
     warnings: Sequence[str] = ()
+    differs: Sequence[str] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of diagnosis.json, in JSON's own types."""
@@ -221,6 +223,7 @@ class Diagnosis:
                 "confidence_calibrated": not self.quick,
                 "advice": list(self.advice),
                 "warnings": list(self.warnings),
+                "differs": list(self.differs),
                 "situation": self.situation,
                 "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in self.shrink.items()},
                 "quick": self.quick,

@@ -16,6 +16,11 @@ class Rules:
 
     block_time: float = 0.5
     """[s] Shortest stretch of a log that counts as one witness."""
+    runs_change: float = 1.3
+    """[misfits] RMS by which two runs of one command may differ (over sqrt 2); two of the same LWR4 reach 0.93."""
+    runs_structure: float = 1.15
+    """[of what is left of both] The same where the machine was fitted to both: it then lies between them, and no
+    fault brings more than sqrt 2."""
     good_model: float = 0.01
     """[of the effort's variation] What a good model of a healthy axis leaves: the floor of a structure question."""
 

@@ -53,6 +53,15 @@ def labels(motions: Sequence[Motion]) -> tuple[int, ...]:
     return tuple(out)
 
 
+def shift_between(a: Motion, b: Motion) -> int:
+    """Return by how many rows repeat ``a`` runs later than ``b``, told from their measured positions."""
+    size = np.maximum(a.q.std(axis=0), b.q.std(axis=0))
+    moving = size > 1e-3 * size.max(initial=0.0)
+    if not moving.any():
+        return 0
+    return _shift(a.q[:, moving] / size[moving], b.q[:, moving] / size[moving], round(LATEST / a.step))
+
+
 def _shift(x: Floats, y: Floats, reach: int) -> int:
     """Return by how many rows ``x`` runs later than ``y``: where they differ least, both of shape (n, k)."""
     n = min(len(x), len(y)) - 2 * reach

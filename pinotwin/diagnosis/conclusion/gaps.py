@@ -69,7 +69,7 @@ def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
     Two runs of one command differ by noise and by the scatter from run to run; of a single run only the
     roughness from row to row is known.
     """
-    motions = [c.twin.motion(log) for log in c.logs]
+    motions = c.motions[: len(c.logs)]
     known = labels(motions)
     pairs = [(a, b) for b, label in enumerate(known) for a in range(b) if known[a] == label]
     out = {}
@@ -103,7 +103,8 @@ def traces(c: Comparison, searcher: Searcher) -> list[Traces]:
         left: Floats = after[j] * c.floor[j]
         ends = np.flatnonzero(np.diff(t) < 0.0) + 1
         for k, part in enumerate(_split(len(t), ends)):
-            out.append(Traces(c.new.motion.names[j], k, t[part], before[part], left[part]))
+            log = c.kept[k] if k < len(c.kept) else k
+            out.append(Traces(c.new.motion.names[j], log, t[part], before[part], left[part]))
     return out
 
 

@@ -63,7 +63,8 @@ def judge(
         for axis, row in judged.items()
         if _odd(row["u"], rules) and axis not in unexplained
     ]
-    sentence = ". ".join([*_sentence(c, verdict, effects, judged, patterns), *_unjudged(c)])
+    runs = [] if c.apart is None else [c.apart.words(change=c.change)]
+    sentence = ". ".join([*_sentence(c, verdict, effects, judged, patterns), *runs, *_unjudged(c)])
     return Judgement(verdict, sentence, unexplained, {**patterns, **c.gate.silent}, notes)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.data.deflection import bent
 from pinotwin.diagnosis.data.gate import Gate, confirmed, gate
+from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
@@ -42,6 +43,9 @@ class Comparison:
         unseen: rows of the validation logs, or None.
         floor: joint -> what a good model of the axis leaves, by which its rows are divided [N or N·m].
         gate: what the logs can be asked.
+        motions: every log in question and then every validation log, prepared.
+        kept: place of every log in question among those that were given.
+        apart: runs of one command that are not those of one machine, one side of which was left out.
     """
 
     twin: Twin
@@ -53,6 +57,9 @@ class Comparison:
     unseen: Sample | None
     floor: Mapping[int, float]
     gate: Gate = field(default_factory=Gate)
+    motions: Sequence[Motion] = ()
+    kept: tuple[int, ...] = ()
+    apart: Apart | None = None
 
     @property
     def machine(self) -> Machine:
@@ -81,20 +88,33 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     columns = (subject.machine if isinstance(subject, Twin) else subject).columns
     logs, validation = ([bind(log, columns) for log in part] for part in (logs, validation))
     twin = subject if isinstance(subject, Twin) else identify(_without_leads(subject), logs, loop=False)
-    block = RULES.block_time
-    new = _sample(twin, _joined(twin, logs), block)
-    unseen = _sample(twin, _joined(twin, validation), block) if validation else None
+    motions, block = _motions(twin, logs), RULES.block_time
     own = None
     if change and twin.misfit is not None:
         motion = told(twin.misfit.motion, twin.effects, twin.theta)
         own = sample(motion, own_residual(twin), block)
+    differ, kept = None, tuple(range(len(logs)))
+    if len(logs) > 1:
+        differ = apart(logs, [_sample(twin, m, block) for m in motions], own)
+    if differ is not None:
+        kept = differ.kept(len(logs), change=change)
+        logs, motions = [logs[k] for k in kept], [motions[k] for k in kept]
+        if isinstance(subject, Machine):
+            twin = identify(_without_leads(subject), logs, loop=False)
+            motions = _motions(twin, logs)
+    sealed = _motions(twin, validation)
+    new = _sample(twin, _joined(motions), block)
+    unseen = _sample(twin, _joined(sealed), block) if sealed else None
     asked = gate(twin.machine, [*logs, *validation])
     if change and asked.silent:
         m = new.motion
         asked = confirmed(asked, twin.machine, m.u, twin.effort(m), m.use)
     judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)
     new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
-    return Comparison(twin, change, logs, validation, new, own, unseen, _floor(new, own), asked)
+    floor = _floor(new, own)
+    return Comparison(
+        twin, change, logs, validation, new, own, unseen, floor, asked, (*motions, *sealed), kept, differ
+    )
 
 
 def _only(s: Sample | None, joints: Collection[int]) -> Sample | None:
@@ -109,11 +129,12 @@ def _without_leads(machine: Machine) -> Machine:
     return replace(machine, axes=axes)
 
 
-def _joined(twin: Twin, logs: Sequence[Log]) -> Motion:
-    motions = []
-    for log in logs:
-        motion = twin.motion(log)
-        motions.append(bent(twin, motion, motion) if twin.machine.passive else motion)
+def _motions(twin: Twin, logs: Sequence[Log]) -> list[Motion]:
+    motions = [twin.motion(log) for log in logs]
+    return [bent(twin, m, m) for m in motions] if twin.machine.passive else motions
+
+
+def _joined(motions: Sequence[Motion]) -> Motion:
     return Motion.join(motions) if len(motions) > 1 else motions[0]
 
 
