@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Self
 
@@ -127,6 +128,18 @@ class Motion:
             self.segments,
             self.step,
         )
+
+    @cached_property
+    def inside(self) -> Mask:
+        """Rows that lie in an unbroken stretch, shape (n,)."""
+        found = np.zeros(len(self), dtype=bool)
+        for s in self.segments:
+            found[s] = True
+        return found
+
+    def moving(self, joint: int) -> Mask:
+        """Return the rows on which errors of one joint's effort are stated: in motion, with an effort."""
+        return self.inside & self.use[:, joint] & np.isfinite(self.u[:, joint])
 
     def cut(self, start: int, stop: int) -> Self:
         """Return rows ``start:stop`` as a motion of their own."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.diagnosis.conclusion.gaps import moving_rows
 
 
 def twin_and_unseen(folder: Path, own: list[str], unseen: str) -> tuple[pt.Twin, pt.Log]:
@@ -38,7 +37,7 @@ def test_the_stated_gap_is_that_of_the_twin(lwr4, healthy) -> None:
     motion = twin.motion(log)
     residual = motion.u - twin.effort(motion)
     for name, axis in twin.machine.axes.items():
-        rows = moving_rows(motion, axis.index)
+        rows = motion.moving(axis.index)
         expected = np.sqrt(np.mean(residual[rows, axis.index] ** 2))
         assert healthy.gap[name]["u"].rms == pytest.approx(expected, rel=1e-9)
 

@@ -7,7 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import butter, filtfilt, lfilter
 
-from pinotwin.solve.autoregression import autoregressions, burg, whiten
+from pinotwin.signals import burg
+from pinotwin.solve.autoregression import autoregressions, whiten
+from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
 from pinotwin.solve.linear import Options, linear
 from pinotwin.solve.problem import AxisRows, Problem
 
@@ -171,10 +173,26 @@ def test_burg_finds_the_autoregression_and_whitening_undoes_it():
     w = rng.standard_normal(6000)
     a = np.array([1.2, -0.5])
     e = lfilter([1], [1, *-a], w)
-    assert_allclose(burg([e[:2500], e[2500:]], 2), a, atol=0.04)
+    assert_allclose(burg([e[:2500], e[2500:]], 2)[0], a, atol=0.04)
     time = np.delete(np.arange(6000), slice(1000, 1010))
     problem = Problem.stack([AxisRows(np.ones((5990, 1)), e[time], time)], ["o"])
     models = autoregressions(problem, problem.y, 2)
     out, keep = whiten(problem, problem.y[:, None], models)
     assert keep.sum() == 5990 - 4
     assert_allclose(out[keep, 0], w[time][keep], atol=0.25)
+
+
+def test_leaving_blocks_out_by_sums_is_leaving_their_rows_out():
+    rng = np.random.default_rng(3)
+    X = rng.standard_normal((120, 3)) * [1.0, 1e-4, 1e5]
+    y = X @ [1.0, 2e4, 3e-5] + rng.standard_normal(120)
+    blocks = [slice(k, k + 20) for k in range(0, 120, 20)]
+    each = solved(*(without_each(x) for x in block_sums(X, y, blocks)), 1e-12)
+    for b, theta in zip(blocks, each[:-1], strict=True):
+        rest = np.setdiff1d(np.arange(120), np.arange(b.start, b.stop))
+        assert_allclose(theta, np.linalg.lstsq(X[rest], y[rest], rcond=None)[0], rtol=1e-6)
+    assert_allclose(each[-1], np.linalg.lstsq(X, y, rcond=None)[0], rtol=1e-6)
+    error = np.sqrt(np.diag(jackknife(each[:-1])))
+    usual = np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
+    assert_allclose(error, usual, rtol=0.8)
+    assert (error > 0.3 * usual).all()

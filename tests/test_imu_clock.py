@@ -13,7 +13,7 @@ from pinotwin.errors import DataError
 from pinotwin.imu import align
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.clock import SyncSettings, sync
-from pinotwin.imu.statistics import sandwich
+from pinotwin.solve.sandwich import sandwich
 from pinotwin.virtual.imu_sensor import GRAVITY, ImuReading, ImuSensor, SensorClock, mti630
 from tests.test_imu_rig import DEG, record
 

@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks import imu_mountings as bench
 from pinotwin.errors import DataError
-from pinotwin.imu.statistics import at_least, left_out
 from pinotwin.reconstruction import Settings, reconstruct_vibration
+from pinotwin.solve.sandwich import at_least, left_out
 from pinotwin.virtual.recording import Recording
 from pinotwin.virtual.trajectories import random_trajectory
 

@@ -68,9 +68,7 @@ def external_effort(twin: Twin, log: Log) -> ExternalEffort:
         raise DataError(f"{twin.machine.name}: this twin does not know its own misfit; identify it again")
     motion = twin.motion(log)
     residual = twin.effort(motion) - motion.u
-    inside = np.zeros(len(motion), dtype=bool)
-    for s in motion.segments:
-        inside[s] = True
+    inside = motion.inside
     names, force, half = [], [], []
     for name, axis in twin.machine.axes.items():
         if name in twin.misfit.summary:

@@ -147,7 +147,7 @@ def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
     """Return the pushes that close more than the causes on the same axis do."""
     out = []
     own = None if c.own is None else {j: c.own.residual[j] / c.floor[j] for j in c.own.joints if j in c.floor}
-    first = Searcher(c)
+    first = found.first
     for at, j in enumerate(c.new.joints):
         if not c.gate.admits("external_force", c.machine.names[j]):
             continue
@@ -194,7 +194,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
     rules: Rules,
 ) -> Diagnosis:
     noise, kind = noise_levels(c)
-    gaps = gap_table(c, found.searcher, {p.joint: p.share for p in pushed}, noise)
+    gaps = gap_table(c, found, {p.joint: p.share for p in pushed}, noise)
     named.sort(key=lambda e: -_closes(e))
     verdict = judge(c, found, gaps, named, rules)
     pairs = pairs_alike(found.steps)

@@ -102,12 +102,9 @@ def _shortened(motion: Motion) -> Motion:
 
 def _summary(motion: Motion, residual: Floats) -> dict[str, Any]:
     """Return axis -> size of the residual in every regime, its spectrum and correlation time."""
-    inside = np.zeros(len(motion), dtype=bool)
-    for s in motion.segments:
-        inside[s] = True
     out: dict[str, Any] = {}
     for j, name in enumerate(motion.names):
-        usable = inside & np.isfinite(residual[:, j])
+        usable = motion.inside & np.isfinite(residual[:, j])
         moving = usable & motion.use[:, j]
         if moving.sum() < 10:
             continue

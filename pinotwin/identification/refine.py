@@ -22,8 +22,8 @@ from scipy.optimize import least_squares, lsq_linear
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.loop import LoopData, LoopModel
-from pinotwin.loop.uncertainty import block_covariance
 from pinotwin.motion import Motion
+from pinotwin.solve.sandwich import block_covariance
 
 TRUST = 10.0
 """How many of its standard errors a coefficient may move before the open-loop fit holds it back."""

@@ -20,10 +20,10 @@ from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import body_count, parameters
-from pinotwin.imu.statistics import long_run
 from pinotwin.motion import Motion
 from pinotwin.signals.band import vibration_band
 from pinotwin.solve.consistency import Bodies, Evidence, consistent
+from pinotwin.solve.sandwich import long_run
 from pinotwin.twin import Twin
 from pinotwin.twin.parameters import Parameter, verdict
 

@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from pinotwin.arrays import Floats
 from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, ParameterFit, Section, kernels
 from pinotwin.loop.layout import Parameter, lay_out
-from pinotwin.loop.uncertainty import block_covariance
+from pinotwin.solve.sandwich import block_covariance
 
 POLISH = 25
 """Most evaluations of the search for the poles: they start at those of the free fit."""

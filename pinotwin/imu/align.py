@@ -20,7 +20,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
-from pinotwin.imu.statistics import sandwich
+from pinotwin.solve.sandwich import sandwich
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from pinotwin.imu.mode import respond
 from pinotwin.imu.predict import Layout, RunModel
 from pinotwin.imu.result import BatchResult, RunResult, run_result
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
-from pinotwin.imu.statistics import at_least, left_out
 from pinotwin.imu.whiten import Whitener
+from pinotwin.solve.sandwich import at_least, left_out
 
 BLOCK = 1.0
 """Length of the stretches that are left out for the standard errors [s]: several decay times."""

@@ -25,7 +25,7 @@ from scipy.ndimage import gaussian_filter1d
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 from pinotwin.imu.correlate import best_lag
-from pinotwin.imu.statistics import sandwich
+from pinotwin.solve.sandwich import sandwich
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.loop.controller import Controller
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.law import SETTLE, law_columns, signals_of
-from pinotwin.loop.uncertainty import block_covariance
 from pinotwin.signals import rms
+from pinotwin.solve.sandwich import block_covariance
 
 NAMES = {"p_pi": ("kv kp", "kv ffv", "kv", "ffa"), "pid": ("kp", "integral", "kd", "ffv", "ffa")}
 HOLD = 0.02  # [s] an effort must rest at its largest size to be at a drive's limit

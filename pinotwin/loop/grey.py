@@ -22,7 +22,7 @@ from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller, Kind
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.law import SETTLE, Signals, law_columns, signals_of
-from pinotwin.loop.uncertainty import block_covariance
+from pinotwin.solve.sandwich import block_covariance
 
 SHAPES = ("delay", "lag", "filter", "rate")
 """Delay of the law, further delay of the velocity, its filter [samples]; 1/ti [1/s]."""

@@ -1,10 +1,7 @@
 """Intervals of poles and residues that survive coloured errors.
 
-What a model leaves is never white, so the covariance is the sandwich H^-1 M H^-1 with M from the
-sums of the score over blocks of rows longer than the memory of the score itself (batch means; Liang
-and Zeger 1986, doi:10.1093/biomet/73.1.13, with time blocks as clusters). The memory is the
-integrated autocorrelation time by the initial positive sequence (Geyer 1992,
-doi:10.1214/ss/1177011137).
+What a model leaves is never white, so the covariance is the sandwich H^-1 M H^-1 with M from block sums of
+the score (:func:`pinotwin.solve.sandwich.batch_means`).
 """
 
 from __future__ import annotations
@@ -16,8 +13,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.loop.projection import Projection
 from pinotwin.loop.sections import discretise
-
-FEWEST_BLOCKS = 20
+from pinotwin.solve.sandwich import batch_means
 
 
 @dataclass(frozen=True)
@@ -64,38 +60,11 @@ def covariance(projection: Projection, theta: Floats, held: Mask) -> Covariance:
         T[rows, :poles] = to_residues[:, :count][:, ~held]
         T[rows, at : at + G.shape[1] - poles] = to_residues[:, count:]
         at += G.shape[1] - poles
-    own, blocks = _sandwich(H, S, poles or total, ny * len(S))
+    own, blocks = batch_means(H, S, poles or total, ny * len(S))
     joint = T @ own @ T.T
     found = joint[:count, :count].copy()
     found[held], found[:, held] = np.nan, np.nan
     return Covariance(found, joint, blocks)
-
-
-def block_covariance(columns: Floats, residual: Floats) -> Floats:
-    """Return the block-robust covariance of a least-squares fit, shape (p, p).
-
-    Args:
-        columns: its (linearised) columns, shape (n, p).
-        residual: what it leaves, shape (n,).
-    """
-    own, _ = _sandwich(columns.T @ columns, columns * residual[:, None], columns.shape[1], len(residual))
-    return own
-
-
-def _sandwich(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats, int]:
-    """Return covariance and number of blocks from H and the scores S (n, p).
-
-    The block length follows the memory of the influence on the first ``leading`` parameters;
-    ``count`` is the number of scalar observations.
-    """
-    size = np.sqrt(np.diag(H))
-    size = np.where(size > 0, size, 1.0)
-    inverse = np.linalg.pinv(H / np.outer(size, size), rcond=1e-12, hermitian=True)
-    influence = S @ (inverse / np.outer(size, size))
-    sums = np.add.reduceat(influence, np.arange(0, len(influence), _block_length(influence[:, :leading])))
-    blocks = len(sums)
-    few = blocks / max(blocks - 1, 1) * count / max(count - len(H), 1)
-    return few * sums.T @ sums, blocks
 
 
 def _linearised(projection: Projection, theta: Floats) -> tuple[list[tuple[Floats, Floats]], list[Floats]]:
@@ -123,19 +92,3 @@ def _linearised(projection: Projection, theta: Floats) -> tuple[list[tuple[Float
         tangents.append((both[:, :-1], to_residues))
         residuals.append(both[:, -1])
     return tangents, residuals
-
-
-def _block_length(influence: Floats) -> int:
-    """Return five integrated autocorrelation times, at most a twentieth of the rows."""
-    n = len(influence)
-    longest = max(n // FEWEST_BLOCKS, 1)
-    padded = 1 << (2 * n - 1).bit_length()
-    power = np.abs(np.fft.rfft(influence - influence.mean(axis=0), padded, axis=0)) ** 2
-    correlation = np.fft.irfft(power, padded, axis=0)[: longest + 1]
-    correlation = correlation / np.maximum(correlation[0], 1e-300)
-    pairs = correlation[0 : longest - longest % 2 : 2] + correlation[1 : longest + 1 : 2][: longest // 2]
-    times = [1.0]
-    for column in pairs.T:
-        stop = np.flatnonzero(column <= 0.0)
-        times.append(2.0 * float(np.sum(column[: stop[0] if len(stop) else None])) - 1.0)
-    return int(np.clip(np.ceil(5.0 * max(times)), 1, longest))

@@ -1,5 +1,6 @@
 """Arrays in, arrays out: filters, derivatives, spectra. Times run down the rows."""
 
+from pinotwin.signals.autoregression import burg as burg
 from pinotwin.signals.filters import decimate_zero_phase as decimate_zero_phase
 from pinotwin.signals.filters import derivatives as derivatives
 from pinotwin.signals.filters import differentiate as differentiate
@@ -17,22 +18,20 @@ from pinotwin.signals.size import rms as rms
 from pinotwin.signals.size import roughness as roughness
 from pinotwin.signals.spectra import Spectrum as Spectrum
 from pinotwin.signals.spectra import autocorrelation as autocorrelation
-from pinotwin.signals.spectra import fit_ar as fit_ar
 from pinotwin.signals.spectra import suggest_cutoff as suggest_cutoff
 from pinotwin.signals.spectra import welch as welch
-from pinotwin.signals.spectra import whiten as whiten
 
 __all__ = [
     "Clock",
     "Spectrum",
     "autocorrelation",
+    "burg",
     "clipped_rms",
     "clock",
     "decimate_zero_phase",
     "derivatives",
     "differentiate",
     "edge_samples",
-    "fit_ar",
     "hats",
     "interior",
     "lagrange_error",
@@ -43,5 +42,4 @@ __all__ = [
     "suggest_cutoff",
     "uniform",
     "welch",
-    "whiten",
 ]

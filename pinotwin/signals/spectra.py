@@ -1,4 +1,4 @@
-"""Spectra, correlation, autoregressive noise, and the corner frequency that suits a recording.
+"""Spectra, correlation, and the corner frequency that suits a recording.
 
 **The corner.** A measured position is motion plus a noise of its own (quantisation, interpolation
 error of the encoder), nearly white. The acceleration is its second derivative: the noise grows
@@ -15,8 +15,6 @@ In any case 99 % of every axis' velocity power stays, for the friction's sake. T
 spectrum is taken of the second difference, so that slow motion does not leak into weak high
 frequencies, and averaged over half octaves, so that a line is no edge.
 Measured: EMPS 130 Hz (its authors took 100), TX40 43 Hz, LWR4 7.6 Hz, Panda 14 Hz.
-
-AR models by Burg's recursion: Burg 1975; Kay & Marple 1981, doi:10.1109/PROC.1981.12184.
 """
 
 from __future__ import annotations
@@ -174,41 +172,3 @@ def autocorrelation(x: Floats, max_lag: int) -> Floats:
     power = np.abs(np.fft.rfft(x, size)) ** 2
     r = np.fft.irfft(power, size)[: max_lag + 1]
     return r / r[0]
-
-
-def fit_ar(x: Floats, order: int) -> tuple[Floats, float]:
-    """Fit ``x_k + a_1 x_(k-1) + ... + a_p x_(k-p) = e_k`` by Burg's recursion (always stable).
-
-    Args:
-        x: samples with mean removed, shape (n,).
-        order: p.
-
-    Returns:
-        ``[1, a_1, ..., a_p]`` of shape (p + 1,) and the variance of ``e``.
-
-    Raises:
-        DataError: fewer than 2 * order + 2 samples.
-    """
-    x = np.asarray(x, dtype=float)
-    if len(x) < 2 * order + 2:
-        raise DataError(f"an AR model of order {order} needs {2 * order + 2} samples, not {len(x)}")
-    forward, backward = x[1:].copy(), x[:-1].copy()
-    a = np.ones(1)
-    variance = float(np.mean(x**2))
-    for _ in range(order):
-        power = forward @ forward + backward @ backward
-        k = float(-2.0 * (forward @ backward) / power) if power > 0 else 0.0
-        a = np.r_[a, 0.0] + k * np.r_[a, 0.0][::-1]
-        variance *= 1.0 - k**2
-        forward, backward = (forward + k * backward)[1:], (backward + k * forward)[:-1]
-    return a, variance
-
-
-def whiten(x: Floats, a: Floats) -> Floats:
-    """Return the signals after the prediction-error filter ``a``, from its p-th sample on.
-
-    Args:
-        x: samples, shape (n,) or (n, k).
-        a: ``[1, a_1, ..., a_p]`` from :func:`fit_ar`.
-    """
-    return np.asarray(signal.lfilter(a, [1.0], x, axis=0)[len(a) - 1 :])

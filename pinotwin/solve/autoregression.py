@@ -2,9 +2,9 @@
 
     e(t) = sum_k a_k e(t - k) + w(t),   w white
 
-Burg's method (Burg 1975; Kay 1988, chapter 7) over all unbroken runs of an axis at once; it is
-stable by construction. Whitening filters W and y of each run by 1 - sum a_k z^-k (feasible
-generalised least squares); the first rows of every run, which lack a past, are dropped.
+Burg's method over all unbroken runs of an axis at once (:mod:`pinotwin.signals.autoregression`).
+Whitening filters W and y of each run by 1 - sum a_k z^-k (feasible generalised least squares); the
+first rows of every run, which lack a past, are dropped.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.signals.autoregression import burg
 from pinotwin.solve.problem import Problem
 
 
@@ -53,28 +54,9 @@ def autoregressions(problem: Problem, error: Floats, order: int) -> tuple[Autore
         order: number of coefficients; fewer where the runs are too short.
     """
     return tuple(
-        Autoregression(burg([error[run] for run in runs(problem, rows)], order))
+        Autoregression(burg([error[run] for run in runs(problem, rows)], order)[0])
         for rows in problem.slices.values()
     )
-
-
-def burg(stretches: list[Floats], order: int) -> Floats:
-    """Return autoregressive coefficients common to several stretches, shape (<= order,)."""
-    forward = [x[1:] for x in stretches if len(x) > 1]
-    backward = [x[:-1] for x in stretches if len(x) > 1]
-    a = np.zeros(0)
-    for _ in range(order):
-        cross = sum(float(f @ b) for f, b in zip(forward, backward, strict=True))
-        power = sum(float(f @ f + b @ b) for f, b in zip(forward, backward, strict=True))
-        pairs = sum(len(f) for f in forward)
-        if power <= 0 or pairs < 4 * order:
-            break
-        r = 2 * cross / power
-        a = np.concatenate([a - r * a[::-1], [r]])
-        new = [(f - r * b, b - r * f) for f, b in zip(forward, backward, strict=True)]
-        forward = [f[1:] for f, _ in new if len(f) > 1]
-        backward = [b[:-1] for _, b in new if len(b) > 1]
-    return a
 
 
 def whiten(problem: Problem, values: Floats, models: tuple[Autoregression, ...]) -> tuple[Floats, Mask]:

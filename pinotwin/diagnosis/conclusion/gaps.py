@@ -7,25 +7,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.result import Gap, Traces
+from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.logs.repeats import labels
 from pinotwin.motion import Motion
 from pinotwin.signals import rms, roughness
 
 
-def moving_rows(motion: Motion, joint: int) -> Mask:
-    """Return the rows on which the gap of an axis is stated: in motion, inside the stretches."""
-    inside = np.zeros(len(motion), dtype=bool)
-    for s in motion.segments:
-        inside[s] = True
-    return inside & motion.use[:, joint] & np.isfinite(motion.u[:, joint])
-
-
 def gap_table(
-    c: Comparison, searcher: Searcher, pushed: Mapping[int, float], noise: Mapping[int, float]
+    c: Comparison, found: Search, pushed: Mapping[int, float], noise: Mapping[int, float]
 ) -> dict[str, dict[str, Gap]]:
     """Return axis -> signal -> gap.
 
@@ -34,17 +27,16 @@ def gap_table(
 
     Args:
         c: the comparison.
-        searcher: the ground with all causes among its columns.
+        found: the search for causes.
         pushed: joint -> share of the squared gap that pushes account for.
         noise: joint -> RMS of the noise.
     """
     motion = c.new.motion
     residual = motion.u - c.twin.effort(motion)
-    first = Searcher(c).alone_by_joint[0].sum(axis=0)
-    last = searcher.alone_by_joint[0].sum(axis=0)
+    first, last = (s.alone_by_joint[0].sum(axis=0) for s in (found.first, found.searcher))
     out = {}
     for at, j in enumerate(c.new.joints):
-        rows = moving_rows(motion, j)
+        rows = motion.moving(j)
         level = rms(residual[rows, j])
         left = min(float(last[at] / max(first[at], 1e-300)), 1.0) * (1.0 - pushed.get(j, 0.0))
         effort = rms(motion.u[rows, j])
@@ -56,7 +48,7 @@ def gap_table(
         }
     for axis in c.gate.silent:
         j = motion.index(axis)
-        rows = moving_rows(motion, j)
+        rows = motion.moving(j)
         if axis not in out and rows.any():
             level = rms(residual[rows, j])
             out[axis] = {"u": Gap(level, level / max(rms(motion.u[rows, j]), 1e-300), float("nan"), level)}
@@ -87,7 +79,7 @@ def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
 
 def _difference(a: Motion, b: Motion, joint: int) -> float:
     n = min(len(a), len(b))
-    rows = moving_rows(a, joint)[:n] & moving_rows(b, joint)[:n]
+    rows = a.moving(joint)[:n] & b.moving(joint)[:n]
     if not rows.any():
         return 0.0
     return rms((a.u[:n, joint] - b.u[:n, joint])[rows]) / np.sqrt(2.0)

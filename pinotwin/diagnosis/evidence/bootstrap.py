@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from pinotwin.arrays import Floats
-
-if TYPE_CHECKING:
-    from pinotwin.diagnosis.search.scan import Scored, Searcher
+from pinotwin.diagnosis.evidence.held_out import Ground, Judged
 
 RESAMPLES = 1000
 
 
-def lower_bound(one: Scored, searcher: Searcher, level: float = 0.05) -> float:
+def lower_bound(judged: Judged, ground: Ground, level: float = 0.05) -> float:
     """Return the lower end of the 90 % interval of a candidate's gain on rows that were not fitted.
 
     On validation logs where there are any, else on the blocks of the logs themselves.
     """
-    alone = searcher.ground.alone
-    if len(one.judged.unseen):
-        gains = alone.unseen - one.judged.unseen
-    else:
-        gains = alone.left - one.judged.left
+    alone = ground.alone
+    gains = alone.unseen - judged.unseen if len(judged.unseen) else alone.left - judged.left
     return float(np.quantile(resampled_sums(gains), level))
 
 

@@ -18,9 +18,12 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.evidence.moments import Base, Products
+from pinotwin.solve.jackknife import jackknife, solved, without_each
 
 RIDGE = 1e-9
 """Of the mean diagonal: keeps a singular system solvable, moves nothing that is determined."""
+SCALED_RIDGE = 1e-6
+"""The same for a candidate's own columns, scaled to one."""
 COLLINEAR = 1e-5
 """Share of a candidate's columns that the model's own must leave for it to be told apart."""
 
@@ -87,9 +90,7 @@ class Judged:
     @cached_property
     def covariance(self) -> Floats:
         """Block jackknife covariance of ``theta``, own logs included, shape (p, p)."""
-        d = self.folds - self.folds.mean(axis=0)
-        K = len(d)
-        return (K - 1) / K * d.T @ d + self.own
+        return jackknife(self.folds) + self.own
 
     @cached_property
     def strength(self) -> float:
@@ -131,8 +132,8 @@ def judged(ground: Ground, new: Products, own: Products | None, unseen: Products
 
 def _inverses(base: Base, precision: Floats, *, leave_out: bool) -> Floats:
     XX = base.XX.sum(axis=1)
-    total = XX.sum(axis=0)
-    systems = np.concatenate([total - XX, total[None]]) if leave_out else total[None]
+    systems = without_each(XX) if leave_out else XX.sum(axis=0)[None]
+    total = systems[-1]
     b = total.shape[0]
     if b == 0:
         return np.zeros((len(systems), 0, 0))
@@ -144,8 +145,7 @@ def _solve(inverse: Floats, base: Base, c: Products, *, leave_out: bool) -> tupl
     """Return candidate's and model's coefficients, one row a fold and the last for all blocks."""
 
     def without(x: Floats) -> Floats:
-        total = x.sum(axis=0)
-        return np.concatenate([total - x, total[None]]) if leave_out else total[None]
+        return without_each(x) if leave_out else x.sum(axis=0)[None]
 
     CC, CX, Cr, Xr = without(c.CC), without(c.CX), without(c.Cr), without(base.Xr.sum(axis=1))
     CXZ = CX @ inverse
@@ -157,9 +157,7 @@ def _solve(inverse: Floats, base: Base, c: Products, *, leave_out: bool) -> tupl
     else:
         whole = np.maximum(np.diagonal(CC[-1]), 1e-300)
         determined = bool(np.max(np.diagonal(S[-1]) / whole) > COLLINEAR)
-        scale = np.sqrt(whole)
-        scaled = S / np.outer(scale, scale) + 1e-6 * np.eye(p)
-        theta = np.linalg.solve(scaled, (s / scale)[:, :, None])[:, :, 0] / scale
+        theta = solved(S, s, SCALED_RIDGE, np.sqrt(whole))
     delta = np.einsum("kbc,kc->kb", inverse, Xr - np.einsum("kpb,kp->kb", CX, theta))
     return theta, delta, determined
 
@@ -179,15 +177,9 @@ def _left(base: Base, c: Products, theta: Floats, delta: Floats) -> Floats:
 
 def _spread(c: Products) -> Floats:
     """Return the block jackknife covariance of a candidate fitted alone to the own logs."""
-    CC, Cr = c.CC.sum(axis=0), c.Cr.sum(axis=0)
-    K, p = len(c.Cr), len(Cr)
-    if p == 0:
+    if c.Cr.shape[1] == 0:
         return np.zeros((0, 0))
-    scale = np.sqrt(np.maximum(np.diagonal(CC), 1e-300))
-    S = (CC - c.CC) / np.outer(scale, scale) + 1e-6 * np.eye(p)
-    each = np.linalg.solve(S, ((Cr - c.Cr) / scale)[:, :, None])[:, :, 0] / scale
-    d = each - each.mean(axis=0)
-    return np.asarray((K - 1) / K * d.T @ d)
+    return jackknife(solved(without_each(c.CC), without_each(c.Cr), SCALED_RIDGE)[:-1])
 
 
 def _nothing(base: Base, b: int) -> Products:

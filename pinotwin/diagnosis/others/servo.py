@@ -24,6 +24,7 @@ from pinotwin.diagnosis.others.limits import exceeded, reached
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
+from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
 
 FEATURES = ("e", "int e", "v", "v_r", "a_r", "q_r")
 FEEDBACK = ("e", "int e", "v", "v_r", "q_r")
@@ -206,15 +207,18 @@ class _Law:
 
     def fitted(self) -> tuple[Floats, float]:
         """Return the gains, and what the law leaves of blocks that were not fitted."""
-        scale = np.maximum(self.columns.std(axis=0), 1e-300)
-        X = self.columns / scale
-        N, g = X.T @ X, X.T @ self.u
-        ridge = 1e-9 * len(X) * np.eye(X.shape[1])
-        left = np.empty_like(self.u)
-        for b in self.blocks:
-            theta = np.linalg.solve(N - X[b].T @ X[b] + ridge, g - X[b].T @ self.u[b])
-            left[b] = self.u[b] - X[b] @ theta
-        return np.linalg.solve(N + ridge, g) / scale, rms(left)
+        each, left = self._without_each(range(self.columns.shape[1]), self.u)
+        return each[-1], rms(left)
+
+    def _without_each(self, which: Sequence[int], y: Floats) -> tuple[Floats, Floats]:
+        """Return gains of some columns without each block and last with all, and what is left held out."""
+        X = self.columns[:, list(which)]
+        N, g = block_sums(X, y, self.blocks)
+        each = solved(without_each(N), without_each(g), 1e-9)
+        left = y.copy()
+        for b, gains in zip(self.blocks, each[:-1], strict=True):
+            left[b] = y[b] - X[b] @ gains
+        return each, left
 
     def left(self, gains: Floats) -> Floats:
         """Return what the law leaves with gains from elsewhere."""
@@ -223,19 +227,7 @@ class _Law:
     def refitted(self, plain: Floats, names: Sequence[str]) -> tuple[tuple[Floats, Floats], float]:
         """Return the change of some gains that closes most, its errors, and what is left held out."""
         which = [FEATURES.index(x) for x in names]
-        X = self.columns[:, which]
-        scale = np.maximum(X.std(axis=0), 1e-300)
-        X = X / scale
-        N, g = X.T @ X, X.T @ plain
-        ridge = 1e-9 * len(X) * np.eye(len(which))
-        each = np.array(
-            [np.linalg.solve(N - X[b].T @ X[b] + ridge, g - X[b].T @ plain[b]) for b in self.blocks]
-        )
-        left = plain.copy()
-        for b, theta in zip(self.blocks, each, strict=True):
-            left[b] = plain[b] - X[b] @ theta
-        K = len(each)
+        each, left = self._without_each(which, plain)
         change, error = np.zeros(len(FEATURES)), np.zeros(len(FEATURES))
-        change[which] = np.linalg.solve(N + ridge, g) / scale
-        error[which] = np.sqrt((K - 1) / K * np.sum((each - each.mean(axis=0)) ** 2, axis=0)) / scale
+        change[which], error[which] = each[-1], np.sqrt(np.diag(jackknife(each[:-1])))
         return (change, error), rms(left)

@@ -15,7 +15,6 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
-from pinotwin.diagnosis.conclusion.gaps import moving_rows
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.result import Gap, Shrink
 from pinotwin.diagnosis.search.scan import Scored
@@ -81,7 +80,7 @@ def _difference(twin: Twin, log: Log, motion: Motion) -> tuple[Floats, Floats]:
     off, size = np.full(nv, np.nan), np.full(nv, np.nan)
     assert motion.qr is not None
     for name, axis in twin.machine.axes.items():
-        rows = moving_rows(motion, axis.index)
+        rows = motion.moving(axis.index)
         if f"{name}.e" in said and rows.any():
             e = (motion.qr - motion.q)[:, axis.index]
             guess = np.interp(motion.t, said.t, said[f"{name}.e"])

@@ -26,6 +26,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.signals.band import edge_rows, vibration_band
+from pinotwin.solve.sandwich import block_covariance
 from pinotwin.twin import Twin
 
 BLOCK = 0.5
@@ -223,10 +224,7 @@ def _refitted(spring: PassiveSpring, runs: _Split) -> tuple[PassiveSpring, Moves
     scale = max(rms(left(np.zeros(2))), 1e-300)
     best = least_squares(lambda x: left(x) / scale, np.zeros(2), bounds=([-2.0, -4.0], [2.0, 4.0]))
     J, e = best.jac, best.fun
-    block = np.arange(len(e)) // max(round(BLOCK / runs.step), 1)
-    scores = np.stack([np.bincount(block, e * j) for j in J.T])
-    inverse = np.linalg.pinv(J.T @ J)
-    error = np.sqrt(np.maximum(np.diag(inverse @ scores @ scores.T @ inverse), 1e-18))
+    error = np.sqrt(np.maximum(np.diag(block_covariance(J, e)), 1e-18))
     found = shaped(best.x)
     moved = {
         f"{spring.name}.spring.{name}": (a, b, float(x / s))

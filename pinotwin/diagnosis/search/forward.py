@@ -45,11 +45,13 @@ class Found:
     Attributes:
         steps: turns, in order.
         last: the best candidate that was not taken in, and why not; None if there was none.
+        first: the ground without any cause.
         searcher: the ground with all causes among its columns.
     """
 
     steps: Sequence[Step]
     last: tuple[Scored, str] | None
+    first: Searcher = field(repr=False)
     searcher: Searcher = field(repr=False)
 
 
@@ -70,7 +72,7 @@ def search(
         most: most causes to take in.
         tell: called with the stage and the share done.
     """
-    searcher = Searcher(comparison)
+    first = searcher = Searcher(comparison)
     shortlist = Shortlist(candidates)
     steps: list[Step] = []
     last = None
@@ -92,7 +94,7 @@ def search(
         if not isinstance(winner.effect, Pattern):
             steps = _without_superfluous(comparison, steps, rules)
         searcher = Searcher(comparison, [s.chosen for s in steps])
-    return Found(steps, last, searcher)
+    return Found(steps, last, first, searcher)
 
 
 def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
@@ -198,7 +200,7 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
         return f"closes {one.share:.0%} of its axis' residual"
     if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
         return f"is {one.judged.strength:.1f} squared standard errors a number"
-    if lower_bound(one, searcher) <= 0.0:
+    if lower_bound(one.judged, searcher.ground) <= 0.0:
         return "closes nothing for certain on rows not fitted"
     if c.change and one.gain < rules.excess * _rows(one, c):
         return "closes less than what the twin's own misfit may differ by"

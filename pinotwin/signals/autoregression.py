@@ -1,0 +1,40 @@
+"""Noise as an autoregression, x(t) = sum_k a_k x(t - k) + w(t) with w white.
+
+Burg's method (Burg 1975; Kay 1988, chapter 7) over all unbroken stretches of a signal at once; it is stable
+by construction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+
+
+def burg(stretches: Sequence[Floats], order: int) -> tuple[Floats, float]:
+    """Return a_1 ... a_p common to several stretches, shape (<= order,), and the variance of w.
+
+    Args:
+        stretches: samples with mean removed, each of shape (m,).
+        order: number of coefficients; fewer where the stretches are too short.
+    """
+    count = sum(len(x) for x in stretches)
+    variance = sum(float(x @ x) for x in stretches) / max(count, 1)
+    forward = [x[1:] for x in stretches if len(x) > 1]
+    backward = [x[:-1] for x in stretches if len(x) > 1]
+    a = np.zeros(0)
+    for _ in range(order):
+        cross = sum(float(f @ b) for f, b in zip(forward, backward, strict=True))
+        power = sum(float(f @ f + b @ b) for f, b in zip(forward, backward, strict=True))
+        pairs = sum(len(f) for f in forward)
+        if power <= 0 or pairs < 4 * order:
+            break
+        r = 2 * cross / power
+        a = np.concatenate([a - r * a[::-1], [r]])
+        variance *= 1.0 - r * r
+        new = [(f - r * b, b - r * f) for f, b in zip(forward, backward, strict=True)]
+        forward = [f[1:] for f, _ in new if len(f) > 1]
+        backward = [b[:-1] for _, b in new if len(b) > 1]
+    return a, variance

@@ -1,0 +1,127 @@
+r"""Covariance of parameters whose residuals are neither white nor of one size, A^-1 S A^-1.
+
+``A = J'J`` is the information and S the covariance of the sum of the scores ``s(t) = J(t)' e(t)``. Three
+estimates of S, for problems of one time axis without gaps (:mod:`pinotwin.solve.covariance` has those of a
+plant, with gaps and several axes):
+
+* :func:`long_run`: lagged products under a triangular window (Newey & West 1987, doi:10.2307/1913610);
+* :func:`batch_means`: sums over blocks of five correlation times (Liang & Zeger 1986,
+  doi:10.1093/biomet/73.1.13, with time blocks as clusters), the correlation time by the initial positive
+  sequence (Geyer 1992, doi:10.1214/ss/1177011137);
+* :func:`left_out`: blocks left out in turn (Bell & McCaffrey 2002), for short records.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+
+FEWEST_BLOCKS = 20
+
+
+def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
+    """Return the covariance of parameters, (p, p), robust to correlated residuals.
+
+    Newey and West 1987 (DOI 10.2307/1913610): with scores s[k] = J[k]' r[k] of the samples and the
+    information A = J'J, the covariance is A^-1 S A^-1, S the sum of the lagged products of s under
+    a triangular window.
+
+    Args:
+        scores: J' r of every sample, (n, p).
+        information: J'J plus the priors' precision, (p, p).
+        lag: samples over which residuals are correlated.
+    """
+    inverse = np.linalg.inv(information)
+    return inverse @ long_run(scores, lag) @ inverse
+
+
+def long_run(scores: Floats, lag: int) -> Floats:
+    """Return the covariance of the sum of correlated scores (n, p), triangular window, (p, p)."""
+    n = len(scores)
+    lag = min(lag, n - 1)
+    size = 1 << int(np.ceil(np.log2(n + lag + 1)))
+    window = np.zeros(size)
+    taper = 1.0 - np.arange(lag + 1) / (lag + 1)
+    window[: lag + 1] = taper
+    window[size - lag :] = taper[:0:-1]
+    spectrum = np.fft.rfft(scores, size, axis=0) * np.fft.rfft(window)[:, None]
+    S = scores.T @ np.fft.irfft(spectrum, size, axis=0)[:n]
+    return 0.5 * (S + S.T)
+
+
+def block_covariance(columns: Floats, residual: Floats) -> Floats:
+    """Return the block-robust covariance of a least-squares fit, shape (p, p).
+
+    Args:
+        columns: its (linearised) columns, shape (n, p).
+        residual: what it leaves, shape (n,).
+    """
+    own, _ = batch_means(columns.T @ columns, columns * residual[:, None], columns.shape[1], len(residual))
+    return own
+
+
+def batch_means(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats, int]:
+    """Return covariance and number of blocks from H and the scores S (n, p).
+
+    The block length follows the memory of the influence on the first ``leading`` parameters;
+    ``count`` is the number of scalar observations.
+    """
+    size = np.sqrt(np.diag(H))
+    size = np.where(size > 0, size, 1.0)
+    inverse = np.linalg.pinv(H / np.outer(size, size), rcond=1e-12, hermitian=True)
+    influence = S @ (inverse / np.outer(size, size))
+    sums = np.add.reduceat(influence, np.arange(0, len(influence), block_length(influence[:, :leading])))
+    blocks = len(sums)
+    few = blocks / max(blocks - 1, 1) * count / max(count - len(H), 1)
+    return few * sums.T @ sums, blocks
+
+
+def block_length(influence: Floats) -> int:
+    """Return five integrated autocorrelation times, at most a twentieth of the rows."""
+    n = len(influence)
+    longest = max(n // FEWEST_BLOCKS, 1)
+    padded = 1 << (2 * n - 1).bit_length()
+    power = np.abs(np.fft.rfft(influence - influence.mean(axis=0), padded, axis=0)) ** 2
+    correlation = np.fft.irfft(power, padded, axis=0)[: longest + 1]
+    correlation = correlation / np.maximum(correlation[0], 1e-300)
+    pairs = correlation[0 : longest - longest % 2 : 2] + correlation[1 : longest + 1 : 2][: longest // 2]
+    times = [1.0]
+    for column in pairs.T:
+        stop = np.flatnonzero(column <= 0.0)
+        times.append(2.0 * float(np.sum(column[: stop[0] if len(stop) else None])) - 1.0)
+    return int(np.clip(np.ceil(5.0 * max(times)), 1, longest))
+
+
+def left_out(J: Floats, e: Floats, inverse: Floats, block: int, most: float = 4.0) -> Floats:
+    """Return S of A^-1 S A^-1 by leaving out blocks of samples in turn, (p, p).
+
+    The delete-a-group jackknife (Bell and McCaffrey 2002, "CR3"): without block b the parameters
+    move by (A - J_b'J_b)^-1 J_b'e_b = A^-1 s_b, s_b = (I - J_b'J_b A^-1)^-1 J_b'e_b, and S is the
+    sum of s_b s_b'. Against :func:`long_run` it allows for what the fit has taken out of the
+    residuals of a short record, and for every correlation within a block. What one block alone
+    determines would blow up; the factors 1 / (1 - leverage) stop at ``most``.
+
+    Args:
+        J: Jacobian, whitened, (n, k, p).
+        e: residuals, whitened, (n, k).
+        inverse: of the information A of all data and priors, its part for these parameters, (p, p).
+        block: samples of a block.
+        most: largest factor.
+    """
+    size = J.shape[2]
+    L = np.linalg.cholesky(inverse)
+    scores = []
+    for rows in np.array_split(np.arange(len(e)), max(2, len(e) // max(block, 1))):
+        flat = J[rows].reshape(-1, size)
+        leverage, V = np.linalg.eigh(L.T @ (flat.T @ flat) @ L)
+        factor = 1.0 / np.maximum(1.0 - leverage, 1.0 / most)
+        scores.append(V @ (factor * (V.T @ (L.T @ (flat.T @ e[rows].ravel())))))
+    s = np.linalg.solve(L.T, np.array(scores).T)
+    return np.asarray(s @ s.T)
+
+
+def at_least(cov: Floats, other: Floats) -> Floats:
+    """Return ``cov`` with no variance below that of ``other``, correlations as they are."""
+    grow = np.sqrt(np.maximum(1.0, np.diag(other) / np.maximum(np.diag(cov), 1e-300)))
+    return cov * np.outer(grow, grow)
