@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: on two cores OpenBLAS' own threads make least squares 10 to 200 times slower.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup demo test lint bench benchmarks fuzz docs clean
+.PHONY: setup demo test lint bench benchmarks evidence fuzz docs clean
 
 setup: $(VENV)/.ready
 
@@ -34,6 +34,11 @@ bench: setup
 # Speed and accuracy of every part beside its peers.
 benchmarks: setup
 	$(BIN)/python -m benchmarks
+
+# The figures of README and docs, measured again: docs/figures.json and figures.md. Parts alone:
+# `python -m benchmarks evidence emps tx40`; `--list` says what there is.
+evidence: setup
+	$(BIN)/python -m benchmarks evidence
 
 # 10,000 spoiled files for each of ten readers; hours. The suite reads 40 of each.
 fuzz: setup

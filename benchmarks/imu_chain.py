@@ -16,6 +16,7 @@ import numpy as np
 
 from pinotwin.imu.baselines import baselines
 from pinotwin.machine import Machine
+from pinotwin.machine.bundled import bundled_path
 from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
@@ -30,21 +31,28 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=22)
     parser.add_argument("--seconds", type=float, default=6.12)
     args = parser.parse_known_args()[0]
-    machine, vm = Machine.load("flexure_rig"), VirtualMachine.load("urdf/flexure_rig")
-    command = random_trajectory(vm, args.seconds, 3)
-    runs = [vm.record(command, seed=seed, truth_rate=4000.0) for seed in range(args.runs)]
+    compare(args.runs, args.seconds)
+
+
+def compare(runs: int, seconds: float) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Print the comparison and return it: method -> velocity and acceleration, three times [deg/s, deg/s²].
+
+    They are of IMU against IMU, of the mean against the truth, of one run against the truth.
+    """
+    out = {}
+    machine, vm = Machine.load("flexure_rig"), VirtualMachine.load(bundled_path("flexure_rig"))
+    command = random_trajectory(vm, seconds, 3)
+    recorded = [vm.record(command, seed=seed, truth_rate=4000.0) for seed in range(runs)]
     imus = [
-        [record_imu(r.truth, "C_link", vm.truth.seed, seed, k + 1) for seed, r in enumerate(runs)]
+        [record_imu(r.truth, "C_link", vm.truth.seed, seed, k + 1) for seed, r in enumerate(recorded)]
         for k in (0, 1)
     ]
     found = reconstruct_vibration(
-        machine, [r.to_log() for r in runs], imus[0], imus[1], settings=Settings(methods=False)
+        machine, [r.to_log() for r in recorded], imus[0], imus[1], settings=Settings(methods=False)
     )
-    true = np.mean([np.stack([x[::10] for x in r.truth.joint("delta")]) for r in runs], axis=0)[1:]
+    true = np.mean([np.stack([x[::10] for x in r.truth.joint("delta")]) for r in recorded], axis=0)[1:]
     size = np.sqrt(np.mean(true**2, axis=1)) * DEG
-    print(
-        f"{args.runs} runs of {args.seconds:g} s; true deflection: {size[0]:.3f} deg/s, {size[1]:.1f} deg/s² RMS"
-    )
+    print(f"{runs} runs of {seconds:g} s; true deflection: {size[0]:.3f} deg/s, {size[1]:.1f} deg/s² RMS")
     print(f"{'method':12s} {'IMU against IMU':>22s} {'against the truth':>22s} {'one run':>18s}")
     for name, signals in _signals(found).items():
         mean = np.nanmean(signals, axis=1)  # (imu, v or a, n)
@@ -54,6 +62,8 @@ def main() -> None:
         single = _rms(signals[0, 0][:, :n] - true[:, :n])
         cells = (f"{x[0]:8.4f} {x[1]:9.2f}    " for x in (differ, error, single))
         print(f"{name:12s} " + " ".join(cells))
+        out[name] = (differ, error, single)
+    return out
 
 
 def _signals(found: Vibration) -> dict[str, np.ndarray]:

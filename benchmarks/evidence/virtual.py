@@ -1,0 +1,63 @@
+"""What the parts on virtual machines share: identified on one log, another simulated from its command alone.
+
+Every axis counts, those that mostly stand too; three friction laws, none of which the model holds; machines with
+CAD errors, controllers, encoders and noise of their own, which share neither code nor formulas with the model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import pinotwin as pt
+from benchmarks.evidence.store import Figure
+from pinotwin.machine.bundled import bundled_path
+from pinotwin.simulation import compare
+from pinotwin.virtual import VirtualMachine, random_trajectory
+from pinotwin.virtual.folder import read_folder
+
+LAWS = {"lugre": "LuGre", "gms": "generalised Maxwell slip", "elastoplastic": "elasto-plastic"}
+SEEDS = (50, 51)
+SECONDS = 20.0
+
+
+def measure(name: str, published: float) -> list[Figure]:
+    """Return the errors of e and u over all axes, by friction law and over all laws."""
+    rows = {law: [_errors(_virtual(name, law), seed) for seed in SEEDS] for law in LAWS}
+    out = [_figure("all", "every law and seed", [x for r in rows.values() for x in r], published)]
+    for law, found in rows.items():
+        out.append(_figure(law, LAWS[law], found, published))
+    every = [row for r in rows.values() for row in r]
+    for axis in every[0]:
+        for signal in "eu":
+            values = [100.0 * row[axis][signal]["nrmse"] for row in every]
+            what = f"{signal} of {axis}, every law and seed"
+            out.append(
+                Figure(f"{axis}_{signal}", what, float(np.median(values)), low=min(values), high=max(values))
+            )
+    return out
+
+
+def _virtual(name: str, law: str) -> VirtualMachine:
+    folder = read_folder(bundled_path(name))
+    axes = {k: replace(a, friction=replace(a.friction, kind=law)) for k, a in folder.truth.axes.items()}
+    return VirtualMachine.build(replace(folder, truth=replace(folder.truth, axes=axes)))
+
+
+def _errors(virtual: VirtualMachine, seed: int) -> dict:  # type: ignore[type-arg]
+    log, unseen = (
+        virtual.record(random_trajectory(virtual, SECONDS, path), seed=path).to_log()
+        for path in (seed, 1000 + seed)
+    )
+    twin = pt.identify(pt.Machine.load(virtual.name), log)
+    command = unseen.with_channels({k: unseen[k] for k in unseen.channels if k == "t" or k.endswith(".qr")})
+    return compare(twin.machine, unseen, twin.simulate(command))
+
+
+def _figure(name: str, what: str, rows: list, published: float) -> Figure:  # type: ignore[type-arg]
+    means = [100.0 * float(np.mean([row[a][s]["nrmse"] for a in row for s in "eu"])) for row in rows]
+    return Figure(
+        name, f"mean of e and u of all axes, {what}", float(np.median(means)), low=min(means), high=max(means),
+        published=published, note="the source's is of its real machine",
+    )  # fmt: skip
