@@ -19,7 +19,7 @@ MARKED = re.compile(r"(?P<number>-?\d+(?:\.\d+)?)(?: of (?P<of>\d+))?[^\d<\n|]{0
 def wrong(text: str, content: dict) -> list[str]:
     """Return what is wrong with the marked numbers of a text."""
     marked = list(MARKED.finditer(text))
-    out = [f"{n} unreadable marks" for n in [text.count("<!--") - len(marked)] if n]
+    out = [f"{n} unreadable marks" for n in [len(MARK.findall(text)) - len(marked)] if n]
     for found in marked:
         part, _, name = found["name"].partition(".")
         try:
