@@ -52,11 +52,11 @@ FLOORS = {
     "diagnosis": 11,
     "reconstruction": 11,
     "studies": 11,
-    "report": 12,
     "viewer": 12,
     "export": 12,
-    "bench": 13,
-    "cli": 14,
+    "report": 13,
+    "bench": 14,
+    "cli": 15,
 }
 
 # Imports upward, made inside a function when it is called: a method that is only a door to a verb.

@@ -7,7 +7,8 @@ import math
 
 import pytest
 
-from pinotwin.report.grade import BEYOND, KIND, WHOLE, explained, grade, told
+from pinotwin.diagnosis.grade import HALF, KIND, MEANING, WHOLE, explained, grade
+from pinotwin.diagnosis.rules import RULES
 
 NAN = float("nan")
 
@@ -15,7 +16,8 @@ TABLE = [
     # rms, misfit, noise, after, grade
     (0.20, 0.1, 0.25, None, "agrees"),
     (0.37, 0.1, 0.25, None, "agrees"),
-    (4.49, 4.4, 0.248, None, "within the model's own misfit"),
+    (4.49, 4.4, 0.248, None, "within misfit"),
+    (4.49, 2.0, 0.248, None, "above misfit"),
     (4.49, 0.3, 0.248, None, "not explained"),
     (4.49, None, 0.248, None, "not judged"),
     (22.5, 1.0, 2.06, 2.28, "gap explained"),
@@ -24,8 +26,10 @@ TABLE = [
     (10.0, 0.1, 0.1, 3.0, "partly explained"),
     (10.0, 0.1, 0.1, 9.9, "not explained"),
     (10.0, 0.1, 0.1, 12.0, "not explained"),
-    (10.0, 0.1, None, 1.0, "not judged"),
-    (10.0, 0.1, NAN, 1.0, "not judged"),
+    (10.0, None, None, 1.0, "not judged"),
+    (10.0, NAN, 0.0, 1.0, "not judged"),
+    (10.0, 6.0, None, None, "above misfit"),
+    (10.0, 3.0, 0.0, 4.0, "gap explained"),
     (NAN, 0.1, 0.1, 1.0, "not judged"),
     (10.0, None, 0.1, 0.15, "gap explained"),
 ]
@@ -64,13 +68,18 @@ def test_words_and_numbers_never_contradict():
         word = grade(rms, misfit, noise, after)
         level = math.hypot(noise, misfit or 0.0)
         assert word in KIND
-        assert (word == "agrees") == (rms <= BEYOND * noise)
+        assert word in MEANING
+        assert (word == "agrees") == (rms <= RULES.odd * noise)
         if word == "gap explained":
             assert after is not None
-            assert after <= 2.0 * BEYOND * level
-            assert explained(rms, level, after) >= WHOLE
-        if word == "within the model's own misfit":
-            assert noise < rms <= BEYOND * level
+            assert after <= RULES.open_change * level
+            assert explained(rms, level, after) >= (WHOLE if misfit is None else HALF)
+        if word == "within misfit":
+            assert noise < rms <= RULES.odd * level
+        if word == "above misfit":
+            assert RULES.odd * level < rms <= RULES.open_change * level
+        if word == "not explained":
+            assert after is not None or rms > RULES.open_change * level
         if word in ("partly explained", "gap explained"):
             assert after is not None
             assert after < rms
@@ -81,9 +90,3 @@ def test_less_left_is_never_a_worse_grade():
     for rms, noise in ((10.0, 0.1), (3.0, 1.0), (50.0, 2.0)):
         ranks = [order.index(grade(rms, 0.1, noise, rms * share / 100)) for share in range(100, -1, -1)]
         assert ranks == sorted(ranks)
-
-
-def test_the_numbers_come_with_units():
-    line = told(4.49, 4.4, 0.248, None, "N")
-    assert line == "gap 4.49 N, noise 0.25 N, model's own misfit 4.4 N"
-    assert "2.28 mN·m with the named causes" in told(22.5, 1.0, 2.06, 2.28, "mN·m")

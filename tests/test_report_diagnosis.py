@@ -9,18 +9,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pinotwin.cli.diagnose import gap_lines
 from pinotwin.diagnosis import Diagnosis
-from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Traces
+from pinotwin.diagnosis.conclusion.sizes import times_text, told
+from pinotwin.diagnosis.conclusion.where import telling
+from pinotwin.diagnosis.grade import KIND
+from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size, Traces
 from pinotwin.effects import EFFECTS as KNOWN
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
-from pinotwin.report.diagnosis_plots import bars, where_figure
+from pinotwin.report.diagnosis_plots import bars
 from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.report.plain_words import EFFECTS, region_words
 from tests.test_report import figures, read
 
-GAP = Gap(rms=5.0, nrmse=0.2, noise=3.0, after=3.4)
+GAP = Gap(rms=5.0, nrmse=0.2, noise=3.0, after=3.1)
 SHRINK = Shrink(before=5.0, after=3.4, share=0.75, interval=(0.5, 0.9375), promised=1.0, on="validation")
 SPEED = Region("Y", "u", "velocity", (-0.01, 0.01), "m/s", 0.6, 0.15, 0.01)
 TILT = Region("A", "u", "position", (0.0, math.pi / 2), "rad", 0.4, 0.2, 0.03)
@@ -28,9 +32,8 @@ TILT = Region("A", "u", "position", (0.0, math.pi / 2), "rad", 0.4, 0.2, 0.03)
 
 def found(effect: str = "quadratic_drag", axis: str = "Y") -> Found:
     other = {"effect": "viscous_thermal", "axis": axis, "probability": 0.07, "why": "<b>little</b>"}
-    return Found(
-        effect, axis, 0.93, {}, {"b2": 12.0}, {"u": SHRINK}, [other], {"Y.viscous.b": (100.0, 80.0, -4.0)}
-    )
+    size = Size(f"{effect}.b2", 0.0, 12.0, "N·s²/m²", (10.0, 14.0))
+    return Found(effect, axis, 0.93, {}, {"b2": 12.0}, {"u": SHRINK}, [other], {}, size=[size])
 
 
 def diagnosis(verdict: str = "none", **changes: object) -> Diagnosis:
@@ -59,13 +62,17 @@ EXPLAINED = diagnosis(
     "explained",
     where=[SPEED, TILT],
     effects=[found()],
-    unexplained={"Y": {"u": 0.1}},
     shrink={"Y": {"u": SHRINK}},
     confusable=[["Y.coulomb_asymmetric", "base model"]],
     advice=["to tell quadratic_drag from viscous_thermal on Y: constant speeds"],
     commands={"advice_speeds_Y.csv": {}},
 )
-PARTLY = replace(EXPLAINED, verdict="partly_explained", remains={"Y": "time-periodic at 7 Hz"})
+PARTLY = replace(
+    EXPLAINED,
+    verdict="partly_explained",
+    unexplained={"Y": {"u": 0.4}},
+    remains={"Y": "swings in time at 7 Hz"},
+)
 UNEXPLAINED = diagnosis(
     "unexplained", where=[SPEED], unexplained={"Y": {"u": 1.0}}, remains={"Y": "event-like"}
 )
@@ -75,23 +82,71 @@ UNEXPLAINED = diagnosis(
 def test_every_verdict_makes_a_whole_page_that_loads_nothing(given: Diagnosis) -> None:
     page = diagnosis_report(given)
     assert all(x.startswith(("#", "data:")) for x in read(page).loaded)
-    assert page.index(headline(given).split(",")[0]) < page.index("<table" if given.where else "<ul")
+    assert page.index(headline(given)[0].split(",")[0]) < page.index("<table" if given.where else "<ul")
     assert "quadratic_drag" not in page
     assert not any("nan" in cell.split() for row in read(page).rows for cell in row)
 
 
-def test_the_headline_names_cause_axis_and_share() -> None:
-    assert "quadratic drag on axis Y" in headline(EXPLAINED)
-    assert "75.0 %" in headline(EXPLAINED)
-    assert "a log that it was not fitted to" in headline(EXPLAINED)
+def test_the_headline_names_cause_axis_size_and_data() -> None:
+    first = headline(EXPLAINED)[0]
+    assert "quadratic drag on axis Y, b2 12 N·s²/m²" in first
+    assert "from 5 to 3.4 N RMS, on the validation log, to which nothing was fitted" in first
+    logs = [{"source": "/a/b/new.csv", "role": "validation"}, {"source": "old.csv", "role": "diagnosed"}]
+    assert "on new.csv, to which" in headline(replace(EXPLAINED, provenance={"logs": logs}))[0]
     hint = replace(found(), shrink={"u": replace(SHRINK, share=-0.1)})
-    assert "removes" not in headline(replace(EXPLAINED, effects=[hint]))
-    assert "does not shrink" in headline(replace(EXPLAINED, effects=[hint]))
-    assert "agree" in headline(diagnosis())
-    assert "axis Y" in headline(UNEXPLAINED)
-    assert "none of the causes" in headline(UNEXPLAINED)
-    assert "stays without a cause" in headline(PARTLY)
-    assert "stays without a cause" not in headline(EXPLAINED)
+    assert "does not shrink" in headline(replace(EXPLAINED, effects=[hint]))[0]
+    assert headline(replace(EXPLAINED, situation="change"))[0].startswith("Changed: ")
+    assert "Nothing is missing" in headline(diagnosis())[0]
+    assert "nothing has changed" in headline(replace(diagnosis(), situation="change"))[0]
+    assert "axis Y, and no effect" in headline(UNEXPLAINED)[0]
+    assert any("stay without a cause" in line for line in headline(PARTLY))
+    assert not any("stay without a cause" in line for line in headline(EXPLAINED))
+
+
+def test_one_grade_in_card_plot_text_and_json() -> None:
+    for given in (diagnosis(), EXPLAINED, PARTLY, UNEXPLAINED):
+        page = diagnosis_report(given)
+        for axis, row in given.gap.items():
+            word = given.grade(axis, "u")
+            assert given.to_dict()["gap"][axis]["u"]["grade"] == word
+            assert f"Axis {axis}, motor effort: {word}" in page
+            card = page[page.index(f"<h3>Axis {axis}</h3>") :]
+            assert card.index(f">{word}</span>") < min(
+                (card.index(f">{w}</span>") for w in KIND if w != word and f">{w}</span>" in card),
+                default=len(card),
+            )
+            assert any(
+                line.startswith(f"{axis}.u") and line.endswith(word)
+                for line in gap_lines(replace(given, gap={axis: row}))
+            )
+
+
+def test_a_gap_that_the_verdict_leaves_open_is_never_graded_as_explained() -> None:
+    assert EXPLAINED.grade("Y") == "gap explained"
+    assert PARTLY.grade("Y") == "partly explained"
+    assert UNEXPLAINED.grade("Y") == "not explained"
+    tiny = replace(GAP, rms=3.1, after=0.1)
+    pattern = replace(UNEXPLAINED, gap={"Y": {"u": tiny}})  # nothing is named: a pattern closes it
+    assert pattern.grade("Y") == "not explained"
+
+
+def test_words_of_the_old_pages_are_gone() -> None:
+    """Axis Y "agrees" beside "no gap beyond the noise that a cause could close", at 18 times the noise."""
+    gap = {"Y": {"u": Gap(4.49, 0.08, 0.248, 4.49)}, "A": {"u": Gap(0.135, 0.1, 0.0086, 0.0748)}}
+    given = replace(EXPLAINED, gap=gap, effects=[found("ripple", "A")], unexplained={}, shrink={})
+    page = diagnosis_report(given)
+    assert given.grade("Y") == "not judged"
+    assert given.grade("A") == "partly explained"
+    assert ">agrees</span>" not in page
+    assert "No gap beyond the noise" not in page
+    assert any("0.0748 of 0.135" in line for line in headline(replace(given, subject=None)))
+
+
+def test_a_tracking_error_that_differs_is_spoken_of_although_nothing_changed() -> None:
+    error = Gap(3.3e-6, 0.1, 0.0, 3.3e-6, 1e-6)
+    given = replace(diagnosis(), gap={"Y": {"u": replace(GAP, rms=3.1), "e": error}}, situation="change")
+    assert given.grade("Y", "e") == "not explained"
+    assert "tracking error of Y" in headline(given)[-1]
 
 
 def test_an_untested_chance_is_not_stated_and_what_confidence_means_is_said() -> None:
@@ -102,26 +157,20 @@ def test_an_untested_chance_is_not_stated_and_what_confidence_means_is_said() ->
     assert "this cause was put into what the model leaves anyway" in page
 
 
-def test_the_bars_turn_shares_of_the_square_into_rms() -> None:
-    """Above a noise of 3 a gap of 5 holds 16: a quarter left is 13, a half 17, a sixteenth 10."""
-    today, promised, delivered, noise = bars(GAP, SHRINK)
-    assert (today.value, delivered.value, noise.value) == (5.0, 3.4, 3.0)
-    assert promised.value == pytest.approx(3.0)
-    assert delivered.low == pytest.approx(math.sqrt(10.0))
-    assert delivered.high == pytest.approx(math.sqrt(17.0))
-    assert [b.value for b in bars(GAP, None)] == [5.0, 3.0]
+def test_the_bars_show_what_is_known() -> None:
+    assert [(b.name, b.value) for b in bars(GAP, acts=True)] == [
+        ("gap today", 5.0),
+        ("with the causes", 3.1),
+        ("noise", 3.0),
+    ]
+    known = replace(GAP, misfit=2.0, noise=0.0)
+    assert [b.name for b in bars(known, acts=False)] == ["gap today", "own misfit"]
 
 
-def test_the_map_shows_the_densest_region_of_each_kind() -> None:
-    denser = replace(SPEED, range=(0.2, 0.3), share=0.5, time_share=0.05)
-    error = replace(SPEED, signal="e", share=0.9)  # another signal, another row
-    drawn = where_figure([SPEED, denser, TILT, error], [("Y", "u"), ("A", "u"), ("Y", "e")]).data[0]
-    assert list(drawn.y) == ["Y effort", "A effort", "Y error"]
-    column = list(drawn.x).index("speed")
-    assert drawn.z[0][column] == pytest.approx(1.0)  # ten times denser than even
-    assert drawn.z[1][column] is None
-    assert drawn.z[1][list(drawn.x).index("position")] == pytest.approx(math.log10(2.0))
-    assert "200 to 300 mm/s" in drawn.customdata[0][column]
+def test_regions_of_the_cause_come_first_and_slow_changes_last() -> None:
+    slow = Region("Y", "u", "frequency", (0.0, 1.0), "Hz", 0.99, 0.01, None)
+    other = replace(TILT, share=0.99)
+    assert telling([slow, other, SPEED], ["Y"]) == [SPEED, slow, other]
 
 
 def test_regions_are_said_in_units_of_the_shop_floor() -> None:
@@ -133,11 +182,28 @@ def test_regions_are_said_in_units_of_the_shop_floor() -> None:
 
 def test_the_tables_hold_the_numbers_of_the_diagnosis() -> None:
     rows = read(diagnosis_report(EXPLAINED)).rows
-    (cause,) = [r for r in rows if r and r[0] == "quadratic drag on axis Y" and len(r) == 7]
-    assert cause[1:6] == ["5 N", "3.4 N", "75.0 %", "50% to 94%", "100 %"]
-    assert ["Y.viscous.b", "100", "80", "-4"] in rows
+    (cause,) = [r for r in rows if r and r[0] == "quadratic drag on axis Y, motor effort"]
+    assert cause[1:6] == ["5 N", "3.4 N", "75.0 %", "50 to 94 %", "100 %"]
+    (size,) = [r for r in rows if r and r[0] == "quadratic drag on axis Y" and len(r) == 7]
+    assert size[1:] == ["drag coefficient", "none", "12 N·s²/m²", "10 to 14", "", "93%"]
     (region,) = [r for r in rows if r and "standstill" in " ".join(r)]
-    assert region[3:] == ["60%", "15%", "4.0 ×", "1 %"]
+    assert region[3:] == [" 60% in 15%", "4 ×", "1 %"]
+
+
+def test_many_numbers_become_a_few() -> None:
+    waves = [Size("ripple.a1", 0.0, 3.0, "N", (2.9, 3.1)), Size("ripple.b1", 0.0, 4.0, "N", (3.9, 4.1))]
+    (one,) = told(waves)
+    assert (one.name, one.after) == ("ripple.amplitude", 5.0)
+    assert one.interval == pytest.approx((4.9, 5.1))
+    points = [
+        Size(f"position_table.m{k}", 0.0, float(x), "N", (x - 1.0, x + 1.0)) for k, x in enumerate(range(9))
+    ]
+    assert [(s.name, s.after) for s in told(points)] == [
+        ("position_table.highest of 9 points", 8.0),
+        ("position_table.lowest of 9 points", 0.0),
+    ]
+    assert times_text(Size("viscous.b", 51.2, 297.0, "N·s/m", (290.0, 300.0))) == "× 5.8"
+    assert times_text(Size("viscous.b", 100.0, 80.0, "N·s/m", (70.0, 90.0))) == "-20 %"
 
 
 def test_names_are_escaped_and_alternatives_shown() -> None:
@@ -148,9 +214,23 @@ def test_names_are_escaped_and_alternatives_shown() -> None:
     assert "advice_speeds_Y.csv" in page
 
 
-def test_what_stays_is_said() -> None:
-    assert "Axis Y: a vibration that repeats in time, at 7 Hz" in diagnosis_report(PARTLY)
-    assert "What stays" not in diagnosis_report(EXPLAINED)
+def test_what_stays_is_said_in_a_sentence() -> None:
+    stays = replace(PARTLY, remains={"Y": "looks like friction that changes along the stroke"})
+    assert "It looks like friction that changes along the stroke." in diagnosis_report(stays)
+
+
+def test_the_page_says_what_it_rests_on_and_links_what_lies_beside_it() -> None:
+    log = {"source": "new.csv", "role": "diagnosed", "rows": 5, "seconds": 3.0, "sha256": "ab" * 32}
+    given = {
+        "version": "1.2",
+        "date": "2026-01-02",
+        "seconds_taken": 41.0,
+        "options": {"seed": 3},
+        "logs": [log],
+    }
+    page = diagnosis_report(replace(EXPLAINED, provenance=given), files=[("machine.html", "3-D")])
+    for said in ("1.2", "2026-01-02", "41 s", "<dt>seed</dt><dd>3</dd>", "abab", 'href="machine.html"'):
+        assert said in page
 
 
 def test_no_line_bridges_a_pause_in_the_trace() -> None:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
     from pinotwin.diagnosis import Diagnosis
     from pinotwin.log import Log
     from pinotwin.machine import Machine
+    from pinotwin.report.display import Scale
     from pinotwin.twin import Twin
 
 
@@ -79,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
         write_json(args.json, found.to_dict())
     for line in (*summary(found), *said):
         say(line)
-    say(f"diagnosis written to {args.out}")
+    say(f"diagnosis written to {args.out}; open {Path(args.out) / 'report.html'}")
     return 1 if args.fail_on_gap and found.verdict != "none" else 0
 
 
@@ -100,14 +104,18 @@ def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> tuple[Diag
     columns = machine_of(subject).columns
     logs = [bind(log, columns) for log in read_logs(names)]
     validate = [bind(log, columns) for log in read_logs(asked.validate)]
+    began = time.monotonic()
     found = diagnose(
         subject, logs, validate=validate or None, quick=asked.quick, report=report, seed=asked.seed
     )
+    found = dated(found, time.monotonic() - began)
 
     def fill(folder: Path) -> list[str]:
         write(found, folder)
-        write_text(folder / "report.html", diagnosis_report(found, logs, validate))
-        return write_view(found, subject, logs[0], folder, asked.meshes)
+        said = write_view(found, subject, logs[0], folder, asked.meshes)
+        page = diagnosis_report(found, logs, validate, files=beside(folder))
+        write_text(folder / "report.html", page)
+        return said
 
     return found, fill
 
@@ -142,6 +150,28 @@ def write(found: Diagnosis, folder: Path) -> None:
         np.savetxt(folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments="")
 
 
+def dated(found: Diagnosis, seconds: float) -> Diagnosis:
+    """Return the diagnosis with the date and the time that it took."""
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    told = {**found.provenance, "date": now, "seconds_taken": round(seconds, 1)}
+    return replace(found, provenance=told)
+
+
+BESIDE = {
+    "machine.html": "the machine playing the log in 3-D, coloured by the gap; open it in a browser",
+    "diagnosis.json": "everything that is said here, for programs",
+    "machine/machine.yaml": "the machine with the named causes added, for `pinotwin identify`",
+}
+"""What lies beside the page -> what it holds."""
+
+
+def beside(folder: Path) -> list[tuple[str, str]]:
+    """Return what was written beside the page."""
+    found = [(name, text) for name, text in BESIDE.items() if (folder / name).is_file()]
+    moves = sorted(path.name for path in folder.glob("advice_*.csv"))
+    return [*found, *((name, "command of a motion to record next") for name in moves)]
+
+
 def write_view(
     found: Diagnosis, subject: Machine | Twin, log: Log, folder: Path, meshes: str | None
 ) -> list[str]:
@@ -163,37 +193,87 @@ def write_view(
 
 def summary(found: Diagnosis) -> list[str]:
     """Return the few lines that a user wants to see, the verdict first."""
-    lines = [found.sentence]
+    from pinotwin.report.diagnosis_verdict import headline
+
+    lines = [f"{found.machine}: {found.verdict.replace('_', ' ')}", *headline(found)]
     if found.quick:
-        lines.append("quick: screened only, not re-checked")
-    lines.append(f"{'signal':<8}{'gap':>11}{'after':>11}{'noise':>11}{'of signal':>11}")
+        lines.append("quick: screened only, not checked again")
+    lines += ["", *gap_lines(found), "", *cause_lines(found), *where_lines(found)]
+    lines += [f"warning: {text}" for text in found.warnings]
+    if found.noise == "assumed":
+        lines.append("noise: assumed (no repeats of a command among the logs)")
+    return lines + [f"next: {text}" for text in next_lines(found)]
+
+
+def gap_lines(found: Diagnosis) -> list[str]:
+    """Return the table of the gaps, each with its unit and its grade."""
+    from pinotwin.report.diagnosis_plots import signal_scale
+    from pinotwin.report.diagnosis_verdict import rotary_axes
+
+    rotary = rotary_axes(found)
+    lines = [f"{'RMS':<12}{'gap':>12}{'after':>12}{'misfit':>12}{'noise':>12}  grade"]
     for axis, row in found.gap.items():
         for signal, g in row.items():
-            lines.append(
-                f"{f'{axis}.{signal}':<8}{g.rms:>11.4g}{g.after:>11.4g}{g.noise:>11.4g}{g.nrmse:>11.2%}"
-            )
-    for region in found.where[:3]:
-        low, high = region.range
-        whole = "band" if region.kind == "frequency" else "time"
-        kind = region.kind if region.other is None else f"{region.kind} {region.other}"
-        lines.append(
-            f"where: {region.share:.0%} of the squared gap of {region.axis}.{region.signal} lies in "
-            f"{region.time_share:.0%} of the {whole}: {kind} {low:.3g} to {high:.3g} "
-            f"{region.unit}"
-        )
+            scale = signal_scale(signal, rotary.get(axis, False), g.rms)
+            cells = [_with_unit(x, scale) for x in (g.rms, g.after, g.misfit, g.noise or float("nan"))]
+            name = f"{axis}.{signal}"
+            if len(name) > 11:
+                lines.append(name)
+                name = ""
+            lines.append(f"{name:<12}{''.join(f'{x:>12}' for x in cells)}  {found.grade(axis, signal)}")
+    return lines
+
+
+def _with_unit(x: float, scale: Scale) -> str:
+    return f"{x * scale.factor:.3g} {scale.unit}" if x == x else "-"
+
+
+def cause_lines(found: Diagnosis) -> list[str]:
+    """Return every named cause with its size, its confidence and what else it could be."""
+    from pinotwin.diagnosis.conclusion.sizes import size_text, times_text, told
+
+    lines = []
     for e in found.effects:
-        shrink = e.shrink.get("u") or e.shrink.get("v")
-        share = "" if shrink is None else f", gap {shrink.before:.3g} -> {shrink.after:.3g}"
+        sizes = [
+            f"{size_text(s)} (90 %: {s.interval[0]:.4g} to {s.interval[1]:.4g}{_factor(times_text(s))})"
+            for s in told(e.size)[:3]
+        ]
+        lines.append(f"effect: {e.axis or 'machine'}.{e.effect}, confidence {e.confidence:.0%}")
+        lines += [f"        {text}" for text in sizes]
         others = ", ".join(
             OTHERWISE.get(a["effect"]) or f"{a['axis'] or 'machine'}.{a['effect']}"
             for a in e.alternatives
-            if a["probability"] >= LIKELY
+            if a.get("probability", 0.0) >= LIKELY
         )
-        rest = f"; also possible: {others}" if others else ""
-        sure = f"confidence {e.confidence:.0%}"
-        lines.append(f"effect: {e.axis or 'machine'}.{e.effect}, {sure}{share}{rest}")
-    if found.noise == "assumed":
-        lines.append("noise: assumed (no repeats of a command among the logs)")
-    lines += [f"warning: {text}" for text in found.warnings]
-    lines += [f"next: {text}" for text in found.advice]
+        if others:
+            lines.append(f"        also possible: {others}")
     return lines
+
+
+def _factor(text: str) -> str:
+    return f", {text}" if text else ""
+
+
+def where_lines(found: Diagnosis) -> list[str]:
+    """Return where in motion and time the gap lies."""
+    from pinotwin.diagnosis.conclusion.where import telling
+    from pinotwin.report.plain_words import region_words
+
+    return [
+        f"where: {r.share:.0%} of the squared gap of {r.axis}.{r.signal} in {max(r.time_share, 0.01):.0%} of the "
+        f"{'band' if r.kind == 'frequency' else 'time'}: {region_words(r)}"
+        for r in telling(found.where, [str(e.axis) for e in found.effects])[:3]
+    ]
+
+
+def next_lines(found: Diagnosis) -> list[str]:
+    """Return what a person can do next, at the machine first."""
+    from pinotwin.effects import EFFECTS
+
+    lines = [
+        f"{e.axis or 'machine'}.{e.effect}: {EFFECTS[e.effect].remedy}"
+        for e in found.effects
+        if e.effect in EFFECTS
+    ]
+    files = f"record the motion of {', '.join(found.commands)} (in the folder)" if found.commands else ""
+    return [*lines, *found.advice, *([files] if files else [])]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
+import shutil
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +47,22 @@ def write_json(path: str | Path, value: Any) -> None:
     write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
+def width() -> int:
+    """Return the columns of the terminal, 80 in a pipe; no more than are pleasant to read."""
+    return max(40, min(shutil.get_terminal_size((80, 24)).columns, 120))
+
+
 def say(text: str = "") -> None:
-    """Print a line of the command's result."""
-    sys.stdout.write(text + "\n")
+    """Print a line of the command's result, wrapped at blanks; what follows is indented below its text."""
+    indent = re.match(r" *(?:[a-z ]{1,12}: )?", text)
+    hang = min(len(indent.group()) if indent else 0, 12)
+    lines = textwrap.wrap(
+        text,
+        width(),
+        subsequent_indent=" " * hang,
+        break_long_words=False,
+        break_on_hyphens=False,
+        replace_whitespace=False,
+        drop_whitespace=True,
+    )
+    sys.stdout.write("\n".join(lines or [text]) + "\n" if len(text) > width() else text + "\n")

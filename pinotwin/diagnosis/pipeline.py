@@ -16,6 +16,7 @@ from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, resting
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
+from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
@@ -97,7 +98,9 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     if closed_loop and not quick:
         tell("tracking error", 0.9)
         result = _with_tracking(result, *tracking_gaps(c, [s.chosen for s in found.steps]))
-    return _with_vibration(result, shaken, unused(subject, c.logs))
+    result = _with_vibration(result, shaken, unused(subject, c.logs))
+    options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
+    return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
 
 
 def _with_tracking(d: Diagnosis, gaps: Mapping[str, Gap], shrinks: Mapping[str, Shrink]) -> Diagnosis:

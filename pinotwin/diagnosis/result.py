@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pinotwin.arrays import Floats, plain
+from pinotwin.diagnosis.grade import Grade, grade
 from pinotwin.effects import Effect
 
 Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
@@ -180,6 +181,7 @@ class Diagnosis:
         missing: what the twin already lacked on its own logs: effect, axis and share of its residual there.
         warnings: what ``check`` says of these logs.
         differs: files that differ from runs of the same command, with which they are not pooled.
+        provenance: version, options, seed, and the logs with their fingerprints.
     """
 
     verdict: Verdict
@@ -205,6 +207,30 @@ class Diagnosis:
     missing: Sequence[Mapping[str, Any]] = ()
     warnings: Sequence[str] = ()
     differs: Sequence[str] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def grade(self, axis: str, signal: str = "u") -> Grade:
+        """Return the one word for an axis and signal, see :mod:`pinotwin.diagnosis.grade`.
+
+        What the verdict leaves open is never graded as explained, and a gap that no named effect acts on
+        counts nothing as closed, whatever a nameless pattern would take away.
+        """
+        g = self.gap[axis][signal]
+        named = self._acts(axis, signal)
+        size = g.rms / g.nrmse if g.nrmse > 0.0 else None
+        word = grade(g.rms, g.misfit, g.noise, g.after if named else None, size=size)
+        if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
+            word = "gap explained"  # small, yet a cause of it was found
+        if signal in self.unexplained.get(axis, {}) and word != "partly explained":
+            return "partly explained" if named and g.after < g.rms else "not explained"
+        return word
+
+    def _acts(self, axis: str, signal: str) -> bool:
+        """Whether a named effect acts on a signal of an axis; on others than the effort only if it was tried."""
+        if signal == "u":
+            return any(e.axis in (axis, None) for e in self.effects)
+        tried = [e for e in self.effects if e.axis == axis and signal in e.shrink]
+        return bool(tried) or signal in self.shrink.get(axis, {})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of diagnosis.json, in JSON's own types."""
@@ -212,7 +238,10 @@ class Diagnosis:
             {
                 "verdict": self.verdict,
                 "sentence": self.sentence,
-                "gap": {a: {s: vars(g) for s, g in row.items()} for a, row in self.gap.items()},
+                "gap": {
+                    a: {s: {**vars(g), "grade": self.grade(a, s)} for s, g in row.items()}
+                    for a, row in self.gap.items()
+                },
                 "where": [_region(r) for r in self.where],
                 "effects": [_effect(e) for e in self.effects],
                 "missing_since_identification": [dict(m) for m in self.missing],
@@ -228,6 +257,7 @@ class Diagnosis:
                 "shrink": {a: {s: _shrink(x) for s, x in row.items()} for a, row in self.shrink.items()},
                 "quick": self.quick,
                 "machine": self.machine,
+                "provenance": dict(self.provenance),
             }
         )
         assert isinstance(out, dict)

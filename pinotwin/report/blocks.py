@@ -141,11 +141,30 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]], numeric: Sequ
     kind = ["num" if k in numeric else "" for k in range(len(header))]
     head = "".join(f'<th class="{c}">{escape(h)}</th>' for h, c in zip(header, kind, strict=True))
     body = "".join(
-        "<tr>" + "".join(f'<td class="{c}">{cell(x)}</td>' for x, c in zip(row, kind, strict=True)) + "</tr>"
+        "<tr>"
+        + "".join(
+            f'<td class="{c}" data-head="{escape(h)}">{cell(x)}</td>'
+            for x, c, h in zip(row, kind, header, strict=True)
+        )
+        + "</tr>"
         for row in rows
     )
     return Html(
         f'<div class="card scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    )
+
+
+def share_bar(share: float, even: float) -> Html:
+    """Return a bar of a share with a tick at what it would be if it lay evenly, and its number.
+
+    Args:
+        share: of the gap, 0 to 1.
+        even: share of the time, 0 to 1.
+    """
+    low = f"{even:.0%}" if even >= 0.01 else "< 1%"
+    return Html(
+        f'<span class="share"><i style="width:{100 * min(share, 1.0):.1f}%"></i>'
+        f'<u style="left:{100 * min(even, 1.0):.1f}%"></u></span> {share:.0%} in {low}'
     )
 
 

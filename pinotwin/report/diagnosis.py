@@ -1,13 +1,16 @@
-"""The report of a diagnosis: is there a gap, where, why, how far it shrinks, what to do next.
+"""The report of a diagnosis: what changed, where, why, how far the gap shrinks, what to do next.
 
-Written for the engineer at the machine: every technical word is explained where it first stands.
+Written for the engineer at the machine: the answer first, every technical word explained where it stands.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pinotwin.diagnosis.result import Diagnosis, Found
+from pinotwin.diagnosis.conclusion.sizes import name_words, times_text, told
+from pinotwin.diagnosis.conclusion.where import telling
+from pinotwin.diagnosis.result import Diagnosis, Found, Size
+from pinotwin.effects import EFFECTS
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import (
@@ -22,19 +25,21 @@ from pinotwin.report.blocks import (
     heading,
     notes,
     paragraph,
+    share_bar,
     table,
-    tiles,
 )
 from pinotwin.report.diagnosis_evidence import evidence_panels
-from pinotwin.report.diagnosis_plots import (
-    bars,
-    density,
-    shrink_figure,
-    signal_name,
-    signal_scale,
-    where_figure,
+from pinotwin.report.diagnosis_machine import machine_block
+from pinotwin.report.diagnosis_plots import bars, density, shrink_figure, signal_name, signal_scale
+from pinotwin.report.diagnosis_verdict import (
+    SIGNALS,
+    axis_cards,
+    ground,
+    headline,
+    named_data,
+    rotary_axes,
+    source_names,
 )
-from pinotwin.report.diagnosis_verdict import SIGNALS, axis_tiles, ground, headline, rotary_axes
 from pinotwin.report.page import Page
 from pinotwin.report.plain_words import (
     KINDS,
@@ -45,12 +50,22 @@ from pinotwin.report.plain_words import (
     plain_sentence,
     region_words,
 )
+from pinotwin.report.provenance import files_block, provenance_blocks
 
 OTHERWISE = {"none": "chance: no cause", "unknown": "a cause that is in no catalogue"}
+MANY = 12
+"""Numbers of one cause that are listed; the rest is in diagnosis.json."""
+REGIONS = 8
+"""Regions that are listed."""
+BESIDE = 3
+"""Axes whose cards stand beside the picture of the machine; more stand below it."""
 
 
 def diagnosis_report(
-    diagnosis: Diagnosis, logs: Log | Sequence[Log] = (), validate: Sequence[Log] = ()
+    diagnosis: Diagnosis,
+    logs: Log | Sequence[Log] = (),
+    validate: Sequence[Log] = (),
+    files: Sequence[tuple[str, str]] = (),
 ) -> str:
     """Return a self-contained HTML page about the gap between log and model.
 
@@ -59,84 +74,140 @@ def diagnosis_report(
         logs: the log(s) that were diagnosed, in the same order; with them, and the machine in the
             diagnosis, the gap is also drawn against speed and position.
         validate: the log(s) that nothing was fitted to.
+        files: name and content of what lies beside the page, to link to.
     """
     given = [logs] if isinstance(logs, Log) else list(logs)
-    return diagnosis_page(diagnosis, [*given, *validate]).html()
+    return diagnosis_page(diagnosis, [*given, *validate], files).html()
 
 
-def diagnosis_page(d: Diagnosis, logs: Sequence[Log]) -> Page:
+def diagnosis_page(d: Diagnosis, logs: Sequence[Log], files: Sequence[tuple[str, str]] = ()) -> Page:
     """Return the same report as a :class:`Page`."""
     page = Page(f"{d.machine or 'Machine'}: diagnosis", subtitle(d, logs))
-    page = page.section(
-        "Verdict", paragraph(headline(d), "verdict"), tiles(axis_tiles(d)), bullets(ground(d))
-    )
-    if d.where:
-        page = page.section(
-            "Where",
-            *where_blocks(d),
-            intro="Where the gap between log and model "
-            "lies. If it lay evenly, a tenth of the time would hold a tenth of it; "
-            "where much of it lies in little time, the cause is at work.",
-        )
-    if d.effects or d.confusable:
-        page = page.section("Which cause", *which_blocks(d))
+    page = page.section("Answer", *answer_blocks(d, logs))
+    page = page.section("Where", *where_blocks(d), intro=_WHERE)
+    page = page.section("Which cause", *which_blocks(d))
     page = page.section("How far the gap shrinks", *how_far_blocks(d), intro=_HOW_FAR)
     panels = evidence_panels(d, logs)
     if panels:
-        page = page.section(
-            "Evidence",
-            Tabs(panels),
-            intro="Measured effort minus the effort that "
-            "the model asks for. What looks like a curve here is something "
-            "that the model does not know; a shapeless band is noise.",
-        )
-    return page.section("What to do next", *next_blocks(d))
+        page = page.section("Evidence", Tabs(panels), intro=_EVIDENCE)
+    page = page.section("What to do next", *next_blocks(d))
+    page = page.section("Files", *files_block(files))
+    return page.section("How this was made", *provenance_blocks(d.provenance))
 
 
+_WHERE = (
+    "Where in the motion and in time the gap lies. If it lay evenly, a tenth of the time would hold a tenth "
+    "of it; where much of it lies in little time, look there."
+)
 _HOW_FAR = (
-    "RMS, the usual size, of log minus model. Promised: what the fit itself expects. Delivered: what "
-    "came of it on data that its size was not fitted to, with a 90 % interval; the choice of the "
-    "cause has seen those data, so without a separate log it flatters. Noise floor: "
-    "what differs between two runs of the same motion; no model gets below it."
+    "Promised: the share of the squared gap that the fit itself expects to remove. Removed: what came of it on "
+    "data that the size was not fitted to, with a 90 % interval; the choice of the cause has seen the diagnosed "
+    "logs, so without a validation log it flatters. Bars: RMS of log minus model on the diagnosed logs. Noise: "
+    "what differs between two runs of the same motion. Own misfit: what the twin left of its own logs."
+)
+_EVIDENCE = (
+    "Measured effort minus the effort that the model asks for. What looks like a curve here is something "
+    "that the model does not know; a shapeless band is noise."
 )
 
 
 def subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
     """Return the line below the title."""
     compared = {
-        "structure": "log against the machine's model, refitted to it",
+        "structure": "log against the machine's model, fitted to it",
         "change": "log against a twin that was identified earlier",
     }
-    names = ", ".join(display.elided(log.source, 40) for log in logs[:4])
-    more = f" and {len(logs) - 4} more" if len(logs) > 4 else ""
-    words = [compared.get(d.situation, ""), names + more]
-    return " · ".join(w for w in words if w)
+    all_names = source_names(d, logs)
+    names = ", ".join(display.elided(name, 40) for name in all_names[:4])
+    more = f" and {len(all_names) - 4} more" if len(all_names) > 4 else ""
+    return " · ".join(w for w in (compared.get(d.situation, ""), names + more) if w)
+
+
+def answer_blocks(d: Diagnosis, logs: Sequence[Log]) -> list[Block]:
+    """Return the answer in words and numbers, the machine, and a card per axis."""
+    lines = headline(d)
+    first = [paragraph(line, "verdict") for line in lines]
+    picture = machine_block(d, logs[0] if logs else None)
+    rows = [row for e in d.effects for row in _changes(e)]
+    changes: list[Block] = []
+    if rows:
+        before = "before" if d.situation == "change" else "in the model"
+        header = ("cause", "number", before, "now", "90 % interval", "change", "confidence")
+        changes = [table(header, rows, numeric=(2, 3, 4, 5, 6))]
+    said = notes(plain_sentence(str(w)) for w in d.warnings)
+    reading = Html(f"<details><summary>how to read this</summary>{bullets(ground(d)).text}</details>")
+    return [*first, *changes, _beside(picture, axis_cards(d), few=len(d.gap) <= BESIDE), reading, said]
+
+
+def _beside(picture: Html | None, cards: Html, *, few: bool) -> Html:
+    """Return the machine with the cards of its axes beside it, below it where there are many."""
+    if picture is None:
+        return cards
+    style = "answer" if few else "answer many"
+    return Html(f'<div class="{style}">{picture.text}{cards.text}</div>')
+
+
+def _changes(e: Found) -> list[list[object]]:
+    """Return what a cause changed from what to what, with units and intervals."""
+    name = Html(f"<b>{escape(on_axis(e.effect, e.axis))}</b>")
+    sure = chip(f"{e.confidence:.0%}", _sure(e.confidence))
+    sizes = told(e.size)[:3]
+    if not sizes:
+        return [[name, "", "", "", "", "", sure]]
+    rows: list[list[object]] = []
+    for k, s in enumerate(sizes):
+        low, high = s.interval
+        before = "–" if s.before != s.before else "none" if s.before == 0.0 else _number(s, s.before)
+        interval = f"{_digits(low)} to {_digits(high)}" if low == low and high == high else "–"
+        row: list[object] = [
+            name if k == 0 else "",
+            name_words(s),
+            before,
+            _number(s, s.after),
+            interval,
+            times_text(s),
+        ]
+        rows.append([*row, sure if k == 0 else ""])
+    return rows
+
+
+def _number(s: Size, x: float) -> str:
+    return _digits(x) if s.unit == "-" else f"{_digits(x)} {s.unit}"
+
+
+def _digits(x: float) -> str:
+    return f"{x:.4g}"
+
+
+def _sure(confidence: float) -> str:
+    return "good" if confidence >= 0.9 else "fair" if confidence >= 0.6 else "bad"
 
 
 def where_blocks(d: Diagnosis) -> list[Block]:
-    """Return the map of the regions and their table."""
-    known = [(axis, signal) for axis, row in d.gap.items() for signal in row]
-    signals = list(dict.fromkeys([*known, *((r.axis, r.signal) for r in d.where)]))
+    """Return the regions in which the gap lies, as a table with bars."""
+    if not d.where:
+        return []
     rows = [
         [
-            signal_name(r.axis, r.signal),
+            Html(f"<b>{escape(signal_name(r.axis, r.signal))}</b>"),
             KINDS.get(r.kind, r.kind),
             region_words(r),
-            f"{r.share:.0%}",
-            f"{r.time_share:.0%}" if r.time_share >= 0.01 else "< 1%",
-            f"{density(r):.1f} ×",
+            share_bar(r.share, r.time_share),
+            f"{density(r):.2g} ×",
             "–" if r.p_value is None else f"{100 * r.p_value:.2g} %",
         ]
-        for r in d.where
+        for r in telling(d.where, [str(e.axis) for e in d.effects])[:REGIONS]
     ]
-    header = ("signal", "by", "where", "share of the gap", "of the time (band)", "denser than even", "chance")
+    header = (
+        "signal",
+        "by",
+        "where",
+        "share of the gap, in what share of time or band",
+        "denser than even",
+        "chance",
+    )
     return [
-        Plot(
-            where_figure(d.where, signals),
-            "Share of the squared gap against share of time",
-            "Empty: the gap lies there no denser than elsewhere.",
-        ),
-        table(header, rows, numeric=(3, 4, 5, 6)),
+        table(header, rows, numeric=(4, 5)),
         paragraph("Chance: how often pure noise would show such a concentration somewhere.", "lead"),
     ]
 
@@ -145,133 +216,134 @@ def which_blocks(d: Diagnosis) -> list[Block]:
     """Return the named causes with confidence, what else it could be, and the look-alikes."""
     out: list[Block] = []
     if d.effects:
-        out.append(
-            table(("cause", "what it is", "confidence", "could also be"), [_which(e) for e in d.effects])
-        )
-        out.append(
-            paragraph(
-                "Confidence: of trials in which this cause was put into what the model leaves anyway on "
-                "this motion, the share in which the same search named it first.",
-                "lead",
-            )
-        )
-    else:
-        out.append(paragraph("No cause is named."))
+        rows = [_which(e) for e in d.effects]
+        out.append(table(("cause", "what it is", "confidence", "could also be"), rows))
+        out.append(paragraph(_CONFIDENCE, "lead"))
     groups = [joined([label_words(x) for x in group]) for group in d.confusable]
     if groups:
         out.append(heading("Look-alikes"))
         out.append(paragraph("These logs do not tell the following apart:"))
         out.append(bullets(groups))
-    out += [block for e in d.effects for block in _numbers(e)]
-    return out
+    if d.missing:
+        out.append(heading("Missing since the identification"))
+        out.append(paragraph("No change, but worth identifying again: the twin lacked it on its own logs."))
+        rows = [
+            [
+                on_axis(str(m["effect"]), m.get("axis")),
+                explanation(str(m["effect"])),
+                f"{float(m['share']):.0%}",
+            ]
+            for m in d.missing
+        ]
+        out.append(table(("effect", "what it is", "share of what the twin left"), rows, numeric=(2,)))
+    return [*out, *(block for e in d.effects for block in _numbers(d, e))]
+
+
+_CONFIDENCE = (
+    "Confidence: of trials in which this cause was put into what the model leaves anyway on this motion, the "
+    "share in which the same search named it first; stated rather than measured for pushes and the servo."
+)
 
 
 def _which(e: Found) -> list[object]:
-    kind = "good" if e.confidence >= 0.9 else "fair" if e.confidence >= 0.6 else "bad"
     name = Html(f"<b>{escape(on_axis(e.effect, e.axis))}</b>")
     others = []
     for item in e.alternatives:
         effect = str(item.get("effect", ""))
         what = OTHERWISE.get(effect) or on_axis(effect, item.get("axis"))
         p = item.get("probability", 0.0)
-        others.append(f"{what}{f' ({p:.0%})' if p > 0.0 else ''}: {item.get('why', '')}")
+        chance = f" ({p:.0%})" if p >= 0.005 else ""
+        others.append(f"{what}{chance}: {plain_sentence(str(item.get('why', '')))}")
     other = Html("".join(f'<div class="sub">{escape(x)}</div>' for x in others) or "no other came close")
-    return [name, explanation(e.effect), chip(f"{e.confidence:.0%}", kind), other]
+    return [name, explanation(e.effect), chip(f"{e.confidence:.0%}", _sure(e.confidence)), other]
 
 
-def _numbers(e: Found) -> list[Block]:
-    """Return the size of a cause and what it changes in the model."""
-    values = [f"{k} = {v:.4g}" for k, v in (*e.shape.items(), *e.theta.items())]
-    if len(values) > 12:
-        values = [*values[:12], "…"]
-    out: list[Block] = []
-    if values:
-        out.append(paragraph(f"{_capital(on_axis(e.effect, e.axis))}, in SI: {', '.join(values)}."))
-    if e.moves:
-        out.append(
-            paragraph(
-                "With it, these numbers of the model change; the last column is the "
-                "change over the uncertainty that the number had:"
-            )
-        )
-        rows = [(k, f"{a:.4g}", f"{b:.4g}", f"{s:+.3g}") for k, (a, b, s) in e.moves.items()]
-        out.append(table(("number", "before", "with the cause", "change"), rows, numeric=(1, 2, 3)))
-    return out
+def _numbers(d: Diagnosis, e: Found) -> list[Block]:
+    """Return every number of a cause that has more than the answer shows, folded away."""
+    if len(e.size) <= 1:
+        return []
+    rows = [
+        [
+            s.name,
+            "–" if s.before != s.before else _digits(s.before),
+            _digits(s.after),
+            f"{_digits(s.interval[0])} to {_digits(s.interval[1])}",
+            s.unit,
+        ]
+        for s in e.size[:MANY]
+    ]
+    more = f"; the first {MANY}, all are in diagnosis.json" if len(e.size) > MANY else ""
+    title = f"{on_axis(e.effect, e.axis)}: {len(e.size)} numbers{more}"
+    shapes = ", ".join(f"{k} = {v:.4g}" for k, v in e.shape.items()) if len(e.shape) <= MANY else ""
+    inside = table(("number", "before", "now", "90 % interval", "unit"), rows, numeric=(1, 2, 3)).text
+    form = paragraph(f"Form (SI): {shapes}.").text if shapes else ""
+    return [Html(f"<details><summary>{escape(title)}</summary>{form}{inside}</details>")]
 
 
 def how_far_blocks(d: Diagnosis) -> list[Block]:
     """Return the bars of every axis, and each cause's own share."""
     rotary = rotary_axes(d)
     plots: list[Block] = []
-    for axis in sorted(d.gap, key=lambda a: a not in d.unexplained):
+    for axis in sorted(d.gap, key=lambda a: a not in d.shrink):
         for signal, gap in d.gap[axis].items():
-            found = d.shrink.get(axis, {}).get(signal) if axis in d.unexplained else None
-            figure = shrink_figure(bars(gap, found), signal, rotary.get(axis, False))
-            plots.append(
-                Plot(
-                    figure,
-                    f"Axis {axis}, {SIGNALS.get(signal, signal)}",
-                    ""
-                    if found
-                    else "No gap beyond the noise that a cause could close."
-                    if axis not in d.unexplained
-                    else "",
-                )
-            )
+            word = d.grade(axis, signal)
+            acts = word in ("gap explained", "partly explained")
+            figure = shrink_figure(bars(gap, acts=acts), signal, rotary.get(axis, False))
+            plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}: {word}"))
     rows = []
     for e in d.effects:
         for signal, x in e.shrink.items():
             scale = signal_scale(signal, rotary.get(e.axis or "", False), x.before)
             rows.append(
                 [
-                    on_axis(e.effect, e.axis),
+                    f"{on_axis(e.effect, e.axis)}, {SIGNALS.get(signal, signal)}",
                     f"{x.before * scale.factor:.3g} {scale.unit}",
                     f"{x.after * scale.factor:.3g} {scale.unit}",
                     display.percent(x.share),
-                    f"{x.interval[0]:.0%} to {x.interval[1]:.0%}",
+                    _interval(x.interval),
                     display.percent(x.promised),
-                    "validation log" if x.on == "validation" else "stretches kept back in turn",
+                    named_data(d, x),
                 ]
             )
-    out: list[Block] = [Group(tuple(plots))] if plots else []
+    out: list[Block] = []
     if rows:
-        out += [
-            heading("Each cause on its own"),
-            table(
-                ("cause", "gap before", "gap after", "removed", "90 % interval", "promised", "judged on"),
-                rows,
-                numeric=(1, 2, 3, 4, 5),
-            ),
-            paragraph("Removed: share of the squared gap above the noise floor.", "lead"),
-        ]
-    stays = [f"Axis {a}: {plain_sentence(w)}" for a, w in d.remains.items()]
-    if stays:
-        out += [heading("What stays"), notes(stays)]
-    return out
+        header = ("cause", "gap before", "gap after", "removed", "90 % interval", "promised", "measured on")
+        out.append(table(header, rows, numeric=(1, 2, 3, 4, 5)))
+    return [*out, Group(tuple(plots))] if plots else out
+
+
+def _interval(span: tuple[float, float]) -> str:
+    """Return an interval of shares with as many digits as tell its ends apart."""
+    for digits in (0, 1, 2, 3):
+        low, high = (f"{100 * x:.{digits}f}" for x in span)
+        if low != high:
+            return f"{low} to {high} %"
+    return f"{low} %"
 
 
 def next_blocks(d: Diagnosis) -> list[Block]:
-    """Return what to do next."""
-    lines = [_capital(plain_sentence(text)) for text in d.advice]
+    """Return what a person can do next, the machine first, then what to record."""
+    lines = []
+    for e in d.effects:
+        remedy = EFFECTS[e.effect].remedy if e.effect in EFFECTS else ""
+        if remedy:
+            lines.append(f"{_capital(on_axis(e.effect, e.axis))}: {remedy}.")
     if d.effects:
-        names = joined([on_axis(e.effect, e.axis) for e in d.effects])
-        lines.insert(
-            0,
-            f"Look at the machine for {names}; if it is real, add it to the model (the "
-            "folder “machine” beside this page holds the extended machine) and identify "
-            "again.",
+        lines.append(
+            "If it is real and stays, take it into the model: the folder “machine” holds the machine with it; "
+            "identify it again."
         )
     if d.verdict == "none":
-        lines.insert(0, "Nothing needs mending. Keep this log: it is the reference for later ones.")
+        lines.append("Nothing needs mending. Keep this log: it is the reference for later ones.")
+    lines += [_capital(plain_sentence(text)) + "." for text in d.advice]
     out: list[Block] = [bullets(lines or ["Record the motion again to confirm the finding."])]
     if d.warnings:
         out += [paragraph("What makes these logs doubtful:"), bullets([_capital(x) for x in d.warnings])]
     if d.commands:
         out.append(
             paragraph(
-                "Motions to record, as command files beside this page: "
-                f"{', '.join(d.commands)}. They stay within the travel and the speed "
-                "of the log; check them against the machine's limits first."
+                f"Motions to record, as command files beside this page: {', '.join(d.commands)}. They stay within "
+                "the travel and the speed of the log; check them against the machine's limits first."
             )
         )
     return out

@@ -14,14 +14,17 @@ from pinotwin.motion import Motion
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Group, Plot
 from pinotwin.report.diagnosis_plots import against_figure, gap_figure, spectrum_figure
-from pinotwin.report.diagnosis_verdict import machine_of, rotary_axes
+from pinotwin.report.diagnosis_verdict import SERIOUS, grade_of, machine_of, rotary_axes
+from pinotwin.twin import Twin
 
 
 def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Block]]:
     """Return plots of the gap for every axis with one; for all axes when there is none."""
     rotary = rotary_axes(d)
     known = list(dict.fromkeys(t.axis for t in d.traces))
-    axes = [a for a in known if a in d.unexplained or any(e.axis == a for e in d.effects)] or known
+    shown = [a for a in known if a in d.gap and grade_of(d, a) in SERIOUS]
+    axes = [*(a for a in shown if any(e.axis == a for e in d.effects)), *shown] or known
+    axes = list(dict.fromkeys(axes))
     out: dict[str, Sequence[Block]] = {}
     motions: dict[int, Motion | None] = {}
     for axis in axes:
@@ -67,6 +70,8 @@ def _motion(d: Diagnosis, logs: Sequence[Log], k: int) -> Motion | None:
     if machine is None or k >= len(logs):
         return None
     try:
+        if isinstance(d.subject, Twin):
+            return d.subject.motion(logs[k])
         return prepare(machine, logs[k], decimate=1)
     except PinotwinError:
         return None  # the plots against speed and position are left out, the rest stands

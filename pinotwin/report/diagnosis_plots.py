@@ -10,11 +10,10 @@ import plotly.graph_objects as go
 from scipy.signal import welch
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.result import Gap, Region, Shrink, Traces
+from pinotwin.diagnosis.result import Gap, Region, Traces
 from pinotwin.report import display
 from pinotwin.report.figures import (
     ACCENT,
-    MEASURED,
     RESIDUAL,
     broken,
     dots,
@@ -23,63 +22,19 @@ from pinotwin.report.figures import (
     style,
     visible_rows,
 )
-from pinotwin.report.plain_words import KINDS, region_words
 from pinotwin.studies.overlay import binned
 
 
 @dataclass(frozen=True)
 class Bar:
-    """One bar of the shrinking gap: an RMS with its interval, in SI."""
+    """One bar of the shrinking gap: an RMS in SI."""
 
     name: str
     value: float
     colour: str
-    low: float | None = None
-    high: float | None = None
 
 
 SHORT = {"u": "effort", "e": "error", "v": "vibration"}
-
-
-def where_figure(regions: Sequence[Region], signals: Sequence[tuple[str, str]]) -> go.Figure:
-    """Return signals of axes against kinds of regime; the colour says how much denser a gap is than even."""
-    kinds = list(KINDS)
-    best: dict[tuple[str, str, str], Region] = {}
-    for r in regions:
-        old = best.get((r.axis, r.signal, r.kind))
-        if old is None or density(r) > density(old):
-            best[(r.axis, r.signal, r.kind)] = r
-    axes = [signal_name(*x) for x in signals]
-    grid = [[best.get((*x, kind)) for kind in kinds] for x in signals]
-    figure = go.Figure(
-        go.Heatmap(
-            x=[KINDS[k] for k in kinds],
-            y=list(axes),
-            z=[[None if r is None else np.log10(density(r)) for r in row] for row in grid],
-            text=[["" if r is None else _cell(r) for r in row] for row in grid],
-            customdata=[["" if r is None else region_words(r) for r in row] for row in grid],
-            texttemplate="%{text}",
-            textfont={"color": "#1b1f24", "size": 13},
-            hovertemplate="%{y}: %{customdata}<extra></extra>",
-            xgap=3,
-            ygap=3,
-            zmin=0.0,
-            zmax=1.0,
-            colorscale=[[0.0, "#fdf0d5"], [0.5, "#f7b267"], [1.0, "#e8743b"]],
-            hoverongaps=False,
-            colorbar={
-                "title": {"text": "denser than even", "side": "right"},
-                "thickness": 12,
-                "outlinewidth": 0,
-                "tickvals": [0.0, 0.301, 0.699, 1.0],
-                "ticktext": ["1×", "2×", "5×", "10×"],
-            },
-        )
-    )
-    style(figure, 90 + 58 * len(axes), legend=False)
-    figure.update_xaxes(side="top", showgrid=False)
-    figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False, type="category")
-    return figure.update_layout(margin_t=34, margin_b=14)
 
 
 def signal_name(axis: str, signal: str) -> str:
@@ -92,28 +47,21 @@ def density(r: Region) -> float:
     return max(r.share / max(r.time_share, 1e-6), 1e-6)
 
 
-def _cell(r: Region) -> str:
-    of = "of band" if r.kind == "frequency" else "of time"
-    return f"<b>{r.share:.0%}</b><br>in {max(r.time_share, 0.01):.0%} {of}"
+def bars(gap: Gap, *, acts: bool) -> list[Bar]:
+    """Return the gap today, with the named causes, the model's own misfit and the noise [SI, RMS].
 
-
-def bars(gap: Gap, shrink: Shrink | None) -> list[Bar]:
-    """Return gap before, promised, delivered and the noise [SI, RMS].
-
-    A share s of the squared gap above the noise n leaves sqrt(n² + (1 - s)(before² - n²)).
+    Args:
+        gap: of one signal of one axis.
+        acts: whether a named cause acts on it.
     """
-    out = [Bar("gap with the model today", gap.rms, RESIDUAL)]
-    if shrink is not None:
-
-        def left(share: float) -> float:
-            return float(
-                np.sqrt(gap.noise**2 + max(1.0 - share, 0.0) * max(shrink.before**2 - gap.noise**2, 0.0))
-            )
-
-        low, high = left(shrink.interval[1]), left(shrink.interval[0])
-        out.append(Bar("promised by the fit", left(shrink.promised), MEASURED))
-        out.append(Bar("delivered on new data", shrink.after, ACCENT, low, high))
-    return [*out, Bar("noise floor", gap.noise, "#59a14f")]
+    out = [Bar("gap today", gap.rms, RESIDUAL)]
+    if acts:
+        out.append(Bar("with the causes", gap.after, ACCENT))
+    if np.isfinite(gap.misfit):
+        out.append(Bar("own misfit", gap.misfit, "#8c9bb0"))
+    if gap.noise > 0.0:
+        out.append(Bar("noise", gap.noise, "#59a14f"))
+    return out
 
 
 def shrink_figure(items: Sequence[Bar], signal: str, rotary: bool) -> go.Figure:
@@ -129,30 +77,18 @@ def shrink_figure(items: Sequence[Bar], signal: str, rotary: bool) -> go.Figure:
             hoverinfo="skip",
         )
     )
-    ends = [scale.factor * max(b.value, b.high or 0.0) for b in items]
-    for b, value, end in zip(items, values, ends, strict=True):
+    for b, value in zip(items, values, strict=True):
         figure.add_annotation(
-            x=end,
+            x=value,
             y=b.name,
             text=f"{value:.3g} {scale.unit}",
             xanchor="left",
             xshift=6,
             showarrow=False,
         )
-        if b.low is not None and b.high is not None:
-            span = np.array([b.low, b.high]) * scale.factor
-            figure.add_trace(
-                go.Scatter(
-                    x=span,
-                    y=[b.name, b.name],
-                    mode="lines",
-                    hoverinfo="skip",
-                    line={"color": "var(--ink)", "width": 3},
-                )
-            )
     style(figure, 66 + 34 * len(items), legend=False)
     figure.update_layout(bargap=0.35)
-    figure.update_xaxes(title_text=f"RMS [{scale.unit}]", range=[0, 1.25 * max(*ends, 1e-300)])
+    figure.update_xaxes(title_text=f"RMS [{scale.unit}]", range=[0, 1.3 * max(*values, 1e-300)])
     return figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False)
 
 

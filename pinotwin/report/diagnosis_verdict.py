@@ -1,107 +1,170 @@
-"""The verdict of a diagnosis in plain words, and a tile per axis."""
+"""The answer of a diagnosis in plain words: what changed, how far the gap shrinks, a card per axis."""
 
 from __future__ import annotations
 
-from pinotwin.diagnosis.result import Diagnosis
+from collections.abc import Sequence
+from pathlib import Path
+
+from pinotwin.diagnosis.conclusion.sizes import first_text
+from pinotwin.diagnosis.grade import KIND, MEANING, Grade
+from pinotwin.diagnosis.result import Diagnosis, Found, Shrink
+from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
-from pinotwin.report.blocks import Tile
+from pinotwin.report.blocks import Html, chip, escape
 from pinotwin.report.diagnosis_plots import signal_scale
-from pinotwin.report.plain_words import effect_words, joined, on_axis, plain_sentence
+from pinotwin.report.plain_words import joined, on_axis, plain_sentence
 from pinotwin.twin import Twin
 
-OFF = 2.0  # times the noise, the gap of a tracking error from which it is said to differ,
-LOOP = 0.1  # and of its size: what a loop foretells of it is no better on a healthy machine
-MOST = 2  # axes of which the headline says what stays
+MOST = 3  # causes and axes that the headline speaks of
 SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration"}
+SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
+"""From the grade that matters most on."""
 
 
-def headline(d: Diagnosis) -> str:
-    """Return the verdict in plain words."""
+def grade_of(d: Diagnosis, axis: str) -> Grade:
+    """Return the grade of an axis' first signal, the motor effort where there is one."""
+    row = d.gap.get(axis)
+    if not row:
+        return "not judged"
+    return d.grade(axis, "u" if "u" in row else next(iter(row)))
+
+
+def headline(d: Diagnosis) -> list[str]:
+    """Return the answer in a few sentences, the most important first."""
     if d.verdict == "none":
-        return (
-            "Log and model agree. What differs is noise, or too small to matter; these logs show no "
-            "missing cause."
+        first = (
+            "Log and twin agree: nothing has changed that these logs show."
+            if d.situation == "change"
+            else "Nothing is missing from the model that these logs could show."
         )
-    if d.verdict == "unexplained":
+        return [first, *_stays(d), *_errors(d)]
+    if not d.effects:
         where = joined([f"axis {a}" for a in d.remains or d.unexplained] or ["this machine"])
-        return (
-            f"Log and model differ on {where}, and none of the causes that pinotwin knows explains it. "
-            f"{_stays(d)}"
-        ).strip()
-    named = joined([on_axis(e.effect, e.axis) for e in d.effects])
-    text = f"Log and model differ, and the cause is most likely {named}. {_gone(d)}".strip()
-    if d.verdict == "partly_explained":
-        left = joined([f"axis {a}" for a in d.remains] or ["some axis"])
-        text += f" Part of the gap on {left} stays without a cause. {_stays(d)}"
-    return text.strip()
+        return [
+            f"Log and model differ on {where}, and no effect that pinotwin knows closes the gap.",
+            *_stays(d),
+            *_errors(d),
+        ]
+    lines = [_cause(d, e) for e in d.effects[:MOST]]
+    if len(d.effects) > MOST:
+        rest = joined([on_axis(e.effect, e.axis) for e in d.effects[MOST:]])
+        lines.append(f"Also found: {rest}.")
+    return [*lines, *_stays(d), *_errors(d)]
 
 
-def _stays(d: Diagnosis) -> str:
-    """Return what is left looks like, for the first axes of which something is."""
-    seen = list(d.remains.items())[:MOST]
-    return " ".join(f"What stays on axis {a}: {plain_sentence(words)}." for a, words in seen)
-
-
-def _gone(d: Diagnosis) -> str:
-    shrink = d.effects[0].shrink if d.effects else {}
-    found = shrink.get("u") or shrink.get("v")
-    if found is None:
-        return ""
-    if found.share <= 0.0:
-        return "On data kept back the gap does not shrink by it yet: take it as a hint."
-    share = display.percent(min(found.share, 1.0))
-    where = "a log that it was not fitted to" if found.on == "validation" else "data kept back"
-    return (
-        f"Adding {effect_words(d.effects[0].effect)} to the model removes {share} of the squared gap "
-        f"above the noise, on {where}."
+def _cause(d: Diagnosis, e: Found) -> str:
+    """Return a cause with its size and what it does to the gap."""
+    size = first_text(e).replace(" -> ", " → ")
+    name = on_axis(e.effect, e.axis)
+    verb = "Changed" if d.situation == "change" else "Missing from the model"
+    said = f"{verb}: {name}{f', {size}' if size else ''}."
+    shrink = e.shrink.get("u") or e.shrink.get("v")
+    if shrink is None:
+        return said
+    if shrink.share <= 0.0:
+        return f"{said} On {named_data(d, shrink)} the gap does not shrink by it yet: take it as a hint."
+    scale = signal_scale(
+        "u" if "u" in e.shrink else "v", rotary_axes(d).get(e.axis or "", False), shrink.before
     )
+    numbers = f"{shrink.before * scale.factor:.3g} to {shrink.after * scale.factor:.3g} {scale.unit}"
+    return f"{said} With it the gap shrinks from {numbers} RMS, on {named_data(d, shrink)}."
 
 
-def axis_tiles(d: Diagnosis) -> list[Tile]:
-    """Return one tile per axis: the gap as a share of the signal."""
-    out = []
-    rotary = rotary_axes(d)
+def named_data(d: Diagnosis, x: Shrink) -> str:
+    """Return on which data a shrink was measured, by the names of their files."""
+    logs = d.provenance.get("logs", ())
+    role = "validation" if x.on == "validation" else "diagnosed"
+    names = [Path(str(row["source"])).name for row in logs if row.get("role") == role]
+    told = (joined(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")) if names else ""
+    if x.on == "validation":
+        return f"{told or 'the validation log'}, to which nothing was fitted"
+    if x.on == "fitted logs":
+        return f"{told or 'the log'}, to which it was fitted"
+    return f"stretches of {told or 'the log'} that were kept back in turn"
+
+
+def _stays(d: Diagnosis) -> list[str]:
+    """Return what is left, axis by axis, as the grades have it."""
+    out: list[str] = []
     for axis, row in d.gap.items():
-        for signal, gap in row.items():
-            scale = signal_scale(signal, rotary.get(axis, False), gap.rms)
-            note = (
-                f"{SIGNALS.get(signal, signal)}: gap {gap.rms * scale.factor:.3g} {scale.unit} RMS, "
-                f"noise {gap.noise * scale.factor:.3g} {scale.unit}"
-            )
-            word, kind = _grade(d, axis, signal)
-            out.append(Tile(f"Axis {axis}", display.percent(gap.nrmse), note, word, kind))
+        if "u" not in row or len(out) >= MOST:
+            continue
+        word, g = d.grade(axis, "u"), row["u"]
+        scale = signal_scale("u", rotary_axes(d).get(axis, False), g.rms)
+        rms, after = (f"{x * scale.factor:.3g}" for x in (g.rms, g.after))
+        looks = f" It {plain_sentence(d.remains[axis])}." if axis in d.remains else ""
+        if word == "not explained":
+            out.append(f"Axis {axis}: a gap of {rms} {scale.unit} RMS is closed by no named cause.{looks}")
+        elif word == "partly explained":
+            out.append(f"Axis {axis}: {after} of {rms} {scale.unit} RMS stay without a cause.{looks}")
+        elif word == "above misfit":
+            own = g.rms / g.misfit
+            out.append(f"Axis {axis} leaves {own:.2g} times what its twin left of its own logs: watch it.")
     return out
 
 
-def _grade(d: Diagnosis, axis: str, signal: str) -> tuple[str, str]:
-    if axis in d.remains:
-        named = any(e.axis == axis for e in d.effects)
-        return ("partly explained", "fair") if named else ("not explained", "bad")
-    if axis in d.unexplained:
-        return "gap explained", "fair"
-    gap = d.gap[axis][signal]
-    differs = signal == "e" and gap.rms > OFF * gap.noise and gap.nrmse > LOOP
-    return ("differs", "fair") if differs else ("agrees", "good")
+def _errors(d: Diagnosis) -> list[str]:
+    """Return which tracking errors differ although the verdict is on the efforts."""
+    axes = [
+        a
+        for a, row in d.gap.items()
+        if "e" in row
+        and d.grade(a, "e") == "not explained"
+        and d.grade(a, "u") in ("agrees", "within misfit")
+    ]
+    if not axes:
+        return []
+    return [
+        f"The tracking error of {joined(axes)} is predicted worse than on the twin's own logs although the "
+        "effort agrees; no cause was looked for there."
+    ]
+
+
+def axis_cards(d: Diagnosis) -> Html:
+    """Return one card per axis: every signal with its grade, the gap without and with the causes."""
+    rotary = rotary_axes(d)
+    cards = []
+    for axis, row in d.gap.items():
+        parts = []
+        for signal, g in row.items():
+            word = d.grade(axis, signal)
+            scale = signal_scale(signal, rotary.get(axis, False), g.rms)
+            now, later = g.rms * scale.factor, g.after * scale.factor
+            acts = word in ("gap explained", "partly explained")
+            value = f"{now:.3g} → {later:.3g} {scale.unit}" if acts else f"{now:.3g} {scale.unit}"
+            beside = [f"{display.percent(g.nrmse)} of the signal"]
+            if g.noise > 0.0:
+                beside.append(f"noise {g.noise * scale.factor:.2g}")
+            if g.misfit == g.misfit:
+                beside.append(f"own misfit {g.misfit * scale.factor:.2g} {scale.unit}")
+            parts.append(
+                f'<div class="name"><span>{escape(SIGNALS.get(signal, signal))}</span>'
+                f"{chip(word, KIND[word], MEANING[word]).text}</div>"
+                f'<div class="big{"" if signal == "u" else " small"}">{escape(value)}</div>'
+                f'<div class="note">{escape(" · ".join(beside))}</div>'
+            )
+        cards.append(f'<div class="tile"><h3>Axis {escape(axis)}</h3>{"".join(parts)}</div>')
+    return Html(f'<div class="tiles">{"".join(cards)}</div>')
 
 
 def ground(d: Diagnosis) -> list[str]:
-    """Return what the verdict rests on."""
+    """Return how to read the cards, and what the verdict rests on."""
+    words = list(dict.fromkeys(d.grade(a, s) for a, row in d.gap.items() for s in row))
+    out = ["Large print: RMS of log minus model, today and with the named causes modelled."]
+    out += [f"{w[:1].upper() + w[1:]}: {MEANING[w]}." for w in words]
     noise = {
-        "repeats": "The noise floor was measured: it is what differs between repeated runs.",
-        "assumed": "The noise floor had to be assumed, since no motion was recorded twice: small "
-        "gaps may go unnoticed.",
+        "repeats": "The noise was measured: it is what differs between repeated runs.",
+        "assumed": "The noise had to be assumed, since no motion was recorded twice.",
     }
-    out = ["Large print: usual size of log minus model over the usual size of the signal itself."]
-    if any("e" in row for row in d.gap.values()):
-        out.append(
-            "The tracking error is foretold through each axis' loop. It is stated beside the motor "
-            "effort, which decides."
-        )
     if d.noise in noise:
         out.append(noise[d.noise])
+    if any("e" in row for row in d.gap.values()):
+        out.append(
+            "The tracking error is what the twin's closed loop predicts from the command alone; the effort decides."
+        )
     if d.quick:
-        out.append("A quick look only: the candidates were screened, not re-checked.")
+        out.append("A quick look only: the candidates were screened, not checked again.")
     return out
 
 
@@ -118,3 +181,9 @@ def rotary_axes(d: Diagnosis) -> dict[str, bool]:
         return dict(zip(machine.names, machine.rotary, strict=True))
     turning = {"rad", "rad/s", "rad/s²", "N·m"}
     return {r.axis: r.unit in turning for r in d.where if r.kind not in ("time", "frequency", "other_axis")}
+
+
+def source_names(d: Diagnosis, logs: Sequence[Log]) -> list[str]:
+    """Return the names of the files that were diagnosed."""
+    known = [Path(str(row["source"])).name for row in d.provenance.get("logs", ())]
+    return known or [Path(log.source).name for log in logs]

@@ -27,7 +27,11 @@ class Scale:
 def position(rotary: bool, largest: float) -> Scale:
     """Return the scale of a position whose largest magnitude is given [m or rad]."""
     if rotary:
-        return Scale(_DEGREE, "°")
+        return (
+            Scale(_DEGREE, "°")
+            if largest * _DEGREE >= 0.01 or largest == 0.0
+            else Scale(3600.0 * _DEGREE, "″")
+        )
     return Scale(1e3, "mm") if largest >= 2e-3 else Scale(1e6, "µm")
 
 

@@ -83,10 +83,43 @@ figcaption span{display:block;font-weight:400;color:var(--soft);font-size:.85rem
 .plot{width:100%;position:relative}
 .js-plotly-plot .modebar{opacity:0;transition:opacity .2s}
 .js-plotly-plot:hover .modebar{opacity:1}
+.tile h3{margin:0 0 .3rem}.tile .big.small{font-size:1.15rem}.tile .note+.name{margin-top:.55rem}
+figure.machine{padding:0;max-width:760px;overflow:hidden}
+.answer{display:grid;grid-template-columns:minmax(0,1.5fr) minmax(0,1fr);gap:.8rem;align-items:start;
+margin:.8rem 0}.answer.many{grid-template-columns:1fr}
+.answer>figure,.answer>.tiles{margin:0}.answer:not(.many) .tiles{grid-template-columns:1fr}
+figure.machine svg{display:block;width:100%;height:auto}
+figure.machine text{fill:var(--ink);font-size:15px;font-weight:600;paint-order:stroke;stroke:var(--card);
+stroke-width:4px;stroke-linejoin:round}
+figure.machine path{stroke:var(--ink);stroke-width:1.2}figure.machine circle{fill:var(--ink)}
+.share{display:inline-block;position:relative;width:7rem;height:.7rem;background:var(--mutebg);
+border-radius:3px;margin-right:.4rem;vertical-align:-.05rem;overflow:hidden}
+.share i{position:absolute;left:0;top:0;bottom:0;background:#e8843b}
+.share u{position:absolute;top:0;bottom:0;width:2px;background:var(--ink)}
+details{margin:.6rem 0}summary{cursor:pointer;color:var(--soft);font-size:.89rem}
+dl.facts{display:grid;grid-template-columns:repeat(auto-fill,minmax(230px,1fr));gap:.4rem 1.2rem;margin:.6rem 0}
+dl.facts dt{color:var(--soft);font-size:.8rem}dl.facts dd{margin:0;overflow-wrap:anywhere}
+section a{color:var(--accent)}
 footer{color:var(--soft);font-size:.83rem;margin-top:3rem;border-top:1px solid var(--line);
 padding-top:.8rem}
 noscript p{color:var(--bad)}
-@media print{.bar{display:none}body{background:#fff}section{break-inside:auto}
+@media (max-width:620px){main{padding:1rem .8rem 3rem}.answer,.answer.many{grid-template-columns:1fr}
+.tiles{grid-template-columns:1fr}
+.bar nav{padding:.4rem .8rem;flex-wrap:nowrap;overflow-x:auto;white-space:nowrap}.bar a{font-size:.8rem}
+figure.machine text{font-size:21px}
+.card.scroll>table:not(.parameters){display:block}.card.scroll>table:not(.parameters)>thead{display:none}
+.card.scroll>table:not(.parameters)>tbody{display:block}
+.card.scroll>table:not(.parameters) tr{display:block;padding:.4rem 0;border-bottom:1px solid var(--line)}
+.card.scroll>table:not(.parameters) td{display:flex;justify-content:space-between;gap:1rem;border:0;
+padding:.12rem 0;text-align:right;white-space:normal}
+.card.scroll>table:not(.parameters) td::before{content:attr(data-head);color:var(--soft);text-align:left;
+flex:0 0 38%}
+.card.scroll>table:not(.parameters) td:empty{display:none}}
+@page{size:A4;margin:12mm}
+@media print{.bar{display:none}body{background:#fff;font-size:15px}main{max-width:none;zoom:.62;padding:0}
+details>*{display:block}details::details-content{content-visibility:visible;display:block}
+figure.machine{max-width:560px}section{margin-top:1.6rem}h2,h3,.tabs .heads{break-after:avoid}
+.card,tr,.tile{break-inside:avoid}.card.scroll{break-inside:auto}section{break-inside:auto}
 figure,.tile{break-inside:avoid}.tabs>.panel[hidden]{display:block}.tabs>.heads{display:none}
 tbody.folded tr:not(.group):not(.summary){display:table-row}}
 """

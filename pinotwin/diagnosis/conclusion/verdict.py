@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.diagnosis.candidates.patterns import Pattern
+from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.result import Found, Gap, Size, Verdict
+from pinotwin.diagnosis.result import Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 
@@ -112,9 +113,10 @@ def _sentence(
     parts = [_said(e) for e in effects]
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     largest = max(gaps, key=lambda a: _relative(gaps[a]["u"]))
-    if largest not in {e.axis for e in effects} and (
-        effects or not c.gate.silent or _open(c, gaps[largest]["u"], RULES)
-    ):
+    misfit = gaps[largest]["u"].misfit
+    quiet = np.isfinite(misfit) and not _odd(gaps[largest]["u"], RULES) and largest not in patterns
+    asked = effects or not c.gate.silent or _open(c, gaps[largest]["u"], RULES)
+    if asked and not quiet and largest not in {e.axis for e in effects}:
         text += ("; " if text else "") + _largest(largest, gaps[largest]["u"], patterns.get(largest))
     head = {
         "explained": "has changed: " if c.change else "the model misses ",
@@ -135,17 +137,8 @@ def _largest(axis: str, g: Gap, follows: str | None) -> str:
 
 
 def _said(e: Found) -> str:
-    """Return an effect with its size and shrink, e.g. ``viscous on Y (b 51 -> 297 N·s/m, gap -98 %)``."""
-    where = "" if e.axis is None else f" on {e.axis}"
-    size = f"{size_text(e.size[0])}, " if e.size else ""
+    """Return an effect with size and shrink: ``Y viscous b 51 -> 297 N·s/m (closes 98% ..., confidence ...)``."""
+    what = " ".join(x for x in (e.axis or "", e.effect, first_text(e)) if x)
     shrink = next(iter(e.shrink.values()), None)
     closes = "" if shrink is None else f"closes {max(shrink.share, 0.0):.0%} of the squared gap, "
-    return f"{e.effect}{where} ({size}{closes}confidence {e.confidence:.0%})"
-
-
-def size_text(s: Size) -> str:
-    """Return a size in words: from what to what where the model held a number."""
-    name = s.name.rpartition(".")[2]
-    if np.isfinite(s.before) and s.before != 0.0:
-        return f"{name} {s.before:.4g} -> {s.after:.4g} {s.unit}"
-    return f"{name} {s.after:.4g} {s.unit}"
+    return f"{what} ({closes}confidence {e.confidence:.0%})"

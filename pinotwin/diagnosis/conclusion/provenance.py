@@ -1,0 +1,54 @@
+"""What a diagnosis rests on: version, model, options, and the logs with their fingerprints."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.twin import Twin
+
+
+def provenance(
+    subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log], **options: Any
+) -> dict[str, Any]:
+    """Return what is needed to do a diagnosis again; the same for the same input.
+
+    Args:
+        subject: what was diagnosed.
+        logs: those in question.
+        validation: those that nothing was fitted to.
+        options: as they were given.
+    """
+    from pinotwin import __version__
+
+    twin = subject if isinstance(subject, Twin) else None
+    machine = subject.machine if isinstance(subject, Twin) else subject
+    return {
+        "version": __version__,
+        "machine": str(machine.path),
+        "twin_from": [dict(row) for row in twin.data] if twin is not None else None,
+        "options": options,
+        "logs": [
+            *(_log(log, "diagnosed") for log in logs),
+            *(_log(log, "validation") for log in validation),
+        ],
+    }
+
+
+def _log(log: Log, role: str) -> dict[str, Any]:
+    """Return name, length and hash of a log: of its file (SHA-256) where it is one, else of its numbers."""
+    t = log.channels.get("t")
+    path = Path(log.source)
+    whole = path.is_file()
+    return {
+        "source": log.source,
+        "role": role,
+        "rows": len(log),
+        "seconds": None if t is None or len(t) == 0 else float(t[-1] - t[0]),
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest() if whole else None,
+        "fingerprint": log.fingerprint(),
+    }

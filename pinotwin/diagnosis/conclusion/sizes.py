@@ -1,0 +1,115 @@
+"""The size of a cause in words: from what to what, few numbers where it has many."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinotwin.diagnosis.result import Found, Size
+
+WORDS = {
+    "viscous.b": "friction coefficient",
+    "viscous_asymmetric.b_plus": "friction coefficient forward",
+    "viscous_asymmetric.b_minus": "friction coefficient backward",
+    "viscous_thermal.b_warm": "friction coefficient lost by warming",
+    "coulomb.c": "dry friction",
+    "coulomb_asymmetric.c_plus": "dry friction forward",
+    "coulomb_asymmetric.c_minus": "dry friction backward",
+    "stribeck.s": "extra friction at low speed",
+    "presliding.c": "dry friction",
+    "presliding.s": "extra friction at low speed",
+    "presliding.m": "stiffness share",
+    "presliding.d": "damping before sliding",
+    "quadratic_drag.b2": "drag coefficient",
+    "load_friction.mu": "friction per load",
+    "hysteresis.k": "drag of the loop",
+    "offset.f0": "constant effort",
+    "effort_scale.share": "scale error of the effort",
+    "delay.seconds": "delay",
+    "backlash.share": "share of the load behind the play",
+    "drive_flexibility.share": "share of the inertia behind the spring",
+    "joint_flexibility.share": "share of the inertia behind the spring",
+    "inertial_coupling.J": "coupled inertia",
+    "geometric_error.tilt1": "tilt about the first cross axis",
+    "geometric_error.tilt2": "tilt about the second cross axis",
+    "feedforward.K_v": "feed-forward of speed",
+    "feedforward.K_a": "feed-forward of acceleration",
+    "payload.m": "mass",
+}
+"""Name of a number -> what it is."""
+
+FEW = 4
+"""So many numbers are shown one by one."""
+
+
+def told(sizes: Sequence[Size]) -> list[Size]:
+    """Return the numbers that a person reads: amplitudes instead of sine and cosine, ends instead of knots.
+
+    The interval of an amplitude is that of its parts, propagated to first order.
+    """
+    waves = [s for s in sizes if _wave(s.name)]
+    if waves and len(waves) % 2 == 0:
+        pairs = zip(waves[::2], waves[1::2], strict=True)
+        return [_amplitude(a, b) for a, b in pairs] + [s for s in sizes if s not in waves]
+    if len(sizes) > FEW and len({s.unit for s in sizes}) == 1:
+        return [_extreme(sizes, high=True), _extreme(sizes, high=False)]
+    return list(sizes)
+
+
+def _wave(name: str) -> re.Match[str] | None:
+    return re.fullmatch(r".*\.[ab](\d*|_mod)", name)
+
+
+def _amplitude(a: Size, b: Size) -> Size:
+    family, _, part = a.name.rpartition(".")
+    order = part[1:].lstrip("_")
+    word = {"": "amplitude", "1": "amplitude", "mod": "amplitude of the modulation"}.get(
+        order, f"amplitude of order {order}"
+    )
+    after, before = math.hypot(a.after, b.after), math.hypot(a.before, b.before)
+    halves = [(s.interval[1] - s.interval[0]) / 2.0 for s in (a, b)]
+    half = math.hypot(a.after * halves[0], b.after * halves[1]) / max(after, 1e-300)
+    return Size(f"{family}.{word}", before, after, a.unit, (max(after - half, 0.0), after + half))
+
+
+def _extreme(sizes: Sequence[Size], *, high: bool) -> Size:
+    one = sorted(sizes, key=lambda s: s.after)[-1 if high else 0]
+    family = one.name.rpartition(".")[0]
+    return replace(one, name=f"{family}.{'highest' if high else 'lowest'} of {len(sizes)} points")
+
+
+def name_words(size: Size) -> str:
+    """Return what a number is, in words."""
+    family, _, last = size.name.rpartition(".")
+    return WORDS.get(size.name) or (last.replace("_", " ") if family else size.name)
+
+
+def size_text(size: Size) -> str:
+    """Return a size in words: from what to what where the model held a number."""
+    name = size.name.rpartition(".")[2]
+    unit = "" if size.unit == "-" else f" {size.unit}"
+    if np.isfinite(size.before) and size.before != 0.0:
+        return f"{name} {size.before:.4g} -> {size.after:.4g}{unit}"
+    return f"{name} {size.after:.4g}{unit}"
+
+
+def times_text(size: Size) -> str:
+    """Return how far a number moved, as a factor or in per cent; empty where there was none before."""
+    if not np.isfinite(size.before) or size.before == 0.0 or not np.isfinite(size.after):
+        return ""
+    ratio = size.after / size.before
+    if ratio >= 2.0:
+        return f"× {ratio:.2g}"
+    return f"{100.0 * (ratio - 1.0):+.2g} %" if ratio > 0.0 else ""
+
+
+def first_text(found: Found) -> str:
+    """Return the size of a cause for a sentence; empty for one without numbers."""
+    sizes = told(found.size)
+    if not sizes:
+        return ""
+    return size_text(max(sizes, key=lambda s: abs(s.after)) if "points" in sizes[0].name else sizes[0])

@@ -1,0 +1,113 @@
+"""One word for an axis and signal, from its numbers alone: the same in tile, plot, text and JSON.
+
+    level = hypot(noise, misfit):   what is left even when nothing has changed
+
+A gap is asked three questions in turn: is it larger than the noise; is it larger than what the model left on
+its own logs; and what of it is left once the named causes are modelled. An explained share is one of squared
+sizes above the level, for that is what a cause takes away. The thresholds are the verdict's own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pinotwin.diagnosis.rules import RULES, Rules
+
+Grade = Literal[
+    "agrees",
+    "within misfit",
+    "above misfit",
+    "gap explained",
+    "partly explained",
+    "not explained",
+    "not judged",
+]
+
+MEANING: dict[Grade, str] = {
+    "agrees": "the gap is no larger than the noise",
+    "within misfit": "more than noise, but no more than the model left on its own logs",
+    "above misfit": "somewhat more than the model left on its own logs, too little to look for a cause",
+    "gap explained": "the named causes close the gap down to what the model leaves anyway",
+    "partly explained": "the named causes close a part of the gap; the rest is larger than what the model leaves",
+    "not explained": "larger than what the model leaves, and no named cause closes it",
+    "not judged": "nothing is known that the gap could be compared with",
+}
+"""Grade -> what it says."""
+
+KIND: dict[Grade, str] = {
+    "agrees": "good",
+    "within misfit": "good",
+    "above misfit": "fair",
+    "gap explained": "good",
+    "partly explained": "fair",
+    "not explained": "bad",
+    "not judged": "",
+}
+"""Grade -> colour of its chip."""
+
+WHOLE = 0.9
+"""Share of the squared gap above the level from which it counts as explained where no misfit is known."""
+HALF = 0.5
+"""The same where what stays is known to be no more than an open gap of that model."""
+PART = 0.2
+"""Below this share nothing worth a word is explained."""
+
+
+def grade(
+    rms: float,
+    misfit: float | None,
+    noise: float | None,
+    after: float | None = None,
+    *,
+    size: float | None = None,
+    rules: Rules = RULES,
+) -> Grade:
+    """Return the grade of one axis and signal.
+
+    Args:
+        rms: gap, log minus model [unit of the signal].
+        misfit: what the model left on its own logs, cross-validated [same]; None or NaN when not known.
+        noise: scatter of repeats, or the assumed noise [same]; None, NaN or 0 when not known.
+        after: gap with the named causes modelled [same]; None where no cause is named for it.
+        size: RMS of the signal itself [same]; a machine without a twin is held against it.
+        rules: the verdict's thresholds.
+    """
+    quiet, own = _positive(noise), _known(misfit)
+    if not _known(rms) or not (quiet or own):
+        return "not judged"
+    n = float(noise or 0.0) if quiet else 0.0
+    level = math.hypot(n, float(misfit or 0.0)) if own else n
+    if quiet and rms <= rules.odd * n:
+        return "agrees"
+    if own and rms <= rules.odd * level:
+        return "within misfit"
+    share = explained(rms, level, after)
+    if after is not None and _whole(after, level, share, own=own, rules=rules):
+        return "gap explained"
+    if share >= PART:
+        return "partly explained"
+    if own:
+        return "above misfit" if rms <= rules.open_change * level else "not explained"
+    large = size is not None and rms > rules.open_structure * size
+    return "not explained" if large or after is not None else "not judged"
+
+
+def _whole(after: float, level: float, share: float, *, own: bool, rules: Rules) -> bool:
+    """Whether what stays of a gap is no more than what is left anyway."""
+    return after <= rules.open_change * level and share >= (HALF if own else WHOLE)
+
+
+def explained(rms: float, level: float, after: float | None) -> float:
+    """Return the share of the squared gap above the level that goes, at most 1; 0 where nothing is named."""
+    if after is None or not _known(after) or rms <= level:
+        return 0.0
+    return min(1.0, (rms**2 - after**2) / (rms**2 - level**2))
+
+
+def _known(x: float | None) -> bool:
+    return x is not None and math.isfinite(x)
+
+
+def _positive(x: float | None) -> bool:
+    return x is not None and math.isfinite(x) and x > 0.0

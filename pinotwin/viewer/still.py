@@ -1,0 +1,192 @@
+"""A still picture of a machine, drawn without a browser: for pages that are printed or read on a phone.
+
+Triangles are drawn into a depth buffer from where the viewer's camera stands; edges are darkened where
+the body or the direction of the surface changes, as in a technical drawing.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import coal
+import numba
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.viewer.stage import FIELD_OF_VIEW, aim, corners
+
+GREY = (0.66, 0.69, 0.72)
+BASE = (0.52, 0.55, 0.58)
+_FINE = 2  # samples per pixel and direction
+_LIGHT = np.array([0.25, -0.65, 0.72]) / np.linalg.norm([0.25, -0.65, 0.72])
+Colour = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Still:
+    """A picture.
+
+    Attributes:
+        png: the file's bytes, transparent where nothing stands.
+        size: width and height [pixels].
+        joints: joint name -> where the middle of what it carries lies in the picture [pixels].
+    """
+
+    png: bytes
+    size: tuple[int, int]
+    joints: Mapping[str, tuple[float, float]]
+
+
+def still(
+    model: pin.Model,
+    visual: pin.GeometryModel,
+    q: Floats,
+    colours: Mapping[str, Colour],
+    size: tuple[int, int] = (760, 480),
+) -> Still:
+    """Draw a machine.
+
+    Args:
+        model: the kinematics.
+        visual: the shapes.
+        q: the posture, shape (nq,).
+        colours: joint name -> colour of what it carries, 0 to 1; grey where it is not named.
+        size: width and height [pixels].
+    """
+    from PIL import Image
+
+    bodies = _triangles(model, visual, q)
+    width, height = size[0] * _FINE, size[1] * _FINE
+    camera = aim(corners(model, visual, q))
+    shown = [_project(triangles, camera.target, camera.offset, width, height) for _, triangles in bodies]
+    depth = np.full((height, width), np.inf)
+    shade, owner = np.zeros((height, width)), np.full((height, width), -1, dtype=np.int64)
+    for k, ((_, triangles), flat) in enumerate(zip(bodies, shown, strict=True)):
+        _fill(flat, _shades(triangles), k, depth, shade, owner)
+    paint = np.array([colours.get(model.names[j], BASE if j == 0 else GREY) for j, _ in bodies] or [GREY])
+    rgb = paint[np.maximum(owner, 0)] * (0.45 + 0.55 * shade * _edges(owner, shade))[..., None]
+    rgba = np.concatenate([rgb, (owner >= 0).astype(float)[..., None]], axis=2)
+    rgba[..., :3] *= rgba[..., 3:]
+    small = rgba.reshape(size[1], _FINE, size[0], _FINE, 4).mean(axis=(1, 3))
+    small[..., :3] /= np.maximum(small[..., 3:], 1e-6)
+    held = io.BytesIO()
+    image = Image.fromarray(np.round(255 * np.clip(small, 0.0, 1.0)).astype(np.uint8), "RGBA")
+    image.quantize(128, method=Image.Quantize.FASTOCTREE).save(held, "PNG", optimize=True)
+    return Still(held.getvalue(), size, _middles(model, bodies, shown, owner))
+
+
+def _middles(
+    model: pin.Model, bodies: Sequence[tuple[int, Floats]], shown: Sequence[Floats], owner: Ints
+) -> dict[str, tuple[float, float]]:
+    """Return the middle of what is seen of every joint's body; of a hidden one, of what is there [pixels]."""
+    out = {}
+    for j in range(1, model.njoints):
+        mine = [k for k, (joint, _) in enumerate(bodies) if joint == j]
+        if not mine:
+            continue
+        y, x = np.nonzero(np.isin(owner, mine))
+        if len(x) > 50:
+            middle = np.array([np.median(x), np.median(y)])
+        else:
+            middle = np.concatenate([shown[k] for k in mine])[..., :2].reshape(-1, 2).mean(axis=0)
+        out[str(model.names[j])] = (float(middle[0]) / _FINE, float(middle[1]) / _FINE)
+    return out
+
+
+def _triangles(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> list[tuple[int, Floats]]:
+    """Return joint and triangles in the world of every shape, each of shape (m, 3, 3) [m]."""
+    data, placed = model.createData(), visual.createData()
+    pin.updateGeometryPlacements(model, data, visual, placed, q)
+    out = []
+    for shape, pose in zip(visual.geometryObjects, placed.oMg, strict=True):
+        local = _mesh(shape.geometry)
+        if local is not None and len(local):
+            local = local * np.asarray(shape.meshScale)
+            out.append((int(shape.parentJoint), local @ pose.rotation.T + pose.translation))
+    return out
+
+
+def _mesh(shape: Any) -> Floats | None:
+    """Return the triangles of a shape in its own frame, shape (m, 3, 3); None for one that has none."""
+    import trimesh.creation as make
+
+    if isinstance(shape, coal.BVHModelBase):
+        points = np.array(shape.vertices())
+        corner = [[t[0], t[1], t[2]] for t in (shape.tri_indices(k) for k in range(shape.num_tris))]
+        return np.asarray(points[np.array(corner, dtype=int)], dtype=float) if corner else None
+    if isinstance(shape, coal.Box):
+        mesh = make.box(2.0 * shape.halfSide)
+    elif isinstance(shape, coal.Cylinder):
+        mesh = make.cylinder(shape.radius, 2.0 * shape.halfLength, sections=48)
+    elif isinstance(shape, coal.Capsule):
+        mesh = make.capsule(2.0 * shape.halfLength, shape.radius)
+    elif isinstance(shape, coal.Cone):
+        mesh = make.cone(shape.radius, 2.0 * shape.halfLength, sections=48)
+        mesh.apply_translation([0.0, 0.0, -shape.halfLength])
+    elif isinstance(shape, coal.Sphere):
+        mesh = make.icosphere(3, shape.radius)
+    else:
+        return None
+    return np.asarray(mesh.vertices[mesh.faces], dtype=float)
+
+
+def _project(triangles: Floats, target: Floats, offset: Floats, width: int, height: int) -> Floats:
+    """Return corners as column, row [samples] and depth [m], shape (m, 3, 3)."""
+    distance = float(np.linalg.norm(offset))
+    back = offset / distance
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    seen = triangles - target
+    deep = distance - seen @ back
+    scale = 0.5 * height / math.tan(math.radians(FIELD_OF_VIEW) / 2)
+    x = 0.5 * width + scale * (seen @ right) / deep
+    y = 0.5 * height - scale * (seen @ np.cross(back, right)) / deep
+    return np.stack([x, y, deep], axis=-1)
+
+
+def _shades(triangles: Floats) -> Floats:
+    """Return how bright each triangle is, 0 to 1, whichever way it is wound."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    lit = np.abs(normal @ _LIGHT)
+    return np.asarray(0.25 + 0.75 * lit)
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _fill(flat: Floats, bright: Floats, own: int, depth: Floats, shade: Floats, owner: Ints) -> None:
+    """Draw projected triangles into the buffers."""
+    height, width = depth.shape
+    for k in range(flat.shape[0]):
+        (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = flat[k, 0], flat[k, 1], flat[k, 2]
+        area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+        if abs(area) < 1e-9 or min(z0, z1, z2) <= 0.0:
+            continue
+        left, right = max(0, int(min(x0, x1, x2))), min(width - 1, int(max(x0, x1, x2)) + 1)
+        top, bottom = max(0, int(min(y0, y1, y2))), min(height - 1, int(max(y0, y1, y2)) + 1)
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                a = ((x1 - column) * (y2 - row) - (x2 - column) * (y1 - row)) / area
+                b = ((x2 - column) * (y0 - row) - (x0 - column) * (y2 - row)) / area
+                c = 1.0 - a - b
+                if a >= 0.0 and b >= 0.0 and c >= 0.0:
+                    z = a * z0 + b * z1 + c * z2
+                    if z < depth[row, column]:
+                        depth[row, column] = z
+                        shade[row, column] = bright[k]
+                        owner[row, column] = own
+
+
+def _edges(owner: Ints, shade: Floats) -> Floats:
+    """Return 1, and less where the body or the brightness changes from one sample to the next."""
+    out = np.ones(shade.shape)
+    for axis in (0, 1):
+        for step in (1, -1):
+            other, bright = np.roll(owner, step, axis), np.roll(shade, step, axis)
+            out[other != owner] = 0.45
+            out[(other == owner) & (np.abs(bright - shade) > 0.12)] *= 0.75
+    return out
