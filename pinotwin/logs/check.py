@@ -18,7 +18,7 @@ from pinotwin.logs.channels import finite
 from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.plausible import effort_findings
-from pinotwin.logs.prepare import prepare
+from pinotwin.logs.prepare import prepare, without
 from pinotwin.logs.quality import Finding, Limits, Quality, inspect
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
@@ -137,7 +137,8 @@ def doubts(machine: Machine, log: Log) -> tuple[Finding, ...]:
 def inspect_log(machine: Machine, log: Log) -> Quality:
     """Return what a log of a machine is worth, before anything is fitted."""
     rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    return inspect(finite(bind(log, machine.columns)), rotary, _limits(machine))
+    bound = without(bind(log, machine.columns), machine.data.leave_out)
+    return inspect(finite(bound), rotary, _limits(machine))
 
 
 def _limits(machine: Machine) -> dict[str, Limits]:
@@ -154,6 +155,7 @@ def _limits(machine: Machine) -> dict[str, Limits]:
             position=(low, high) if plain and high - low < 1e8 else None,
             velocity=speed if plain and 0 < speed < 1e8 else None,
             effort=effort if plain and np.isfinite(effort) else None,
+            lead=axis.lead or 0.0,
         )
     return out
 

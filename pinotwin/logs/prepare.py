@@ -109,17 +109,34 @@ def _regular(machine: Machine, log: Log, how: DataSettings) -> Log:
     Its notes say what was done to it, no longer what was read.
     """
     bound = replace(usable(machine, bind(log, machine.columns)), notes=())
-    out = np.zeros(len(bound), dtype=bool)
-    for file, start, stop in how.leave_out:
-        if file in ("", log.source, Path(log.source).name):
-            out |= (bound.t >= start) & (bound.t <= stop)
-    if out.all():
-        raise DataError(f"{log.source}: data.leave_out leaves no row; give shorter times")
-    if out.any():
-        kept = bound.rows(~out)
-        bound = kept.with_channels(kept.channels, [f"{int(out.sum())} rows left out as data.leave_out says"])
+    bound = without(bound, how.leave_out)
     even = even_clock(bound, list(machine.axes))
     return even if how.resample is None else _resampled(even, how.resample)
+
+
+def without(log: Log, leave_out: Intervals) -> Log:
+    """Return a log without the rows that are said to be no measurement.
+
+    Args:
+        log: bound log.
+        leave_out: (file, from, to) [s], an empty name for all logs.
+
+    Raises:
+        DataError: no row would be left.
+    """
+    if not leave_out or "t" not in log:
+        return log
+    out = np.zeros(len(log), dtype=bool)
+    for file, start, stop in leave_out:
+        if file in ("", log.source, Path(log.source).name):
+            out |= (log.t >= start) & (log.t <= stop)
+    if out.all():
+        raise DataError(f"{log.source}: data.leave_out leaves no row; give shorter times")
+    if not out.any():
+        return log
+    note = f"{int(out.sum())} rows left out as data.leave_out says"
+    kept = log.rows(~out)
+    return kept.with_channels(kept.channels, [*log.notes, note])
 
 
 def _resampled(log: Log, rate: float) -> Log:

@@ -135,7 +135,7 @@ def axis_findings(
         yield from _limit_findings(name, axis, channels.get(f"{name}.u"), limits.get(name))
         yield from _agreement(log, name)
         yield from _second_encoder(log, name, axes[name])
-    yield from _lead_findings(table, ticks.step if ticks else np.inf)
+    yield from _lead_findings(table, limits, ticks.step if ticks else np.inf)
     if table and not any(axis.moves for axis in table.values()):
         yield Finding("error", "", "no axis moves; record a motion", "no_motion")
 
@@ -158,28 +158,32 @@ def _unit_findings(name: str, axis: AxisQuality) -> Iterator[Finding]:
         )
 
 
-def _lead_findings(table: Mapping[str, AxisQuality], step: float) -> Iterator[Finding]:
+def _lead_findings(
+    table: Mapping[str, AxisQuality], limits: Mapping[str, Limits], step: float
+) -> Iterator[Finding]:
     """Say in one sentence by how much the efforts are ahead of, or behind, the positions.
 
-    Up to one step of the clock is the sampling of any digital controller and not worth a word.
+    Up to one step of the clock is the sampling of any digital controller and not worth a word; nor is what
+    machine.yaml states already.
     """
     sure = {
         name: (axis.lead, axis.lead_error)
         for name, axis in table.items()
         if axis.lead is not None
         and axis.lead_error is not None
-        and abs(axis.lead) > max(3.0 * axis.lead_error, step)
+        and abs(axis.lead - limits.get(name, Limits()).lead) > max(3.0 * axis.lead_error, step)
     }
     for sign, how in ((1, "leads"), (-1, "lags")):
-        leads = {name: 1e3 * abs(x) for name, (x, _) in sure.items() if x * sign > 0}
+        leads = {name: 1e3 * x for name, (x, _) in sure.items() if x * sign > 0}
         if leads:
-            each = ", ".join(f"{k} {x:.1f} ± {1e3 * sure[k][1]:.1f}" for k, x in leads.items())
+            each = ", ".join(f"{k} {abs(x):.1f} ± {1e3 * sure[k][1]:.1f}" for k, x in leads.items())
+            first, lead = next(iter(leads.items()))
             yield Finding(
                 "warning",
                 ", ".join(f"{name}.u" for name in leads),
-                f"effort {how} the position by about {np.median(list(leads.values())):.1f} ms (by "
-                f"axis: {each}): the channels are not taken at the same instant; shift them or "
-                "add the effect `delay`",
+                f"effort {how} the position by about {np.median(np.abs(list(leads.values()))):.1f} ms (by "
+                f"axis: {each}): the channels are not taken at the same instant; `identify` finds such a lead and "
+                f"says so, or state it in machine.yaml (axes.{first}: `lead: {lead:.1f} ms`)",
                 "effort_lead",
             )
 

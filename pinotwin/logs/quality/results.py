@@ -48,11 +48,13 @@ class Limits:
         position: lowest and highest position.
         velocity: highest speed.
         effort: highest effort.
+        lead: time by which its effort is known to be ahead of its position [s].
     """
 
     position: tuple[float, float] | None = None
     velocity: float | None = None
     effort: float | None = None
+    lead: float = 0.0
 
 
 @dataclass(frozen=True)

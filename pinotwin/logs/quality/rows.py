@@ -137,7 +137,7 @@ def _effort_sentinel(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
                 "warning",
                 name,
                 f"is {value:.6g} (as in the file) in {int(count)} rows, far beyond all others: a sentinel "
-                "value; leave these rows out",
+                f"value; leave these rows out{_key(log, rows)}",
                 "sentinel",
             )
 
