@@ -103,7 +103,6 @@ def blindly(sealed: Sealed, twin: Twin | None, case: Case, quick: bool) -> Diagn
         quick=quick,
         leave_out=case.leave_out,
         seed=case.seed % 7919,
-        closed_loop=False,
     )
 
 

@@ -1,0 +1,131 @@
+"""Healthy machines of several kinds: pinotwin's own virtual ones, another simulator's, and real ones.
+
+A question is a subject (machine or twin) with logs in which nothing is missing and nothing has changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pinotwin.bench.cases import Case
+from pinotwin.bench.elsewhere import Elsewhere
+from pinotwin.bench.produce import produce
+from pinotwin.bench.twins import healthy_twin
+from pinotwin.log import Log
+from pinotwin.logs.files import read
+from pinotwin.machine import Machine
+from pinotwin.twin import Twin
+
+OWN = ("trunnion", "laser_driller", "emps")
+"""Bundled machines: three friction laws, two of which their listings do not name."""
+FOREIGN = ("trunnion", "driller")
+"""Machines of the other simulator beside its random ones."""
+REAL = ("lwr4", "panda", "emps")
+"""Sets of recordings."""
+RUNS = ("own", "other", "both")
+"""What a real twin is asked about: its own log, another run, and both."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question about a healthy machine.
+
+    Attributes:
+        kind: ``own``, ``foreign`` or ``real``.
+        machine: name; of a real one the set of recordings.
+        situation: ``structure`` or ``change``.
+        seed: of what is drawn. run: of a real one, see :data:`RUNS`.
+    """
+
+    kind: str
+    machine: str
+    situation: str
+    seed: int = 0
+    run: str = ""
+
+    def __str__(self) -> str:
+        rest = self.run or f"{self.situation} {self.seed}"
+        return f"{self.kind} {self.machine} {rest}"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a diagnosis is given.
+
+    Attributes:
+        subject: machine, or the twin that a change is seen against.
+        logs: in question.
+        validation: of another command; may be none.
+    """
+
+    subject: Machine | Twin
+    logs: tuple[Log, ...]
+    validation: tuple[Log, ...] = ()
+
+
+def questions(seed: int, own: int, foreign: int, *, elsewhere: bool) -> list[Question]:
+    """Return healthy questions of every kind at hand.
+
+    Args:
+        seed: machines are ``random:SEED`` and those after it, unseen ones for an unseen seed.
+        own: own random machines beside the bundled ones.
+        foreign: random machines of the other simulator beside its named ones.
+        elsewhere: whether the other simulator and the recordings are at hand.
+    """
+    both = ("structure", "change")
+    mine = [*OWN, *(f"random:{seed + k}" for k in range(own))]
+    out = [Question("own", m, s, seed) for m in mine for s in both]
+    if elsewhere:
+        theirs = [*FOREIGN, *(f"random:{seed + k}" for k in range(foreign))] if foreign else []
+        out += [Question("foreign", m, s, seed) for m in theirs for s in both]
+        out += [Question("real", m, "change", run=r) for m in REAL for r in RUNS]
+    return out
+
+
+def asked(question: Question, work: Path, elsewhere: Elsewhere | None) -> Asked:
+    """Return the subject and the logs of a question.
+
+    Args:
+        question: which.
+        work: folder for the twins of own machines.
+        elsewhere: the other simulator and the recordings.
+    """
+    if question.kind == "own":
+        case = Case(0, question.machine, question.situation, "healthy", (), question.seed)
+        sealed = produce(case).sealed
+        change = question.situation == "change"
+        return Asked(
+            healthy_twin(work / "twins", question.machine, 0) if change else sealed.machine,
+            sealed.logs,
+            sealed.validation,
+        )
+    assert elsewhere is not None
+    if question.kind == "foreign":
+        return foreign_case(elsewhere.case(question.machine, "none", question.seed), question.situation)
+    machine, own, test = elsewhere.real(question.machine)
+    paths = {"own": [own[0]], "other": [test], "both": [own[-1], test]}[question.run]
+    return Asked(twin_of(machine, own), _logs(paths))
+
+
+def foreign_case(folder: Path, situation: str) -> Asked:
+    """Return a case of the other simulator: its machine, or the twin of its healthy log."""
+    subject: Machine | Twin
+    if situation == "change":
+        subject = twin_of(folder / "machine", [folder / "healthy.csv"])
+    else:
+        subject = Machine.load(folder / "machine")
+    logs = _logs([folder / "train.csv", folder / "repeat.csv"])
+    return Asked(subject, logs, _logs([folder / "valid.csv"]))
+
+
+def twin_of(machine: Path, logs: Sequence[Path]) -> Twin:
+    """Return the twin of some logs."""
+    from pinotwin.identification import identify
+
+    return identify(Machine.load(machine), _logs(logs), loop=False)
+
+
+def _logs(paths: Sequence[Path]) -> tuple[Log, ...]:
+    return tuple(read(path) for path in paths)
