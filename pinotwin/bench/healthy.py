@@ -5,6 +5,7 @@ A question is a subject (machine or twin) with logs in which nothing is missing 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,26 +107,28 @@ def asked(question: Question, work: Path, elsewhere: Elsewhere | None) -> Asked:
         return foreign_case(elsewhere.case(question.machine, "none", question.seed), question.situation)
     machine, own, test = elsewhere.real(question.machine)
     paths = {"own": [own[0]], "other": [test], "both": [own[-1], test]}[question.run]
-    return Asked(twin_of(machine, own), _logs(paths))
+    return Asked(twin_of(machine, tuple(own)), read_logs(paths))
 
 
 def foreign_case(folder: Path, situation: str) -> Asked:
     """Return a case of the other simulator: its machine, or the twin of its healthy log."""
     subject: Machine | Twin
     if situation == "change":
-        subject = twin_of(folder / "machine", [folder / "healthy.csv"])
+        subject = twin_of(folder / "machine", (folder / "healthy.csv",))
     else:
         subject = Machine.load(folder / "machine")
-    logs = _logs([folder / "train.csv", folder / "repeat.csv"])
-    return Asked(subject, logs, _logs([folder / "valid.csv"]))
+    logs = read_logs([folder / "train.csv", folder / "repeat.csv"])
+    return Asked(subject, logs, read_logs([folder / "valid.csv"]))
 
 
-def twin_of(machine: Path, logs: Sequence[Path]) -> Twin:
-    """Return the twin of some logs."""
+@functools.lru_cache(maxsize=4)
+def twin_of(machine: Path, logs: tuple[Path, ...]) -> Twin:
+    """Return the twin of some logs, without closed loops: several questions share it."""
     from pinotwin.identification import identify
 
-    return identify(Machine.load(machine), _logs(logs), loop=False)
+    return identify(Machine.load(machine), read_logs(logs), loop=False)
 
 
-def _logs(paths: Sequence[Path]) -> tuple[Log, ...]:
+def read_logs(paths: Sequence[Path]) -> tuple[Log, ...]:
+    """Return the logs of some files."""
     return tuple(read(path) for path in paths)

@@ -77,8 +77,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     subject = _subject(subject)
     c = compare(subject, as_logs(log), [] if validate is None else as_logs(validate, "validate"))
     tell("candidates", 0.15)
-    tried = [e for e in (*candidates(c, leave_out), *patterns(c)) if c.gate.admits(named_of(e).name, e.axis)]
-    found, pushed, c = _searched(c, tried, leave_out, rules, tell, most=1 if quick else None)
+    found, pushed, c = _searched(c, tried(c, leave_out), leave_out, rules, tell, most=1 if quick else None)
     tell("how sure", 0.8)
     rng = np.random.default_rng([seed, 1])
     sure = [rules.quick_confidence] * len(found.steps) if quick else confidences(c, found, rng, rules=rules)
@@ -124,7 +123,7 @@ def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagn
 
 def _searched(
     c: Comparison,
-    tried: Sequence[Effect],
+    every: Sequence[Effect],
     leave_out: Sequence[str],
     rules: Rules,
     tell: Tell,
@@ -136,17 +135,23 @@ def _searched(
     Pushes stand against causes that return with the motion on the same axis: whichever closes more. Their
     rows are then left out, and the search goes on without them.
     """
-    found = search(c, tried, rules=rules, most=most, tell=lambda s, x: tell(s, 0.2 + 0.5 * x))
+    found = search(c, every, rules=rules, most=most, tell=lambda s, x: tell(s, 0.2 + 0.5 * x))
     if "external_force" in leave_out or not c.change:
         return found, [], c
-    pushed = _pushes(c, found, rules)
+    pushed = pushes(c, found, rules)
     if not pushed:
         return found, [], c
     rest = without_pushes(c, {p.joint: p.rows for p in pushed})
-    return search(rest, tried, rules=rules, most=most), pushed, rest
+    return search(rest, every, rules=rules, most=most), pushed, rest
 
 
-def _pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
+def tried(c: Comparison, leave_out: Sequence[str] = ()) -> list[Effect]:
+    """Return what a search tries on these logs: effects that they can show, and patterns without a name."""
+    every = (*candidates(c, leave_out), *patterns(c))
+    return [e for e in every if c.gate.admits(named_of(e).name, e.axis)]
+
+
+def pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
     """Return the pushes that close more than the causes on the same axis do."""
     out = []
     own = None if c.own is None else {j: c.own.residual[j] / c.floor[j] for j in c.own.joints if j in c.floor}

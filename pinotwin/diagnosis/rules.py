@@ -1,12 +1,14 @@
 """Every threshold of a decision, in one place: what it means, its unit, its value.
 
-The values were set on healthy and faulty cases of another simulator (random machines 200 to 207, a trunnion) and of
-real logs (LWR4, Panda, EMPS, faults of seed 7); no command derives them yet. What was seen on those cases is said
-where it decided a value.
+Those in :data:`DERIVED` are limits of false alarms that ``python -m pinotwin.bench calibrate`` derives from
+healthy machines of several kinds and writes here. The others were set by hand on healthy and faulty cases of
+another simulator (random machines 200 to 207, a trunnion) and of real logs (LWR4, Panda, EMPS, faults of seed 7);
+what was seen on those cases is said where it decided a value.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 
@@ -116,3 +118,10 @@ class Rules:
 
 RULES = Rules()
 """The thresholds in force; `diagnose(..., rules=Rules(...))` takes others."""
+
+DERIVED: Mapping[str, tuple[float, float, int]] = {}
+"""Rule -> its value, what the most demanding healthy question needs, and how many questions there were."""
+COMMAND = ""
+"""That derived them."""
+DATE = ""
+"""When."""

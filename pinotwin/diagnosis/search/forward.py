@@ -79,7 +79,7 @@ def search(
     while len(steps) < (most or rules.most):
         if tell:
             tell("searching for causes", len(steps) / (len(steps) + 2.0))
-        ranked = _ranked(searcher, shortlist.of(searcher))
+        ranked = rank(searcher, shortlist.of(searcher))
         taken = {key(s.chosen) for s in steps}
         fit = [
             r
@@ -126,7 +126,7 @@ POLISHED, NEAR = 6, 0.5
 """Candidates of one turn whose shapes are polished: so many, if they close this share of the best."""
 
 
-def _ranked(searcher: Searcher, tables: Sequence[tuple[Effect, Table]]) -> list[Scored]:
+def rank(searcher: Searcher, tables: Sequence[tuple[Effect, Table]]) -> list[Scored]:
     """Return the best candidate of every name and axis, shapes polished, best first."""
     best: dict[tuple[str, str | None], Scored] = {}
     for effect, table in tables:
