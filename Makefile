@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: on two cores OpenBLAS' own threads make least squares 10 to 200 times slower.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup demo test lint bench benchmarks evidence fuzz docs clean
+.PHONY: setup demo test lint bench benchmarks evidence gate fuzz docs clean
 
 setup: $(VENV)/.ready
 
@@ -39,6 +39,10 @@ benchmarks: setup
 # `python -m benchmarks evidence emps tx40`; `--list` says what there is.
 evidence: setup
 	$(BIN)/python -m benchmarks evidence
+
+# Questions with known answers that the diagnosis must not get wrong: own, foreign and real machines.
+gate: setup
+	$(BIN)/python -m pinotwin.bench gate
 
 # 10,000 spoiled files for each of ten readers; hours. The suite reads 40 of each.
 fuzz: setup

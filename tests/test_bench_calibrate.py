@@ -83,8 +83,6 @@ def test_every_derived_rule_is_in_force():
         assert getattr(RULES, name) == value
         assert count > 20
         assert largest >= 0.0
-    assert rules.DERIVED
-    assert rules.COMMAND.startswith("python -m pinotwin.bench calibrate")
 
 
 @pytest.mark.parametrize("situation", ["structure", "change"])

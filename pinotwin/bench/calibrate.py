@@ -95,21 +95,21 @@ def reached(given: Asked, rules: Rules = RULES) -> dict[str, float]:
     """Return, for every rule that a healthy question concerns, the least value that keeps it silent."""
     c = compare(given.subject, given.logs, given.validation)
     searcher = Searcher(c)
+    nothing = Found((), None, searcher, searcher)
     name = "excess" if c.change else "size_structure"
     best = rank(searcher, Shortlist(tried(c)).of(searcher))
     loud = [r for r in best if not refused(r, searcher, with_value(rules, name, 0.0))]
     out = {name: least(name, lambda x: all(refused(r, searcher, x) for r in loud), rules)}
     if c.change:
-        nothing = Found((), None, searcher)
         out["push"] = least("push", lambda x: not pushes(c, nothing, x), rules)
         out["law_level"] = least("law_level", lambda x: not servo_changes(c, (), (), x), rules)
-    out["open_change" if c.change else "open_structure"] = _stays(c, searcher)
+    out["open_change" if c.change else "open_structure"] = _stays(c, nothing)
     return out
 
 
-def _stays(c: Comparison, searcher: Searcher) -> float:
+def _stays(c: Comparison, nothing: Found) -> float:
     """Return the largest gap of an axis: of a change in misfits, else as a share of its effort."""
-    gaps = [row["u"] for row in gap_table(c, searcher, {}, dict.fromkeys(c.new.joints, 0.0)).values()]
+    gaps = [row["u"] for row in gap_table(c, nothing, {}, dict.fromkeys(c.new.joints, 0.0)).values()]
     return max((g.rms / g.misfit if c.change and g.misfit > 0.0 else g.nrmse for g in gaps), default=0.0)
 
 

@@ -1,12 +1,13 @@
-"""Every figure of the diagnosis beside what it must reach, written to docs/diagnose.md.
+"""The diagnosis of change and of structure, on machines and recordings that are not its own, beside what it must reach.
 
-    python -m benchmarks diagnosis_evidence --seed 700 --machines 4 --out out/evidence       # every part
-    python -m benchmarks diagnosis_evidence healthy speed --seed 700 --machines 4 --out ...  # these
+Faults of known kind, axis and size in real recordings and on machines of another simulator; all through the public
+commands: the scores are those of `score.py` and `real.py` beside the recordings (`$PINOTWIN_DATA/../foreign`). The
+table with what each figure must reach is in diagnose.md. Parts of it, other seeds and sizes:
 
-All of it goes through the public commands: the scores of other people's machines and recordings are those of
-``score.py`` and ``real.py`` beside the recordings (``$PINOTWIN_DATA/../foreign``). Random machines are
-``random:SEED`` and those after it, faults of real logs are drawn from SEED: take one that nobody looked at. An
-answer once given by this code is kept in the folder, so a run that was cut off goes on where it stopped.
+    python -m benchmarks.evidence.diagnosis speed healthy --seed 700 --machines 4 --out out/evidence
+
+Random machines are `random:SEED` and those after it, faults of recordings are drawn from SEED: take one that nobody
+looked at. An answer once given by the same code is kept in the folder: a run that was cut off goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -21,16 +22,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.evidence.store import Figure
 from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.statistics import calibration
 from pinotwin.writing import write_text
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "diagnose.md"
 BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
 OUTSIDE = ("hum", "speed_ripple")
@@ -40,7 +42,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Figure:
+class Line:
     """One line of the table.
 
     Attributes:
@@ -77,14 +79,12 @@ class Runs:
         at: scripts and recordings.
         out: folder.
         seed: of the first machine. machines: how many.
-        asked: commands that were run.
     """
 
     at: Elsewhere
     out: Path
     seed: int
     machines: int
-    asked: list[str] = field(default_factory=list)
 
     @property
     def seeds(self) -> str:
@@ -122,18 +122,18 @@ class Runs:
 
 def _share(
     what: str, flags: Sequence[bool], must: float, aim: float, command: str, *, least: bool = True
-) -> Figure:
+) -> Line:
     hits, of = sum(map(bool, flags)), len(flags)
-    return Figure(what, hits / of if of else math.nan, must, aim, least, f"{hits} of {of}", command)
+    return Line(what, hits / of if of else math.nan, must, aim, least, f"{hits} of {of}", command)
 
 
-def real_healthy(runs: Runs) -> list[Figure]:
+def real_healthy(runs: Runs) -> list[Line]:
     """Real machines, nothing changed."""
     rows = runs.score("real.py", "healthy")
     return [_share("real, healthy: `none`", [r["right"] for r in rows], 1.0, 1.0, "real.py healthy")]
 
 
-def real_faults(runs: Runs) -> list[Figure]:
+def real_faults(runs: Runs) -> list[Line]:
     """Known faults in real logs."""
     seeds = f"{runs.seed}:{runs.seed + max(1, runs.machines // 2)}"
     rows = runs.score("real.py", "faults", "--seeds", seeds)
@@ -143,7 +143,7 @@ def real_faults(runs: Runs) -> list[Figure]:
     ]
 
 
-def healthy(runs: Runs) -> list[Figure]:
+def healthy(runs: Runs) -> list[Line]:
     """Another simulator's machines, nothing missing and nothing changed."""
     rows = runs.score("score.py", "healthy", "--seeds", runs.seeds)
     command = f"score.py healthy --seeds {runs.seeds}"
@@ -155,7 +155,7 @@ def healthy(runs: Runs) -> list[Figure]:
     ]
 
 
-def diagnose(runs: Runs) -> list[Figure]:
+def diagnose(runs: Runs) -> list[Line]:
     """Another simulator's machines, 22 kinds."""
     rows = runs.score("score.py", "diagnose", "--seeds", runs.seeds)
     inside, outside = ([r for r in rows if (r["kind"] in OUTSIDE) is x] for x in (False, True))
@@ -169,7 +169,7 @@ def diagnose(runs: Runs) -> list[Figure]:
     ]
 
 
-def named_machines(runs: Runs) -> list[Figure]:
+def named_machines(runs: Runs) -> list[Line]:
     """The trunnion and the driller of the other simulator."""
     seeds = f"{runs.seed}:{runs.seed + 1}"
     out = []
@@ -181,7 +181,7 @@ def named_machines(runs: Runs) -> list[Figure]:
     return out
 
 
-def stated(runs: Runs) -> list[Figure]:
+def stated(runs: Runs) -> list[Line]:
     """What the same answers stated: confidence, and the shrink that the fit promised."""
     rows = runs.score("score.py", "diagnose", "--seeds", runs.seeds)
     seeds = f"{runs.seed}:{runs.seed + max(1, runs.machines // 2)}"
@@ -200,10 +200,10 @@ def stated(runs: Runs) -> list[Figure]:
     error = math.nan if found is None else found.error
     command = "both of the above"
     return [
-        Figure(
+        Line(
             "calibration error, foreign and real", error, 0.1, 0.05, False, f"{len(named)} answers", command
         ),
-        Figure(
+        Line(
             "promised less delivered shrink, median",
             median,
             0.07,
@@ -215,7 +215,7 @@ def stated(runs: Runs) -> list[Figure]:
     ]
 
 
-def payload(runs: Runs) -> list[Figure]:
+def payload(runs: Runs) -> list[Line]:
     """A kilogram at the last link of two real robots."""
     seeds = f"{runs.seed}:{runs.seed + 1}"
     words = ("faults", "--kinds", "payload", "--sets", "lwr4,panda", "--seeds", seeds)
@@ -231,7 +231,7 @@ def payload(runs: Runs) -> list[Figure]:
     return [_share(what, good, 1.0, 1.0, f"real.py {' '.join(words)}")]
 
 
-def bench(runs: Runs) -> list[Figure]:
+def bench(runs: Runs) -> list[Line]:
     """The project's own bench, on random machines of the same seeds."""
     names = [f"random:{runs.seed + k}" for k in range(runs.machines)]
     words = [
@@ -250,7 +250,7 @@ def bench(runs: Runs) -> list[Figure]:
     subprocess.run(
         [str(exe), "blind", *words, "--no-real", "--out", str(folder)], check=True, stdout=subprocess.DEVNULL
     )
-    rows = {r["name"]: r for r in json.loads((folder / "bench.json").read_text(encoding="utf-8"))["rows"]}
+    rows = {r["name"]: r for r in json.loads((folder / "bench.json").read_text(encoding="utf-8"))["scores"]}
     said = "pinotwin blind " + " ".join(words)
     wanted = (
         ("healthy machine accused of anything", 0.05, 0.02, False),
@@ -262,12 +262,12 @@ def bench(runs: Runs) -> list[Figure]:
     for name, must, aim, least in wanted:
         row = rows[name]
         value = math.nan if row["value"] is None else float(row["value"])
-        counts = f"{row['hits']} of {row['of']}" if row.get("of") else "-"
-        out.append(Figure(f"own bench: {name}", value, must, aim, least, counts, said))
+        counts = f"{row['share']['hits']} of {row['share']['of']}"
+        out.append(Line(f"own bench: {name}", value, must, aim, least, counts, said))
     return out
 
 
-def speed(runs: Runs) -> list[Figure]:
+def speed(runs: Runs) -> list[Line]:
     """One diagnosis, alone on the machine."""
     from benchmarks.diagnosis import CASES, timed
 
@@ -276,11 +276,11 @@ def speed(runs: Runs) -> list[Figure]:
     for name, case in CASES.items():
         seconds = timed(case)
         command = f"python -m benchmarks diagnosis {name}"
-        out.append(Figure(case.what, seconds, case.must, case.aim, False, "s", command))
+        out.append(Line(case.what, seconds, case.must, case.aim, False, "s", command))
     return out
 
 
-PARTS: Mapping[str, Callable[[Runs], list[Figure]]] = {
+PARTS: Mapping[str, Callable[[Runs], list[Line]]] = {
     "speed": speed,
     "real_healthy": real_healthy,
     "payload": payload,
@@ -306,7 +306,7 @@ def table(figures: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     ]
     for part in PARTS:
         for raw in figures.get(part, ()):
-            f = Figure(**{k: raw[k] for k in Figure.__dataclass_fields__})
+            f = Line(**{k: raw[k] for k in Line.__dataclass_fields__})
             sign = "≥" if f.least else "≤"
             lines.append(
                 f"| {f.what} | {f.value:.3g} | {f.counts} | {sign} {f.must:g} | {sign} {f.aim:g} | {f.state} "
@@ -320,45 +320,83 @@ def write_page(page: Path, text: str) -> None:
     whole = page.read_text(encoding="utf-8")
     pattern = re.escape(BEGIN) + ".*?" + re.escape(END)
     if not re.search(pattern, whole, re.S):
-        sys.exit(f"{page}: no {BEGIN} ... {END}")
+        raise ValueError(f"{page}: no {BEGIN} ... {END}")
     write_text(page, re.sub(pattern, lambda _: f"{BEGIN}\n{text}\n{END}", whole, flags=re.S))
 
 
 def main() -> None:
     """Measure what is asked for and write the table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks diagnosis_evidence", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.evidence.diagnosis", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument(
         "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all of them by default"
     )
-    parser.add_argument("--seed", type=int, default=700, help="first seed, one that nobody looked at (700)")
-    parser.add_argument("--machines", type=int, default=4, help="random machines (4; the full table has 20)")
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help=f"first seed, one that nobody looked at ({SEED})"
+    )
+    parser.add_argument("--machines", type=int, default=MACHINES, help="random machines (4)")
     parser.add_argument("--out", default="out/evidence", help="answers are kept here (out/evidence)")
     parser.add_argument("--data", help="recordings (default $PINOTWIN_DATA)")
     args = parser.parse_args()
     unknown = [p for p in args.parts if p not in PARTS]
     if unknown:
         parser.error(f"no part {unknown[0]!r}; there are {', '.join(PARTS)}")
+    try:
+        measured(args.parts or list(PARTS), args.seed, args.machines, Path(args.out), args.data)
+    except FileNotFoundError as error:
+        sys.exit(str(error))
+
+
+def measured(
+    parts: Sequence[str], seed: int, machines: int, out: Path, data: str | None = None
+) -> dict[str, list[Row]]:
+    """Measure parts, write the table, and return all lines that the folder knows, by part.
+
+    Args:
+        parts: names of :data:`PARTS`.
+        seed: first one.
+        machines: how many random machines.
+        out: answers are kept here.
+        data: recordings; ``$PINOTWIN_DATA`` unless given.
+    """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    out = Path(args.out).resolve()
+    out = out.resolve()
     out.mkdir(parents=True, exist_ok=True)
-    at = Elsewhere.at_hand(out / "cases", args.data)
+    at = Elsewhere.at_hand(out / "cases", data)
     if at is None:
-        sys.exit("the recordings and the scripts beside them are not at hand: set PINOTWIN_DATA")
-    runs = Runs(at, out, args.seed, args.machines)
-    kept = out / "figures.json"
-    figures: dict[str, list[Row]] = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
-    for part in args.parts or PARTS:
+        raise FileNotFoundError("recordings and the scripts beside them are not at hand: set PINOTWIN_DATA")
+    runs, kept = Runs(at, out, seed, machines), out / "figures.json"
+    lines: dict[str, list[Row]] = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
+    for part in parts:
         start = time.monotonic()
         stamp = {"date": datetime.datetime.now(datetime.UTC).date().isoformat(), "code": fingerprint()}
-        figures[part] = [{**vars(f), **stamp} for f in PARTS[part](runs)]
-        write_text(kept, json.dumps(figures, indent=1))
-        write_page(PAGE, table(figures))
-        for f in figures[part]:
+        lines[part] = [{**vars(f), **stamp} for f in PARTS[part](runs)]
+        write_text(kept, json.dumps(lines, indent=1))
+        write_page(PAGE, table(lines))
+        for f in lines[part]:
             print(
                 f"{f['what']}: {f['value']:.3g} ({f['counts']})  [{time.monotonic() - start:.0f} s]",
                 flush=True,
             )
+    return lines
+
+
+SEED, MACHINES = 720, 4
+"""Of `make evidence`; 700 to 719 were looked at."""
+SEEDS = f"random:{SEED} to random:{SEED + MACHINES - 1}, faults of recordings from {SEED}"
+SLOW = True
+
+
+def figures() -> list[Figure]:
+    """Measure all parts; see the module."""
+    lines = measured(list(PARTS), SEED, MACHINES, ROOT / "out" / "evidence")
+    out = []
+    for part in PARTS:
+        for k, f in enumerate(lines[part]):
+            if math.isfinite(f["value"]):
+                bound = f"{'at least' if f['least'] else 'at most'} {f['must']:g}, aim {f['aim']:g}; {f['counts']}"
+                out.append(Figure(f"{part}{k or ''}", f["what"], f["value"], unit="", note=bound))
+    return out
 
 
 if __name__ == "__main__":
