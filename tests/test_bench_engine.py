@@ -93,3 +93,16 @@ def test_two_engines_at_once_do_not_meet() -> None:
     with engine(1, apart=True) as one, engine(1, apart=True) as other:
         assert dict(one(squared, [2], None)) == {2: 4}
         assert dict(other(squared, [3], None)) == {3: 9}
+
+
+def kills(item: int) -> int:
+    if item == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.2)
+    return item
+
+
+def test_an_item_that_always_kills_its_worker_costs_no_other_its_result() -> None:
+    found = each(kills, 6, 2)
+    assert type(found.pop(1)).__name__ == "KilledWorker"
+    assert found == {k: k for k in (0, 2, 3, 4, 5)}

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
+import psutil
 import pytest
 
 from pinotwin.bench.cases import Case, draw_cases
@@ -74,6 +77,42 @@ def test_the_same_case_gets_the_same_answer(cases, plan, answers):
     # A fresh run of the sealed case in another folder: only the times differ.
     again = answer(cases[0], plan)
     assert replace(again, seconds={}) == replace(answers[0], seconds={})
+
+
+def test_a_dead_worker_in_the_middle_changes_no_answer(cases, answers, tmp_path):
+    killed = []
+
+    def kill_one(stage: str, done: float) -> None:
+        """After the first answer, kill a worker: as many cases as there are workers are being done."""
+        children = psutil.Process().children(recursive=True)
+        workers = [p for p in children if "spawn_main" in " ".join(p.cmdline()) and p.children() == []]
+        if not killed and workers:
+            killed.append(max(workers, key=lambda p: sum(p.cpu_times()[:2])).pid)
+            psutil.Process(killed[0]).kill()
+
+    again = run_bench(cases, Plan(tmp_path, seconds=4.0, workers=2), kill_one)
+    assert killed
+    assert [replace(a, seconds={}) for a in again] == [replace(a, seconds={}) for a in answers]
+
+
+def test_two_processes_on_one_folder_give_the_same_answers(tmp_path):
+    words = ["blind", "--machines", "emps", "--situations", "structure", "--cases", "3", "--seconds", "4"]
+    line = [sys.executable, "-m", "pinotwin.cli.main", *words, "--workers", "1", "--no-real", "--quick"]
+    both = [
+        subprocess.Popen([*line, "--out", str(tmp_path / "one")], stdout=subprocess.DEVNULL) for _ in "ab"
+    ]
+    assert [p.wait(timeout=600) for p in both] == [0, 0]
+    assert (
+        subprocess.run([*line, "--out", str(tmp_path / "alone")], stdout=subprocess.DEVNULL).returncode == 0
+    )
+    one, alone = (
+        json.loads((tmp_path / name / "bench.json").read_text())["answers"] for name in ("one", "alone")
+    )
+    for row in (*one, *alone):
+        row.pop("seconds")
+    assert one == alone
+    lines = (tmp_path / "one" / "cases.jsonl").read_text().splitlines()
+    assert {json.loads(text)["number"] for text in lines} == {row["number"] for row in alone}
 
 
 def test_a_diagnosis_that_breaks_off_is_a_wrong_answer_and_the_bench_goes_on(tmp_path):

@@ -41,7 +41,11 @@ def engine(workers: int, scheduler: str | None = None, *, apart: bool = False) -
                 n_workers=workers,
                 threads_per_worker=1,
                 # no page, and any free port for it: the usual one may be another cluster's
-                scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+                scheduler_kwargs={
+                    "dashboard": False,
+                    "dashboard_address": "127.0.0.1:0",
+                    "allowed_failures": 1,  # and again alone, see _there
+                },
                 silence_logs=logging.CRITICAL,
             )
             client = stack.enter_context(Client(stack.enter_context(cluster)))
@@ -76,14 +80,19 @@ def _here(
 def _there(
     client: Any, function: Callable[[Any], Any], items: Sequence[Any], end: float | None
 ) -> Iterator[tuple[Any, Any]]:
-    from distributed import wait
+    """Yield items with what they end in; those whose workers died are done once more, one by one."""
+    from distributed import KilledWorker, wait
 
     room = 1 + max(1, sum(client.nthreads().values()))
     running: dict[Any, Any] = {}
     waiting = list(items)[::-1]
-    while running or waiting:
+    accused: list[Any] = []
+    alone = False
+    while running or waiting or accused:
+        if not running and not waiting:
+            waiting, accused, alone = accused[::-1], [], True
         late = end is not None and time.monotonic() > end
-        while waiting and not late and len(running) < room:
+        while waiting and not late and len(running) < (1 if alone else room):
             item = waiting.pop()
             running[client.submit(function, item, pure=False)] = item
         if not running:
@@ -91,4 +100,7 @@ def _there(
         for job in wait(list(running), return_when="FIRST_COMPLETED").done:
             item = running.pop(job)
             error = job.exception()
-            yield item, job.result() if error is None else error.with_traceback(job.traceback())
+            if isinstance(error, KilledWorker) and not alone:
+                accused.append(item)  # or it waited on a worker that another item killed: it is asked alone
+            else:
+                yield item, job.result() if error is None else error.with_traceback(job.traceback())
