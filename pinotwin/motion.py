@@ -16,6 +16,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
+from pinotwin.signals.filters import low_pass
 
 CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "ql", "external", "model", "rigid", "mass")
 
@@ -73,6 +74,7 @@ class Motion:
         use: rows that identification may use, per joint: away from edges, above the thresholds.
         decimation: keep one row in so many when the rows are fitted.
         cutoff: corner of the zero-phase low-pass that every channel went through [Hz], inf for none.
+        passband: that of the effort, inf where it was not filtered; ``order`` of that filter.
         source: where the log came from.
         notes: what was done to its clock and holes, one sentence each, after the log's name.
     """
@@ -97,6 +99,8 @@ class Motion:
     mass: Floats | None = None
     decimation: int = 1
     cutoff: float = np.inf
+    passband: float = np.inf
+    order: int = 4
     source: str = ""
     notes: tuple[str, ...] = ()
 
@@ -140,6 +144,16 @@ class Motion:
     def moving(self, joint: int) -> Mask:
         """Return the rows on which errors of one joint's effort are stated: in motion, with an effort."""
         return self.inside & self.use[:, joint] & np.isfinite(self.u[:, joint])
+
+    def passed(self, x: Floats) -> Floats:
+        """Return columns (n, k) after the low-pass that the effort went through.
+
+        What is a function of filtered positions is as smooth as they are, but a friction that turns round
+        within a sample is not: compared with a filtered effort it reads too small, and the rest of it as
+        viscous (*parallel filter*, Gautier 1997).
+        """
+        long = [s for s in self.segments if s.stop - s.start > 3 * self.order]
+        return low_pass(x, 1.0 / self.step, self.passband, self.order, long)
 
     def cut(self, start: int, stop: int) -> Self:
         """Return rows ``start:stop`` as a motion of their own."""

@@ -70,7 +70,7 @@ class WristCoupling(Paired):
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""
         own, other = motion.axis(self.axis), motion.axis(self.partner)
-        slide = np.sign(own.v + other.v)
+        slide = motion.passed(np.sign(own.v + other.v))
         values = np.stack(
             [
                 np.stack([other.a, other.v, slide], axis=-1),

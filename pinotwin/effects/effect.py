@@ -162,6 +162,10 @@ class Effect(abc.ABC):
     logged_effort: ClassVar[bool] = False
     """Whether it changes the logged effort after everything else: what moves the machine is without it."""
 
+    sharp: ClassVar[bool] = False
+    """Whether its effort changes faster than the motion does: its columns then go through the low-pass
+    that the measured effort went through, see :meth:`pinotwin.motion.Motion.passed`."""
+
     uses_standstill: ClassVar[bool] = False
     """Whether rows at standstill help to identify it (presliding): they are kept for its axis."""
 
@@ -326,7 +330,8 @@ class AxisEffect(Effect):
         """See :meth:`Effect.columns`."""
         assert self.axis is not None
         axis = motion.axis(self.axis)
-        return Columns((axis.index,), self.axis_columns(axis)[:, None, :])
+        values = self.axis_columns(axis)
+        return Columns((axis.index,), (motion.passed(values) if self.sharp else values)[:, None, :])
 
 
 def channel(effect: Effect, motion: Motion, name: Need) -> Floats:

@@ -90,6 +90,7 @@ class ViscousAsymmetric(AxisEffect):
     colour: ClassVar[str] = "#e0b040"
     contains: ClassVar[tuple[str, ...]] = ("viscous",)
     imitates: ClassVar[tuple[str, ...]] = ("coulomb_asymmetric", "offset", "quadratic_drag")
+    sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "velocity"
     axis: str
@@ -120,6 +121,7 @@ class Coulomb(AxisEffect):
     remedy: ClassVar[str] = "check preload of bearings, guides and gears, wipers, a brake that drags"
     colour: ClassVar[str] = "#e15759"
     imitates: ClassVar[tuple[str, ...]] = ("presliding", "stribeck", "load_friction", "hysteresis")
+    sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "direction"
     axis: str
@@ -158,6 +160,7 @@ class CoulombAsymmetric(AxisEffect):
     contains: ClassVar[tuple[str, ...]] = ("coulomb", "offset")
     inseparable: ClassVar[tuple[str, ...]] = ("offset",)
     imitates: ClassVar[tuple[str, ...]] = ("viscous_asymmetric", "rigid_body")
+    sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "direction"
     axis: str
@@ -197,6 +200,7 @@ class Stribeck(AxisEffect):
     colour: ClassVar[str] = "#b6992d"
     searched: ClassVar[int] = 1
     imitates: ClassVar[tuple[str, ...]] = ("coulomb", "presliding", "viscous", "load_friction", "backlash")
+    sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     depends: ClassVar[Depends] = "direction"
     axis: str
@@ -307,7 +311,8 @@ class LoadFriction(Effect):
         if self.total == 2:  # without what accelerates: weight and the forces of speed
             mass = channel(self, motion, "mass")
             load = load - np.einsum("nj,nj->n", mass[:, own.index], motion.a)
-        return Columns((own.index,), (np.abs(load) * _d(own, self.width))[:, None, None])
+        slides = motion.passed(np.abs(load) * _d(own, self.width))
+        return Columns((own.index,), slides[:, None, None])
 
 
 @dataclass(frozen=True)

@@ -83,6 +83,7 @@ class Hysteresis(AxisEffect):
     # Slow as it is, an integrating controller answers it with next to no tracking error: the loop would
     # trade it for dry friction (18 N came out as 9.5 N), which the effort of the open loop tells apart.
     refined_in_loop: ClassVar[bool] = False
+    sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     axis: str
     rotary: bool = False

@@ -101,6 +101,7 @@ class Ripple(AxisEffect):
     imitates: ClassVar[tuple[str, ...]] = ("position_table", "encoder_error", "geometric_error")
     searched: ClassVar[int] = 1
     several: ClassVar[bool] = True
+    sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("position",)
     depends: ClassVar[Depends] = "position"
     axis: str
@@ -204,6 +205,7 @@ class RippleModulated(AxisEffect):
     imitates: ClassVar[tuple[str, ...]] = ("position_table", "encoder_error")
     searched: ClassVar[int] = 2
     several: ClassVar[bool] = True
+    sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("position",)
     depends: ClassVar[Depends] = "position"
     axis: str

@@ -105,6 +105,7 @@ class Presliding(AxisEffect, Slipping):
     contains: ClassVar[tuple[str, ...]] = ("coulomb", "stribeck")
     imitates: ClassVar[tuple[str, ...]] = ("hysteresis", "backlash", "stribeck", "coulomb", "encoder_error")
     searched: ClassVar[int] = 1
+    sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     uses_standstill: ClassVar[bool] = True
     axis: str

@@ -219,6 +219,8 @@ def _prepare_one(machine: Machine, log: Log, how: DataSettings, leads: Mapping[s
         use=_fast_enough(machine, v, a) & moves,
         decimation=thin,
         cutoff=corner,
+        passband=corner if how.filter_effort else np.inf,
+        order=how.order,
         source=log.source,
         notes=tuple(f"{log.source}: {note}" for note in (*log.notes, *notes)),
     )
