@@ -29,3 +29,9 @@ def data_dir() -> Path:
 def urdf_dir() -> Path:
     """Folder of the bundled machines."""
     return ROOT / "urdf"
+
+
+@pytest.fixture(autouse=True)
+def lines_stay_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Output is wrapped where COLUMNS is set, as pytest-xdist does; tests read whole lines."""
+    monkeypatch.delenv("COLUMNS", raising=False)

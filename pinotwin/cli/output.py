@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import shutil
 import sys
@@ -47,22 +48,22 @@ def write_json(path: str | Path, value: Any) -> None:
     write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def width() -> int:
-    """Return the columns of the terminal, 80 in a pipe; no more than are pleasant to read."""
+def width() -> int | None:
+    """Return the columns of the terminal, or what COLUMNS says; None in a pipe, whose lines stay whole."""
+    if not (sys.stdout.isatty() or os.environ.get("COLUMNS")):
+        return None
     return max(40, min(shutil.get_terminal_size((80, 24)).columns, 120))
 
 
 def say(text: str = "") -> None:
-    """Print a line of the command's result, wrapped at blanks; what follows is indented below its text."""
-    indent = re.match(r" *(?:[a-z ]{1,12}: )?", text)
-    hang = min(len(indent.group()) if indent else 0, 12)
+    """Print a line of the command's result; on a terminal wrapped at blanks, what follows below its text."""
+    columns = width()
+    if columns is None or len(text) <= columns:
+        sys.stdout.write(text + "\n")
+        return
+    label = re.match(r" *(?:[a-z]{1,10}: |[a-z]{4,8} +)?", text)
+    indent = " " * min(len(label.group()) if label else 0, 12)
     lines = textwrap.wrap(
-        text,
-        width(),
-        subsequent_indent=" " * hang,
-        break_long_words=False,
-        break_on_hyphens=False,
-        replace_whitespace=False,
-        drop_whitespace=True,
+        text, columns, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     )
-    sys.stdout.write("\n".join(lines or [text]) + "\n" if len(text) > width() else text + "\n")
+    sys.stdout.write("\n".join(lines) + "\n")

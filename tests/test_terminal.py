@@ -1,0 +1,97 @@
+"""What the commands print fits 80 columns, words and numbers with their units."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pinotwin.cli.main import main
+from pinotwin.cli.output import say
+
+LONG = "next: Y.viscous: " + "check the lubricant and its temperature; " * 6
+
+
+def test_long_lines_are_wrapped_below_their_text(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    say(LONG.strip())
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 4
+    assert max(map(len, lines)) <= 80
+    assert all(line.startswith("      ") for line in lines[1:])
+    assert " ".join(" ".join(lines).split()) == LONG.strip()
+
+
+def test_a_pipe_gets_whole_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    say(LONG)
+    assert capsys.readouterr().out == LONG + "\n"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a log of the bundled trunnion and its open-loop twin."""
+    folder = tmp_path_factory.mktemp("made")
+    log, twin = str(folder / "log.csv"), str(folder / "twin")
+    assert main(["record", "trunnion", "--seconds", "6", "--out", log]) == 0
+    assert main(["identify", "trunnion", log, "--no-loop", "--out", twin]) == 0
+    return folder
+
+
+COMMANDS = (
+    ("check", "trunnion", "log.csv"),
+    ("record", "trunnion", "--seconds", "1", "--out", "second.csv"),
+    ("identify", "trunnion", "log.csv", "--no-loop", "--out", "again"),
+    ("diagnose", "twin", "log.csv", "--quick", "--out", "found"),
+    ("force", "twin", "log.csv", "--out", "force.csv"),
+    ("compare", "twin", "twin2", "--out", "moved"),
+    ("view", "twin", "log.csv", "--html", "page.html"),
+    ("export", "twin", "--format", "numpy", "--out", "effort.py"),
+    ("new", "XYZAC", "log.csv", "--out", "fresh"),
+    ("check", "ur5"),
+    ("study", "--help"),
+    (),
+)
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words[:2]) or "pinotwin")
+def test_output_fits_80_columns(
+    made: Path, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(made)
+    if "twin2" in words:
+        (made / "twin2").mkdir(exist_ok=True)
+        for path in (made / "twin").iterdir():
+            (made / "twin2" / path.name).write_bytes(path.read_bytes())
+    try:
+        code = main(list(words))
+    except SystemExit as ended:  # argparse's help
+        code = int(ended.code or 0)
+    said = capsys.readouterr().out
+    assert code in (0, 1)
+    assert said
+    wide = [line for line in said.splitlines() if len(line) > 80]
+    assert wide == []
+
+
+def test_the_program_itself_says_its_numbers_with_units(made: Path) -> None:
+    words = [
+        sys.executable,
+        "-m",
+        "pinotwin.cli.main",
+        "diagnose",
+        "twin",
+        "log.csv",
+        "--quick",
+        "--out",
+        "d",
+    ]
+    done = subprocess.run(words, cwd=made, capture_output=True, text=True, check=True)
+    rows = [line for line in done.stdout.splitlines() if line[:4] in ("Y.u ", "A.u ", "C.u ")]
+    assert len(rows) == 3
+    assert all(row.split()[2] in ("N", "N·m", "mN", "mN·m") for row in rows)
