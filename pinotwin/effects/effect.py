@@ -172,6 +172,8 @@ class Effect(abc.ABC):
     refined_in_loop: ClassVar[bool] = True
     """Whether the closed loop may refine its coefficients, if it is friction or an effort of position."""
 
+    fades: ClassVar[bool] = False
+    """Whether its effort vanishes at speed, as Stribeck's does."""
     held: ClassVar[bool] = False
     """Whether its coefficients are held weakly within the size of the effort: knots that a log hardly
     passes would run away."""

@@ -199,6 +199,8 @@ class Stribeck(AxisEffect):
     remedy: ClassVar[str] = "check the lubricant: amount, kind, age; run the axis in over its whole travel"
     colour: ClassVar[str] = "#b6992d"
     searched: ClassVar[int] = 1
+    fades: ClassVar[bool] = True
+    held: ClassVar[bool] = True  # slow rows are few: without them s would run away
     imitates: ClassVar[tuple[str, ...]] = ("coulomb", "presliding", "viscous", "load_friction", "backlash")
     sharp: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
@@ -214,15 +216,19 @@ class Stribeck(AxisEffect):
         return (Coefficient("s", effort(self.rotary), lower=0.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
-        low, high = (1e-3, 3.0) if self.rotary else (5e-4, 0.3)
+        """See :meth:`Effect.shapes`.
+
+        Below twice the width over which the direction turns, s and v_s cannot be told apart: s would grow
+        without limit, and hold the simulated axis with a force that no row has shown.
+        """
+        least, high = (1e-3, 3.0) if self.rotary else (5e-4, 0.3)
+        low = max(least, 2.0 * (default_width(self.rotary) if self.width is None else self.width))
         return (Shape("v_s", f"{length(self.rotary)}/s", low, high),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """See :meth:`Effect.trials`: fading speeds below which there are rows, and above which too."""
         (shape,) = self.shapes()
-        least = max(shape.lower, 2.0 * (default_width(self.rotary) if self.width is None else self.width))
-        speeds = [x for x in FADES * sight.top if least <= x <= shape.upper]
+        speeds = [x for x in FADES * sight.top if shape.lower <= x <= shape.upper]
         speeds = [x for x in speeds if sight.rows_slower(x) >= SLOW_ROWS]
         if not sight.both_ways:
             return ()

@@ -12,7 +12,7 @@ import numpy as np
 from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.errors import PinotwinError
-from pinotwin.identification.servo import WINDOW, AxisProblem, Found, find
+from pinotwin.identification.servo import PLANT, WINDOW, AxisProblem, Factors, Found, look, settle, shared
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.loop import Servo, command_rates
@@ -39,14 +39,14 @@ class Servos:
     Attributes:
         servos: controller of each axis, from all windows.
         trials: from the first windows only: these are judged on the others.
-        factors: on inertia, viscous and dry friction of the axes, where held-out windows asked for them.
+        factors: on the plant of the axes, where held-out windows asked for them.
         quality: per axis the errors, in the fit and held out.
         notes: axes that were left out, and why.
     """
 
     servos: dict[str, Servo] = field(default_factory=dict)
     trials: dict[str, Servo] = field(default_factory=dict)
-    factors: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    factors: dict[str, Factors] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -66,6 +66,8 @@ def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, flo
     plant = plant_of(twin, raw.qr, vr)
     d = generalised_disturbance(twin, motion, twin.diagonal)
     axes = list(twin.machine.axes)
+    problems: dict[str, AxisProblem] = {}
+    first: dict[str, Found] = {}
     for k, name in enumerate(axes):
         tell(f"controller of {name}", k / len(axes))
         i = twin.machine.axes[name].index
@@ -77,13 +79,16 @@ def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, flo
         servo = None
         if problem is not None:
             friction, allowed = _refinable(twin, motion, problem, dry, name)
-            servo = find(problem, friction, allowed)
-        if servo is None:
+            servo = look(problem, friction, allowed)
+        if problem is None or servo is None:
             found.notes.append(
                 f"no controller of {name}: no law keeps the simulated axis on its command; plant and log "
                 "do not fit together"
             )
             continue
+        problems[name], first[name] = problem, servo
+    for name, usual in zip(first, shared(list(first.values())), strict=True):
+        servo = settle(problems[name], first[name], usual)
         found.servos[name] = servo.servo
         found.trials[name] = servo.trial or servo.servo
         found.factors[name] = servo.factors
@@ -93,7 +98,7 @@ def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, flo
 
 def _refinable(
     twin: Twin, motion: Motion, problem: AxisProblem, dry: Floats, name: str
-) -> tuple[tuple[str, ...], Callable[[tuple[float, float, float]], bool]]:
+) -> tuple[tuple[str, ...], Callable[[Factors], bool]]:
     """Return which friction of an axis can be refined, and what the plant's own effort says of factors.
 
     The effort along the measured motion, on rows that the refinement does not see, may not get worse.
@@ -103,17 +108,19 @@ def _refinable(
     rows = np.concatenate([np.arange(s.start, s.stop) for s in judge.windows])
     rows = rows[motion.use[rows, i] & np.isfinite(motion.u[rows, i])]
     left = (motion.u - twin.effort(motion))[rows, i]
-    slide, stick = problem.viscous * motion.v[rows, i], dry[rows]
-    names = tuple(k for k, x in (("viscous", slide), ("dry", stick)) if np.any(x != 0.0))
+    fading = _friction_effort(twin, motion, name, fading=True)
+    parts = {"viscous": problem.viscous * motion.v[:, i], "dry": dry - fading, "fading": fading}
+    X = np.stack([x[rows] for x in parts.values()], axis=1)
+    names = tuple(k for k, x in zip(parts, X.T, strict=True) if np.any(x != 0.0))
 
-    def allowed(factors: tuple[float, float, float]) -> bool:
-        after = left - (factors[1] - 1.0) * slide - (factors[2] - 1.0) * stick
+    def allowed(factors: Factors) -> bool:
+        after = left - X @ (np.array(factors[1:]) - 1.0)
         return float(np.sum(after**2)) <= NO_WORSE**2 * float(np.sum(left**2))
 
     return names, allowed
 
 
-def with_factors(twin: Twin, factors: Mapping[str, tuple[float, float, float]]) -> Twin:
+def with_factors(twin: Twin, factors: Mapping[str, Factors]) -> Twin:
     """Return the twin with viscous and dry friction of its axes multiplied, its table included."""
     theta, viscous = twin.theta.copy(), np.array(twin.diagonal["viscous"], dtype=float)
     rows = {row.name: row for row in twin.parameters}
@@ -122,7 +129,7 @@ def with_factors(twin: Twin, factors: Mapping[str, tuple[float, float, float]]) 
             continue
         plain = effect.causes[0] == "viscous"
         dry = effect.depends in ("direction", "displacement")
-        share = factors[effect.axis][1 if plain else 2]
+        share = factors[effect.axis][1 if plain else 3 if effect.fades else 2]
         for k, coefficient in enumerate(effect.coefficients()):
             if share == 1.0 or not (plain or (dry and coefficient.name not in ("m", "d"))):
                 continue
@@ -142,7 +149,7 @@ def _row(found: Found) -> dict[str, Any]:
         "form": found.servo.form,
         "fit": {"e": e, "u": u},
         "held_out": dict(zip("eu", found.held_out, strict=True)),
-        "friction": {"viscous": found.factors[1], "dry": found.factors[2]},
+        "friction": dict(zip(PLANT[1:], found.factors[1:], strict=True)),
     }
 
 
@@ -196,13 +203,16 @@ def _windows(raw: Motion, vr: Floats) -> tuple[slice, ...]:
     return tuple(sorted(most, key=lambda s: s.start))
 
 
-def _friction_effort(twin: Twin, motion: Motion, name: str) -> Floats:
-    """Return the effort of what the axis' kernel computes itself: dry friction and friction of speed, (n,)."""
+def _friction_effort(twin: Twin, motion: Motion, name: str, *, fading: bool = False) -> Floats:
+    """Return the effort of what the axis' kernel computes itself: dry friction and friction of speed, (n,).
+
+    With ``fading`` only that of friction that fades with speed.
+    """
     i = twin.machine.axes[name].index
     total = np.zeros(len(motion))
     for effect, s in zip(twin.effects, twin.slices, strict=True):
         own = effect.axis == name and effect.depends in ("direction", "displacement", "velocity")
-        if own and effect.causes[0] != "viscous":
+        if own and effect.causes[0] != "viscous" and (effect.fades or not fading):
             total += effect.columns(motion).effort(twin.theta[s], twin.machine.nv)[:, i]
     return total
 

@@ -12,7 +12,7 @@ only where it pays.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,6 +25,7 @@ from pinotwin.loop.servo import Servo
 from pinotwin.simulation import axis_kernel, coupled
 from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.state import Lookup
+from pinotwin.solve.sandwich import batch_means
 
 FINE = 5e-4
 """Clock of the law's columns and of the simulated axis [s], or the log's where that is finer."""
@@ -54,17 +55,32 @@ USUAL = {
 At 200 Hz a log tells lags of a millisecond and the flanks of a notch badly apart; what it leaves open is
 better usual than anything.
 """
+ALIKE = 0.2
+"""Standard deviation of the logarithm of a shape among the axes of one control, at least."""
 CORRELATED = 20.0
 """Rows of residual that tell as much as one independent row."""
-PLANT = ("inertia", "viscous", "dry")
+PLANT = ("inertia", "viscous", "dry", "fading")
+Factors = tuple[float, float, float, float]
+"""On inertia, viscous friction, dry friction at speed, and the part of it that fades with speed."""
+AS_FOUND: Factors = (1.0, 1.0, 1.0, 1.0)
 NAMED = ("kp", "kv", "rate", "ffv", "ffa")
+SAME_GAIN = 0.02
+"""Two searches whose kp differ by less found the same."""
+AS_GOOD = 9.0
+"""Twice the loss of log-likelihood up to which another cascade fits as well: three standard deviations."""
+PLANT_ERROR = {"inertia": 0.01, "viscous": 0.02, "dry": 0.02, "fading": 0.2}
+"""Standard errors of the identified plant that its gains take up: friction scatters by 1 to 2 % from run to run."""
 STEPS, LONGEST = 12, 0.7
 """Most steps of a search, and the longest of them: shares of a gain, or of a shape's logarithm."""
 ENOUGH = 1e-3
 """The search ends when a step brings less than this share."""
 SIMPLER = 0.97
 """A law with fewer gains is kept if it costs less than this on held-out windows."""
+APART = 0.1
+"""Share by which kp and 1/ti of a double root are put apart to begin with."""
 BRIEF, REPOLISH = 4, 4
+FORMS = ("proportional", "cascade", "pid")
+"""Simpler laws, in the order in which they are preferred."""
 SLOW_INTEGRAL = 1.0
 """Integral action slower than this is doubted: the law without it is tried [1/s]."""
 QUIET = 5e-4
@@ -90,6 +106,7 @@ class AxisProblem:
         windows: rows to simulate.
         sizes: RMS of e and u over the windows, shape (2,).
         noise: share of it below which an error of e and u says nothing, shape (2,).
+        usual: shapes that are usual, see :data:`USUAL`.
     """
 
     step: float
@@ -106,6 +123,7 @@ class AxisProblem:
     fine: float = FINE
     sizes: Floats = field(default_factory=lambda: np.ones(2))
     noise: Floats = field(default_factory=lambda: np.ones(2))
+    usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: USUAL)
 
     @property
     def substeps(self) -> int:
@@ -121,14 +139,14 @@ class AxisProblem:
         """Return the same axis with other windows."""
         return replace(self, windows=tuple(windows))
 
-    def response(self, servo: Servo, extra: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Floats | None:
+    def response(self, servo: Servo, extra: Factors = AS_FOUND) -> Floats | None:
         """Return simulated e and u on all windows, shape (rows, 2), or None if the axis runs away.
 
         Args:
             servo: the controller.
-            extra: factors on inertia, viscous and dry friction.
+            extra: factors on the plant.
         """
-        if extra != (1.0, 1.0, 1.0):
+        if extra != AS_FOUND:
             return self.with_plant(extra).response(servo)
         tables = self.tables
         laws = coupled.servo_arrays([servo], [False], self.step / self.substeps)
@@ -158,10 +176,12 @@ class AxisProblem:
             out.append(y[self.skip :])
         return np.concatenate(out)
 
-    def with_plant(self, factors: tuple[float, float, float]) -> AxisProblem:
-        """Return the same axis with inertia, viscous and dry friction multiplied."""
-        tables = self.tables._replace(dry=self.tables.dry * factors[2], slip=self.tables.slip * factors[2])
-        inertia, viscous = self.inertia * factors[0], self.viscous * factors[1]
+    def with_plant(self, factors: Factors) -> AxisProblem:
+        """Return the same axis with inertia, viscous and dry friction multiplied; see :data:`Factors`."""
+        t, (inertia, viscous, dry, fading) = self.tables, factors
+        lasting = t.dry[..., -1:]
+        tables = t._replace(dry=dry * lasting + fading * (t.dry - lasting), slip=dry * t.slip)
+        inertia, viscous = self.inertia * inertia, self.viscous * viscous
         return replace(self, inertia=inertia, viscous=viscous, tables=tables)
 
     def split(self) -> tuple[AxisProblem, AxisProblem]:
@@ -276,20 +296,21 @@ class Search:
             elif name == "offset":
                 shapes[name] = float(scale * value)
         if named:
-            gains = list(Servo.of_cascade(**named).gains)
+            lag = shapes.get("velocity_lag", self.start.velocity_lag)
+            gains = list(Servo.of_cascade(**named, velocity_lag=lag).gains)
         return replace(self.start, gains=tuple(gains), notch=(notch[0], notch[1], notch[2]), **shapes)
 
-    def doubt(self, x: Floats) -> Floats:
+    def doubt(self, x: Floats, usual: Mapping[str, tuple[float, float]]) -> Floats:
         """Return how far the shapes are from usual ones, in standard deviations of what drives have."""
         servo, out = self.servo(x), []
         for name in self.names:
-            if name in USUAL:
+            if name in usual:
                 value = getattr(servo, name) if name in SHAPES else servo.notch[int(name[5:])]
-                out.append(float(np.log(value / USUAL[name][0])) / USUAL[name][1])
+                out.append(float(np.log(value / usual[name][0])) / usual[name][1])
         return np.array(out)
 
-    def extra(self, x: Floats) -> tuple[float, float, float]:
-        """Return the factors on inertia, viscous and dry friction at a point."""
+    def extra(self, x: Floats) -> Factors:
+        """Return the factors on the plant at a point."""
         given = dict(zip(self.names, x, strict=True))
         return tuple(float(np.exp(given.get(k, 0.0))) for k in PLANT)  # type: ignore[return-value]
 
@@ -335,7 +356,7 @@ class Found:
 
     servo: Servo
     cost: float
-    extra: tuple[float, float, float]
+    extra: Factors
     x: Floats
     jacobian: Floats
     residual: Floats
@@ -343,7 +364,7 @@ class Found:
     noise: Floats
     held_out: tuple[float, float] = (np.nan, np.nan)
     trial: Servo | None = None
-    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    factors: Factors = AS_FOUND
 
     @property
     def errors(self) -> tuple[float, float]:
@@ -352,9 +373,7 @@ class Found:
         return float(e), float(u)
 
 
-def misfit(
-    p: AxisProblem, servo: Servo, extra: tuple[float, float, float] = (1.0, 1.0, 1.0)
-) -> Floats | None:
+def misfit(p: AxisProblem, servo: Servo, extra: Factors = AS_FOUND) -> Floats | None:
     """Return the residuals of e and u over their sizes, shape (2 rows,), or None."""
     y = p.response(servo, extra)
     if y is None or not np.isfinite(y).all():
@@ -365,14 +384,24 @@ def misfit(
 def find(
     p: AxisProblem,
     friction: tuple[str, ...] = (),
-    allowed: Callable[[tuple[float, float, float]], bool] = lambda factors: True,
+    allowed: Callable[[Factors], bool] = lambda factors: True,
 ) -> Found | None:
-    """Return the controller of an axis, or None if none keeps it on its command.
+    """Return the controller of an axis, or None if none keeps it on its command: :func:`look`, :func:`settle`."""
+    found = look(p, friction, allowed)
+    return None if found is None else settle(p, found)
+
+
+def look(
+    p: AxisProblem,
+    friction: tuple[str, ...] = (),
+    allowed: Callable[[Factors], bool] = lambda factors: True,
+) -> Found | None:
+    """Return the form of an axis' controller with gains from its first windows, judged on the others.
 
     Args:
         p: the axis.
-        friction: which of viscous and dry friction may be refined beside the controller.
-        allowed: whether factors on inertia, viscous and dry friction leave the plant's own fit as good.
+        friction: which friction of :data:`PLANT` may be refined beside the controller.
+        allowed: whether such factors leave the plant's own fit as good.
 
     A notch is looked for where the law without one leaves something of e, and taken where it pays on
     windows that were not fitted.
@@ -382,7 +411,7 @@ def find(
     best = next((f for f in (polish(train, s) for s in begun if s.notch[0] == 0.0) if f is not None), None)
     notched = [servo for servo in begun if servo.notch[0] > 0.0]
     if best is not None:  # from here on every signal counts against its own error
-        p, train, judge = (replace(x, noise=np.maximum(best.errors, QUIET)) for x in (p, train, judge))
+        train, judge = (replace(x, noise=np.maximum(best.errors, QUIET)) for x in (train, judge))
         best = polish(train, best.servo, steps=BRIEF) or best
     if best is None or best.errors[0] > CLOSE:
         brief = [polish(train, servo, steps=BRIEF) for servo in notched]
@@ -391,15 +420,37 @@ def find(
         best = better_of(judge, best, long, PAYS)
     if best is None:
         return None
-    factors = (1.0, 1.0, 1.0)
+    factors = AS_FOUND
     refined = polish(train, best.servo, friction, BRIEF + REPOLISH) if friction else None
     if refined is not None and better_of(judge, best, [refined], PAYS) is refined and allowed(refined.extra):
-        factors, best = refined.extra, replace(refined, extra=factors)
-        p, train, judge = (x.with_plant(factors) for x in (p, train, judge))
-    others = (polish(train, servo) for servo in simpler(train, best.servo))
-    best = better_of(judge, best, [f for f in others if f is not None], 1.0 / SIMPLER) or best
-    last = polish(replace(p, fine=coupled.LONGEST), best.servo, steps=REPOLISH) or best
-    return replace(last, held_out=_errors(judge, best), trial=best.servo, factors=factors)
+        factors, best = refined.extra, replace(refined, extra=AS_FOUND)
+        train, judge = (x.with_plant(factors) for x in (train, judge))
+    others = [polish(train, servo) for servo in simpler(train, best.servo)]
+    forms = [f for f in others if f is not None]
+    simple = [
+        min(same, key=lambda f: f.cost) for k in FORMS if (same := [f for f in forms if f.servo.form == k])
+    ]
+    best = better_of(judge, best, simple, 1.0 / SIMPLER) or best
+    return replace(best, held_out=_errors(judge, best), trial=best.servo, factors=factors)
+
+
+def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]] = USUAL) -> Found:
+    """Return the controller with its gains from all windows, its intervals, and the cascade that fits as well.
+
+    Args:
+        p: the axis.
+        found: what :func:`look` returned.
+        usual: shapes to hold on to where the log tells nothing: what the other axes show, say.
+    """
+    p = replace(p.with_plant(found.factors), fine=coupled.LONGEST, noise=found.noise, usual=usual)
+    last = polish(p, found.servo, steps=REPOLISH) or found
+    rival = None
+    if last.servo.form == "cascade":
+        rivals = [polish(p, s, steps=REPOLISH) for s in simpler(p, last.servo) if s.form == "cascade"]
+        both = sorted((f for f in [last, *rivals] if f is not None), key=lambda f: f.cost)
+        last, rival = both[0], next((f for f in both[1:] if not same_gains(f.servo, both[0].servo)), None)
+    servo = with_errors(p, last, rival)
+    return replace(last, servo=servo, held_out=found.held_out, trial=found.trial, factors=found.factors)
 
 
 def better_of(judge: AxisProblem, best: Found | None, others: Sequence[Found], pays: float) -> Found | None:
@@ -430,15 +481,28 @@ def simpler(p: AxisProblem, servo: Servo) -> list[Servo]:
     g = servo.gains
     if g[1] < SLOW_INTEGRAL * abs(g[0]):
         return [proportional(p, servo)]
-    found = [replace(servo, form="pid", gains=(*g[:4], 0.0, g[5]))]
-    kv, product = g[2], g[1] / g[2]
-    if kv > 0.0:
-        ffv, middle = g[3] / kv, float(np.sqrt(product))
-        rate = g[4] / (kv * (ffv - 1.0)) if ffv != 1.0 else middle
-        rate = rate if 0.2 * middle < rate < 5.0 * middle else middle
-        shapes = {k: getattr(servo, k) for k in (*SHAPES, "notch", "step")}
-        found.insert(0, Servo.of_cascade(product / rate, kv, rate, ffv, g[5], **shapes))
-    return found
+    shapes = {k: getattr(servo, k) for k in (*SHAPES, "notch", "step")}
+    found = [Servo.of_cascade(**tied, **shapes) for tied in _tied(servo)]
+    return [*found, replace(servo, form="pid", gains=(*g[:4], 0.0, g[5]))]
+
+
+def _tied(servo: Servo) -> list[dict[str, float]]:
+    """Return cascades of set-point weight 1 near a law, kp and 1/ti either way round.
+
+    What the search finds depends on which of the two is begun as the larger; the data tell, if anything does.
+    """
+    found = []
+    for named in servo.cascades():
+        product = named["kp"] * named["rate"]
+        kp, rate = named["kp"], named["rate"]
+        if not (product > 0.0 and 0.2 < rate / np.sqrt(product) < 5.0):
+            continue
+        if abs(kp - rate) < APART * kp:  # a double root: begin on both sides of it
+            kp, rate = kp * (1.0 + APART), rate / (1.0 + APART)
+            found.append((rate, kp, named))
+        found.append((kp, rate, named))
+    ffv = servo.gains[3] / servo.gains[2] if servo.gains[2] > 0.0 else 1.0
+    return [{"kp": kp, "kv": n["kv"], "rate": r, "ffv": ffv, "ffa": n["ffa"]} for kp, r, n in found]
 
 
 def polish(p: AxisProblem, servo: Servo, plant: Sequence[str] = (), steps: int = STEPS) -> Found | None:
@@ -449,7 +513,7 @@ def polish(p: AxisProblem, servo: Servo, plant: Sequence[str] = (), steps: int =
 
     def at(x: Floats) -> Floats | None:
         r = misfit(p, search.servo(x), search.extra(x))
-        return None if r is None else np.concatenate([r, doubt * search.doubt(x)])
+        return None if r is None else np.concatenate([r, doubt * search.doubt(x, p.usual)])
 
     r = at(x)
     if r is None:
@@ -488,3 +552,89 @@ def _slopes(at: Callable[[Floats], Floats | None], x: Floats, r: Floats) -> Floa
                 J[:, i] = (there - r) / step
                 break
     return J
+
+
+# ------------------------------------------------------------------ how certain
+def shared(found: Sequence[Found]) -> list[dict[str, tuple[float, float]]]:
+    """Return usual shapes for every axis: what the other axes show, beside what drives have.
+
+    The axes of one control mostly share its clock, its filters and its kind of current loop. Where an axis'
+    own log tells nothing of a lag, the others' is a better guess than a usual one; where it does, that wins.
+    """
+    logs, told = {}, {}
+    for k, f in enumerate(found):
+        V = np.diag(np.linalg.pinv(f.jacobian.T @ f.jacobian, hermitian=True))
+        rows = len(f.residual) // 2
+        for i, name in enumerate(f.search.names):
+            if name in SHAPES:
+                variance = V[i] * CORRELATED / max(rows, 1) * f.cost / 2.0
+                logs[k, name] = float(np.log(getattr(f.servo, name)))
+                told[k, name] = max(1.0 / max(variance, 1e-12) - 1.0 / USUAL[name][1] ** 2, 0.0)
+    out = []
+    for k in range(len(found)):
+        usual = dict(USUAL)
+        for name in SHAPES:
+            others = [key for key in logs if key[1] == name and key[0] != k]
+            w, x = np.array([told[key] for key in others]), np.array([logs[key] for key in others])
+            if w.sum() <= 0.0:
+                continue
+            mean = float(w @ x / w.sum())
+            width = max(1.0 / w.sum() + float(w @ (x - mean) ** 2 / w.sum()), ALIKE**2)
+            weights = 1.0 / USUAL[name][1] ** 2, 1.0 / width
+            middle = (weights[0] * np.log(USUAL[name][0]) + weights[1] * mean) / sum(weights)
+            usual[name] = (float(np.exp(middle)), float(np.sqrt(1.0 / sum(weights))))
+        out.append(usual)
+    return out
+
+
+def same_gains(a: Servo, b: Servo) -> bool:
+    """Whether two searches ended at one point: kp alike."""
+    x, y = a.cascade()["kp"], b.cascade()["kp"]
+    return abs(x - y) < SAME_GAIN * max(abs(x), abs(y))
+
+
+def spread(p: AxisProblem, found: Found) -> Floats:
+    """Return the covariance of what was searched, shape (k, k).
+
+    From the scores of blocks of rows longer than their memory, the belief in usual shapes, errors of the
+    size that counts as none (:data:`QUIET`; a law is never exact), and what is not known of the plant itself
+    (:data:`PLANT_ERROR`), whose error the gains take up.
+    """
+    n, count = len(found.residual), len(found.x)
+    J, left = found.jacobian[:n], found.residual
+    own = found.jacobian[n:]
+    scores = (J * left[:, None]).reshape(-1, 2, count).sum(axis=1)
+    H = found.jacobian.T @ found.jacobian
+    inverse = np.linalg.pinv(H, hermitian=True)
+    share = CORRELATED / max(n // 2, 1)
+    total = batch_means(H, scores, count, n)[0] + inverse @ (own.T @ own) @ inverse * share + inverse * share
+    measured = misfit(p, found.servo)
+    for name, error in PLANT_ERROR.items():
+        factors = dict(zip(PLANT, AS_FOUND, strict=True)) | {name: 1.0 + error}
+        moved = misfit(p, found.servo, tuple(factors[k] for k in PLANT))  # type: ignore[arg-type]
+        if name not in found.search.names and moved is not None and measured is not None:
+            gain = -inverse @ (J.T @ (moved - measured))
+            total = total + np.outer(gain, gain)
+    return np.asarray(total)
+
+
+def with_errors(p: AxisProblem, found: Found, rival: Found | None) -> Servo:
+    """Return the controller with the standard errors of its gains and shapes, and the cascade as good."""
+    servo, cov = found.servo, spread(p, found)
+    kp = servo.named()["kp"]
+
+    def at(x: Floats) -> Floats:
+        law = found.search.servo(x)
+        near = min(law.cascades() or [law.named()], key=lambda f: abs(f.get("kp", kp) - kp))
+        return np.array([*({**law.named(), **(near if law.form != "pid" else {})}).values()])
+
+    G = np.stack([(at(found.x + d) - at(found.x - d)) / 2e-4 for d in 1e-4 * np.eye(len(found.x))], axis=1)
+    errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", G, cov, G), 0.0))
+    told = dict(zip(servo.named(), errors.tolist(), strict=True))
+    other: dict[str, float] = {}
+    if servo.form == "general" and len(servo.cascades()) == 2:
+        other = servo.cascades()[1]
+    rows = max(len(found.residual) // 2, 1)
+    if rival is not None and (rival.cost - found.cost) * rows / CORRELATED < AS_GOOD * found.cost / 2.0:
+        other = rival.servo.cascade()
+    return replace(servo, errors=told, other=other)

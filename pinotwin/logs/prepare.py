@@ -183,7 +183,7 @@ def _prepare_one(machine: Machine, log: Log, how: DataSettings, leads: Mapping[s
     cutoff = how.cutoff or 0.0
     corner = cutoff if 0.0 < cutoff < 0.45 * rate else np.inf
     vibrates = any(f"{name}.v" in log for name in machine.passive)
-    smoother = Smoother(step, corner, how.order, tuple(parts), vibrates)
+    smoother = Smoother(step, corner, how.order, tuple(parts), vibrates or not np.isfinite(corner))
     q, v, a = smoother.derivatives(joint_positions(machine, log, "q"))
     moves = _moves(machine, log, parts)
     q[:, ~moves], v[:, ~moves], a[:, ~moves] = q[_rows_of(parts)][:, ~moves].mean(axis=0), 0.0, 0.0

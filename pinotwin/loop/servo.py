@@ -8,10 +8,14 @@ u acts ``dead`` seconds later on the axis. A cascade (P-PI) with position gain k
 integral time ti, velocity feed-forward ffv, acceleration feed-forward ffa and set-point weight w of the
 proportional part is
 
-    k_e = kv (kp + 1/ti),  k_i = kv kp / ti,  k_v = kv,  k_vr = kv w ffv,  k_w = kv (ffv - 1) / ti,  k_ar = ffa
+    k_e = kv (kp + 1/ti),  k_i = kv kp / ti,      k_v = kv (1 - T_v / ti),
+    k_vr = kv w ffv,       k_w = kv (ffv - 1) / ti,  k_ar = ffa
 
-since the integral of its velocity error holds the position itself; in a PID k_w is zero. The law is linear
-in its six gains at given shapes (T_v, T_u, the notch), which is why they can be found by least squares.
+since the integral of its velocity error holds the position itself, and that integral sees the same late
+velocity as the gain: the integral of v_f is q - T_v v_f. Left out, this last term (1 to 2 % of k_v) makes
+a quarter of kp and a third of 1/ti, which follow from the small difference of nearly equal roots. In a
+PID k_w is zero. The law is linear in its six gains at given shapes (T_v, T_u, the notch), which is why
+they can be found by least squares.
 """
 
 from __future__ import annotations
@@ -27,6 +31,8 @@ from pinotwin.arrays import Floats
 
 GAINS = ("e", "integral", "v", "vr", "slip", "ar")
 """Names of the six gains, in the order of the arrays: k_e, k_i, k_v, k_vr, k_w, k_ar."""
+TWO_SIDED = 1.645
+"""Standard errors on either side of a value that make 90 %."""
 Form = Literal["general", "cascade", "pid", "proportional"]
 
 
@@ -44,7 +50,8 @@ class Servo:
         form: ``cascade`` where set-point weight 1 was imposed, ``pid`` where k_w = 0 was, ``proportional``
             where there is no integral; ``general`` has all six gains free.
         offset: what I holds for ever in the proportional form [N or N·m].
-        errors: standard errors by name of the gains and shapes that were searched.
+        errors: standard errors by the names of :meth:`named`.
+        other: another cascade that the log speaks for as well, by the same names; empty where there is none.
         step: sampling interval of the log [s].
     """
 
@@ -57,6 +64,7 @@ class Servo:
     form: Form = "general"
     offset: float = 0.0
     errors: Mapping[str, float] = field(default_factory=dict)
+    other: Mapping[str, float] = field(default_factory=dict)
     step: float = 0.001
 
     @classmethod
@@ -64,26 +72,54 @@ class Servo:
         cls, kp: float, kv: float, rate: float, ffv: float, ffa: float, weight: float = 1.0, **shapes: Any
     ) -> Self:
         """Return the law of a cascade: rate is 1/ti, weight that of the set point in the proportional part."""
-        gains = (kv * (kp + rate), kv * kp * rate, kv, kv * weight * ffv, kv * rate * (ffv - 1.0), ffa)
+        seen = 1.0 - rate * shapes.get("velocity_lag", 0.0)
+        gains = (kv * (kp + rate), kv * kp * rate, kv * seen, kv * weight * ffv, kv * rate * (ffv - 1.0), ffa)
         return cls(gains, **{"form": "cascade" if weight == 1.0 else "general", **shapes})
+
+    def cascades(self) -> list[dict[str, float]]:
+        """Return the cascades that have these gains: two, since kp and 1/ti enter k_e and k_i alike.
+
+        Each has kp, kv, rate (1/ti), ffv, ffa and the set-point weight; they differ in ffv and weight. The
+        usual one, whose weight is nearest to 1, comes first. A double root stands for a pair that is not real.
+        """
+        k_e, k_i, k_v, k_vr, k_w, ffa = self.gains
+        late = self.velocity_lag
+        square, total, product = 1.0 + late * k_e / k_v, (k_e + late * k_i) / k_v, k_i / k_v
+        spread = math.sqrt(max(total**2 - 4.0 * square * product, 0.0))
+        found = []
+        for rate in ((total - spread) / (2.0 * square), (total + spread) / (2.0 * square)):
+            kv = k_v / (1.0 - rate * late)
+            if rate <= 0.0 or kv <= 0.0:
+                continue
+            kp, ffv = k_e / kv - rate, 1.0 + k_w / (kv * rate)
+            weight = k_vr / (kv * ffv) if ffv != 0.0 else math.inf
+            found.append({"kp": kp, "kv": kv, "rate": rate, "ffv": ffv, "ffa": ffa, "weight": weight})
+        return sorted(found, key=lambda f: abs(f["weight"] - 1.0))
 
     def cascade(self) -> dict[str, float]:
         """Return kp, kv, rate (1/ti), ffv, ffa and the set-point weight, as a cascade has them.
 
-        Where the feed-forward of velocity is complete, kp and 1/ti play the same part (the law is
-        symmetrical in them): the larger is then called kp. NaN where no cascade has these gains.
+        Where the feed-forward of velocity is complete, kp and 1/ti play the same part (the law is symmetrical
+        in them): the larger is then called kp. See :meth:`cascades` for the other one.
         """
-        k_e, k_i, kv, k_vr, k_w, ffa = self.gains
-        total, product = k_e / kv, k_i / kv
-        root = total**2 - 4.0 * product
-        if root < 0.0:
-            root = 0.0
-        pair = (0.5 * (total + math.sqrt(root)), 0.5 * (total - math.sqrt(root)))
-        found = [(kp, rate, 1.0 + k_w / (kv * rate)) for kp, rate in (pair, pair[::-1]) if rate > 0.0]
-        if not found:
-            return {"kp": total, "kv": kv, "rate": 0.0, "ffv": k_vr / kv, "ffa": ffa, "weight": 1.0}
-        kp, rate, ffv = min(found, key=lambda f: abs(f[2] - k_vr / kv))
-        return {"kp": kp, "kv": kv, "rate": rate, "ffv": ffv, "ffa": ffa, "weight": k_vr / kv / ffv}
+        found = self.cascades()
+        if found:
+            return found[0]
+        k_e, _, kv, k_vr, _, ffa = self.gains
+        return {"kp": k_e / kv, "kv": kv, "rate": 0.0, "ffv": k_vr / kv, "ffa": ffa, "weight": 1.0}
+
+    def named(self) -> dict[str, float]:
+        """Return the gains by the names that the form of the law gives them, and its shapes [s]."""
+        shapes = {"velocity_lag": self.velocity_lag, "output_lag": self.output_lag, "dead": self.dead}
+        return {**(self.pid() if self.form == "pid" else self.cascade()), **shapes}
+
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Return 90 % intervals of what :meth:`named` names; both cascades' together where two fit as well."""
+        found = {}
+        for name, error in self.errors.items():
+            values = [self.named()[name], *([self.other[name]] if name in self.other else [])]
+            found[name] = (min(values) - TWO_SIDED * error, max(values) + TWO_SIDED * error)
+        return found
 
     def pid(self) -> dict[str, float]:
         """Return kp, ki, kd, ffv and ffa of a PID."""
@@ -134,11 +170,13 @@ class Servo:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         values = asdict(self)
+        values["named"] = self.named()
         return {**values, "limit": self.limit if math.isfinite(self.limit) else None}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the controller that :meth:`to_dict` wrote."""
         limit = values.get("limit")
+        values = {name: x for name, x in values.items() if name != "named"}
         known = {**values, "gains": tuple(values["gains"]), "notch": tuple(values["notch"])}
         return cls(**{**known, "limit": math.inf if limit is None else float(limit)})
