@@ -48,6 +48,10 @@ gate: setup
 fuzz: setup
 	$(BIN)/python -m tests.fuzz --count 10000
 
+# 200 kills over all commands, full disks, folders that may not be written to; half an hour. The suite kills a dozen.
+kills: setup
+	$(BIN)/python -m tests.kills --count 200
+
 clean:
 	rm -rf $(VENV) build dist *.egg-info out
 
