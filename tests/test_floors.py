@@ -63,7 +63,6 @@ FLOORS = {
 # A method beside its result is easier to find than a function in another package.
 DOORS = {
     ("twin", "simulation"): "Twin.simulate",
-    ("studies", "report"): "the studies' .figure()",
 }
 
 # The virtual machines stand for reality: what judges reality must not know how they are made.
@@ -193,18 +192,7 @@ CIRCLES = {
         "twin.files",
         "twin.twin",
     },
-    "known: the studies' .figure()": {
-        "report.study_plots",
-        "studies.amount",
-        "studies.coupling",
-        "studies.overlay",
-        "studies.removal",
-        "studies.ripple_orders",
-    },
-    "known: transfer takes a LoopModel": {"loop.model", "loop.transfer"},
-    "known: the loops' stages": {"identification.flexible", "identification.loops", "identification.table"},
-    "known: Diagnosis.apply and .to_dict": {"diagnosis.apply", "diagnosis.document", "diagnosis.result"},
-    "known: VirtualMachine.record": {"virtual.machine", "virtual.run"},
+    "known: Diagnosis.apply": {"diagnosis.apply", "diagnosis.result"},
 }
 
 

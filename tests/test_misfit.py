@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
+from pinotwin.cli.identify import summary
 from pinotwin.identification.misfit import correlation_time, own_residual
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
@@ -36,6 +37,17 @@ def test_the_summary_is_the_size_of_that_residual(twin: pt.Twin) -> None:
     axis = twin.misfit.summary[motion.names[0]]
     assert axis["moving"] == pytest.approx(measured, rel=1e-9)
     assert sum(axis["spectrum"]["share"]) == pytest.approx(1.0)
+
+
+def test_identify_prints_rows_in_motion_and_at_rest_apart(twin: pt.Twin) -> None:
+    lines = summary(twin)
+    assert lines[1].split() == ["axis", "fit", "held", "out", "of", "std", "in", "motion", "at", "rest"]
+    assert twin.misfit is not None
+    for line, (name, own) in zip(lines[2:], twin.misfit.summary.items(), strict=False):
+        assert line.startswith(name)
+        assert f"{own['moving']:.3g} {own['unit']}" in line
+        assert line.endswith(f"{own['resting']:.3g} {own['unit']}" if own["resting"] is not None else "-")
+    assert max(len(line) for line in lines if not line.startswith("note: ")) <= 80
 
 
 def test_correlation_time_of_a_known_process() -> None:

@@ -16,6 +16,7 @@ from pinotwin.effects import Coulomb, PositionTable, Ripple, Viscous
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
+from pinotwin.report.study_plots import figure_of
 from pinotwin.studies.evidence import evidence, split_rigid_body
 from pinotwin.studies.removal import with_and_without
 from pinotwin.studies.significance import false_alarm, ratio_at
@@ -183,7 +184,7 @@ def test_coupling_matters_where_the_tree_couples() -> None:
     assert found.gain["A"] > 1.5
     assert found.axes["A"].coupled_error["nrmse_std"] < 0.04
     assert set(found.axes) == {"Y", "A"}
-    assert len(found.figure().data) >= 4
+    assert len(figure_of(found).data) >= 4
 
 
 def test_one_axis_has_nothing_to_couple_with() -> None:
@@ -278,6 +279,6 @@ def test_leaving_the_ripple_out_is_seen_in_the_prediction() -> None:
     assert without > 3.0 * complete
     ripple = study.complete - study.without
     assert np.sqrt(np.mean(ripple**2)) == pytest.approx(np.sqrt(without**2 - complete**2), rel=0.1)
-    assert len(study.figure().data) == 3
+    assert len(figure_of(study).data) == 3
     with pytest.raises(DataError, match="has none of"):
         with_and_without(twin, log, "Z")

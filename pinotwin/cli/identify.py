@@ -97,12 +97,17 @@ def summary(twin: Twin) -> list[str]:
         f"{sum(p.kind == 'shape' for p in twin.parameters)} searched parameters"
     ]
     wide = max([8, *(len(name) + 2 for name in quality["axes"])])
-    lines.append(f"{'axis':<{wide}}{'fit':>10}{'held out':>10}{'of std':>10}")
+    lines.append(f"{'axis':<{wide}}{'fit':>9}{'held out':>10}{'of std':>9}{'in motion':>15}{'at rest':>15}")
+    sizes = twin.misfit.summary if twin.misfit is not None else {}
     for name, row in quality["axes"].items():
         held = row.get("validation", row["held_out"])
-        errors = (row["fit"], held["nrmse"], held["nrmse_std"])
-        lines.append(f"{name:<{wide}}" + "".join(f"{_percent(x):>10}" for x in errors))
-    lines.append(f"all{quality['relative_error']:>13.2%}   (error norm / effort norm)")
+        errors = zip((row["fit"], held["nrmse"], held["nrmse_std"]), (9, 10, 9), strict=True)
+        own = sizes.get(name, {})
+        apart = (_size(own.get(kind), own.get("unit", "")) for kind in ("moving", "resting"))
+        lines.append(f"{name:<{wide}}" + "".join(f"{_percent(x):>{w}}" for x, w in errors) + "".join(apart))
+    lines.append(f"all{quality['relative_error']:>{wide + 6}.2%}   (error norm / effort norm)")
+    if sizes:
+        lines.append("in motion, at rest: RMS left of these logs, on parts that were not fitted")
     lines += _leads(quality)
     for warning in [*quality.get("preparation", ()), *quality["warnings"]]:
         lines.append(f"note: {warning}")
@@ -121,6 +126,11 @@ def _leads(quality: Mapping[str, Any]) -> Iterator[str]:
             "taken out" if any(row["applied"] for row in found.values()) else "left in, for the closed loop"
         )
         yield f"lead of the effort ahead of the position [ms], {done}: {each}"
+
+
+def _size(x: float | None, unit: str) -> str:
+    """Return one cell of the misfit; a dash where an axis has no such row."""
+    return f"{'-' if x is None else f'{x:.3g} {unit}':>15}"
 
 
 def _percent(x: float) -> str:

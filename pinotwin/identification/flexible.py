@@ -27,7 +27,7 @@ import numpy as np
 from pinotwin.analysis.disturbance import generalised_disturbance, reacting
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.identification.loops import _first, errors, loop_data
+from pinotwin.identification.loop_parts import errors, first_part, loop_data
 from pinotwin.identification.tied import tied, with_lag
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.motion import Motion
@@ -47,9 +47,11 @@ def with_tied_loops(twin: Twin, motion: Motion) -> Twin:
         i = motion.index(name)
         known = (float(twin.diagonal["inertia"][i]), float(twin.diagonal["viscous"][i]))
         data = loop_data(motion, d, name)
-        before = errors(data, identify_loop(_first(data), free.structure, starts=_start(free)), held_out=True)
+        before = errors(
+            data, identify_loop(first_part(data), free.structure, starts=_start(free)), held_out=True
+        )
         try:
-            trial = tied(_first(data), with_lag(free), *known)
+            trial = tied(first_part(data), with_lag(free), *known)
             model = tied(data, trial, *known)
         except DataError:
             continue
@@ -75,7 +77,7 @@ def with_vibration_loops(twin: Twin, motion: Motion) -> Twin:
             continue
         try:
             data = vibration_data(twin, motion, axis, passive)
-            trial = _fitted(twin, _first(data), axis, passive)
+            trial = _fitted(twin, first_part(data), axis, passive)
             model = _fitted(twin, data, axis, passive, near=trial)
         except DataError as error:
             loops[axis] = {**loops[axis], KEY: {"note": str(error)}}

@@ -8,22 +8,22 @@ two can be compared and a gain can be changed afterwards.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
-from pinotwin.effects import Effect
 from pinotwin.errors import DataError
 from pinotwin.identification.coupled import choice, fit_servos, with_factors
+from pinotwin.identification.flexible import with_tied_loops, with_vibration_loops
+from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_data
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.table import refined_table
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import (
-    Controller,
     LoopData,
     LoopModel,
     Structure,
@@ -40,8 +40,6 @@ SLOWEST = 1.0 / 50.0
 """Longest sampling interval at which a closed loop is identified [s]."""
 POOR = 0.05
 """Held-out error of the coupled form above which the free black box is identified as well."""
-TRAINED = 2.0 / 3.0
-"""Share of the log on which the orders are compared; the rest judges them."""
 PAYS = 0.95
 """A larger order is taken if it brings the held-out error below this share of the smaller one's."""
 MOST_PAIRS = 3
@@ -55,29 +53,6 @@ MUCH_WORSE = 1.1
 """No signal may lose more than this for the others' gain."""
 ROUNDS, EXPLORED, ENOUGH = 4, 2, 1.03
 """Most turns of loop and effects, of which the first explore; they end when one gains less than 3 %."""
-
-
-@dataclass
-class Loops:
-    """Closed loops as found, and what they say of the plant.
-
-    Attributes:
-        effects: the twin's effects, with shapes refined where that paid.
-        theta: the twin's coefficients, likewise.
-        models: black box of each axis.
-        controllers: grey box of each axis.
-        refined: axes whose effects were refined, with the standard errors found.
-        quality: per axis the errors of both, in the fit and held out, and what was chosen.
-        notes: axes that were left out, and why.
-    """
-
-    effects: tuple[Effect, ...]
-    theta: Floats
-    models: dict[str, LoopModel] = field(default_factory=dict)
-    controllers: dict[str, Controller] = field(default_factory=dict)
-    refined: dict[str, AxisEffects] = field(default_factory=dict)
-    quality: dict[str, Any] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
 
 
 def with_loops(twin: Twin, motion: Motion, logs: Sequence[Log], tell: Callable[[str, float], None]) -> Twin:
@@ -148,8 +123,6 @@ def _with_black_boxes(twin: Twin, motion: Motion, tell: Callable[[str, float], N
     )
     if not twin.machine.passive:
         return closed
-    from pinotwin.identification.flexible import with_tied_loops, with_vibration_loops
-
     return with_tied_loops(with_vibration_loops(closed, motion), motion)
 
 
@@ -202,10 +175,10 @@ def _refined(
     kept, before = mine, errors(data, trial, held_out=True)
     for turn in range(ROUNDS):
         near = replace(kept, error=mine.error)
-        better = refine(_first(data), trial, motion, near, explore=turn < EXPLORED)
+        better = refine(first_part(data), trial, motion, near, explore=turn < EXPLORED)
         change = better.columns(motion) @ better.theta - kept.columns(motion) @ kept.theta
         renewed = replace(data, d=data.d + change[:, None])
-        retried = _refit(_first(renewed), trial, afresh=turn == EXPLORED - 1)
+        retried = _refit(first_part(renewed), trial, afresh=turn == EXPLORED - 1)
         after = errors(renewed, retried, held_out=True)
         gain = _gain(before, after)
         if gain < 1.0 / NO_WORSE:
@@ -256,32 +229,18 @@ def _beside(model: LoopModel) -> Floats:
     return np.array([[*_theta(model), np.log(2.0 * np.pi * f), np.log(zeta)] for f, zeta in MODES])
 
 
-def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
-    """Return inputs and outputs of one axis' loop.
-
-    Raises:
-        DataError: the axis has no effort, or does not move.
-    """
-    i = motion.index(name)
-    if motion.qr is None or motion.vr is None or motion.ar is None:
-        raise DataError(f"{motion.source}: no command in the log")
-    if not np.isfinite(motion.u[:, i]).any():
-        raise DataError(f"{motion.source}: no effort of axis {name}")
-    data = LoopData.of_axis(motion, i, disturbance[:, i])
-    data.require_motion()
-    return data
-
-
 def _choose(twin: Twin, data: LoopData, name: str) -> LoopModel:
     """Return the loop, of the stated order or of the order that pays, fitted to the first part."""
     given = twin.machine.loop.get(name)
     if given is not None:
         structure = Structure(real_poles=given.real_poles, pole_pairs=given.pole_pairs)
-        return _found(_first(data), structure)
-    trial = _found(_first(data), Structure())
+        return _found(first_part(data), structure)
+    trial = _found(first_part(data), Structure())
     error = _score(data, trial)
     for pairs in range(2, MOST_PAIRS + 1):
-        other = identify_loop(_first(data), Structure(pole_pairs=pairs), starts=_beside(trial), judged=False)
+        other = identify_loop(
+            first_part(data), Structure(pole_pairs=pairs), starts=_beside(trial), judged=False
+        )
         score = _score(data, other)
         if score > PAYS * error:
             break
@@ -295,37 +254,9 @@ def _found(data: LoopData, structure: Structure) -> LoopModel:
     return identify_loop(data, structure, starts=starting_points(layout, BEGINNINGS), judged=False)
 
 
-def _first(data: LoopData) -> LoopData:
-    """Return the part of the data on which orders are compared."""
-    return data.within([s for s in (_clip(s, 0, _cut(data)) for s in data.segments) if s is not None])
-
-
-def _cut(data: LoopData) -> int:
-    return int(TRAINED * len(data.qr))
-
-
-def _clip(s: slice, start: int, stop: int) -> slice | None:
-    low, high = max(s.start, start), min(s.stop, stop)
-    return slice(low, high) if high - low > 32 else None
-
-
 def _score(data: LoopData, model: LoopModel) -> float:
     """Return the mean held-out error of the outputs, each over its RMS."""
     return float(np.mean(list(errors(data, model, held_out=True).values())))
-
-
-def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[str, float]:
-    """Return the normalised RMS error of each output, with the disturbance from measured motion."""
-    total = np.zeros(len(model.outputs))
-    size = np.zeros(len(model.outputs))
-    for s in data.segments:
-        y = model.simulate(data.qr[s], data.d[s])
-        start = max(_cut(data) - s.start, 0) if held_out else 0
-        truth = data.outputs[s][start:]
-        total += np.sum((y[start:] - truth) ** 2, axis=0)
-        size += np.sum(truth**2, axis=0)
-    ratio = np.sqrt(total / np.maximum(size, 1e-300))
-    return dict(zip(model.outputs, ratio.tolist(), strict=True))
 
 
 def _judged(data: LoopData, model: LoopModel, trial: LoopModel) -> dict[str, Any]:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
+from pinotwin.identification.loop_parts import Loops
 from pinotwin.identification.plant import Plant
+from pinotwin.identification.refine import AxisEffects
 from pinotwin.machine import Machine
 from pinotwin.twin.parameters import Parameter, verdict
 from pinotwin.twin.twin import Twin
-
-if TYPE_CHECKING:
-    from pinotwin.identification.loops import Loops
-    from pinotwin.identification.refine import AxisEffects
 
 
 def parameter_table(machine: Machine, plant: Plant) -> tuple[Parameter, ...]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.imu.noise import rest, white_level
-from pinotwin.signals.autoregression import burg
 
 
 @dataclass(frozen=True)
@@ -26,16 +26,22 @@ class Whitener:
 
     @classmethod
     def from_rest(cls, x: Floats, rate: float, order: int = 3) -> Whitener:
-        """Fit to the stretches of readings (m, 6), gyro and accelerometer, that are at rest."""
+        """Fit to the stretches of readings (m, 6), gyro and accelerometer, that are at rest.
+
+        By Yule and Walker, whose filter is the same forwards and backwards and gentler on short rests than
+        Burg's (:mod:`pinotwin.signals.autoregression`): with that one a scale came out 0.03 % off, not 0.02 %.
+        """
         still = rest(x[:, :3], x[:, 3:], rate)
         pieces = [x[a:b] for a, b in _stretches(still) if b - a > 40 * order]
         if sum(len(p) for p in pieces) < 0.3 * rate:
             taps = np.tile(np.eye(order + 1)[:1], (x.shape[1], 1))
             return cls(taps, white_level(x))
-        taps, sigma = np.eye(order + 1)[[0] * x.shape[1]], np.empty(x.shape[1])
+        share = np.array([len(p) for p in pieces]) / sum(len(p) for p in pieces)
+        r = np.einsum("p,pkc->kc", share, np.stack([_autocovariance(p, order) for p in pieces]))
+        taps, sigma = np.ones((x.shape[1], order + 1)), np.empty(x.shape[1])
         for c in range(x.shape[1]):
-            a, variance = burg([p[:, c] - p[:, c].mean() for p in pieces], order)
-            taps[c, 1 : len(a) + 1], sigma[c] = -a, np.sqrt(max(variance, 1e-30))
+            a = solve_toeplitz(r[:-1, c], r[1:, c])
+            taps[c, 1:], sigma[c] = -a, np.sqrt(max(r[0, c] - a @ r[1:, c], 1e-30))
         return cls(taps, sigma)
 
     def at_least(self, residual: Floats) -> Whitener:
@@ -54,3 +60,8 @@ class Whitener:
 def _stretches(mask: Mask) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _autocovariance(x: Floats, order: int) -> Floats:
+    x = x - x.mean(axis=0)
+    return np.stack([np.sum(x[k:] * x[: len(x) - k], axis=0) / len(x) for k in range(order + 1)])

@@ -3,20 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.linalg import expm
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.loop.modal import Hold
-from pinotwin.loop.structure import Section
+from pinotwin.loop.layout import Layout
+from pinotwin.loop.modal import Hold, ModalStep
+from pinotwin.loop.structure import Section, Structure
 
 if TYPE_CHECKING:
     import control
 
-    from pinotwin.loop.model import LoopModel
+
+class Sum(Protocol):
+    """A sum of first- and second-order sections with residues: what a loop's transfer functions follow from."""
+
+    @property
+    def axis(self) -> str:
+        """Name of the axis."""
+
+    @property
+    def structure(self) -> Structure:
+        """Numbers of poles and form of the numerators."""
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """Parts of the characteristic polynomial."""
+
+    @property
+    def residues(self) -> Floats:
+        """On the section states of every input, for each output."""
+
+    @property
+    def disturbances(self) -> tuple[str, ...]:
+        """Names of the disturbances."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+
+    @property
+    def layout(self) -> Layout:
+        """Which state belongs to which section and input."""
+
+    def modal(self, step: float | None = None, hold: Hold = "foh") -> ModalStep:
+        """Return the discrete modal form."""
 
 
 def factor(section: Section) -> Floats:
@@ -43,7 +81,7 @@ def _product(sections: Sequence[Section]) -> Floats:
     return den
 
 
-def fraction(model: LoopModel, output: int, index: int) -> tuple[Floats, Floats]:
+def fraction(model: Sum, output: int, index: int) -> tuple[Floats, Floats]:
     """Return numerator and denominator of one transfer function; see ``LoopModel.numerator``."""
     layout = model.layout
     slots = [slot for slot in layout.slots if slot.input == index]
@@ -62,7 +100,7 @@ def fraction(model: LoopModel, output: int, index: int) -> tuple[Floats, Floats]
     return _as_demanded(model, output, index, num, den), den
 
 
-def _as_demanded(model: LoopModel, output: int, index: int, num: Floats, den: Floats) -> Floats:
+def _as_demanded(model: Sum, output: int, index: int, num: Floats, den: Floats) -> Floats:
     """Return the numerator with the coefficients that the structure fixes set exactly."""
     command = index == len(model.disturbances)
     structure = model.structure
@@ -79,7 +117,7 @@ def _as_demanded(model: LoopModel, output: int, index: int, num: Floats, den: Fl
     return np.append(exact, 0.0) if command else exact
 
 
-def _parallel(model: LoopModel) -> tuple[Floats, Floats, Floats, Floats]:
+def _parallel(model: Sum) -> tuple[Floats, Floats, Floats, Floats]:
     """Return continuous A, B, C, D with inputs (disturbances, vr, ar), idle states removed."""
     modal = model.modal()
     orders = [slot.order for slot in model.layout.slots]
@@ -94,7 +132,7 @@ def _parallel(model: LoopModel) -> tuple[Floats, Floats, Floats, Floats]:
     return A[np.ix_(keep, keep)], B[keep], C[:, keep], D
 
 
-def _matrices(model: LoopModel, command: str) -> tuple[Floats, Floats, Floats, Floats, list[str]]:
+def _matrices(model: Sum, command: str) -> tuple[Floats, Floats, Floats, Floats, list[str]]:
     A, B, C, D = _parallel(model)
     if command == "vr":
         return A, B, C, D, [*model.disturbances, "vr", "ar"]
@@ -112,7 +150,7 @@ def _matrices(model: LoopModel, command: str) -> tuple[Floats, Floats, Floats, F
     return A, B, C, D, list(model.inputs)
 
 
-def state_space(model: LoopModel, command: str) -> control.StateSpace:
+def state_space(model: Sum, command: str) -> control.StateSpace:
     """Return the continuous system; see ``LoopModel.state_space``."""
     import control
 
@@ -120,7 +158,7 @@ def state_space(model: LoopModel, command: str) -> control.StateSpace:
     return control.StateSpace(A, B, C, D, inputs=inputs, outputs=list(model.outputs))
 
 
-def discrete(model: LoopModel, step: float, hold: Hold, command: str) -> control.StateSpace:
+def discrete(model: Sum, step: float, hold: Hold, command: str) -> control.StateSpace:
     """Return the discrete system; see ``LoopModel.discrete``."""
     import control
 

@@ -14,6 +14,7 @@ from pinotwin.machine import Machine
 from pinotwin.report.blocks import Block, Plot, notes, table
 from pinotwin.report.closed_loop_plots import causes_figure
 from pinotwin.report.page import Page
+from pinotwin.report.study_plots import figure_of
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
 from pinotwin.studies.overlay import FRICTION, RIPPLE, TABLE, overlay
@@ -129,7 +130,7 @@ def _amount(out: Studied, machine: Machine, logs: Sequence[Log]) -> None:
         else f"{enough:.3g} s are enough"
     )
     out.add(
-        "amount", "amount", ("seconds [s]", "fitted", "held out"), rows, notes([said]), Plot(found.figure())
+        "amount", "amount", ("seconds [s]", "fitted", "held out"), rows, notes([said]), Plot(figure_of(found))
     )
 
 
@@ -141,7 +142,7 @@ def _coupling(out: Studied, machine: Machine, logs: Sequence[Log], names: Sequen
         if row.axis in names
     ]
     header = ("axis", "coupled, held out", "decoupled, held out")
-    out.add("coupling", "coupling", header, rows, Plot(found.figure()))
+    out.add("coupling", "coupling", header, rows, Plot(figure_of(found)))
 
 
 def _without(out: Studied, twin: Twin, logs: Sequence[Log], axis: str) -> None:
@@ -152,7 +153,7 @@ def _without(out: Studied, twin: Twin, logs: Sequence[Log], axis: str) -> None:
     rows = [(name, *one.errors()) for name, one in found]
     largest = max(found, key=lambda item: item[1].errors()[1])[1]
     header = ("effect", "RMS error with it [N, N·m]", "without")
-    out.add("without", f"without_{axis}", header, rows, Plot(largest.figure()))
+    out.add("without", f"without_{axis}", header, rows, Plot(figure_of(largest)))
 
 
 def _overlays(out: Studied, twin: Twin, logs: Sequence[Log], axis: str) -> None:
@@ -166,7 +167,7 @@ def _overlays(out: Studied, twin: Twin, logs: Sequence[Log], axis: str) -> None:
         rows = list(zip(bins.x, bins.median, bins.low, bins.high, strict=True))
         header = (f"{against} [SI]", "median of the data", "lower quartile", "upper quartile")
         said = notes([f"the curve explains {found.explained:.0%} of the data's power"])
-        out.add("overlay", f"overlay_{axis}_{name}", header, rows, said, Plot(found.figure()))
+        out.add("overlay", f"overlay_{axis}_{name}", header, rows, said, Plot(figure_of(found)))
 
 
 def _errors(out: Studied, found: Decomposition, axis: str, rotary: bool) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -24,6 +26,17 @@ from pinotwin.studies.removal import WithAndWithout
 from pinotwin.studies.ripple_orders import RippleOrders
 
 
+@singledispatch
+def figure_of(given: object) -> go.Figure:
+    """Return a study's result as an interactive plot.
+
+    Raises:
+        TypeError: it is the result of no study.
+    """
+    raise TypeError(f"no figure of {type(given).__name__}")
+
+
+@figure_of.register
 def overlay_figure(given: Overlay) -> go.Figure:
     """Return the extracted data with the fitted curve over them."""
     of = display.velocity if given.against == "velocity" else display.position
@@ -65,6 +78,7 @@ def overlay_figure(given: Overlay) -> go.Figure:
     return figure
 
 
+@figure_of.register
 def removal_figure(given: WithAndWithout) -> go.Figure:
     """Return measured effort, and predictions with and without some effects, over time."""
     up = display.effort(given.rotary, display.largest(given.measured))
@@ -79,6 +93,7 @@ def removal_figure(given: WithAndWithout) -> go.Figure:
     return figure
 
 
+@figure_of.register
 def amount_figure(given: ErrorAgainstData) -> go.Figure:
     """Return the normalised error against the amount of data."""
     figure = go.Figure()
@@ -97,6 +112,7 @@ def amount_figure(given: ErrorAgainstData) -> go.Figure:
     return figure
 
 
+@figure_of.register
 def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> go.Figure:
     """Return both models' errors on every axis, and their predictions of one."""
     names = list(given.axes)
@@ -139,6 +155,7 @@ def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> 
     return figure
 
 
+@figure_of.register
 def orders_figure(given: RippleOrders) -> go.Figure:
     """Return the spectrum over the orders with those found named."""
     figure = go.Figure()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.problem import Problem
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 _GUARD = 0.02  # share of the log left out between what is fitted and what is judged
 
@@ -55,12 +51,6 @@ class ErrorAgainstData:
         last_far = np.flatnonzero(~near)
         first = 0 if not len(last_far) else int(last_far[-1]) + 1
         return float(self.seconds[first]) if first < len(self.seconds) - 1 else None
-
-    def figure(self) -> go.Figure:
-        """Return the error against the amount of data as an interactive plot."""
-        from pinotwin.report.study_plots import amount_figure
-
-        return amount_figure(self)
 
 
 def error_against_data(

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import qr
@@ -27,9 +26,6 @@ from pinotwin.motion import Motion
 from pinotwin.solve.crossval import held_out
 from pinotwin.solve.linear import Options
 from pinotwin.solve.problem import Problem
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +76,6 @@ class CoupledAgainstDecoupled:
             name: row.decoupled_error["rms"] / max(row.coupled_error["rms"], 1e-300)
             for name, row in self.axes.items()
         }
-
-    def figure(self, axis: str | None = None) -> go.Figure:
-        """Return both errors per axis, and both predictions of one axis (of the largest gain)."""
-        from pinotwin.report.study_plots import coupling_figure
-
-        return coupling_figure(self, axis)
 
 
 def coupled_against_decoupled(

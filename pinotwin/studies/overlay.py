@@ -8,34 +8,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import AxisEffect
+from pinotwin.effects import EFFECTS, AxisEffect
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.motion import AxisMotion
 from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.twin import Twin
 
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
-FRICTION = (
-    "viscous",
-    "viscous_asymmetric",
-    "coulomb",
-    "coulomb_asymmetric",
-    "stribeck",
-    "presliding",
-    "quadratic_drag",
+FRICTION = tuple(
+    name
+    for name, e in EFFECTS.items()
+    if e.family.name == "friction" and e.depends in ("velocity", "direction", "displacement")
 )
 """Effects that are functions of the velocity of their axis."""
-RIPPLE = ("ripple", "ripple_modulated")
+RIPPLE = tuple(name for name, e in EFFECTS.items() if e.depends == "position" and e.several)
 """Effects that are periodic in the position of their axis."""
-TABLE = ("position_table",)
+TABLE = tuple(name for name, e in EFFECTS.items() if e.depends == "position" and e.held)
+"""Effects that are any function of the position of their axis."""
 _BINS = 60
 _FEWEST = 5  # rows that make a bin
 
@@ -89,12 +83,6 @@ class Overlay:
         """Share of the extracted data's power that the curve explains; 1 is all of it."""
         power = float(np.sum(self.extracted**2))
         return 1.0 - float(np.sum((self.extracted - self.fitted) ** 2)) / max(power, 1e-300)
-
-    def figure(self) -> go.Figure:
-        """Return the overlay as an interactive plot."""
-        from pinotwin.report.study_plots import overlay_figure
-
-        return overlay_figure(self)
 
 
 def friction_overlay(twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str) -> Overlay:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from pinotwin.log import Log
 from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.studies.overlay import RIPPLE, effect_keys_of
 from pinotwin.twin import Twin
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +42,6 @@ class WithAndWithout:
         pairs = (self.complete, self.without)
         complete, without = (float(np.sqrt(np.mean((self.measured - x) ** 2))) for x in pairs)
         return complete, without
-
-    def figure(self) -> go.Figure:
-        """Return the three efforts over time."""
-        from pinotwin.report.study_plots import removal_figure
-
-        return removal_figure(self)
 
 
 def with_and_without(

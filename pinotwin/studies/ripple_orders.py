@@ -11,16 +11,12 @@ coefficients are solved anew after each (orthogonal matching pursuit: Pati, Reza
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.studies.significance import NEIGHBOURS, floor, ratio_at, strongest
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 _TURN = 2.0 * np.pi
 _MOST_ROWS = 16_384
@@ -80,12 +76,6 @@ class RippleOrders:
             "correlation": float(np.corrcoef(ripple, given)[0, 1]) if len(self.orders) else 0.0,
             "nrmse_std": float(np.std(given - ripple) / np.std(given)),
         }
-
-    def figure(self) -> go.Figure:
-        """Return the spectrum over the orders, those found marked, as an interactive plot."""
-        from pinotwin.report.study_plots import orders_figure
-
-        return orders_figure(self)
 
 
 def ripple_orders(

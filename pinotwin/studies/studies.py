@@ -1,4 +1,4 @@
-"""The studies of the thesis as library functions; each result draws itself with ``.figure()``.
+"""The studies of the thesis as library functions; ``report.study_plots`` draws their results.
 
 | study | thesis |
 |---|---|

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -13,21 +13,57 @@ from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import INTEGRAL, N_STATE, PREVIOUS
 from pinotwin.virtual.kernel import position_effort, run
 from pinotwin.virtual.mass import gravity_at
+from pinotwin.virtual.parameters import Timing
 from pinotwin.virtual.recording import Recording, SealedTruth
-from pinotwin.virtual.rigid import empty_pose
+from pinotwin.virtual.rigid import Tree, empty_pose
 from pinotwin.virtual.sensors import measured_effort
 from pinotwin.virtual.structs import Axes, Drive, Record, Room, State
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.truth import Pulse, Truth
 
-if TYPE_CHECKING:
-    from pinotwin.virtual.machine import VirtualMachine
-
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
+class Runnable(Protocol):
+    """What a run asks of a virtual machine; see :class:`pinotwin.virtual.machine.VirtualMachine`."""
+
+    @property
+    def name(self) -> str:
+        """Name of the machine."""
+
+    @property
+    def truth(self) -> Truth:
+        """The sealed truth."""
+
+    @property
+    def tree(self) -> Tree:
+        """The bodies as they are."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of all joints."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the driven ones."""
+
+    @property
+    def links(self) -> Mapping[str, tuple[int, Floats, Floats]]:
+        """Link -> joint, place and orientation of its frame."""
+
+    @property
+    def timing(self) -> Timing:
+        """Sampling of the controller."""
+
+    def tables(self, truth: Truth | None = None) -> Axes:
+        """Return the kernel's tables."""
+
+    def scattered(self, rng: np.random.Generator) -> Truth:
+        """Return the truth with this run's friction."""
+
+
 def record_run(
-    machine: VirtualMachine,
+    machine: Runnable,
     trajectory: Trajectory,
     seed: int,
     noise: bool,
@@ -66,7 +102,7 @@ def _decimation(control: float, rate: float, what: str) -> int:
 
 
 def _drive(
-    machine: VirtualMachine,
+    machine: Runnable,
     trajectory: Trajectory,
     loads: Sequence[Pulse],
     n: int,
@@ -85,9 +121,7 @@ def _drive(
     return Drive(qr, vr, ar, encoder, chatter, body, point, load)
 
 
-def load_arrays(
-    machine: VirtualMachine, loads: Sequence[Pulse], t: Floats
-) -> tuple[np.ndarray, Floats, Floats]:
+def load_arrays(machine: Runnable, loads: Sequence[Pulse], t: Floats) -> tuple[np.ndarray, Floats, Floats]:
     """Return bodies, points and world-axes loads at times ``t``: shapes (k,), (k, 3), (n, k, 6)."""
     links = sorted({p.link for p in loads})
     body = np.zeros(len(links), dtype=np.intp)
@@ -103,7 +137,7 @@ def load_arrays(
     return body, point, load
 
 
-def equilibrium(machine: VirtualMachine, axes: Axes, drive: Drive) -> State:
+def equilibrium(machine: Runnable, axes: Axes, drive: Drive) -> State:
     """Return the state at rest at the first command, springs and integral parts loaded.
 
     The motors hold gravity, ripple and tables; friction is not loaded. (Motors that held gravity alone
@@ -168,7 +202,7 @@ def empty_room(nv: int) -> Room:
 
 
 def _log(
-    machine: VirtualMachine,
+    machine: Runnable,
     truth: Truth,
     drive: Drive,
     record: Record,
@@ -192,7 +226,7 @@ def _log(
     return log
 
 
-def _sealed(machine: VirtualMachine, record: Record, fine: int) -> SealedTruth:
+def _sealed(machine: Runnable, record: Record, fine: int) -> SealedTruth:
     rows = slice(None, None, fine // record.every)
     q = record.q[rows]
     links: Mapping[str, tuple[int, Floats, Floats]] = machine.links

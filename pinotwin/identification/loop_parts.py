@@ -1,0 +1,86 @@
+"""What the stages of the closed loops share: an axis' data, their first part, errors, and what was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.effects import Effect
+from pinotwin.errors import DataError
+from pinotwin.identification.refine import AxisEffects
+from pinotwin.loop import Controller, LoopModel
+from pinotwin.loop.data import LoopData
+from pinotwin.motion import Motion
+
+TRAINED = 2.0 / 3.0
+"""Share of the log on which the orders are compared; the rest judges them."""
+
+
+@dataclass
+class Loops:
+    """Closed loops as found, and what they say of the plant.
+
+    Attributes:
+        effects: the twin's effects, with shapes refined where that paid.
+        theta: the twin's coefficients, likewise.
+        models: black box of each axis.
+        controllers: grey box of each axis.
+        refined: axes whose effects were refined, with the standard errors found.
+        quality: per axis the errors of both, in the fit and held out, and what was chosen.
+        notes: axes that were left out, and why.
+    """
+
+    effects: tuple[Effect, ...]
+    theta: Floats
+    models: dict[str, LoopModel] = field(default_factory=dict)
+    controllers: dict[str, Controller] = field(default_factory=dict)
+    refined: dict[str, AxisEffects] = field(default_factory=dict)
+    quality: dict[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
+    """Return inputs and outputs of one axis' loop.
+
+    Raises:
+        DataError: the axis has no effort, or does not move.
+    """
+    i = motion.index(name)
+    if motion.qr is None or motion.vr is None or motion.ar is None:
+        raise DataError(f"{motion.source}: no command in the log")
+    if not np.isfinite(motion.u[:, i]).any():
+        raise DataError(f"{motion.source}: no effort of axis {name}")
+    data = LoopData.of_axis(motion, i, disturbance[:, i])
+    data.require_motion()
+    return data
+
+
+def first_part(data: LoopData) -> LoopData:
+    """Return the part of the data on which orders are compared."""
+    return data.within([s for s in (_clip(s, 0, _cut(data)) for s in data.segments) if s is not None])
+
+
+def _cut(data: LoopData) -> int:
+    return int(TRAINED * len(data.qr))
+
+
+def _clip(s: slice, start: int, stop: int) -> slice | None:
+    low, high = max(s.start, start), min(s.stop, stop)
+    return slice(low, high) if high - low > 32 else None
+
+
+def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[str, float]:
+    """Return the normalised RMS error of each output, with the disturbance from measured motion."""
+    total = np.zeros(len(model.outputs))
+    size = np.zeros(len(model.outputs))
+    for s in data.segments:
+        y = model.simulate(data.qr[s], data.d[s])
+        start = max(_cut(data) - s.start, 0) if held_out else 0
+        truth = data.outputs[s][start:]
+        total += np.sum((y[start:] - truth) ** 2, axis=0)
+        size += np.sum(truth**2, axis=0)
+    ratio = np.sqrt(total / np.maximum(size, 1e-300))
+    return dict(zip(model.outputs, ratio.tolist(), strict=True))
