@@ -130,6 +130,13 @@ def test_every_part_has_a_floor() -> None:
     assert {part(name) for name in NAMES} - {""} - set(FLOORS) == set()
 
 
+def test_the_page_of_the_architecture_has_every_part() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| ")]
+    missing = [name for name in FLOORS if not any(f"`{name.replace('.', '/')}`" in row for row in rows)]
+    assert set(missing) <= {"logs"}
+
+
 def test_imports_go_down() -> None:
     wrong = [
         str(one)

@@ -137,8 +137,3 @@ def left_out_with(effect: str) -> tuple[str, ...]:
     """Return what a catalogue must lose so that an effect is unknown to it."""
     kin = next((g for g in IMITATORS if effect in g), frozenset({effect}))
     return tuple(sorted(kin | {effect} | CONTAINED_IN.get(effect, frozenset())))
-
-
-def true_name(effect: str) -> str:
-    """Return the catalogue's name of what was put in (another functional form has the same name)."""
-    return FORMS.get(effect, effect)

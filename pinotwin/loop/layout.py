@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import InputError, nearest
 from pinotwin.loop.sections import continuous, derivatives
 from pinotwin.loop.structure import Channel, Section, Structure
@@ -151,11 +151,6 @@ class Layout:
         low = [math.log(p.lower * p.scale) for p in self.parameters]
         high = [math.log(p.upper * p.scale) for p in self.parameters]
         return np.array(low), np.array(high)
-
-    @property
-    def state_slots(self) -> Ints:
-        """Section of every state residue, shape (states,)."""
-        return np.concatenate([[slot.section] * slot.order for slot in self.slots]).astype(np.intp)
 
     def ties(self, sections: Sequence[Section], output: int, scale: Floats) -> Ties:
         """Return the ties on the residues of one output.

@@ -7,7 +7,7 @@ Only rows in motion are used: at rest, dry friction holds any effort up to its l
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -155,11 +155,3 @@ def _blocks(motion: Motion, rows: Rows, block_time: float) -> Ints:
         out.append(first + (np.arange(length) * parts) // length)
         first += parts
     return np.concatenate(out)
-
-
-def shared_joints(samples: Sequence[Sample]) -> tuple[int, ...]:
-    """Return the joints that have rows in every sample."""
-    common = set(samples[0].joints)
-    for s in samples[1:]:
-        common &= set(s.joints)
-    return tuple(sorted(common))

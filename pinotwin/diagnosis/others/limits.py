@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.loop.gains import at_limit
 from pinotwin.motion import Motion
 from pinotwin.signals import rms, roughness
 
@@ -20,6 +19,7 @@ LEFT_BEHIND = 1.3  # the tracking error there over that elsewhere then
 FLAT = 1.1  # spread of the effort there over its roughness then: steady acceleration leaves 1.4 to 2.8
 STANDING = 0.01  # of the top speed: below it an axis stands
 OVER_LEVEL = 1.05  # of a limit: what a log may show above it, its current loop's overshoot
+HOLD = 0.02  # [s] an effort must rest at its largest size to be at a drive's limit
 AFTER = 0.05  # [s] that a limit is felt in the tracking error once it is left
 
 
@@ -114,4 +114,27 @@ def followed(mask: Mask, samples: int) -> Mask:
     out = mask.copy()
     for k in range(1, samples + 1):
         out[k:] |= mask[:-k]
+    return out
+
+
+def at_limit(u: Floats, noise: float, step: float) -> Mask:
+    """Return where an effort rests near the largest size it has, for a while.
+
+    A drive at its limit does not rest at its very largest reading: noise and the current loop overshoot
+    it. The level is the size that is met most often among the largest fifth.
+
+    Args:
+        u: effort [N or N·m], shape (n,).
+        noise: standard deviation of its noise.
+        step: sampling interval [s].
+    """
+    size = np.abs(np.nan_to_num(u))
+    top = float(size.max(initial=0.0))
+    counts, edges = np.histogram(size, np.linspace(0.8 * top, top * (1.0 + 1e-12) + 1e-300, 21))
+    level = float(edges[int(np.argmax(counts))])
+    near = size >= level - 5.0 * noise - 0.005 * top
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
+    out = np.zeros(len(u), dtype=bool)
+    for a, b in zip(ends[::2], ends[1::2], strict=True):
+        out[a:b] = (b - a) * step >= HOLD and b - a >= 3
     return out
