@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pinotwin.diagnosis.candidates.episodes import episodes
 from pinotwin.diagnosis.conclusion.bodies import body_of, body_sizes
+from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
-from pinotwin.diagnosis.evidence.held_out import Ground, judged
+from pinotwin.diagnosis.evidence.held_out import Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import base_of, products
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.effects import EFFECTS
+from pinotwin.identification import identify
+from pinotwin.machine import Machine
+from pinotwin.machine.bundled import bundled_path
 from pinotwin.motion import Motion
+from pinotwin.virtual import VirtualMachine, random_trajectory
 
 RATE, SECONDS = 100.0, 30.0
 
@@ -123,3 +131,34 @@ def test_a_body_has_mass_and_centre_with_intervals() -> None:
     taken = body_of(-pi, covariance)
     assert taken.mass == -2.0
     assert taken.centre == pytest.approx([0.1, 0.0, -0.05])
+
+
+def test_numbers_that_outnumber_the_blocks_are_not_certain_for_that() -> None:
+    rng = np.random.default_rng(5)
+    blocks, p = 8, 12
+    theta = rng.normal(size=p)
+    folds = theta + rng.normal(size=(blocks, p)) / np.sqrt(blocks)  # each moved by as much as it is large
+    nothing = np.zeros(0)
+    found = Judged(theta, folds, np.zeros((p, p)), nothing, nothing, True, nothing)
+    assert found.strength < 2.0
+    few = Judged(theta[:2], folds[:, :2], np.zeros((2, 2)), nothing, nothing, True, nothing)
+    assert few.strength == pytest.approx(theta[:2] @ np.linalg.solve(few.covariance, theta[:2]) / 2.0)
+
+
+def test_where_the_twin_has_never_been_its_table_is_a_guess_and_no_change() -> None:
+    virtual = VirtualMachine.load(bundled_path("emps"))
+    machine = Machine.load("emps")
+    axis = machine.axes["X"]
+    table = EFFECTS["position_table"].on(machine, "X")
+    machine = replace(machine, axes={"X": replace(axis, effects=(*axis.effects, table))})
+    short, wide = (virtual.record(random_trajectory(virtual, 5.0, s), seed=s).to_log() for s in (3, 4))
+    twin = identify(machine, short, loop=False)
+    low, high = short["X.q"].min(), short["X.q"].max()
+    assert wide["X.q"].max() > high + 0.05  # goes where the twin has never been
+    c = compare(twin, [wide], [])
+    judged_at = c.new.motion.q[c.new.samples(0), 0]
+    assert low - 2e-3 <= judged_at.min()
+    assert judged_at.max() <= high + 2e-3
+    assert [d for d in c.gate.doubts if "where its twin has never been" in d]
+    again = compare(twin, [short], [])
+    assert not [d for d in again.gate.doubts if "never been" in d]

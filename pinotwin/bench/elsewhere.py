@@ -54,8 +54,12 @@ class Elsewhere:
         """Return the folder of a case of the other simulator: machine, healthy, train, repeat, valid, answer."""
         folder = self.work / f"{machine.replace(':', '')}-{kind}-{seed}"
         if not (folder / "answer.json").is_file():
-            shutil.rmtree(folder, ignore_errors=True)
-            self._run("foreign.py", "case", folder, kind, seed, "--machine", machine)
+            part = folder.with_name(f"{folder.name}.part{os.getpid()}")  # another process may want it too
+            self._run("foreign.py", "case", part, kind, seed, "--machine", machine)
+            try:
+                part.rename(folder)
+            except OSError:  # it is there by now
+                shutil.rmtree(part)
         return folder
 
     def answer(self, case: Path) -> dict[str, str]:

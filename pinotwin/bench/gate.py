@@ -16,6 +16,7 @@ from pinotwin.bench.answers import same_class
 from pinotwin.bench.cases import Case
 from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.engine import engine
+from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.healthy import Asked, Question, asked, foreign_case, read_logs, twin_of
 from pinotwin.bench.produce import produce
 from pinotwin.bench.twins import healthy_twin
@@ -57,8 +58,8 @@ CHECKS = (
     Check(Question("own", "trunnion", "structure", 4)),
     Check(Question("own", "random:30", "change", 5)),
     Check(Question("own", "emps", "change", 6), "viscous", "X", 0.03),
-    Check(Question("own", "trunnion", "change", 7), "ripple", "C", 0.02),
-    Check(Question("own", "emps", "structure", 8), "quadratic_drag", "X", 0.08),
+    Check(Question("own", "emps", "structure", 8), "ripple", "X", 0.02),
+    Check(Question("own", "emps", "structure", 9), "position_table", "X", 0.03),
     Check(Question("foreign", "random:205", "structure", 205)),
     Check(Question("foreign", "random:206", "change", 206)),
     Check(Question("foreign", "random:206", "change", 206), "viscous"),
@@ -148,7 +149,7 @@ def _given(check: Check, work: Path, elsewhere: Elsewhere | None) -> tuple[Asked
         put_in = ((check.fault, check.axis, check.size),)
         sealed = produce(Case(0, q.machine, q.situation, "single", put_in, q.seed), seconds=SECONDS).sealed
         change = q.situation == "change"
-        twin = healthy_twin(work / "twins", q.machine, 0) if change else sealed.machine
+        twin = healthy_twin(work / f"twins-{fingerprint()}", q.machine, 0) if change else sealed.machine
         return Asked(twin, sealed.logs, sealed.validation), check
     assert elsewhere is not None
     if q.kind == "foreign":

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from pinotwin.bench.cases import Case
 from pinotwin.bench.elsewhere import Elsewhere
+from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.produce import produce
 from pinotwin.bench.twins import healthy_twin
 from pinotwin.log import Log
@@ -98,7 +99,7 @@ def asked(question: Question, work: Path, elsewhere: Elsewhere | None) -> Asked:
         sealed = produce(case).sealed
         change = question.situation == "change"
         return Asked(
-            healthy_twin(work / "twins", question.machine, 0) if change else sealed.machine,
+            healthy_twin(work / f"twins-{fingerprint()}", question.machine, 0) if change else sealed.machine,
             sealed.logs,
             sealed.validation,
         )

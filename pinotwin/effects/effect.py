@@ -40,7 +40,7 @@ from typing import ClassVar, Literal, Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.effects.family import OTHER, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.tree import HasTree, Tree
@@ -215,6 +215,10 @@ class Effect(abc.ABC):
         """Return the effect with what it takes from the log before a fit (a table's knots)."""
         del motion
         return self
+
+    def known(self, motion: Motion) -> Mask:
+        """Return the samples at which what it was fitted to says what it is (where a table has knots), (n,)."""
+        return np.ones(len(motion), dtype=bool)
 
     def bound(self, tree: Tree) -> Self:
         """Return the effect with what it takes from its machine (a body's regressor, an endless joint)."""

@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Depends, Effect, Shape
 from pinotwin.effects.family import POSITION, Family
 from pinotwin.effects.sight import Sight
@@ -330,6 +330,14 @@ class PositionTable(AxisEffect):
                 f"{self.spacing:g} (travel {np.ptp(q):g})"
             )
         return dataclasses.replace(self, start=start, stop=start + count * self.spacing)
+
+    def known(self, motion: Motion) -> Mask:
+        """See :meth:`Effect.known`: between its first and its last knot, by one spacing."""
+        if self.endless or self.start is None or self.stop is None:
+            return super().known(motion)
+        assert self.spacing is not None
+        q = motion.axis(self.axis).q
+        return np.asarray((q >= self.start - self.spacing) & (q <= self.stop + self.spacing))
 
     @property
     def knots(self) -> Floats:

@@ -103,9 +103,13 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
             twin = identify(_without_leads(subject), logs, loop=False)
             motions = _motions(twin, logs)
     sealed = _motions(twin, validation)
+    if change:
+        motions, sealed, strange = _known(twin, motions, sealed)
     new = _sample(twin, _joined(motions), block)
     unseen = _sample(twin, _joined(sealed), block) if sealed else None
     asked = gate(twin.machine, [*logs, *validation])
+    if change:
+        asked = replace(asked, doubts=(*asked.doubts, *strange))
     if change and asked.silent:
         m = new.motion
         asked = confirmed(asked, twin.machine, m.u, twin.effort(m), m.use)
@@ -132,6 +136,44 @@ def _without_leads(machine: Machine) -> Machine:
 def _motions(twin: Twin, logs: Sequence[Log]) -> list[Motion]:
     motions = [twin.motion(log) for log in logs]
     return [bent(twin, m, m) for m in motions] if twin.machine.passive else motions
+
+
+def _known(
+    twin: Twin, motions: Sequence[Motion], sealed: Sequence[Motion]
+) -> tuple[list[Motion], list[Motion], list[str]]:
+    """Return motions without the rows at which the twin does not know its own effects, and what to say of it.
+
+    A table beyond its knots is a guess, and what it is off by no change. An axis that is nowhere else keeps its rows.
+    """
+    words, out = [], [list(motions), list(sealed)]
+    for effect in twin.effects:
+        if effect.axis is None or effect.axis not in twin.machine.axes:
+            continue
+        j = twin.machine.axes[effect.axis].index
+        inside = [[effect.known(m) for m in part] for part in out]
+        left = [int(np.sum(m.use[:, j] & k)) for m, k in zip(motions, inside[0], strict=True)]
+        whole = [int(np.sum(m.use[:, j])) for m in motions]
+        if sum(left) == sum(whole) or sum(left) < LEAST * sum(whole):
+            continue
+        out = [
+            [_used(m, j, k) for m, k in zip(part, known, strict=True)]
+            for part, known in zip(out, inside, strict=True)
+        ]
+        words.append(
+            f"{effect.axis} goes where its twin has never been: {1.0 - sum(left) / sum(whole):.0%} of its rows, at "
+            f"which its {effect.name} is a guess, are not judged; identify the twin on the whole travel"
+        )
+    return out[0], out[1], words
+
+
+LEAST = 0.1
+"""Of an axis' rows, that must be left."""
+
+
+def _used(motion: Motion, joint: int, known: Mask) -> Motion:
+    use = motion.use.copy()
+    use[:, joint] &= known
+    return replace(motion, use=use)
 
 
 def _joined(motions: Sequence[Motion]) -> Motion:

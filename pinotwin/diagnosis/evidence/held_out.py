@@ -99,6 +99,10 @@ class Judged:
         if p == 0:
             return 0.0
         C = self.covariance
+        if (
+            p >= len(self.folds) - 1
+        ):  # fewer blocks than numbers: in some directions nothing would seem to vary
+            C = np.diag(np.diag(C))
         C = C + 1e-12 * max(float(np.trace(C)), 1e-300) * np.eye(p)
         return float(self.theta @ np.linalg.solve(C, self.theta)) / p
 
