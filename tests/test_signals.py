@@ -20,6 +20,7 @@ from pinotwin.signals import (
     interior,
     low_pass,
     segments,
+    spectra,
     suggest_cutoff,
     uniform,
     welch,
@@ -243,3 +244,15 @@ def test_motion_up_to_nyquist_and_no_motion_need_no_filter() -> None:
     assert suggest_cutoff(np.zeros((500, 2)), 50.0) == np.inf
     assert suggest_cutoff(rng.normal(size=3000), 50.0) == np.inf
     assert suggest_cutoff(np.zeros(10), 50.0) == np.inf
+
+
+def test_the_trend_of_a_window_is_its_least_squares_line() -> None:
+    x = np.cumsum(np.random.default_rng(0).normal(size=(20000, 3)), axis=0)
+    _, expected = scipy_signal.welch(x, fs=500.0, nperseg=2500, detrend="linear", axis=0)
+    np.testing.assert_allclose(spectra.welch(x, 500.0).density, expected, rtol=1e-10)
+
+
+def test_few_lags_are_those_of_many() -> None:
+    x = np.cumsum(np.random.default_rng(1).normal(size=5000))
+    few = spectra.autocorrelation(x, spectra.FEW_LAGS)
+    np.testing.assert_allclose(few, spectra.autocorrelation(x, 100)[: len(few)], atol=1e-12)

@@ -35,6 +35,8 @@ NEEDED = 0.99
 """Share of the velocity's power that stays in any case."""
 BAND = 0.9999
 """Share of the acceleration's power below the motion's band."""
+FEW_LAGS = 8
+"""Lags up to which an autocorrelation is summed directly: no transform of the whole signal."""
 MARGIN = 2.0
 """Corner over the end of the motion's band, at most."""
 
@@ -81,11 +83,18 @@ def welch(
         n = part.stop - part.start
         if n >= size:
             f, density = signal.welch(
-                x[part], fs=rate, nperseg=size, detrend="linear", axis=0, scaling="density"
+                x[part], fs=rate, nperseg=size, detrend=_without_trend, axis=0, scaling="density"
             )
             total = total + density * n
             weight += n
     return Spectrum(f, total / weight)
+
+
+def _without_trend(windows: Floats) -> Floats:
+    """Return windows (..., m) without their straight lines: scipy's own detrend solves for each of them."""
+    ramp = np.linspace(-1.0, 1.0, windows.shape[-1])
+    slope = windows @ ramp / (ramp @ ramp)
+    return windows - windows.mean(axis=-1, keepdims=True) - slope[..., None] * ramp
 
 
 def suggest_cutoff(q: Floats, rate: float, segments: Sequence[slice] | None = None) -> float:
@@ -168,6 +177,9 @@ def autocorrelation(x: Floats, max_lag: int) -> Floats:
     x = np.asarray(x, dtype=float) - np.mean(x)
     if len(x) <= max_lag or not x.any():
         raise DataError(f"autocorrelation to lag {max_lag} needs a longer signal that varies")
+    if max_lag <= FEW_LAGS:
+        r = np.array([x[k:] @ x[: len(x) - k] for k in range(max_lag + 1)])
+        return r / r[0]
     size = 1 << int(2 * len(x) - 1).bit_length()
     power = np.abs(np.fft.rfft(x, size)) ** 2
     r = np.fft.irfft(power, size)[: max_lag + 1]
