@@ -100,9 +100,14 @@ def test_what_was_promised_was_not_measured_on_the_validation_log(stribeck):
 
 
 def test_a_delay_is_found_in_size(machine, urdf_dir):
-    found = diagnose(machine, record(urdf_dir, "delay:X=0.2"))
-    assert found.effects[0].effect == "delay"
-    assert found.effects[0].theta["seconds"] == pytest.approx(2e-3, rel=0.1)
+    sizes = []
+    for dose in (0.2, 0.4):
+        found = diagnose(machine, record(urdf_dir, f"delay:X={dose}"))
+        assert found.effects[0].effect == "delay"
+        sizes.append(found.effects[0].theta["seconds"])
+    # a healthy drive leads by 0.2 ms, for its controller holds the effort over a period: two doses cancel it
+    assert sizes[1] - sizes[0] == pytest.approx(2e-3, rel=0.1)
+    assert sizes[0] == pytest.approx(2e-3 - 0.2e-3, rel=0.1)
 
 
 def test_the_answer_depends_only_on_the_seed(machine, urdf_dir, stribeck):

@@ -285,6 +285,11 @@ class Effect(abc.ABC):
         del motion
         return 0.0
 
+    def possible(self, theta: Floats) -> bool:
+        """Whether coefficients, shape (p,), and shapes can belong to one such effect; bounds are judged apart."""
+        del theta
+        return True
+
     def settled(self) -> Self:
         """Return the effect as machine.yaml is to hold it once it was found: with the shapes it has."""
         return self

@@ -21,6 +21,11 @@ from pinotwin.motion import Motion
 
 SPANS = (3e-4, 1e-3, 3e-3, 1e-2, 2e-2, 4e-2, -3e-4, -1e-3, -3e-3, -1e-2, -2e-2)
 """Delays (leads where negative) that are tried [s]."""
+FIRST_ORDER = 1.5e-3
+"""Span up to which a delay is its first order: the change of the effort times the delay [s]."""
+WHOLE = 0.75
+"""Share of a longer span that a delay must come to: efforts of healthy axes late by 2 to 3.5 ms reach 0.9 and
+more, play 0.2 to 0.6."""
 TURNS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 36)
 """Errors a turn that are tried."""
 WAVES = np.geomspace(2.0, 40.0, 31)
@@ -75,6 +80,15 @@ class Delay(Effect):
         """See :meth:`Effect.trials`: delays of a tenth of a sample at least."""
         del motion
         return self.over([x for x in SPANS if abs(x) > 0.1 * sight.step] or [sight.step, -sight.step])
+
+    def possible(self, theta: Floats) -> bool:
+        """See :meth:`Effect.possible`: over a span that rows resolve, all of the effort comes late, not a part.
+
+        A part of it late by a longer span is what play and flexible drives look like.
+        """
+        if abs(self.span) <= FIRST_ORDER:
+            return True
+        return bool(WHOLE < float(theta[0]) / self.span < 1.0 / WHOLE)
 
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""

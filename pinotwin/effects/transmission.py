@@ -11,7 +11,7 @@ The difference moves the load, and through the inertia matrix pushes the other a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numba
@@ -36,7 +36,14 @@ LOWEST_MODE = 8.0
 DAMPING = (0.03, 0.08, 0.2)
 """Damping ratios that are tried."""
 GAPS = np.geomspace(0.1, 13.0, 13)
-"""Gaps that are tried, times 10 um or 0.1 mrad."""
+"""Gaps from which identification starts, times 10 um or 0.1 mrad."""
+FINE_GAPS = np.geomspace(0.1, 50.0, 36)
+"""Gaps that a search tries, times 10 um or 0.1 mrad: a play off by a fifth meets its faces at other times, and
+closes next to nothing."""
+FACES = ((40.0, 0.4), (70.0, 0.4), (120.0, 0.35), (220.0, 0.25))
+"""Mode [Hz] and damping ratio of a load against the faces of a gap that a search tries."""
+LOADS = (0.65, 0.8)
+"""Shares of a rotary axis' inertia behind the gap that a search tries: its weight moves it through the gap."""
 CONTACTS = ((90.0, 0.35), (150.0, 0.35), (220.0, 0.2), (300.0, 0.2))
 """Mode [Hz] and damping ratio of a load against the faces of a gap that are tried.
 
@@ -225,6 +232,7 @@ class Backlash(Effect):
         gap: play [m or rad]; searched.
         frequency: mode of the load against a face of the gap [Hz]; searched.
         damping: its damping ratio; searched.
+        load: share of the axis' inertia behind the gap.
     """
 
     name: ClassVar[str] = "backlash"
@@ -249,6 +257,7 @@ class Backlash(Effect):
     gap: float | None = None
     frequency: float = 150.0
     damping: float = 0.35
+    load: float = LOAD
 
     def __post_init__(self) -> None:
         if self.gap is None:
@@ -281,8 +290,9 @@ class Backlash(Effect):
         del motion
         if not sight.both_ways or sight.reversals < 2 or sight.rate < 50.0:
             return ()
-        gaps = [g for g in self._usual() * GAPS if 2.0 * sight.noise < g < 0.05 * sight.travel]
-        return tuple(self.shaped((g, f, z)) for g in gaps for f, z in CONTACTS)
+        gaps = [g for g in self._usual() * FINE_GAPS if 2.0 * sight.noise < g < 0.05 * sight.travel]
+        bodies = [replace(self, load=x) for x in (LOADS if self.rotary else LOADS[:1])]
+        return tuple(e.shaped((g, f, z)) for e in bodies for g in gaps for f, z in FACES)
 
     def warm_up(self, motion: Motion) -> float:
         """See :meth:`Effect.warm_up`: until the load has settled on a face, which a reversal may delay."""
@@ -296,12 +306,12 @@ class Backlash(Effect):
         rigid = channel(self, motion, "rigid")[:, joint]
         own, a = inertia(self, motion, joint), motion.a[:, joint]
         q = np.ascontiguousarray(motion.q[:, joint])
-        extra = (rigid / own - a) / LOAD
+        extra = (rigid / own - a) / self.load
         ratio, out = float(np.mean(own)) / own, np.zeros(len(q))
         w = 2.0 * np.pi * self.frequency
         for part in motion.segments:
             if part.stop - part.start > 1:
                 pieces = (q[part], extra[part], ratio[part])
                 out[part] = _carried(*pieces, self.gap, w, self.damping, motion.step)
-        values = LOAD * own * out - rigid + (1.0 - LOAD) * own * a
-        return shaken(self, motion, joint, values[:, None], LOAD)
+        values = self.load * own * out - rigid + (1.0 - self.load) * own * a
+        return shaken(self, motion, joint, values[:, None], self.load)

@@ -14,7 +14,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape
+from pinotwin.effects.effect import AxisEffect, Coefficient, Depends, Effect, Shape
 from pinotwin.effects.family import LOAD
 from pinotwin.effects.position import Ripple
 from pinotwin.motion import AxisMotion
@@ -25,6 +25,7 @@ class Pattern(AxisEffect):
     """A pattern; see the module's docstring."""
 
     family: ClassVar = LOAD
+    depends: ClassVar[Depends] = "velocity"
     colour: ClassVar[str] = "#9a9a9a"
     remedy: ClassVar[str] = "look for what follows this pattern on the machine"
     axis: str

@@ -76,6 +76,20 @@ class Comparison:
         """Effects of the base whose coefficients stay free: all of a machine's, none of a twin's."""
         return () if self.change else self.twin.effects
 
+    @cached_property
+    def held(self) -> Mask:
+        """Coefficients of :attr:`model_columns` that rest on a bound and stay there, shape (b,).
+
+        A rotor's inertia or a friction below zero is none. Were they free, they would take up what no real
+        machine does: a constant effort of a vertical axis is a weight without inertia.
+        """
+        if self.change:
+            return np.zeros(0, dtype=bool)
+        coefficients = [c for e in self.twin.effects for c in e.coefficients()]
+        lower = [0.0 if c.name.startswith("Ja_") else c.lower for c in coefficients]
+        error = np.sqrt(np.maximum(np.diag(self.twin.covariance), 0.0))
+        return np.asarray(self.twin.theta - lower <= RULES.at_bound * error)
+
 
 def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]) -> Comparison:
     """Return a subject and logs made ready for the search.
@@ -106,7 +120,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     if change:
         motions, sealed, strange = _known(twin, motions, sealed)
     new = _sample(twin, _joined(motions), block)
-    unseen = _sample(twin, _joined(sealed), block) if sealed else None
+    unseen = _within(_sample(twin, _joined(sealed), block), new) if sealed else None
     asked = gate(twin.machine, [*logs, *validation])
     if change:
         asked = replace(asked, doubts=(*asked.doubts, *strange))
@@ -223,19 +237,40 @@ def without_pushes(c: Comparison, rows: Mapping[int, Mask]) -> Comparison:
         c: as it was.
         rows: joint -> which of its rows in the logs in question lie in a push.
     """
-    s = c.new
+    return replace(c, new=_kept(c.new, {j: ~mask for j, mask in rows.items()}))
+
+
+def _within(unseen: Sample, new: Sample) -> Sample:
+    """Return validation rows at positions that the logs in question visit too.
+
+    What depends on the place along the travel is known only there, and its last value is no forecast of
+    what comes beyond. A joint that has no such row keeps all of them.
+    """
+    inside = {}
+    for j in unseen.joints:
+        if j not in new.joints:
+            continue
+        seen, q = (s.motion.q[s.samples(j), j] for s in (new, unseen))
+        margin = 0.01 * float(np.ptp(seen))
+        mask = (q >= seen.min() - margin) & (q <= seen.max() + margin)
+        if mask.any():
+            inside[j] = mask
+    return _kept(unseen, inside)
+
+
+def _kept(s: Sample, keep: Mapping[int, Mask]) -> Sample:
+    """Return a sample with some rows of some joints only."""
     kept = []
     for joint, mask in zip(s.rows.joints, s.rows.kept, strict=True):
         left = mask.copy()
-        if joint in rows:
-            left[np.flatnonzero(mask)[rows[joint]]] = False
+        if joint in keep:
+            left[np.flatnonzero(mask)[~keep[joint]]] = False
         kept.append(left)
-    keep = {j: ~rows[j] if j in rows else np.ones(len(s.residual[j]), dtype=bool) for j in s.joints}
-    new = replace(
+    every = {j: keep.get(j, np.ones(len(s.residual[j]), dtype=bool)) for j in s.joints}
+    return replace(
         s,
         rows=replace(s.rows, kept=tuple(kept)),
-        residual={j: x[keep[j]] for j, x in s.residual.items()},
-        effort={j: x[keep[j]] for j, x in s.effort.items()},
-        block={j: x[keep[j]] for j, x in s.block.items()},
+        residual={j: x[every[j]] for j, x in s.residual.items()},
+        effort={j: x[every[j]] for j, x in s.effort.items()},
+        block={j: x[every[j]] for j, x in s.block.items()},
     )
-    return replace(c, new=new)

@@ -23,6 +23,10 @@ ROW_RATE = 200.0
 """Rows a second that a search works on [Hz]: drive resonances that an effort shows lie below 60 Hz."""
 MOST_ROWS = 12_000
 """Rows of a joint beyond which every log is thinned further."""
+SKIMMED_ROWS = 3_000
+"""Instants from which the instances of one effect are ranked: enough for a hundred numbers."""
+MOMENTARY = ("position", "velocity")
+"""Effects without states: their columns follow from the motion of the moment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +91,32 @@ class Sample:
             if len(inside) == len(self.motion):
                 return self.motion
         return self.motion.at(self.rows.sample, self.rows.block)
+
+    def skimmed(self, effect: Effect) -> tuple[dict[int, Floats], dict[int, Ints]]:
+        """Return the columns of an effect on some rows of every joint, and which rows these are.
+
+        What depends on the motion of the moment is computed on these rows alone.
+        """
+        rows, place, motion = self._few
+        if effect.depends not in MOMENTARY:
+            return {j: x[rows[j]] for j, x in self.screened(effect).items()}, rows
+        found = effect.columns(motion)
+        pairs = [(at, j) for at, j in enumerate(found.joints) if j in place]
+        return {j: found.values[place[j], at, :] for at, j in pairs}, rows
+
+    @cached_property
+    def _few(self) -> tuple[dict[int, Ints], dict[int, Ints], Motion]:
+        """Thinned instants drawn at random: every k-th would show one wave of the position as another.
+
+        Returns:
+            Joint -> its rows among them, joint -> their places in the motion, and that motion.
+        """
+        count = len(self.rows.sample)
+        few = np.sort(np.random.default_rng(0).permutation(count)[:SKIMMED_ROWS])
+        pairs = list(zip(self.rows.joints, self.rows.kept, strict=True))
+        rows = {j: (np.cumsum(kept) - 1)[few[kept[few]]] for j, kept in pairs}
+        place = {j: np.flatnonzero(kept[few]) for j, kept in pairs}
+        return rows, place, self.coarse.at(few, self.rows.block[few])
 
     def picked(self, values: Floats, joint: int) -> Floats:
         """Return channels at the log's rate (n, ...) thinned, at the rows of one joint."""

@@ -116,32 +116,26 @@ def _law_change(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
     level = rms(plain)
     if level < max(rules.law_worse * held, rules.law_level * new.size):
         return None
-    forward, left = new.refitted(plain, FORWARD)
+    left = new.refitted(plain, FORWARD)
     if 1.0 - (left / level) ** 2 > rules.law_forward:
-        return _change(axis, "feedforward", "acceleration feed-forward", "a_r", gains, forward, (level, left))
-    feedback, left = new.refitted(plain, FEEDBACK)
+        factor = new.factor(plain, gains, FORWARD)
+        return _change(axis, "feedforward", "acceleration feed-forward", factor, (level, left))
+    left = new.refitted(plain, FEEDBACK)
+    if new.scaled(gains) < rules.law_scaled * left:
+        return None  # feedback and feed-forward went along with a load: its cause is in the plant
     if 1.0 - (left / level) ** 2 > rules.law_share and left < rules.law_worse * held:
-        return _change(axis, "loop_gain", "feedback gains", "v", gains, feedback, (level, left))
-    return _saturation(c, joint, axis, rules)
+        return _change(axis, "loop_gain", "feedback gains", new.factor(plain, gains, FEEDBACK), (level, left))
+    return _saturation(c, joint, axis, rules) if level > rules.law_broken * new.size else None
 
 
 def _change(
-    axis: str,
-    effect: str,
-    name: str,
-    feature: str,
-    gains: Floats,
-    found: tuple[Floats, Floats],
-    gap: tuple[float, float],
+    axis: str, effect: str, name: str, factor: tuple[float, float], gap: tuple[float, float]
 ) -> ServoChange:
-    """Return a change as a factor on one of the law's gains."""
-    k = FEATURES.index(feature)
-    change, error = found
-    before = gains[k] if gains[k] != 0.0 else 1e-300
-    factor, spread = 1.0 + change[k] / before, abs(error[k] / before)
-    interval = (float(factor - 1.645 * spread), float(factor + 1.645 * spread))
+    """Return a change as a common factor on some of the law's gains, given with its standard error."""
+    found, error = factor
+    interval = (found - 1.645 * error, found + 1.645 * error)
     share = 1.0 - (gap[1] / gap[0]) ** 2
-    return ServoChange(effect, axis, name, 1.0, float(factor), interval, "of what it was", share, gap)
+    return ServoChange(effect, axis, name, 1.0, found, interval, "of what it was", share, gap)
 
 
 def _saturation(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChange | None:
@@ -224,10 +218,23 @@ class _Law:
         """Return what the law leaves with gains from elsewhere."""
         return self.u - self.columns @ gains
 
-    def refitted(self, plain: Floats, names: Sequence[str]) -> tuple[tuple[Floats, Floats], float]:
-        """Return the change of some gains that closes most, its errors, and what is left held out."""
+    def scaled(self, gains: Floats) -> float:
+        """Return what the law leaves if all its gains are multiplied by the factor that suits best."""
+        said = self.columns @ gains
+        factor = float(said @ self.u) / max(float(said @ said), 1e-300)
+        return rms(self.u - factor * said)
+
+    def factor(self, plain: Floats, gains: Floats, names: Sequence[str]) -> tuple[float, float]:
+        """Return the common factor on some gains that closes most of what is left, and its standard error."""
         which = [FEATURES.index(x) for x in names]
-        each, left = self._without_each(which, plain)
-        change, error = np.zeros(len(FEATURES)), np.zeros(len(FEATURES))
-        change[which], error[which] = each[-1], np.sqrt(np.diag(jackknife(each[:-1])))
-        return (change, error), rms(left)
+        said = self.columns[:, which] @ gains[which]
+        own = np.array([said[b] @ said[b] for b in self.blocks])
+        both = np.array([said[b] @ plain[b] for b in self.blocks])
+        each = (both.sum() - both) / np.maximum(own.sum() - own, 1e-300)
+        error = float(np.sqrt(jackknife(each[:, None])[0, 0]))
+        return 1.0 + float(both.sum() / max(own.sum(), 1e-300)), error
+
+    def refitted(self, plain: Floats, names: Sequence[str]) -> float:
+        """Return what is left, held out, with the change of some gains that closes most."""
+        which = [FEATURES.index(x) for x in names]
+        return rms(self._without_each(which, plain)[1])

@@ -98,11 +98,18 @@ def search(
 
 
 def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
-    """Whether a candidate is small beside the gap of an axis that has a cause: what its form leaves over."""
-    if not any(s.chosen.joint == one.joint for s in steps):
+    """Whether a candidate is small beside the gap of an axis that has a cause: what its form leaves over.
+
+    What a cause leaves of its own form looks like those that it imitates: of these more is asked.
+    """
+    same = [named(s.chosen.effect) for s in steps if s.chosen.joint == one.joint]
+    if not same:
         return False
     first = steps[0].searcher
-    return one.gain < rules.second_share * first.power({one.joint: one.table[0][one.joint]})
+    name = named(one.effect).name
+    kin = any(name in e.imitates or name in e.contains for e in same)
+    least = rules.second_share_kin if kin else rules.second_share
+    return one.gain < least * first.power({one.joint: one.table[0][one.joint]})
 
 
 def key(one: Scored) -> tuple[str, str | None]:
@@ -172,6 +179,8 @@ def allowed(one: Scored, comparison: Comparison) -> bool:
     """Whether the coefficients can be those of the effect: within their bounds, by two standard errors."""
     if isinstance(one.effect, (Pattern, Joined)):
         return True
+    if not one.effect.possible(one.judged.theta):
+        return False
     before = known(one.effect, comparison)
     error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 0.0))
     for k, c in enumerate(one.effect.coefficients()):
@@ -200,7 +209,7 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
         return f"closes {one.share:.0%} of its axis' residual"
     if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
         return f"is {one.judged.strength:.1f} squared standard errors a number"
-    if lower_bound(one.judged, searcher.ground) <= 0.0:
+    if lower_bound(one.judged, searcher.ground) <= 0.0 or _fails_elsewhere(one, searcher):
         return "closes nothing for certain on rows not fitted"
     if c.change and one.gain < rules.excess * _rows(one, c):
         return "closes less than what the twin's own misfit may differ by"
@@ -208,6 +217,12 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     if moved < rules.size_structure:
         return f"moves its axis' effort by {moved:.1%}"
     return ""
+
+
+def _fails_elsewhere(one: Scored, searcher: Searcher) -> bool:
+    """Whether a candidate closes nothing on validation logs."""
+    unseen = one.judged.unseen
+    return bool(len(unseen)) and float((searcher.ground.alone.unseen - unseen).sum()) <= 0.0
 
 
 def _rows(one: Scored, comparison: Comparison) -> int:

@@ -47,6 +47,10 @@ class Scored:
         return len(self.judged.theta) + type(self.effect).searched
 
 
+FREE, HELD = 1e-6, 1e6
+"""Precision of a coefficient of the model over what the rows say of it: one that is free, one at its bound."""
+
+
 class Searcher:
     """The candidates of a comparison, scored beside the causes found so far."""
 
@@ -71,7 +75,10 @@ class Searcher:
         own = bases[1] if c.own is not None else None
         unseen = bases[-1] if c.unseen is not None else None
         diagonal = np.einsum("kjbb->b", bases[0].XX)
-        return Ground(bases[0], own, unseen, np.diag(1e-6 * diagonal + 1e-300))
+        held = np.zeros(width, dtype=bool)
+        held[: len(c.held)] = c.held
+        diagonal = np.where(held, HELD * diagonal, FREE * diagonal)
+        return Ground(bases[0], own, unseen, np.diag(diagonal + 1e-300))
 
     def residual(self) -> dict[int, Floats]:
         """Return what the model leaves of the logs in question with all its columns fitted, floor units."""
@@ -161,9 +168,11 @@ class Searcher:
                 one = self.score(scored.effect.shaped(values(x)))
             except (ValueError, FloatingPointError):
                 return 0.0
-            if one is not None and one.gain > best.gain:
+            if one is None or not one.effect.possible(one.judged.theta):
+                return 0.0
+            if one.gain > best.gain:
                 best = one
-            return 0.0 if one is None else -one.gain
+            return -one.gain
 
         start = np.array(
             [np.log(v) if g else v for v, g in zip(scored.effect.shape_values(), log, strict=True)]

@@ -76,16 +76,17 @@ class Shortlist:
 
 def _closes(sample: Sample, effect: Effect, residual: Mapping[int, Floats]) -> float:
     """Return how much of the squared residual a plain fit of the effect closes."""
-    columns = sample.screened(effect)
+    columns, rows = sample.skimmed(effect)
     joints = [j for j in columns if j in residual]
     if not joints:
         return 0.0
     C = np.concatenate([columns[j] for j in joints])
-    r = np.concatenate([residual[j] for j in joints])
+    r = np.concatenate([residual[j][rows[j]] for j in joints])
     if not np.isfinite(C).all():
         return 0.0
     g = C.T @ r
     N = C.T @ C
     scale = np.sqrt(np.maximum(np.diag(N), 1e-300))
     N = N / np.outer(scale, scale) + 1e-6 * np.eye(len(N))
-    return float((g / scale) @ np.linalg.solve(N, g / scale))
+    theta = np.linalg.solve(N, g / scale) / scale
+    return float(g @ theta) if effect.possible(theta) else 0.0
