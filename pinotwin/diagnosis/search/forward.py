@@ -179,15 +179,13 @@ def allowed(one: Scored, comparison: Comparison) -> bool:
     """Whether the coefficients can be those of the effect: within their bounds, by two standard errors."""
     if isinstance(one.effect, (Pattern, Joined)):
         return True
-    if not one.effect.possible(one.judged.theta):
-        return False
     before = known(one.effect, comparison)
     error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 0.0))
     for k, c in enumerate(one.effect.coefficients()):
         value = before[k] + one.judged.theta[k]
         if value < c.lower - 2.0 * error[k] or value > c.upper + 2.0 * error[k]:
             return False
-    return True
+    return one.effect.possible(one.judged.theta)
 
 
 def known(effect: Effect, comparison: Comparison) -> Sequence[float]:

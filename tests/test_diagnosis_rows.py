@@ -1,0 +1,81 @@
+"""Which rows judge a cause, which rows rank its instances, and the servo's law under a load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pinotwin.diagnosis.data.comparison import _within
+from pinotwin.diagnosis.data.samples import SKIMMED_ROWS, Sample, sample
+from pinotwin.diagnosis.others.servo import FEATURES, FEEDBACK, _Law
+from pinotwin.diagnosis.rules import RULES
+from pinotwin.effects.position import Ripple
+from pinotwin.effects.sensing import Delay
+from pinotwin.motion import Motion
+
+RATE, SECONDS = 100.0, 30.0
+
+
+def motion(seed: int = 0) -> Motion:
+    t = np.arange(0.0, SECONDS, 1.0 / RATE)
+    q = np.sin(0.7 * t) + 0.3 * np.sin(2.3 * t + seed)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    one = np.ones((len(t), 1), dtype=bool)
+    columns = (x[:, None] for x in (q, v, a, v))
+    q, v, a, u = columns
+    return Motion(("X",), (False,), t, q, v, a, u, (slice(0, len(t)),), 1.0 / RATE, one)
+
+
+def rows(residual: np.ndarray, seed: int = 0) -> Sample:
+    return sample(motion(seed), residual[:, None], RULES.block_time)
+
+
+def law(u: np.ndarray, columns: np.ndarray) -> _Law:
+    edges = np.linspace(0, len(u), 13).astype(int)
+    return _Law(columns, u, [slice(int(a), int(b)) for a, b in pairwise(edges)], float(np.std(u)))
+
+
+@pytest.mark.parametrize("factor", [0.7, 0.8, 1.25])
+def test_changed_feedback_is_told_from_a_law_that_went_along_with_a_load(factor: float) -> None:
+    rng = np.random.default_rng(3)
+    columns, gains = rng.normal(size=(4000, len(FEATURES))), np.array([3.0, 1.0, -2.0, 2.0, 1.5, 0.5])
+    noise = 0.02 * rng.normal(size=len(columns))
+    changed = np.where([x in FEEDBACK for x in FEATURES], factor, 1.0) * gains
+    servo = law(columns @ changed + noise, columns)
+    plain = servo.left(gains)
+    assert servo.refitted(plain, FEEDBACK) == pytest.approx(0.02, rel=0.1)
+    assert servo.scaled(gains) > 2.0 * servo.refitted(plain, FEEDBACK)
+    found, error = servo.factor(plain, gains, FEEDBACK)
+    assert abs(found - factor) < 4.0 * error < 0.02
+    loaded = law(factor * columns @ gains + noise, columns)
+    assert loaded.scaled(gains) < RULES.law_scaled * loaded.refitted(loaded.left(gains), FEEDBACK)
+
+
+@pytest.mark.parametrize(("span", "seconds", "whole"), [(3e-3, 2.9e-3, True), (5e-3, 2.5e-3, False)])
+def test_a_delay_moves_all_of_the_effort(span: float, seconds: float, whole: bool) -> None:
+    assert Delay("X", span=span).possible(np.array([seconds])) == whole
+    assert Delay("X", span=1e-3).possible(np.array([seconds]))
+
+
+def test_the_rows_that_are_skimmed_are_rows_of_the_sample() -> None:
+    s = rows(np.zeros(int(RATE * SECONDS)))
+    ripple = Ripple("X", period=0.3)
+    few, at = s.skimmed(ripple)
+    assert len(at[0]) <= SKIMMED_ROWS
+    assert few[0] == pytest.approx(s.screened(ripple)[0][at[0]], abs=1e-12)
+
+
+def test_validation_rows_beyond_the_travel_of_the_logs_judge_nothing() -> None:
+    zero, wide = np.zeros(int(RATE * SECONDS)), motion(3)
+    new, unseen = rows(zero), sample(replace(wide, q=1.5 * wide.q), zero[:, None], RULES.block_time)
+    q = unseen.motion.q[unseen.samples(0), 0]
+    low, high = (f(new.motion.q[new.samples(0), 0]) for f in (np.min, np.max))
+    kept = _within(unseen, new)
+    left = kept.motion.q[kept.samples(0), 0]
+    assert len(left) == len(kept.residual[0]) == len(kept.block[0])
+    assert np.count_nonzero((q >= low) & (q <= high)) <= len(left) < len(q)
+    assert left.min() > low - 0.05
+    assert left.max() < high + 0.05
