@@ -1,4 +1,4 @@
-"""``pinotwin demo``: the whole chain on a bundled machine; also on the real EMPS drive if at hand."""
+"""``pinotwin demo``: a bundled machine from log to twin, a fault and its diagnosis; the real EMPS drive if at hand."""
 
 from __future__ import annotations
 
@@ -10,20 +10,43 @@ from typing import Any
 from pinotwin.cli.output import add_common, say, write_json
 
 CHAIN = (
-    ("record", "trunnion", "--seconds", "24", "--seed", "1", "--out", "{out}/log.csv"),
-    ("record", "trunnion", "--seconds", "12", "--seed", "2", "--out", "{out}/unseen.csv"),
-    ("check", "trunnion", "{out}/log.csv"),
+    ("", ("record", "trunnion", "--seconds", "20", "--seed", "1", "--out", "{out}/log.csv")),
+    ("", ("record", "trunnion", "--seconds", "10", "--seed", "2", "--out", "{out}/unseen.csv")),
+    ("", ("check", "trunnion", "{out}/log.csv")),
     (
-        "identify",
-        "trunnion",
-        "{out}/log.csv",
-        "--validate",
-        "{out}/unseen.csv",
-        "--out",
-        "{out}/twin",
+        "",
+        (
+            "identify",
+            "trunnion",
+            "{out}/log.csv",
+            "--validate",
+            "{out}/unseen.csv",
+            "--out",
+            "{out}/twin",
+        ),
     ),
-    ("simulate", "{out}/twin", "{out}/unseen.csv", "--out", "{out}/predicted.csv"),
-    ("view", "{out}/twin", "{out}/log.csv", "--html", "{out}/machine.html"),
+    ("", ("simulate", "{out}/twin", "{out}/unseen.csv", "--out", "{out}/predicted.csv")),
+    (
+        "a fault: more viscous friction on Y; the same command is run again",
+        (
+            "record",
+            "trunnion",
+            "--command",
+            "{out}/log.csv",
+            "--seed",
+            "9",
+            "--inject",
+            "viscous:Y=0.5",
+            "--out",
+            "{out}/worn.csv",
+        ),
+    ),
+    ("", ("diagnose", "{out}/twin", "{out}/worn.csv", "--out", "{out}/found")),
+)
+PAGES = (
+    ("twin/report.html", "how well the twin predicts, and every parameter"),
+    ("found/machine.html", "the machine playing the worn log"),
+    ("found/report.html", "the diagnosis"),
 )
 REAL = ("identify", "emps", "{emps}", "--out", "{out}/emps_twin")
 
@@ -40,8 +63,11 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out or "out/demo")
     out.mkdir(parents=True, exist_ok=True)
     done: list[dict[str, Any]] = []
-    for words in _commands(out):
-        say(f"\n$ pinotwin {' '.join(words)}")
+    for told, words in _commands(out):
+        say("")
+        if told:
+            say(f"# {told}")
+        say(f"$ pinotwin {' '.join(words)}")
         code = main(words)
         done.append({"command": ["pinotwin", *words], "exit_code": code})
         if code != 0:
@@ -49,15 +75,19 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         write_json(args.json, {"commands": done})
     if done[-1]["exit_code"] == 0:
-        say(f"\nopen {out / 'twin' / 'report.html'} and {out / 'machine.html'} in a browser")
+        say("")
+        say("open in a browser:")
+        for name, told in PAGES:
+            say(f"  {out / name}  {told}")
     return int(done[-1]["exit_code"])
 
 
-def _commands(out: Path) -> list[list[str]]:
-    chain = [[word.format(out=out) for word in words] for words in CHAIN]
+def _commands(out: Path) -> list[tuple[str, list[str]]]:
+    """Return what each step shows, if it needs a word, and the command; the diagnosis last."""
+    chain = [(told, [word.format(out=out) for word in words]) for told, words in CHAIN]
     emps = data_folder() / "emps" / "DATA_EMPS.mat"
     if emps.is_file():
-        chain.append([word.format(out=out, emps=emps) for word in REAL])
+        chain.insert(5, ("a real drive", [word.format(out=out, emps=emps) for word in REAL]))
     else:
         say("the real EMPS log is not at hand; set PINOTWIN_DATA to its folder to see it identified")
     return chain

@@ -12,12 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from pinotwin.analysis.disturbance import causes as disturbance_causes
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.result import Gap, Shrink
 from pinotwin.diagnosis.search.scan import Scored
+from pinotwin.effects import Effect
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.motion import Motion
@@ -45,7 +47,7 @@ def tracking_gaps(c: Comparison, causes: Sequence[Scored]) -> tuple[dict[str, Ga
         own = _own_errors(c)
     except PinotwinError:
         return {}, {}
-    later = with_causes(c.twin, causes)
+    later, held = with_causes(c.twin, causes)
     try:
         after = before if later is None else [_errors(later, log) for log in logs]
     except PinotwinError:
@@ -60,11 +62,11 @@ def tracking_gaps(c: Comparison, causes: Sequence[Scored]) -> tuple[dict[str, Ga
         if not np.isfinite(x) or size <= 0.0:
             continue
         gaps[name] = Gap(x, x / size, 0.0, min(x, y), float(own[j]))
-        if later is not None and any(name == named(s.effect).axis for s in causes) and y < x:
+        if later is not None and name in held and y < x:
             share = 1.0 - (y / x) ** 2
             each = [1.0 - (b[0][j] / max(a[0][j], 1e-300)) ** 2 for a, b in zip(before, after, strict=True)]
             on = "validation" if c.validation else "fitted logs"
-            shrinks[name] = Shrink(x, y, share, (min(each), max(each)), share, on)
+            shrinks[name] = Shrink(x, y, share, (float(min(each)), float(max(each))), share, on)
     return gaps, shrinks
 
 
@@ -104,30 +106,50 @@ def _own_errors(c: Comparison) -> Floats:
     return _difference(c.twin, Log(channels, source="own logs"), moved)[0]
 
 
-def with_causes(twin: Twin, causes: Sequence[Scored]) -> Twin | None:
-    """Return the twin with the named causes in its numbers; None if it cannot hold them all."""
-    theta, effects = twin.theta.copy(), list(twin.effects)
+def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[str]]:
+    """Return the twin with the named causes in its numbers, and the axes all of whose causes it holds.
+
+    What a simulation cannot carry (a pattern, an error of a sensor) is left out; None where nothing is left.
+    """
+    theta, effects, diagonal = twin.theta.copy(), list(twin.effects), _copied(twin)
+    held, beyond = set(), set()
     for one in causes:
-        if isinstance(one.effect, Pattern) or named(one.effect).family.acts != "effort":
-            return None
+        effect = named(one.effect)
         parts = one.effect.parts if isinstance(one.effect, Joined) else (one.effect,)
+        places = [_place(twin, p.name, p.axis, len(p.coefficients())) for p in parts]
+        foreign = isinstance(one.effect, Pattern) or effect.family.acts != "effort"
+        if foreign or any(w is None and p.unlisted for w, p in zip(places, parts, strict=True)):
+            beyond.add(str(effect.axis))
+            continue
+        held.add(str(effect.axis))
         at = 0
-        for part in parts:
-            count = len(part.coefficients())
-            change = one.judged.theta[at : at + count]
-            at += count
-            place = _place(twin, part.name, part.axis, count)
-            if place is None and part.unlisted:
-                return None
+        for part, place in zip(parts, places, strict=True):
+            change = one.judged.theta[at : at + len(part.coefficients())]
+            at += len(change)
             if place is None:
                 effects.append(part)
                 theta = np.concatenate([theta, change])
             else:
                 theta[place] += change
+            _shift(diagonal, twin, part, change)
+    if not held:
+        return None, set()
     p = len(theta)
     covariance = np.zeros((p, p))
     covariance[: len(twin.theta), : len(twin.theta)] = twin.covariance
-    return replace(twin, effects=tuple(effects), theta=theta, covariance=covariance)
+    later = replace(twin, effects=tuple(effects), theta=theta, covariance=covariance, diagonal=diagonal)
+    return later, held - beyond
+
+
+def _copied(twin: Twin) -> dict[str, Floats]:
+    return {name: np.array(values, dtype=float) for name, values in twin.diagonal.items()}
+
+
+def _shift(diagonal: dict[str, Floats], twin: Twin, effect: Effect, change: Floats) -> None:
+    """Add a change of viscous friction or stiffness to the constant terms that the loops are closed around."""
+    for cause, x in zip(disturbance_causes(effect), change, strict=True):
+        if cause in diagonal and cause != "inertia" and effect.axis is not None:
+            diagonal[cause][twin.machine.names.index(effect.axis)] += x
 
 
 def _place(twin: Twin, name: str, axis: str | None, count: int) -> slice | None:
