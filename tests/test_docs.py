@@ -28,6 +28,9 @@ def workspace(tmp_path_factory):
     for name, seed in {"log": 1, "unseen": 2}.items():
         path = str(folder / "out" / "demo" / f"{name}.csv")
         assert main(["record", "trunnion", "--seconds", "8", "--seed", str(seed), "--out", path]) == 0
+    log, worn = (str(folder / "out" / "demo" / f"{name}.csv") for name in ("log", "worn"))
+    fault = ["--command", log, "--seed", "9", "--inject", "viscous:Y=0.5"]
+    assert main(["record", "trunnion", *fault, "--out", worn]) == 0
     return folder
 
 
