@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
 from pinotwin.identification.coupled import axis_problem, command_velocity, own_friction
-from pinotwin.identification.servo import AxisProblem, find
+from pinotwin.identification.servo import AxisProblem, afresh, doubtful, find
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Controller, Servo, close, command_rates, couple, margins
@@ -230,6 +230,19 @@ def test_friction_is_refined_only_as_far_as_the_plant_allows():
     assert found.factors[2] == pytest.approx(1.0 / 1.05, rel=0.02)
     assert found.errors[0] < kept.errors[0]
     assert kept.factors == (1.0, 1.0, 1.0, 1.0)
+
+
+def test_usual_tunings_find_a_controller_without_least_squares():
+    """The search afresh knows nothing but the inertia, and still ends at the drive that made the log."""
+    servo = cascade(velocity_lag=3e-4, output_lag=1.5e-4, dead=1e-4)
+    log = smooth_command(plain_machine("trunnion"), 12.0, 500.0)
+    problem = with_measurement(single(log, servo), servo, np.random.default_rng(3), 0.01)
+    train, judge = problem.split()
+    best = afresh(train)[0]
+    assert best.errors == pytest.approx((0.0, 0.01), abs=0.01)
+    assert best.servo.gains[0] == pytest.approx(servo.gains[0], rel=0.05)
+    assert not doubtful(judge, best)
+    assert doubtful(judge, replace(best, servo=best.servo.scaled(all=0.3)))
 
 
 def test_a_cascade_is_recognised_by_its_ties():

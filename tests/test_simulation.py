@@ -10,6 +10,7 @@ import pytest
 
 from pinotwin.errors import DataError, InputError, LogError, TwinError
 from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
 from pinotwin.simulation import respond, simulate
 from tests.simulated import Integrator, known_twin, plain_machine, smooth_command
 
@@ -243,3 +244,20 @@ def test_cost_grows_in_proportion_to_the_length_of_the_log(trunnion):
 
     short, long = cost(2.0), cost(16.0)
     assert long < 14.0 * short
+
+
+def test_an_effort_logged_ahead_of_its_position_is_simulated_as_it_is_logged(trunnion, command):
+    """A lead of the log: put back, the simulated effort is that of a machine whose log has none."""
+    plain = simulate(trunnion, command)
+    axes = {
+        k: dataclasses.replace(axis, lead=0.004 if k == "A" else None)
+        for k, axis in trunnion.machine.axes.items()
+    }
+    ahead = dataclasses.replace(trunnion, machine=dataclasses.replace(trunnion.machine, axes=axes))
+    said = simulate(ahead, command)
+    assert said["Y.u"] == pytest.approx(plain["Y.u"])
+    assert said["A.q"] == pytest.approx(plain["A.q"])
+    assert said["A.u"][:-4] == pytest.approx(plain["A.u"][4:], abs=1e-6 * np.ptp(plain["A.u"]))
+    put_back = prepare(ahead.machine, said, cutoff=0.0, decimate=1)
+    effort = np.interp(put_back.t, plain.t, plain["A.u"])
+    assert put_back.u[:, put_back.index("A")] == pytest.approx(effort, abs=1e-3 * np.ptp(effort))

@@ -12,7 +12,17 @@ import numpy as np
 from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.errors import PinotwinError
-from pinotwin.identification.servo import PLANT, WINDOW, AxisProblem, Factors, Found, look, settle, shared
+from pinotwin.identification.servo import (
+    MISSED,
+    PLANT,
+    WINDOW,
+    AxisProblem,
+    Factors,
+    Found,
+    look,
+    settle,
+    shared,
+)
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.loop import Servo, command_rates
@@ -93,6 +103,12 @@ def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, flo
         found.trials[name] = servo.trial or servo.servo
         found.factors[name] = servo.factors
         found.quality[name] = _row(servo)
+        if not servo.held_out[0] <= MISSED:
+            found.notes.append(
+                f"{name}: its controller misses {servo.held_out[0]:.0%} of the tracking error on rows that were "
+                "not fitted, whatever the start of the search; do not rely on its gains: an effect of the plant "
+                "may be missing"
+            )
     return found
 
 

@@ -36,6 +36,8 @@ WINDOW, MOST = 6.0, 24.0
 TRAINED = 2.0 / 3.0
 NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)
 """Frequencies at which a notch is looked for [Hz]."""
+NOTCHED = 3
+"""Most places of a notch that are searched: those whose start predicts best."""
 NOTCH = (0.1, 0.6)
 """Damping ratios of its zeros and poles, to start with."""
 LAGS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
@@ -78,6 +80,11 @@ SIMPLER = 0.97
 """A law with fewer gains is kept if it costs less than this on held-out windows."""
 APART = 0.1
 """Share by which kp and 1/ti of a double root are put apart to begin with."""
+MISSED, FAR = 0.2, 3.0
+"""Error of e, as a share of its RMS on windows not fitted, and distance of a shape from usual ones [standard
+deviations], beyond which another start is tried."""
+BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)
+"""Of the position loop [Hz], to start from."""
 BRIEF, REPOLISH = 4, 4
 FORMS = ("proportional", "cascade", "pid")
 """Simpler laws, in the order in which they are preferred."""
@@ -267,7 +274,9 @@ def starts(p: AxisProblem) -> list[Servo]:
         servo = min((_solved(p, form, columns) for form in forms), key=lambda x: x[0])[1]
         r = misfit(p, servo)
         found.append((np.inf if r is None else float(r @ r), servo))
-    return [servo for cost, servo in found if np.isfinite(cost)]
+    plain, *notched = found
+    likely = sorted(notched, key=lambda x: x[0])[:NOTCHED]
+    return [servo for cost, servo in (plain, *likely) if np.isfinite(cost)]
 
 
 # ------------------------------------------------------------------ output error
@@ -418,6 +427,8 @@ def look(
         good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:2]
         long = sorted((polish(train, f.servo) or f for f in good), key=lambda f: f.cost)
         best = better_of(judge, best, long, PAYS)
+    if best is None or doubtful(judge, best):
+        best = better_of(judge, best, afresh(train), PAYS)
     if best is None:
         return None
     factors = AS_FOUND
@@ -432,6 +443,36 @@ def look(
     ]
     best = better_of(judge, best, simple, 1.0 / SIMPLER) or best
     return replace(best, held_out=_errors(judge, best), trial=best.servo, factors=factors)
+
+
+def doubtful(judge: AxisProblem, found: Found) -> bool:
+    """Whether an answer is a reason to search again: it misses e, or a shape is far from any that drives have."""
+    odd = found.search.doubt(found.x, judge.usual)
+    return _errors(judge, found)[0] > MISSED or bool(np.any(np.abs(odd) > FAR))
+
+
+def afresh(p: AxisProblem) -> list[Found]:
+    """Return answers from usual tunings over the band, the best first: for where least squares start badly.
+
+    Position loops of :data:`BANDWIDTHS` around the axis' inertia, as a cascade and as a PID, with and without
+    feed-forward.
+    """
+    found = []
+    for f in BANDWIDTHS:
+        w, M = 2.0 * np.pi * f, p.inertia
+        for ffv, ffa in ((1.0, M), (0.0, 0.0)):
+            shapes: dict[str, Any] = {
+                "velocity_lag": LAGS[2],
+                "output_lag": OUTPUT_LAG,
+                "dead": DEAD,
+                "step": p.step,
+            }
+            cascade = Servo.of_cascade(0.7 * w, 2.0 * M * w, 0.5 * w, ffv, ffa, **shapes)
+            gains = (2.0 * M * w**2, 0.7 * M * w**3, 2.0 * M * w, 2.0 * M * w * ffv, 0.0, ffa)
+            found += [replace(cascade, form="general"), Servo(gains, **shapes)]
+    brief = [polish(p, servo, steps=BRIEF) for servo in found]
+    good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:3]
+    return sorted((polish(p, f.servo) or f for f in good), key=lambda f: f.cost)
 
 
 def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]] = USUAL) -> Found:

@@ -100,6 +100,10 @@ def simulate(
     asked, machine = found.request, twin.machine
     q, e, u = motor_coordinates(machine, *(asked.at_stamps(x) for x in (found.q, found.e, found.u)))
     channels = {"t": asked.t}
+    for axis in machine.axes.values():
+        if axis.lead:  # the log's effort is ahead of its position: what acts at t is written down before
+            then = np.clip(asked.t + axis.lead, asked.t[0], asked.t[-1])
+            u[:, axis.index] = CubicSpline(asked.t, u[:, axis.index])(then)
     for name, axis in machine.axes.items():
         for kind, x in (("q", q), ("e", e), ("u", u)):
             channels[f"{name}.{kind}"] = x[:, axis.index]
