@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pinotwin.log import Log
+from pinotwin.loop import Servo
 from pinotwin.report import Page, Plot, Tabs
 from pinotwin.report.blocks import Html
-from pinotwin.report.closed_loop import closed_loop_blocks, gains, predict, score_table
+from pinotwin.report.closed_loop import closed_loop_blocks, gains, predict, score_table, servo_table
 from pinotwin.report.closed_loop_plots import CAUSES, error_scale
 from tests.simulated import known_twin, plain_machine, smooth_command
 from tests.test_report import figures, read
@@ -84,6 +86,17 @@ def test_poles_and_gains_are_those_of_the_twin(twin, blocks):
     assert float(kp[2]) == pytest.approx(law.kp, rel=1e-5)
     assert kp[3] == "1/s"
     assert "position P around velocity PI" in page
+
+
+def test_the_simulated_controller_is_shown_with_intervals_and_ties():
+    servo = Servo.of_cascade(60.0, 5000.0, 40.0, 0.93, 30.0, velocity_lag=3e-4)
+    servo = dataclasses.replace(servo, errors={"kp": 2.0, "kv": 100.0}, other={"kp": 40.0, "rate": 60.0})
+    twin = SimpleNamespace(servos={"Y": servo})
+    rows = cells(servo_table(twin))
+    assert rows[0][:4] == ["Y", "position gain kp", "60", "36.71 to 63.29"]
+    assert "tied" in rows[0][4]
+    assert rows[1][:4] == ["", "velocity gain kv", "5000", "4836 to 5164"]
+    assert [r[2] for r in rows if r[1] == "lag of the velocity"] == ["0.3 ms"]
 
 
 def test_gains_carry_the_units_of_the_axis(twin):

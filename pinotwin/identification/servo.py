@@ -68,8 +68,11 @@ AS_FOUND: Factors = (1.0, 1.0, 1.0, 1.0)
 NAMED = ("kp", "kv", "rate", "ffv", "ffa")
 SAME_GAIN = 0.02
 """Two searches whose kp differ by less found the same."""
-AS_GOOD = 9.0
-"""Twice the loss of log-likelihood up to which another cascade fits as well: three standard deviations."""
+AS_GOOD = 1.1
+"""Cost, over the lowest, up to which another cascade counts as fitting as well.
+
+Far more than the noise of a log would allow: what is wrong with the plant decides between the two as well.
+"""
 PLANT_ERROR = {"inertia": 0.01, "viscous": 0.02, "dry": 0.02, "fading": 0.2}
 """Standard errors of the identified plant that its gains take up: friction scatters by 1 to 2 % from run to run."""
 STEPS, LONGEST = 12, 0.7
@@ -487,7 +490,7 @@ def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]
     last = polish(p, found.servo, steps=REPOLISH) or found
     rival = None
     if last.servo.form == "cascade":
-        rivals = [polish(p, s, steps=REPOLISH) for s in simpler(p, last.servo) if s.form == "cascade"]
+        rivals = [polish(p, s) for s in simpler(p, last.servo) if s.form == "cascade"]
         both = sorted((f for f in [last, *rivals] if f is not None), key=lambda f: f.cost)
         last, rival = both[0], next((f for f in both[1:] if not same_gains(f.servo, both[0].servo)), None)
     servo = with_errors(p, last, rival)
@@ -675,7 +678,6 @@ def with_errors(p: AxisProblem, found: Found, rival: Found | None) -> Servo:
     other: dict[str, float] = {}
     if servo.form == "general" and len(servo.cascades()) == 2:
         other = servo.cascades()[1]
-    rows = max(len(found.residual) // 2, 1)
-    if rival is not None and (rival.cost - found.cost) * rows / CORRELATED < AS_GOOD * found.cost / 2.0:
+    if rival is not None and rival.cost < AS_GOOD * found.cost:
         other = rival.servo.cascade()
     return replace(servo, errors=told, other=other)

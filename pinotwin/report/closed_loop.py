@@ -178,10 +178,20 @@ def structure_blocks(twin: Twin) -> list[Block]:
         ),
         pole_table(twin),
     ]
-    if twin.controllers:
+    if twin.servos:
         out += [
             heading("Controller"),
-            paragraph("Gains as identified from error, velocity and effort; effort in N or N·m.", "lead"),
+            paragraph(
+                "The law that is simulated around the axis; effort in N or N·m. Where the log cannot tell the "
+                "position gain from 1/ti, the intervals hold both ways round.",
+                "lead",
+            ),
+            servo_table(twin),
+        ]
+    if twin.controllers:
+        out += [
+            heading("Sampled law" if twin.servos else "Controller"),
+            paragraph("Gains from error, velocity and effort by least squares, for comparison.", "lead"),
             gain_table(twin),
         ]
     return out
@@ -230,6 +240,38 @@ def _pole_chip(row: Mapping[str, Any]) -> Html:
     if row.get("at_bound"):
         return chip(f"at its {row['at_bound']} bound", "fair", "no interval can be given there")
     return Html("")
+
+
+def servo_table(twin: Twin) -> Html:
+    """Return the gains and lags of the controllers that are simulated, with their 90 % intervals."""
+    rows: list[list[object]] = []
+    for axis, servo in twin.servos.items():
+        told = servo.intervals()
+        for name, value in servo.named().items():
+            factor, unit = (1e3, "ms") if name in ("velocity_lag", "output_lag", "dead") else (1.0, "")
+            low, high = (factor * x for x in told.get(name, (value, value)))
+            between = f"{low:.4g} to {high:.4g}" if high > low else ""
+            tied = name in ("kp", "rate") and servo.other
+            remark = chip("tied", "fair", f"or {servo.other[name]:.4g}: fits as well") if tied else Html("")
+            first = all(row[0] != axis for row in rows)
+            shown = f"{factor * value:.4g} {unit}".strip()
+            rows.append([axis if first else "", _SERVO.get(name, name), shown, between, remark])
+    return table(("axis", "gain", "value", "90 % interval", ""), rows, numeric=(2, 3))
+
+
+_SERVO = {
+    "kp": "position gain kp",
+    "kv": "velocity gain kv",
+    "rate": "1/ti",
+    "ki": "integral gain ki",
+    "kd": "derivative gain kd",
+    "ffv": "velocity feed-forward",
+    "ffa": "acceleration feed-forward",
+    "weight": "set-point weight",
+    "velocity_lag": "lag of the velocity",
+    "output_lag": "lag of the current loop",
+    "dead": "dead time",
+}
 
 
 def gain_table(twin: Twin) -> Html:
