@@ -94,7 +94,8 @@ def mujoco_loop(machine: VirtualMachine, trajectory: Trajectory, n: int) -> floa
     return best(work, 1)
 
 
-def main(seconds: float) -> None:
+def main(seconds: float = 20.0) -> None:
+    """Print the table."""
     machine = VirtualMachine.load(FOLDER)
     trajectory = random_trajectory(machine, seconds, 1)
     machine.record(random_trajectory(machine, 1.0, 1), seed=0)  # compile or load the cache
