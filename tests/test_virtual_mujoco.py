@@ -26,9 +26,7 @@ def machine_as_shipped(folder, law: str) -> VirtualMachine:
         for name, axis in found.truth.axes.items()
     }
     truth = replace(found.truth, axes=axes, inertial_error=(0.0, 0.0), substeps=16)
-    return VirtualMachine.build(
-        replace(found, truth=truth), withhold=["position_table", "inertial_coupling"][:1]
-    )
+    return VirtualMachine.build(replace(found, truth=truth), withhold=["position_table"])
 
 
 def mujoco_model(folder, machine: VirtualMachine):
