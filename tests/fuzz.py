@@ -29,7 +29,22 @@ import numpy as np
 from pinotwin.errors import PinotwinError
 from tests.rig import URDF, YAML, good_log
 
-READERS = ("csv", "parquet", "mat", "mat73", "hdf5", "npy", "mcap", "urdf", "yaml", "twin")
+READERS = (
+    "csv",
+    "parquet",
+    "mat",
+    "mat73",
+    "hdf5",
+    "npy",
+    "mcap",
+    "json",
+    "jsonl",
+    "ros1",
+    "ros2",
+    "urdf",
+    "yaml",
+    "twin",
+)
 HANG = 45.0  # s; the readers in a child process may take 30 s
 MEMORY = 2.0e9
 
@@ -58,6 +73,10 @@ def sound(reader: str, folder: Path) -> Path:
     elif reader == "npy":
         path = folder / "log.npz"
         np.savez(path, **log)  # type: ignore[arg-type]
+    elif reader in ("json", "jsonl"):
+        path = _json(folder / f"log.{reader}", log)
+    elif reader in ("ros1", "ros2"):
+        path = _ros(folder, log, reader)
     elif reader == "mcap":
         path = _mcap(folder / "log.mcap", log)
     else:
@@ -93,6 +112,21 @@ def _mcap(path: Path, log: dict[str, Any]) -> Path:
             writer.add_message(channel, int(t * 1e9), row, int(t * 1e9))
         writer.finish()
     return path
+
+
+def _json(path: Path, log: dict[str, Any]) -> Path:
+    columns = {k: x.tolist() for k, x in log.items()}
+    rows = (json.dumps(dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
+    path.write_text("\n".join(rows) if path.suffix == ".jsonl" else json.dumps(columns))
+    return path
+
+
+def _ros(folder: Path, log: dict[str, Any], reader: str) -> Path:
+    from tests.ros_bags import write_bag
+
+    if reader == "ros1":
+        return write_bag(folder / "log.bag", log, storage="ros1")
+    return next(write_bag(folder / "bag", log, storage="sqlite3").glob("*.db3"))
 
 
 def _machine(reader: str, folder: Path) -> Path:
@@ -150,6 +184,8 @@ def reader_of(name: str) -> Callable[[Path], object]:
 
     if name in ("urdf", "yaml"):
         return lambda path: pt.check(pt.Machine.load(path.parent))
+    if name == "ros2":
+        return lambda path: pt.read(path.parent)
     if name == "twin":
         return lambda path: pt.Twin.load(path.parent)
     return pt.read

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+import apsw
 import numpy as np
 import zstandard
 from rosbags.highlevel import AnyReader, AnyReaderError
@@ -40,6 +41,7 @@ _BROKEN = (
     SerdeError,
     TypesysError,
     sqlite3.Error,
+    apsw.Error,
     zstandard.ZstdError,
     struct.error,
     OSError,
