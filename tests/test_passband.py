@@ -18,9 +18,11 @@ from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.scaffold.start import new
+from pinotwin.signals import low_pass
 from pinotwin.twin import Twin
 from tests.motions import multisine
 from tests.servo_log import FRICTION, servo_log
+from tests.test_effects_battery import told, tree
 
 SEEDS = range(8)
 
@@ -64,11 +66,14 @@ def test_intervals_cover_the_truth(twins: list[Twin]) -> None:
 
 @pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.sharp])
 def test_a_sharp_effect_goes_through_the_filter_of_the_effort(name: str) -> None:
-    wide = multisine(n=4000)
+    wide = told(multisine(n=4000))
     narrow = dataclasses.replace(wide, passband=8.0)
-    effect = EFFECTS[name](axis="A", rotary=True)
+    effect = EFFECTS[name].on(tree(), "A")
+    if name == "encoder_error":
+        effect = dataclasses.replace(effect, period=0.1)
     sharp, smooth = (effect.columns(m).values[:, 0, :] for m in (wide, narrow))
-    np.testing.assert_allclose(smooth, narrow.passed(sharp), atol=1e-12)
+    if "mass" not in effect.needs or name == "load_friction":  # a body's inertia changes along the path
+        np.testing.assert_allclose(smooth, narrow.passed(sharp), atol=1e-12 * np.abs(sharp).max())
     assert np.abs(np.diff(smooth, 2, axis=0)).max() < 0.5 * np.abs(np.diff(sharp, 2, axis=0)).max()
 
 
@@ -76,3 +81,25 @@ def test_a_motion_without_a_filter_leaves_columns_alone() -> None:
     motion = multisine(n=500)
     x = np.sign(motion.v)
     np.testing.assert_array_equal(motion.passed(x), x)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "theta"),
+    [
+        ("backlash", {"gap": 6e-4}, [0.6]),
+        ("encoder_error", {"period": 2 * np.pi / 36}, [2e-3, 1e-3]),
+    ],
+)
+def test_play_and_encoder_errors_are_found_in_a_filtered_effort(
+    name: str, settings: dict, theta: list
+) -> None:
+    """Unfiltered columns left 99.8 and 90 % of such an effort: no search could have named them."""
+    wide = told(multisine(n=8000))
+    effect = dataclasses.replace(EFFECTS[name].on(tree(), "A"), **settings)
+    logged = low_pass(effect.columns(wide).effort(np.array(theta), 2)[:, 1], 1000.0, 10.0)
+    found = effect.columns(dataclasses.replace(wide, passband=10.0))
+    column = found.values[:, found.joints.index(1), :]
+    inner = slice(200, -200)
+    x = np.linalg.lstsq(column[inner], logged[inner], rcond=None)[0]
+    np.testing.assert_allclose(x, theta, rtol=0.01)
+    assert np.std(logged[inner] - column[inner] @ x) < 0.02 * np.std(logged[inner])

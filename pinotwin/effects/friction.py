@@ -292,6 +292,7 @@ class LoadFriction(Effect):
     colour: ClassVar[str] = "#8a4f5e"
     imitates: ClassVar[tuple[str, ...]] = ("coulomb", "effort_scale", "stribeck", "viscous_asymmetric")
     needs: ClassVar[tuple[Need, ...]] = ("model", "rigid", "mass")
+    sharp: ClassVar[bool] = True
     searched: ClassVar[int] = 1
     causes: ClassVar[tuple[Cause, ...]] = ("friction",)
     axis: str

@@ -160,6 +160,7 @@ class EncoderError(Effect):
     colour: ClassVar[str] = "#17869e"
     imitates: ClassVar[tuple[str, ...]] = ("ripple", "ripple_modulated", "geometric_error", "delay")
     needs: ClassVar[tuple[Need, ...]] = ("mass",)
+    sharp: ClassVar[bool] = True
     searched: ClassVar[int] = 1
     several: ClassVar[bool] = True
     axis: str
@@ -201,6 +202,7 @@ class EncoderError(Effect):
         bend = np.stack(
             [-k * k * c * own.v**2 - k * s * own.a, -k * k * s * own.v**2 + k * c * own.a], axis=-1
         )
+        bend = motion.passed(bend)
         return shaken(self, motion, own.index, _pushed(self, motion, own.index, bend))
 
 

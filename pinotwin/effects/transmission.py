@@ -251,6 +251,7 @@ class Backlash(Effect):
         "delay",
     )
     needs: ClassVar[tuple[Need, ...]] = ("rigid", "mass")
+    sharp: ClassVar[bool] = True
     searched: ClassVar[int] = 3
     axis: str
     rotary: bool = False
@@ -314,4 +315,4 @@ class Backlash(Effect):
                 pieces = (q[part], extra[part], ratio[part])
                 out[part] = _carried(*pieces, self.gap, w, self.damping, motion.step)
         values = self.load * own * out - rigid + (1.0 - self.load) * own * a
-        return shaken(self, motion, joint, values[:, None], self.load)
+        return shaken(self, motion, joint, motion.passed(values)[:, None], self.load)
