@@ -22,7 +22,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, LogError, nearest
-from pinotwin.notebook import card
+from pinotwin.notebook import Shown, card, plain_card
 from pinotwin.units import SI_FACTOR
 
 _UNIT_AT_END = re.compile(
@@ -161,7 +161,14 @@ class Log:
                 units[name] = unit
         return cls(channels, source=source, units=units)
 
+    def __repr__(self) -> str:
+        return plain_card(*self._shown())
+
     def _repr_html_(self) -> str:
+        return card(*self._shown())
+
+    def _shown(self) -> Shown:
+        """Return title, columns, rows and a note for a notebook and for ``repr``."""
         rows = [
             (
                 name,
@@ -171,7 +178,7 @@ class Log:
             )
             for name, values in self.channels.items()
         ]
-        return card(f"Log {self.source}: {len(self)} rows", _LOG_COLUMNS, rows, " ".join(self.notes[:3]))
+        return (f"Log {self.source}: {len(self)} rows", _LOG_COLUMNS, rows, " ".join(self.notes[:3]))
 
     def fingerprint(self) -> str:
         """Return a hash of names and numbers that tells two recordings apart."""

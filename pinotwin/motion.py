@@ -16,6 +16,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
+from pinotwin.notebook import Shown, card, plain_card
 from pinotwin.signals.filters import low_pass
 
 CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "ql", "external", "model", "rigid", "mass")
@@ -192,6 +193,24 @@ class Motion:
         """Return some rows of every channel that there is."""
         every = {name: getattr(self, name) for name in CHANNELS}
         return {name: None if x is None else x[rows] for name, x in every.items()}
+
+    def __repr__(self) -> str:
+        return plain_card(*self._shown())
+
+    def _repr_html_(self) -> str:
+        return card(*self._shown())
+
+    def _shown(self) -> Shown:
+        """Return title, columns, rows and a note for a notebook and for ``repr``."""
+        rows = []
+        for k, name in enumerate(self.names):
+            x = "rad" if self.rotary[k] else "m"
+            q, v = self.q[:, k], np.abs(self.v[:, k])
+            travel = f"{np.nanmin(q):.4g} to {np.nanmax(q):.4g} {x}" if np.isfinite(q).any() else ""
+            fast = f"{np.nanmax(v):.3g} {x}/s" if np.isfinite(v).any() else ""
+            rows.append((name, travel, fast, f"{float(np.mean(self.use[:, k])):.0%}"))
+        note = f"{1.0 / self.step:.6g} Hz, {len(self.segments)} stretch(es), corner {self.cutoff:.4g} Hz"
+        return f"Motion {self.source}: {len(self)} rows", ("axis", "travel", "up to", "used"), rows, note
 
     @classmethod
     def join(cls, parts: Sequence[Motion]) -> Motion:

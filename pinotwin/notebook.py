@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
+Shown = tuple[str, Sequence[str], Sequence[Sequence[object]], str]
+"""Title, heads of the columns, rows of cells, and a line below."""
 _CELL = "text-align:left;padding:2px 12px 2px 0;vertical-align:top"
 MOST_ROWS = 24
 """A table longer than this is cut; the cell stays on one screen."""
@@ -33,3 +35,30 @@ def card(
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>" if columns else ""
     below = f"<div>{html.escape(note)}</div>" if note else ""
     return f"<div><strong>{html.escape(title)}</strong>{table}{below}</div>"
+
+
+LONGEST = 34
+"""Characters of a cell of plain text; a longer one is cut."""
+
+
+def plain_card(
+    title: str, columns: Sequence[str] = (), rows: Iterable[Sequence[object]] = (), note: str = ""
+) -> str:
+    """Return the same as plain text, for ``repr``: one screen of at most 80 columns or so.
+
+    Args:
+        title: heading.
+        columns: heads of the table.
+        rows: its cells.
+        note: a line below.
+    """
+    every = [[_cut(str(c)) for c in row] for row in rows]
+    shown = [[_cut(c) for c in columns], *every[:MOST_ROWS]] if columns else []
+    wide = [max(len(row[k]) for row in shown) for k in range(len(columns))]
+    lines = ["  ".join(c.ljust(w) for c, w in zip(row, wide, strict=True)).rstrip() for row in shown]
+    more = [f"... and {len(every) - MOST_ROWS} more"] if len(every) > MOST_ROWS else []
+    return "\n".join([f"<{title}>", *(f"  {line}" for line in [*lines, *more, *([note] if note else [])])])
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"

@@ -11,6 +11,8 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.cli.main import COMMANDS, EXAMPLES, main
+from pinotwin.diagnosis import Diagnosis
+from pinotwin.diagnosis.result import Gap
 from tests.simulated import known_twin, plain_machine, smooth_command
 
 pandas = pytest.importorskip("pandas")
@@ -95,6 +97,29 @@ def test_notebook_cells_are_short_and_escaped(folder):
         assert text.count("<tr>") <= 26
     assert "<b>" not in log._repr_html_()
     assert "&lt;b&gt;" in log._repr_html_()
+
+
+def test_repr_is_one_short_screen(folder):
+    log = pt.Log({"t": np.arange(3.0), "x": np.ones(3)}, source="a.csv")
+    twin = pt.Twin.load(folder / "twin")
+    machine = pt.Machine.load(folder / "machine")
+    t = np.arange(0.0, 4.0, 0.002)
+    channels = {"t": t}
+    for k, axis in enumerate(machine.axes):
+        channels |= {f"{axis}.q": 0.1 * np.sin((2 + k) * t), f"{axis}.u": np.cos((2 + k) * t)}
+    motion = twin.motion(pt.Log(channels))
+    gap = {"Y": {"u": Gap(5.0, 0.1, 1.0, 5.0)}}
+    found = Diagnosis(
+        "none", "Nothing", gap, [], [], [], {}, {}, "assumed", [], "structure", {}, machine="mill"
+    )
+    for one in (log, twin, machine, motion, found):
+        text = repr(one)
+        assert text.startswith("<")
+        assert len(text.splitlines()) <= 30
+        assert len(text) < 3000
+        assert one._repr_html_().startswith("<div>")
+    assert "Y.u" in repr(found)
+    assert "not judged" in repr(found)
 
 
 def test_help_of_the_package_is_one_look():

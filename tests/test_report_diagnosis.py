@@ -22,6 +22,7 @@ from pinotwin.report import diagnosis_report
 from pinotwin.report.diagnosis_plots import bars
 from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.report.plain_words import EFFECTS, region_words
+from pinotwin.viewer.gap import gap_page
 from tests.test_report import figures, read
 
 GAP = Gap(rms=5.0, nrmse=0.2, noise=3.0, after=3.1)
@@ -265,3 +266,15 @@ def test_with_the_log_the_gap_is_drawn_against_speed_and_position() -> None:
 def test_every_effect_of_the_yaml_has_plain_words() -> None:
     assert set(KNOWN) <= set(EFFECTS)
     assert all("_" not in words for words in EFFECTS.values())
+
+
+def test_the_machine_page_is_the_same_from_run_to_run_and_says_the_grades() -> None:
+    t = np.arange(0.0, 2.0, 0.002)
+    channels = {"t": t}
+    machine = Machine.load("trunnion")
+    for k, axis in enumerate(machine.axes):
+        channels |= {f"{axis}.q": 0.1 * np.sin((2 + k) * t), f"{axis}.u": np.cos((2 + k) * t)}
+    given = replace(EXPLAINED, subject=machine)
+    pages = [gap_page(given, machine, Log(channels)) for _ in range(2)]
+    assert pages[0] == pages[1]
+    assert "Y gap explained" in pages[0]

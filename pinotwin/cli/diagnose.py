@@ -179,12 +179,12 @@ def write_view(
 
     Returns what went wrong with the picture, one line each: it never costs the diagnosis.
     """
-    from pinotwin.viewer import missing_meshes, save_html
-    from pinotwin.viewer.gap import gap_scene
+    from pinotwin.viewer import missing_meshes
+    from pinotwin.viewer.gap import gap_page
 
     machine = with_meshes(machine_of(subject), meshes)
     try:
-        save_html(folder / "machine.html", gap_scene(found, machine.with_rigid_joints(), log))
+        write_text(folder / "machine.html", gap_page(found, machine, log))
     except (PinotwinError, ValueError, RuntimeError, KeyError, IndexError, OSError) as error:
         return [f"machine.html was not written: {' '.join(str(error).split())[:200]}"]
     missing = missing_meshes(machine.urdf, machine.meshes)

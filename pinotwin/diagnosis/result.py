@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pinotwin.arrays import Floats, plain
 from pinotwin.diagnosis.grade import Grade, grade
 from pinotwin.effects import Effect
+from pinotwin.notebook import Shown, card, plain_card
 
 Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
 
@@ -262,6 +263,29 @@ class Diagnosis:
         )
         assert isinstance(out, dict)
         return out
+
+    def __repr__(self) -> str:
+        return plain_card(*self._shown())
+
+    def _repr_html_(self) -> str:
+        return card(*self._shown())
+
+    def _shown(self) -> Shown:
+        """Return title, columns, rows and a note for a notebook and for ``repr``."""
+        rows = [
+            (
+                f"{a}.{s}",
+                f"{g.rms:.4g}",
+                f"{g.after:.4g}",
+                f"{g.misfit:.3g}",
+                f"{g.noise:.3g}",
+                self.grade(a, s),
+            )
+            for a, row in self.gap.items()
+            for s, g in row.items()
+        ]
+        columns = ("RMS, SI", "gap", "after", "misfit", "noise", "grade")
+        return f"Diagnosis of {self.machine}: {self.verdict}", columns, rows, self.sentence
 
     def apply(self, folder: str | Path) -> Path:
         """Write the machine with the named effects added, and return the path of its YAML."""

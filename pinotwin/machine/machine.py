@@ -21,7 +21,7 @@ from pinotwin.logs.columns import Column
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
-from pinotwin.notebook import card
+from pinotwin.notebook import Shown, card, plain_card
 from pinotwin.writing import write_bytes, write_text
 
 
@@ -203,14 +203,21 @@ class Machine:
             q[self.names.index(name)] = value
         return q
 
+    def __repr__(self) -> str:
+        return plain_card(*self._shown())
+
     def _repr_html_(self) -> str:
+        return card(*self._shown())
+
+    def _shown(self) -> Shown:
+        """Return title, columns, rows and a note for a notebook and for ``repr``."""
         rows = [
             (a.name, a.joint, "rotary" if a.rotary else "linear", ", ".join(e.title for e in a.effects))
             for a in self.axes.values()
         ]
         rows += [(p.name, p.joint, "passive", "") for p in self.passive.values()]
         note = f"{len(self.base.names)} base parameters; {self.path}"
-        return card(f"Machine {self.name}", ("axis", "joint", "kind", "effects"), rows, note)
+        return (f"Machine {self.name}", ("axis", "joint", "kind", "effects"), rows, note)
 
     def save(self, folder: str | Path) -> Path:
         """Write ``machine.yaml`` and the URDF into a folder and return the path of the YAML."""

@@ -6,23 +6,16 @@ import base64
 
 import numpy as np
 
-from pinotwin.diagnosis.grade import Grade
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Html, escape
 from pinotwin.report.diagnosis_verdict import grade_of, machine_of
+from pinotwin.viewer.gap import COLOURS
 from pinotwin.viewer.scene import visual_model
-from pinotwin.viewer.still import GREY, Colour, Still, still
+from pinotwin.viewer.still import GREY, Still, still
 
-COLOURS: dict[Grade, Colour] = {
-    "gap explained": (0.90, 0.52, 0.20),
-    "partly explained": (0.90, 0.52, 0.20),
-    "not explained": (0.80, 0.27, 0.22),
-    "above misfit": (0.85, 0.74, 0.42),
-}
-"""Grade -> colour of the axis; grey where nothing was found."""
 _HIGH = 24  # pixels between the names of two axes
 
 

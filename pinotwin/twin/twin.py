@@ -21,7 +21,7 @@ from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.notebook import card
+from pinotwin.notebook import Shown, card, plain_card
 from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.parameters import Parameter
 
@@ -143,7 +143,14 @@ class Twin:
 
         return simulate(self, log, **options)
 
+    def __repr__(self) -> str:
+        return plain_card(*self._shown())
+
     def _repr_html_(self) -> str:
+        return card(*self._shown())
+
+    def _shown(self) -> Shown:
+        """Return title, columns, rows and a note for a notebook and for ``repr``."""
         rows = []
         for name in self.machine.names:
             own = [e.title for e in self.effects if e.axis == name]
@@ -152,7 +159,7 @@ class Twin:
             rows.append((name, ", ".join(own), error, "yes" if name in self.loops else ""))
         columns = ("axis", "effects", "effort error, held out", "closed loop")
         note = f"{len(self.theta)} coefficients from {len(self.data)} log(s)"
-        return card(f"Twin of {self.machine.name}", columns, rows, note)
+        return (f"Twin of {self.machine.name}", columns, rows, note)
 
     def save(self, folder: str | Path) -> Path:
         """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""

@@ -1,39 +1,58 @@
-"""The machine playing a log, every axis in the colour of its gap: grey agrees, red is far off."""
+"""The machine playing a log, every axis in the colour of its grade, with the plots of its gap beside it."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterable
 
-from pinotwin.diagnosis.result import Diagnosis, Gap
+from pinotwin.diagnosis.grade import Grade
+from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
-from pinotwin.viewer.play import play
-from pinotwin.viewer.scene import Scene, colour, draw, visual_model
+from pinotwin.motion import Motion
+from pinotwin.twin import Twin
+from pinotwin.viewer.panel import panel, stage_for
+from pinotwin.viewer.scene import colour, draw, visual_model
+from pinotwin.viewer.still import GREY, Colour
+from pinotwin.viewer.tracks import tracks_of
 
-AGREES, OFF = np.array([0.62, 0.65, 0.68]), np.array([0.80, 0.13, 0.10])
-FULL = 10.0  # gap over noise from which an axis is as red as it gets
+COLOURS: dict[Grade, Colour] = {
+    "gap explained": (0.90, 0.52, 0.20),
+    "partly explained": (0.90, 0.52, 0.20),
+    "not explained": (0.80, 0.27, 0.22),
+    "above misfit": (0.85, 0.74, 0.42),
+}
+"""Grade -> colour of the axis; grey where nothing was found."""
 
 
-def gap_scene(found: Diagnosis, machine: Machine, log: Log) -> Scene:
-    """Return the scene of a diagnosed machine, playing a log.
+def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
+    """Return the page of a diagnosed machine, playing a log: the same bytes for the same diagnosis.
 
     Args:
         found: the diagnosis.
-        machine: the machine that was diagnosed.
+        machine: the machine that was diagnosed, with the meshes that were given.
         log: what it plays.
     """
+    twin = found.subject if isinstance(found.subject, Twin) else None
+    motion = _motion(twin, machine, log)
+    tracks = tracks_of(machine, motion, twin)
     visual = visual_model(machine.model, machine.urdf, machine.meshes)
-    drawn = draw(machine.model, visual, frames=False, masses=False, name=machine.name)
-    axes = {axis: row["u"] for axis, row in found.gap.items() if "u" in row}
-    shades = {machine.axis(axis).joint: shade(gap) for axis, gap in axes.items()}
-    motion = prepare(machine, log, decimate=1)
-    return play(colour(drawn, shades), motion.t, motion.q)
+    shades = {str(name): (*GREY, 1.0) for name in machine.model.names}
+    for name, axis in machine.axes.items():
+        shades[axis.joint] = (*COLOURS.get(_grade(found, name), GREY), 1.0)
+    drawn = colour(draw(machine.model, visual, frames=False, masses=False, name=machine.name), shades)
+    return panel(stage_for(drawn, tracks.q), machine, tracks=tracks, subtitle=_told(found, machine.axes))
 
 
-def shade(gap: Gap) -> tuple[float, float, float, float]:
-    """Return red, green, blue and opacity of a gap: logarithmic from the noise to ten times it."""
-    ratio = gap.rms / max(gap.noise, 1e-300)
-    share = float(np.clip(np.log(max(ratio, 1.0)) / np.log(FULL), 0.0, 1.0))
-    red, green, blue = AGREES + share * (OFF - AGREES)
-    return float(red), float(green), float(blue), 1.0
+def _motion(twin: Twin | None, machine: Machine, log: Log) -> Motion:
+    """Return a log prepared as the diagnosis saw it."""
+    return prepare(machine, log, decimate=1) if twin is None else twin.motion(log)
+
+
+def _grade(found: Diagnosis, axis: str) -> Grade:
+    return found.grade(axis, "u") if "u" in found.gap.get(axis, {}) else "not judged"
+
+
+def _told(found: Diagnosis, axes: Iterable[str]) -> str:
+    words = ", ".join(f"{name} {_grade(found, name)}" for name in axes)
+    return f"playing the diagnosed log; motor effort: {words}"
