@@ -179,7 +179,7 @@ def _axes(machine: Machine, tracks: Tracks | None) -> list[dict[str, Any]]:
             "error_unit": "mrad" if part.rotary else "µm",
         }
         if tracks is not None and part.name in tracks.series:
-            row["series"], row["full"] = tracks.lines(part.name), tracks.full[part.name]
+            row["series"], row["full"] = tracks.lines(part.name), tracks.full.get(part.name)
         out.append(row)
     return out
 
