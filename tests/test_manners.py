@@ -13,6 +13,7 @@ import pinotwin as pt
 from pinotwin.cli.main import COMMANDS, EXAMPLES, main
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.result import Gap
+from pinotwin.logs.prepare import prepare
 from tests.simulated import known_twin, plain_machine, smooth_command
 
 pandas = pytest.importorskip("pandas")
@@ -105,9 +106,10 @@ def test_repr_is_one_short_screen(folder):
     machine = pt.Machine.load(folder / "machine")
     t = np.arange(0.0, 4.0, 0.002)
     channels = {"t": t}
-    for k, axis in enumerate(machine.axes):
+    table = pt.Machine.load("trunnion")
+    for k, axis in enumerate(table.axes):
         channels |= {f"{axis}.q": 0.1 * np.sin((2 + k) * t), f"{axis}.u": np.cos((2 + k) * t)}
-    motion = twin.motion(pt.Log(channels))
+    motion = prepare(table, pt.Log(channels))
     gap = {"Y": {"u": Gap(5.0, 0.1, 1.0, 5.0)}}
     found = Diagnosis(
         "none", "Nothing", gap, [], [], [], {}, {}, "assumed", [], "structure", {}, machine="mill"
