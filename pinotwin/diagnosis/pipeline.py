@@ -20,6 +20,7 @@ from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
+from pinotwin.diagnosis.others.encoders import Seen, admitted, second_encoders, with_encoders
 from pinotwin.diagnosis.others.servo import servo_changes
 from pinotwin.diagnosis.others.tracking import tracking_gaps
 from pinotwin.diagnosis.others.vibration import Vibrations, look_at_vibration, unused
@@ -77,12 +78,15 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     subject = _subject(subject)
     c = compare(subject, as_logs(log), [] if validate is None else as_logs(validate, "validate"))
     tell("candidates", 0.15)
-    found, pushed, c = _searched(c, tried(c, leave_out), leave_out, rules, tell, most=1 if quick else None)
+    measured = second_encoders(c, np.random.default_rng([seed, 4]))
+    shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
+    found, pushed, c = _searched(c, shown, leave_out, rules, tell, most=1 if quick else None)
     tell("how sure", 0.8)
     rng = np.random.default_rng([seed, 1])
     sure = [rules.quick_confidence] * len(found.steps) if quick else confidences(c, found, rng, rules=rules)
     named = effects_named(c, found, sure)
     named += pushes_named(c, pushed, rules.push_confidence)
+    named = with_encoders(named, measured, leave_out)
     if closed_loop:
         named += servo_named(servo_changes(c, _mismeasured(named), leave_out, rules), rules.servo_confidence)
     shaken = look_at_vibration(
@@ -97,7 +101,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     if closed_loop and not quick:
         tell("tracking error", 0.9)
         result = _with_tracking(result, *tracking_gaps(c, [s.chosen for s in found.steps]))
-    result = _with_vibration(result, shaken, unused(subject, c.logs))
+    result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, c.logs))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
 
@@ -112,6 +116,18 @@ def _with_tracking(d: Diagnosis, gaps: Mapping[str, Gap], shrinks: Mapping[str, 
         for e in d.effects
     ]
     return replace(d, gap=gap, effects=effects)
+
+
+def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
+    """Return the diagnosis with the gap between motor and load where both are measured."""
+    gap = {
+        axis: {**row, **({"ql": measured[axis].gap} if axis in measured else {})}
+        for axis, row in d.gap.items()
+    }
+    gap |= {axis: {"ql": seen.gap} for axis, seen in measured.items() if axis not in gap}
+    where = [r for seen in measured.values() for r in seen.where]
+    notes = [n for seen in measured.values() for n in seen.notes]
+    return replace(d, gap=gap, where=[*d.where, *where], advice=[*d.advice, *notes])
 
 
 def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagnosis:

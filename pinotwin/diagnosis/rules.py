@@ -93,6 +93,11 @@ class Rules:
     at_limit: float = 5.0
     """[of the own share of time] How much longer the effort rests at its largest size at a limit."""
 
+    encoder_share: float = 0.2
+    """[of the squared twist between motor and load] Least that elasticity, lost motion or a table closes of it."""
+    encoder_noise: float = 1.0
+    """[noise of one row] The same, RMS; of a change no less than what the own logs leave either."""
+
     open_change: float = 2.5
     """[misfits] What stays of a gap beyond this is open; Panda's unseen motion leaves 1.9."""
     open_structure: float = 0.15

@@ -94,7 +94,7 @@ def shrink_figure(items: Sequence[Bar], signal: str, rotary: bool) -> go.Figure:
 
 def signal_scale(signal: str, rotary: bool, largest: float) -> display.Scale:
     """Return the scale of an effort, a tracking error or a vibration."""
-    of = {"e": display.position, "v": display.velocity}.get(signal, display.effort)
+    of = {"e": display.position, "ql": display.position, "v": display.velocity}.get(signal, display.effort)
     return of(rotary, largest)
 
 

@@ -17,7 +17,7 @@ from pinotwin.report.plain_words import joined, on_axis, plain_sentence
 from pinotwin.twin import Twin
 
 MOST = 3  # causes and axes that the headline speaks of
-SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration"}
+SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
 SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
 """From the grade that matters most on."""
 

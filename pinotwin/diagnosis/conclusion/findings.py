@@ -38,6 +38,10 @@ def _named(c: Comparison, step: Step, sure: float) -> Found:
     names = [x.name for x in one.effect.coefficients()]
     theta = dict(zip(names, one.judged.theta.tolist(), strict=True))
     shapes = dict(zip((s.name for s in effect.shapes()), effect.shape_values(), strict=True))
+    sizes = sizes_of(c, one)
+    for s in sizes:
+        if s.name.endswith(".resonance"):
+            shapes["resonance"] = s.after
     return Found(
         effect=effect.name,
         axis=effect.axis,
@@ -70,15 +74,59 @@ def sizes_of(c: Comparison, one: Scored) -> list[Size]:
         after = before[k] + float(theta[k])
         half = 1.645 * float(error[k])
         rows.append(Size(f"{effect.name}.{x.name}", before[k], after, x.unit, (after - half, after + half)))
-    return rows
+    resonance = _resonance(c, one)
+    return rows if resonance is None else [resonance, *rows]
+
+
+def _resonance(c: Comparison, one: Scored) -> Size | None:
+    """Return the mode of a flexible drive with its motor free, from that with the motor held.
+
+    A load that is the share s of an axis' inertia swings with the motor at f / sqrt(1 - s). Of a machine the
+    inertia is that fitted beside the spring.
+    """
+    effect = named(one.effect)
+    mass = c.new.motion.mass
+    if effect.name not in ("drive_flexibility", "joint_flexibility") or mass is None:
+        return None
+    j = one.joint
+    carried = float(np.mean(mass[:, j, j]))
+    whole = carried + _inertia_moved(c, one, j)
+    share, error = float(one.judged.theta[-1]), float(np.sqrt(one.judged.covariance[-1, -1]))
+    held = float(effect.shape_values()[0])
+
+    def free(x: float) -> float:
+        return held / float(np.sqrt(np.clip(1.0 - x * carried / whole, 1e-3, 1.0)))
+
+    if not 0.0 < share * carried < whole:
+        return None
+    span = (free(share - 1.645 * error), free(share + 1.645 * error))
+    return Size(f"{effect.name}.resonance", float("nan"), free(share), "Hz", span)
+
+
+def _inertia_moved(c: Comparison, one: Scored, joint: int) -> float:
+    """Return by how much an axis' mean inertia is refitted beside a cause; of a twin it stays."""
+    if c.change:
+        return 0.0
+    at = 0
+    for effect in c.model_columns:
+        p = len(effect.coefficients())
+        if effect.name == "rigid_body":
+            still = np.zeros_like(c.new.motion.q[:1])
+            push = still.copy()
+            push[0, joint] = 1.0
+            model, base = c.machine.model, c.machine.base
+            middle = c.new.motion.q.mean(axis=0, keepdims=True)
+            rows = base.regressor(model, middle, still, push) - base.regressor(model, middle, still, still)
+            return float(rows[0, joint] @ one.judged.base[at : at + p])
+        at += p
+    return 0.0
 
 
 def _moves(c: Comparison, one: Scored) -> dict[str, tuple[float, float, float]]:
     error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 1e-300))
     return {
         f"{named(one.effect).axis}.{s.name}": (s.before, s.after, abs(s.after - s.before) / float(e))
-        for s, e in zip(sizes_of(c, one), error, strict=False)
-        if np.isfinite(s.before)
+        for s, e in zip((x for x in sizes_of(c, one) if np.isfinite(x.before)), error, strict=False)
     }
 
 

@@ -21,6 +21,7 @@ from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.scan import Scored, Searcher, Table
 from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.effects import Effect
+from pinotwin.effects.family import TRANSMISSION
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,9 +182,11 @@ def allowed(one: Scored, comparison: Comparison) -> bool:
         return True
     before = known(one.effect, comparison)
     error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 0.0))
+    # A machine's inertia was fitted without the spring: what that leaves of it is no bound for the load's.
+    bounded = comparison.change or one.effect.family is not TRANSMISSION
     for k, c in enumerate(one.effect.coefficients()):
         value = before[k] + one.judged.theta[k]
-        if value < c.lower - 2.0 * error[k] or value > c.upper + 2.0 * error[k]:
+        if value < c.lower - 2.0 * error[k] or (bounded and value > c.upper + 2.0 * error[k]):
             return False
     return one.effect.possible(one.judged.theta)
 

@@ -1,0 +1,83 @@
+"""Least squares by blocks: every block predicted from all others, and how the coefficients differ without it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.signals import rms
+
+RIDGE = 1e-9
+"""Of a column's own square: keeps a singular system solvable, moves nothing that is determined."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blocked:
+    """A fit whose every block was also left out.
+
+    Attributes:
+        theta: coefficients from all rows, shape (p,).
+        folds: the same without each block, shape (K, p).
+        rest: what is left of each row, predicted from the other blocks, shape (n,).
+        blocks: rows of each block.
+    """
+
+    theta: Floats
+    folds: Floats
+    rest: Floats
+    blocks: Sequence[slice]
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Block jackknife covariance of ``theta``, shape (p, p)."""
+        d = self.folds - self.folds.mean(axis=0)
+        K = len(d)
+        return np.asarray((K - 1) / K * d.T @ d)
+
+    @property
+    def error(self) -> Floats:
+        """Standard errors, shape (p,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def left(self) -> float:
+        """RMS of what is left of rows that were not fitted."""
+        return rms(self.rest)
+
+    @property
+    def powers(self) -> Floats:
+        """Squared sum of it, one a block, shape (K,)."""
+        return np.array([float(self.rest[b] @ self.rest[b]) for b in self.blocks])
+
+
+def by_blocks(X: Floats, y: Floats, blocks: Sequence[slice]) -> Blocked:
+    """Return the least-squares fit of ``y`` (n,) by ``X`` (n, p), every block left out once."""
+    scale = np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-300)
+    Z = X / scale
+    N, g = Z.T @ Z, Z.T @ y
+    ridge = RIDGE * len(Z) * np.eye(Z.shape[1])
+    folds = np.array([np.linalg.solve(N - Z[b].T @ Z[b] + ridge, g - Z[b].T @ y[b]) for b in blocks])
+    rest = y.copy()
+    for b, theta in zip(blocks, folds, strict=True):
+        rest[b] = y[b] - Z[b] @ theta
+    return Blocked(np.linalg.solve(N + ridge, g) / scale, folds / scale, rest, blocks)
+
+
+def blocks_of(rows: int, step: float, shortest: float = 0.5, fewest: int = 6, most: int = 40) -> list[slice]:
+    """Return stretches of rows that count as one witness each.
+
+    Args:
+        rows: how many there are.
+        step: time from one to the next [s].
+        shortest: length of a stretch [s].
+        fewest: stretches.
+        most: stretches.
+    """
+    count = int(np.clip(rows * step / shortest, fewest, most))
+    edges = np.linspace(0, rows, count + 1).astype(int)
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]

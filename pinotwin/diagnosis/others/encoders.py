@@ -1,0 +1,436 @@
+r"""The second encoder: what lies between motor and load, straight from their difference.
+
+With the position q at the motor and q_l at the load, both prepared alike, the twist d = q - q_l obeys
+
+    d = T / k - (c / k) d' + h sign(v) + e(q_l) + tau v + d_0,      T = u - J a
+
+T: what the drive passes on, the motor's effort less what accelerates its own rotor J; k, c: stiffness and
+damping of the drive train; 2 h: lost motion between the two directions; e: error of the position along
+the stroke (pitch of the screw, scale of an encoder); tau: time between the two encoders. Friction on the motor's side
+of the spring goes with v and sign(v). All coefficients are linear, and every stretch of the log is
+predicted from the others. Nothing is inferred from the effort alone: elasticity, lost motion and pitch are measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.diagnosis.conclusion.where import concentrated, regimes
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.evidence.blocks import Blocked, blocks_of, by_blocks
+from pinotwin.diagnosis.evidence.bootstrap import share_interval
+from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
+from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.motion import Motion
+from pinotwin.signals import low_pass, roughness
+
+SLOWEST = 0.02
+"""Of the top speed: below it the direction of lost motion is not known."""
+MOST_ROWS = 20_000
+FINEST = 0.01
+"""Of a stiffness: half its narrowest interval; filters alone move it by 0.2 %."""
+KNOTS = 13
+"""Places along the stroke at which its error is stated."""
+FLEXIBLE = ("drive_flexibility", "joint_flexibility")
+"""Effects of the effort that the second encoder measures: looked for elsewhere only where it sees them."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Twist:
+    """The twist of one axis on some rows, with the columns that it is made of.
+
+    Attributes:
+        d: twist, shape (n,).
+        parts: name -> columns, each of shape (n, p).
+        blocks: stretches.
+        rows: rows of the motion.
+        knots: places of the table [m or rad].
+        noise: of one row.
+        travel: of the load [m or rad].
+    """
+
+    d: Floats
+    parts: Mapping[str, Floats]
+    blocks: Sequence[slice]
+    rows: Ints
+    knots: Floats
+    noise: float
+    travel: float
+
+    def table(self, names: Sequence[str]) -> Floats:
+        """Return the columns of some parts side by side."""
+        return np.hstack([self.parts[n] for n in names])
+
+    def fit(self, names: Sequence[str], y: Floats | None = None) -> Blocked:
+        """Return the fit of the twist, or of what is left of it, by some parts."""
+        return by_blocks(self.table(names), self.d if y is None else y, self.blocks)
+
+    def reverse(self, names: Sequence[str]) -> tuple[float, float]:
+        """Return the stiffness by which the effort is explained with the twist, and its 90 % half interval."""
+        u, others = self.parts["spring"][:, 0], self.parts["spring"][:, 1:]
+        rest = [self.parts[n] for n in names if n != "spring"]
+        found = by_blocks(np.hstack([self.d[:, None], others, *rest]), u, self.blocks)
+        return float(found.theta[0]), 1.645 * float(found.error[0])
+
+    def at(self, names: Sequence[str], name: str) -> int:
+        """Return the first column of a part among those of several."""
+        return sum(self.parts[n].shape[1] for n in names[: names.index(name)])
+
+
+NUISANCE = ("zero", "lag")
+"""Always there, and no finding: the offset of the zeros, the instant of the two encoders."""
+PARTS = ("spring", "lost", "table")
+EVERY = (*NUISANCE, *PARTS)
+
+
+def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | None:
+    if motion.ql is None:
+        return None
+    q, ql, u = (x[:, joint] for x in (motion.q, motion.ql, motion.u))
+    v, a = motion.v[:, joint], motion.a[:, joint]
+    rows = _rows(motion, joint)
+    if len(rows) < 200 or not np.ptp(ql[rows]) > 0.0:
+        return None
+    d = q - ql
+    rate = np.zeros_like(d)
+    for s in motion.segments:
+        if s.stop - s.start > 2:
+            rate[s] = np.gradient(d[s], motion.step)
+    x = ql[rows]
+    places = np.linspace(x.min(), x.max(), KNOTS) if knots is None else knots
+    hats = np.stack([np.interp(x, places, e) for e in np.eye(len(places))[1:]], axis=1)
+    parts = {
+        "zero": np.ones((len(rows), 1)),
+        "lag": v[rows, None],
+        "spring": np.stack([u[rows], a[rows], rate[rows]], axis=1),
+        "lost": _filtered(motion, np.sign(v))[rows, None],
+        "table": hats,
+    }
+    step = motion.step * max(1.0, len(motion) / len(rows))
+    noise = roughness([d[s] for s in motion.segments if s.stop - s.start > 8] or [d])
+    return _Twist(d[rows], parts, blocks_of(len(rows), step), rows, places, noise, float(np.ptp(x)))
+
+
+def _filtered(motion: Motion, x: Floats) -> Floats:
+    """Return a signal (n,) after the low-pass that the positions went through, stretch by stretch."""
+    out = x.copy()
+    rate = 1.0 / motion.step
+    for s in motion.segments:
+        if motion.cutoff < 0.45 * rate and s.stop - s.start > 30:
+            out[s] = low_pass(x[s], rate, motion.cutoff)
+    return out
+
+
+def _rows(motion: Motion, joint: int) -> Ints:
+    inside: Mask = np.zeros(len(motion), dtype=bool)
+    for s in motion.segments:
+        inside[s] = True
+    assert motion.ql is not None
+    v = np.abs(motion.v[:, joint])
+    good = inside & np.isfinite(motion.ql[:, joint]) & np.isfinite(motion.u[:, joint])
+    good &= motion.use[:, joint] & (v > SLOWEST * v[inside].max(initial=0.0))
+    rows = np.flatnonzero(good)
+    return rows[:: max(1, len(rows) // MOST_ROWS)]
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What the second encoder of one axis says.
+
+    Attributes:
+        axis: whose.
+        gap: of its signal.
+        effects: causes that it measures.
+        where: regions in which the gap lies.
+        spring: whether the drive train was seen to give.
+        lost: whether there is lost motion.
+        notes: what else is worth a line.
+    """
+
+    axis: str
+    gap: Gap
+    effects: Sequence[Found]
+    where: Sequence[Region]
+    spring: bool
+    lost: bool
+    notes: Sequence[str]
+
+
+def second_encoders(c: Comparison, rng: np.random.Generator, rules: Rules = RULES) -> dict[str, Seen]:
+    """Return what the encoders at the load say, axis by axis.
+
+    Of a machine, what lies between motor and load at all; of a twin whose own logs held them too, what has
+    changed there since.
+
+    Args:
+        c: the comparison.
+        rng: of the shifts that a region is tested with.
+        rules: thresholds.
+    """
+    out = {}
+    for name, axis in c.machine.axes.items():
+        if name in c.gate.silent:
+            continue
+        new = _twist(c.new.motion, axis.index)
+        if new is None:
+            continue
+        own = None
+        if c.own is not None and c.own.motion.ql is not None:
+            own = _twist(c.own.motion, axis.index, new.knots)
+        if c.change and own is None:
+            continue
+        out[name] = _seen(c, name, axis.index, new, own, rng, rules)
+    return out
+
+
+def admitted(measured: Mapping[str, Seen], effect: str, axis: str | None) -> bool:
+    """Whether an effect of the drive train is looked for in the effort: not where both encoders do not show it."""
+    seen = measured.get(str(axis))
+    if seen is None:
+        return True
+    if effect in FLEXIBLE:
+        return seen.spring
+    return seen.lost or effect != "backlash"
+
+
+def with_encoders(
+    named: Sequence[Found], measured: Mapping[str, Seen], leave_out: Sequence[str] = ()
+) -> list[Found]:
+    """Return the named effects with what the second encoders measure of them, and what they add."""
+    out = list(named)
+    for seen in measured.values():
+        for e in seen.effects:
+            if e.effect in leave_out:
+                continue
+            alike = FLEXIBLE if e.effect in FLEXIBLE else (e.effect,)
+            at = next((k for k, x in enumerate(out) if x.axis == e.axis and x.effect in alike), None)
+            if at is None:
+                out.append(e)
+            else:
+                both = {**out[at].shrink, **e.shrink}
+                out[at] = replace(out[at], size=[*e.size, *out[at].size], shrink=both)
+    return out
+
+
+def _seen(
+    c: Comparison,
+    name: str,
+    joint: int,
+    new: _Twist,
+    own: _Twist | None,
+    rng: np.random.Generator,
+    rules: Rules,
+) -> Seen:
+    y, misfit = _unknown(new, own)
+    chosen, steps = _chosen(new, own, y, misfit, rules)
+    before, after = new.fit(NUISANCE, y), new.fit([*NUISANCE, *chosen], y)
+    effects = []
+    for part, shrink in steps.items():
+        names = EVERY if own is not None else (*NUISANCE, *chosen[: chosen.index(part) + 1])
+        told = _Told(name, c.machine.rotary[joint], new, own, names, "table" in chosen)
+        effects.append(told.named(part, shrink, _inertia(c, joint)))
+    gap = Gap(
+        before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left), misfit
+    )
+    cells = regimes([(c.new.motion, new.rows)], joint) if steps else []
+    where = concentrated(cells, before.rest**2, name, "ql", rng)[:3] if cells else []
+    notes = _notes(name, after, c.new.motion.step) if own is None else []
+    return Seen(name, gap, effects, where, "spring" in steps, "lost" in steps, notes)
+
+
+def _inertia(c: Comparison, joint: int) -> float:
+    """Return the mean inertia of an axis in its twin [kg or kg·m²]."""
+    mass = c.new.motion.mass
+    return float("nan") if mass is None else float(np.mean(mass[:, joint, joint]))
+
+
+def _unknown(new: _Twist, own: _Twist | None) -> tuple[Floats, float]:
+    """Return the twist less what the twin's own logs say of it, and what they leave of their own."""
+    if own is None:
+        return new.d, float("nan")
+    known = own.fit(EVERY)
+    return new.d - new.table(EVERY) @ known.theta, known.left
+
+
+def _chosen(
+    new: _Twist, own: _Twist | None, y: Floats, misfit: float, rules: Rules
+) -> tuple[list[str], dict[str, Shrink]]:
+    """Return the parts that the twist has, most telling first, and what those that can be real close of it."""
+    least = max(rules.encoder_noise * new.noise, misfit if np.isfinite(misfit) else 0.0)
+    first = new.fit(NUISANCE, y).left
+    chosen: list[str] = []
+    steps: dict[str, Shrink] = {}
+    while len(chosen) < len(PARTS):
+        now = new.fit([*NUISANCE, *chosen], y)
+        trials = {p: new.fit([*NUISANCE, *chosen, p], y) for p in PARTS if p not in chosen}
+        best = min(trials, key=lambda p: trials[p].left)
+        fit = trials[best]
+        closed = float(np.sqrt(max(now.left**2 - fit.left**2, 0.0)))
+        low, high = share_interval(now.powers, fit.powers)
+        share = 1.0 - (fit.left / max(now.left, 1e-300)) ** 2
+        trace = own is not None and bool(chosen) and closed**2 < rules.second_share * first**2
+        if share < rules.encoder_share or low <= 0.0 or closed < least or trace:
+            break
+        chosen.append(best)
+        if _sure(best, new, own, fit, chosen) > np.sqrt(rules.strength_structure):
+            steps[best] = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
+    return chosen, steps
+
+
+def _sure(part: str, new: _Twist, own: _Twist | None, fit: Blocked, chosen: Sequence[str]) -> float:
+    """Return by how many standard errors a part's first coefficient is what a machine can have.
+
+    A spring yields to its load and play lags behind the motor: both are positive; of a change either sign is.
+    """
+    k = new.at([*NUISANCE, *chosen], part)
+    value, error = float(fit.theta[k]), float(fit.error[k])
+    if part == "table":
+        return float("inf")
+    if own is not None:
+        value, error = abs(value), float(np.hypot(error, own.fit(EVERY).error[new.at(EVERY, part)]))
+    return value / max(error, 1e-300)
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What the twist of one axis is said to be, in the machine's own numbers.
+
+    Attributes:
+        axis: whose.
+        rotary: whether it turns.
+        new: its twist. own: that in the twin's own logs.
+        names: parts of the fit: those found so far; of a change all, as in the own logs.
+        placed: whether there is an error along the stroke.
+    """
+
+    axis: str
+    rotary: bool
+    new: _Twist
+    own: _Twist | None
+    names: Sequence[str]
+    placed: bool
+
+    def named(self, part: str, shrink: Shrink, inertia: float) -> Found:
+        fit = self.new.fit(self.names)
+        known = None if self.own is None else self.own.fit(EVERY)
+        shape: dict[str, float] = {}
+        if part == "spring":
+            effect, sizes = FLEXIBLE[0], self._spring(fit, known)
+            shape = _mode(sizes[0].after, sizes[1].after, inertia - sizes[2].after)
+        elif part == "lost":
+            effect, sizes = "backlash", [self._lost(fit, known)]
+            shape = {"gap": sizes[0].after}
+        else:
+            effect, sizes = "encoder_error", self._table(fit, known)
+        z = _sure(part, self.new, self.own, fit, self.names[len(NUISANCE) :])
+        theta = {s.name.rpartition(".")[2]: s.after for s in sizes}
+        sure = float(np.clip(1.0 - 1.0 / (1.0 + z), 0.5, 0.97))
+        return Found(effect, self.axis, sure, shape, theta, {"ql": shrink}, [], size=sizes, gain=shrink.share)
+
+    def _spring(self, fit: Blocked, known: Blocked | None) -> list[Size]:
+        """Return stiffness, damping and rotor's inertia.
+
+        The interval of the stiffness holds those of the fit with and without a table beside it (a weight that
+        goes with the posture is told from a table by its acceleration alone), and those of the reverse
+        fit, of the effort by the twist: noise of the effort makes the one too stiff, noise of the encoders
+        the other too soft, and what is stated lies between.
+        """
+        at = self.new.at(self.names, "spring")
+        ranges = [_inverse(fit, at)]
+        if self.placed and self.own is None:
+            table = "table" in self.names
+            more = [n for n in self.names if n != "table"] if table else [*self.names, "table"]
+            ranges.append(_inverse(self.new.fit(more), self.new.at(more, "spring")))
+        softest, half = self.new.reverse(self.names)
+        ranges.append((max(softest - half, 0.0), softest + half))
+        between = np.sqrt(max(softest, 0.0) * fit.theta[at])  # 1 where both agree
+        units = ("N·m/rad", "N·m·s/rad", "kg·m²") if self.rotary else ("N/m", "N·s/m", "kg")
+        rows = []
+        for name, unit, i in zip(("stiffness", "damping", "rotor"), units, (0, 2, 1), strict=True):
+            now, each = _physical(fit.theta, at, i), _physical(fit.folds, at, i)
+            before = 0.0 if known is None else float(_physical(known.theta, self.new.at(EVERY, "spring"), i))
+            span = _span(float(now), 1.645 * float(_jackknife(each)))
+            if i == 0:
+                now = now * between if between > 0.0 else now
+                low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
+                span = (min(low, (1.0 - FINEST) * float(now)), max(high, (1.0 + FINEST) * float(now)))
+            rows.append(Size(f"drive_flexibility.{name}", before, float(now), unit, span))
+        return rows
+
+    def _lost(self, fit: Blocked, known: Blocked | None) -> Size:
+        at = self.new.at(self.names, "lost")
+        value, half = 2.0 * float(fit.theta[at]), 2.0 * 1.645 * float(fit.error[at])
+        before = 0.0 if known is None else 2.0 * float(known.theta[self.new.at(EVERY, "lost")])
+        return Size("backlash.gap", before, value, self._unit, _span(value, half))
+
+    @property
+    def _unit(self) -> str:
+        return "rad" if self.rotary else "m"
+
+    def _table(self, fit: Blocked, known: Blocked | None) -> list[Size]:
+        """Return the largest error along the stroke, then the whole table, its mean taken off."""
+        at = self.new.at(self.names, "table")
+        now, half = _course(fit.theta, at), 1.645 * _jackknife(_course(fit.folds, at))
+        before = np.zeros(KNOTS) if known is None else _course(known.theta, self.new.at(EVERY, "table"))
+        worst = int(np.argmax(np.abs(now - before)))
+        labels = [f"at {x:.6g} {self._unit}" for x in self.new.knots]
+        order = [worst, *range(KNOTS)]
+        return [
+            Size(f"encoder_error.{name}", float(before[k]), float(now[k]), self._unit, _span(now[k], half[k]))
+            for name, k in zip(["largest", *labels], order, strict=True)
+        ]
+
+
+def _physical(theta: Floats, at: int, i: int) -> Floats:
+    """Return stiffness (i = 0), rotor's inertia (1) or damping (2) from coefficients (..., p)."""
+    yields = theta[..., at]
+    return 1.0 / yields if i == 0 else -theta[..., at + i] / yields
+
+
+def _jackknife(each: Floats) -> Floats:
+    """Return standard errors from estimates without each block, shape (K, ...)."""
+    K = len(each)
+    return np.asarray(np.sqrt((K - 1) / K * np.sum((each - each.mean(axis=0)) ** 2, axis=0)))
+
+
+def _course(theta: Floats, at: int) -> Floats:
+    """Return the table in coefficients (..., p), its mean taken off, shape (..., KNOTS)."""
+    x = np.concatenate([np.zeros((*theta.shape[:-1], 1)), theta[..., at : at + KNOTS - 1]], axis=-1)
+    return np.asarray(x - x.mean(axis=-1, keepdims=True))
+
+
+def _mode(k: float, damping: float, load: float) -> dict[str, float]:
+    """Return the mode of the load with the motor held, as machine.yaml has it; empty where it is not known."""
+    if not (k > 0.0 and load > 0.0):
+        return {}
+    w = np.sqrt(k / load)
+    ratio = float(np.clip(0.5 * damping * w / k, 0.005, 0.7))
+    return {"frequency": float(w / (2.0 * np.pi)), "damping": ratio}
+
+
+def _inverse(fit: Blocked, at: int) -> tuple[float, float]:
+    """Return the 90 % interval of a stiffness, of which the coefficient is the inverse."""
+    y, half = float(fit.theta[at]), 1.645 * float(fit.error[at])
+    if y + half <= 0.0:
+        return 0.0, float("inf")
+    return 1.0 / (y + half), (1.0 / (y - half) if y > half else float("inf"))
+
+
+def _span(x: float, half: float) -> tuple[float, float]:
+    return float(x - half), float(x + half)
+
+
+def _notes(axis: str, fit: Blocked, step: float) -> list[str]:
+    """Return the time between the two encoders where it is sure and longer than half a sample."""
+    lag, error = float(fit.theta[1]), float(fit.error[1])
+    if abs(lag) < max(5.0 * error, 0.5 * step):
+        return []
+    how = "later" if lag > 0.0 else "earlier"
+    return [
+        f"{axis}.ql is taken {1e3 * abs(lag):.2f} ± {1e3 * error:.2f} ms {how} than {axis}.q: whatever goes with "
+        "speed between motor and load (friction behind the spring) cannot be told from that"
+    ]
