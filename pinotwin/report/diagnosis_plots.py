@@ -34,7 +34,7 @@ class Bar:
     colour: str
 
 
-SHORT = {"u": "effort", "e": "error", "v": "vibration"}
+SHORT = {"u": "effort", "e": "error", "v": "vibration", "ql": "twist"}
 
 
 def signal_name(axis: str, signal: str) -> str:

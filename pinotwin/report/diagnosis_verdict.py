@@ -59,14 +59,13 @@ def _cause(d: Diagnosis, e: Found) -> str:
     name = on_axis(e.effect, e.axis)
     verb = "Changed" if d.situation == "change" else "Missing from the model"
     said = f"{verb}: {name}{f', {size}' if size else ''}."
-    shrink = e.shrink.get("u") or e.shrink.get("v")
+    signal = next((x for x in ("u", "v", "ql") if x in e.shrink), "u")
+    shrink = e.shrink.get(signal)
     if shrink is None:
         return said
     if shrink.share <= 0.0:
         return f"{said} On {named_data(d, shrink)} the gap does not shrink by it yet: take it as a hint."
-    scale = signal_scale(
-        "u" if "u" in e.shrink else "v", rotary_axes(d).get(e.axis or "", False), shrink.before
-    )
+    scale = signal_scale(signal, rotary_axes(d).get(e.axis or "", False), shrink.before)
     numbers = f"{shrink.before * scale.factor:.3g} to {shrink.after * scale.factor:.3g} {scale.unit}"
     return f"{said} With it the gap shrinks from {numbers} RMS, on {named_data(d, shrink)}."
 
