@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pinotwin.diagnosis.candidates.episodes import episodes
-from pinotwin.diagnosis.conclusion.bodies import body_of, body_sizes
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.data.samples import Sample, sample
+from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.evidence.held_out import Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import base_of, products
@@ -126,7 +126,7 @@ def test_a_body_has_mass_and_centre_with_intervals() -> None:
     body = body_of(pi, covariance)
     assert body.centre == pytest.approx([0.1, 0.0, -0.05])
     assert body.centre_error[0] == pytest.approx(np.hypot(0.002, 0.01 * 0.1) / 2.0)
-    mass, *_ = body_sizes(body)
+    mass, *_ = body_sizes(body, pi, covariance)
     assert mass.interval == pytest.approx((2.0 - 0.01645, 2.0 + 0.01645))
     taken = body_of(-pi, covariance)
     assert taken.mass == -2.0

@@ -6,20 +6,39 @@ import copy
 import dataclasses
 from pathlib import Path
 
+from pinotwin.diagnosis.payload import found_body, loaded
 from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.effects import EFFECTS, Effect
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
+from pinotwin.machine.urdf import with_inertias
 from pinotwin.twin import Twin
+from pinotwin.writing import write_bytes
 
 SAME = 0.03
 """Share by which two pitches may differ and be one ripple whose size has changed."""
 
 
 def apply(diagnosis: Diagnosis, folder: Path) -> Path:
-    """See :meth:`Diagnosis.apply`."""
+    """See :meth:`Diagnosis.apply`.
+
+    A payload is written into the inertia of its link: of a twin, beside the inertias that were identified.
+    """
     machine = extended(diagnosis)
-    return machine.save(folder)
+    bodies = [e for e in diagnosis.effects if e.effect == "payload" and e.axis in machine.axes]
+    if not bodies:
+        return machine.save(folder)
+    subject = diagnosis.subject
+    model = subject.model if isinstance(subject, Twin) else machine.model
+    for found in bodies:
+        model = loaded(model, machine.axis(str(found.axis)).joint, found_body(found.theta))
+    axes = {
+        k: dataclasses.replace(a, rotor_inertia=float(model.armature[a.index]))
+        for k, a in machine.axes.items()
+    }
+    path = dataclasses.replace(machine, axes=axes).save(folder)
+    write_bytes(folder / machine.urdf.name, with_inertias(machine.urdf, model))
+    return path
 
 
 def extended(diagnosis: Diagnosis) -> Machine:
@@ -62,6 +81,8 @@ def _with(machine: Machine, found: Found) -> Machine:
         return dataclasses.replace(machine, axes={**machine.axes, name: limited})
     if EFFECTS[found.effect].unlisted:
         return machine
+    if found.effect == "encoder_error" and "u" not in found.shrink:
+        return machine  # a table between two encoders: machine.yaml corrects no position by it
     effect = (found.listed or _from_shapes(found, machine)).settled()
     if any(e.name == effect.name and (not e.several or _alike(e, found)) for e in axis.effects):
         return machine

@@ -20,6 +20,7 @@ from pinotwin.diagnosis.conclusion.provenance import provenance
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
+from pinotwin.diagnosis.evidence.bodies import undetermined
 from pinotwin.diagnosis.others.encoders import Seen, admitted, second_encoders, with_encoders
 from pinotwin.diagnosis.others.servo import servo_changes
 from pinotwin.diagnosis.others.tracking import tracking_gaps
@@ -239,7 +240,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         unexplained=verdict.unexplained,
         remains=verdict.remains,
         noise=kind,
-        advice=[*advice, *resting(c.machine, gaps), *verdict.notes],
+        advice=[*advice, *_untold(named), *resting(c.machine, gaps), *verdict.notes],
         warnings=[*c.gate.warnings, *([] if c.apart is None else [c.apart.words(change=c.change)])],
         differs=[] if c.apart is None else c.apart.names,
         situation="change" if c.change else "structure",
@@ -251,6 +252,19 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         commands=files,
         missing=missing_before(c, found),
     )
+
+
+def _untold(named: Sequence[Any]) -> list[str]:
+    """Return what to do where these logs do not tell a payload's mass or centre."""
+    out = []
+    for e in named:
+        open_ones = undetermined(e.size) if e.effect == "payload" else []
+        if open_ones:
+            out.append(
+                f"these logs do not tell the {' and the '.join(open_ones)} of the payload on {e.axis}: turn its "
+                "link under gravity, or accelerate it along other axes"
+            )
+    return out
 
 
 def _closes(e: Any) -> float:

@@ -11,8 +11,8 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern
-from pinotwin.diagnosis.conclusion.bodies import body_of, body_sizes
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.others.servo import ServoChange
 from pinotwin.diagnosis.result import Found, Shrink, Size
@@ -66,7 +66,7 @@ def sizes_of(c: Comparison, one: Scored) -> list[Size]:
     effect = named(one.effect)
     theta, covariance = one.judged.theta, one.judged.covariance
     if effect.name == "payload":
-        return body_sizes(body_of(theta, covariance))
+        return body_sizes(body_of(theta, covariance), theta, covariance)
     before = known(one.effect, c)
     error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     rows = []

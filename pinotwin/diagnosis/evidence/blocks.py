@@ -11,6 +11,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.signals import rms
+from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
 
 RIDGE = 1e-9
 """Of a column's own square: keeps a singular system solvable, moves nothing that is determined."""
@@ -35,9 +36,7 @@ class Blocked:
     @cached_property
     def covariance(self) -> Floats:
         """Block jackknife covariance of ``theta``, shape (p, p)."""
-        d = self.folds - self.folds.mean(axis=0)
-        K = len(d)
-        return np.asarray((K - 1) / K * d.T @ d)
+        return jackknife(self.folds)
 
     @property
     def error(self) -> Floats:
@@ -58,14 +57,12 @@ class Blocked:
 def by_blocks(X: Floats, y: Floats, blocks: Sequence[slice]) -> Blocked:
     """Return the least-squares fit of ``y`` (n,) by ``X`` (n, p), every block left out once."""
     scale = np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-300)
-    Z = X / scale
-    N, g = Z.T @ Z, Z.T @ y
-    ridge = RIDGE * len(Z) * np.eye(Z.shape[1])
-    folds = np.array([np.linalg.solve(N - Z[b].T @ Z[b] + ridge, g - Z[b].T @ y[b]) for b in blocks])
+    N, g = (without_each(x) for x in block_sums(X, y, blocks))
+    every = solved(N, g, RIDGE, scale * np.sqrt(len(X)))
     rest = y.copy()
-    for b, theta in zip(blocks, folds, strict=True):
-        rest[b] = y[b] - Z[b] @ theta
-    return Blocked(np.linalg.solve(N + ridge, g) / scale, folds / scale, rest, blocks)
+    for b, theta in zip(blocks, every, strict=False):
+        rest[b] = y[b] - X[b] @ theta
+    return Blocked(every[-1], every[:-1], rest, blocks)
 
 
 def blocks_of(rows: int, step: float, shortest: float = 0.5, fewest: int = 6, most: int = 40) -> list[slice]:

@@ -17,6 +17,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.payload import loaded_twin, physical
 from pinotwin.diagnosis.result import Gap, Shrink
 from pinotwin.diagnosis.search.scan import Scored
 from pinotwin.effects import Effect
@@ -113,8 +114,13 @@ def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[
     """
     theta, effects, diagonal = twin.theta.copy(), list(twin.effects), _copied(twin)
     held, beyond = set(), set()
+    bodies: list[tuple[str, Floats]] = []
     for one in causes:
         effect = named(one.effect)
+        if effect.name == "payload":
+            bodies.append((str(effect.axis), physical(one.judged.theta)))
+            held.add(str(effect.axis))
+            continue
         parts = one.effect.parts if isinstance(one.effect, Joined) else (one.effect,)
         places = [_place(twin, p.name, p.axis, len(p.coefficients())) for p in parts]
         foreign = isinstance(one.effect, Pattern) or effect.family.acts != "effort"
@@ -138,6 +144,8 @@ def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[
     covariance = np.zeros((p, p))
     covariance[: len(twin.theta), : len(twin.theta)] = twin.covariance
     later = replace(twin, effects=tuple(effects), theta=theta, covariance=covariance, diagonal=diagonal)
+    for axis, pi in bodies:
+        later = loaded_twin(later, axis, pi)
     return later, held - beyond
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.evidence.bodies import possible
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.scan import Scored, Searcher, Table
@@ -180,6 +181,9 @@ def allowed(one: Scored, comparison: Comparison) -> bool:
     """Whether the coefficients can be those of the effect: within their bounds, by two standard errors."""
     if isinstance(one.effect, (Pattern, Joined)):
         return True
+    if one.effect.name == "payload":
+        theta, covariance = one.judged.theta, one.judged.covariance
+        return possible(theta, covariance, comparison.machine.model, removal=comparison.change)
     before = known(one.effect, comparison)
     error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 0.0))
     # A machine's inertia was fitted without the spring: what that leaves of it is no bound for the load's.
