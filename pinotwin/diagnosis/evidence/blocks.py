@@ -56,7 +56,8 @@ class Blocked:
 
 def by_blocks(X: Floats, y: Floats, blocks: Sequence[slice]) -> Blocked:
     """Return the least-squares fit of ``y`` (n,) by ``X`` (n, p), every block left out once."""
-    scale = np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-300)
+    scale = np.sqrt(np.mean(X**2, axis=0))
+    scale[scale == 0.0] = 1.0
     N, g = (without_each(x) for x in block_sums(X, y, blocks))
     every = solved(N, g, RIDGE, scale * np.sqrt(len(X)))
     rest = y.copy()

@@ -32,7 +32,9 @@ SLOWEST = 0.02
 """Of the top speed: below it the direction of lost motion is not known."""
 MOST_ROWS = 20_000
 FINEST = 0.01
-"""Of a stiffness: half its narrowest interval; filters alone move it by 0.2 %."""
+"""Of a stiffness or a lost motion: half its narrowest interval; filters alone move them by some 0.5 %."""
+SHARED = 0.5
+"""Of the stroke: what the twin's own logs must have visited for its table to be compared."""
 KNOTS = 13
 """Places along the stroke at which its error is stated."""
 FLEXIBLE = ("drive_flexibility", "joint_flexibility")
@@ -50,6 +52,7 @@ class _Twist:
         rows: rows of the motion.
         knots: places of the table [m or rad].
         noise: of one row.
+        low: lowest position of the load [m or rad].
         travel: of the load [m or rad].
     """
 
@@ -59,7 +62,13 @@ class _Twist:
     rows: Ints
     knots: Floats
     noise: float
+    low: float
     travel: float
+
+    @property
+    def every(self) -> tuple[str, ...]:
+        """Every part that it may have."""
+        return tuple(n for n in (*NUISANCE, *PARTS) if n in self.parts)
 
     def table(self, names: Sequence[str]) -> Floats:
         """Return the columns of some parts side by side."""
@@ -84,7 +93,6 @@ class _Twist:
 NUISANCE = ("zero", "lag")
 """Always there, and no finding: the offset of the zeros, the instant of the two encoders."""
 PARTS = ("spring", "lost", "table")
-EVERY = (*NUISANCE, *PARTS)
 
 
 def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | None:
@@ -112,7 +120,9 @@ def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | 
     }
     step = motion.step * max(1.0, len(motion) / len(rows))
     noise = roughness([d[s] for s in motion.segments if s.stop - s.start > 8] or [d])
-    return _Twist(d[rows], parts, blocks_of(len(rows), step), rows, places, noise, float(np.ptp(x)))
+    return _Twist(
+        d[rows], parts, blocks_of(len(rows), step), rows, places, noise, float(x.min()), float(np.ptp(x))
+    )
 
 
 def _filtered(motion: Motion, x: Floats) -> Floats:
@@ -123,6 +133,17 @@ def _filtered(motion: Motion, x: Floats) -> Floats:
         if motion.cutoff < 0.45 * rate and s.stop - s.start > 30:
             out[s] = low_pass(x[s], rate, motion.cutoff)
     return out
+
+
+def _elsewhere(new: _Twist, own: _Twist | None) -> tuple[_Twist, _Twist | None]:
+    """Return both without a table where their strokes hardly overlap: a place is compared with itself."""
+    if own is None:
+        return new, own
+    low, high = max(new.low, own.low), min(new.low + new.travel, own.low + own.travel)
+    if high - low > SHARED * new.travel:
+        return new, own
+    one, other = ({k: x for k, x in t.parts.items() if k != "table"} for t in (new, own))
+    return replace(new, parts=one), replace(own, parts=other)
 
 
 def _rows(motion: Motion, joint: int) -> Ints:
@@ -181,6 +202,7 @@ def second_encoders(c: Comparison, rng: np.random.Generator, rules: Rules = RULE
         own = None
         if c.own is not None and c.own.motion.ql is not None:
             own = _twist(c.own.motion, axis.index, new.knots)
+            new, own = _elsewhere(new, own)
         if c.change and own is None:
             continue
         out[name] = _seen(c, name, axis.index, new, own, rng, rules)
@@ -230,7 +252,7 @@ def _seen(
     before, after = new.fit(NUISANCE, y), new.fit([*NUISANCE, *chosen], y)
     effects = []
     for part, shrink in steps.items():
-        names = EVERY if own is not None else (*NUISANCE, *chosen[: chosen.index(part) + 1])
+        names = new.every if own is not None else (*NUISANCE, *chosen[: chosen.index(part) + 1])
         told = _Told(name, c.machine.rotary[joint], new, own, names, "table" in chosen)
         effects.append(told.named(part, shrink, _inertia(c, joint)))
     gap = Gap(
@@ -252,8 +274,8 @@ def _unknown(new: _Twist, own: _Twist | None) -> tuple[Floats, float]:
     """Return the twist less what the twin's own logs say of it, and what they leave of their own."""
     if own is None:
         return new.d, float("nan")
-    known = own.fit(EVERY)
-    return new.d - new.table(EVERY) @ known.theta, known.left
+    known = own.fit(new.every)
+    return new.d - new.table(new.every) @ known.theta, known.left
 
 
 def _chosen(
@@ -264,9 +286,10 @@ def _chosen(
     first = new.fit(NUISANCE, y).left
     chosen: list[str] = []
     steps: dict[str, Shrink] = {}
-    while len(chosen) < len(PARTS):
+    parts = new.every[len(NUISANCE) :]
+    while len(chosen) < len(parts):
         now = new.fit([*NUISANCE, *chosen], y)
-        trials = {p: new.fit([*NUISANCE, *chosen, p], y) for p in PARTS if p not in chosen}
+        trials = {p: new.fit([*NUISANCE, *chosen, p], y) for p in parts if p not in chosen}
         best = min(trials, key=lambda p: trials[p].left)
         fit = trials[best]
         closed = float(np.sqrt(max(now.left**2 - fit.left**2, 0.0)))
@@ -291,7 +314,7 @@ def _sure(part: str, new: _Twist, own: _Twist | None, fit: Blocked, chosen: Sequ
     if part == "table":
         return float("inf")
     if own is not None:
-        value, error = abs(value), float(np.hypot(error, own.fit(EVERY).error[new.at(EVERY, part)]))
+        value, error = abs(value), float(np.hypot(error, own.fit(new.every).error[new.at(new.every, part)]))
     return value / max(error, 1e-300)
 
 
@@ -316,7 +339,7 @@ class _Told:
 
     def named(self, part: str, shrink: Shrink, inertia: float) -> Found:
         fit = self.new.fit(self.names)
-        known = None if self.own is None else self.own.fit(EVERY)
+        known = None if self.own is None else self.own.fit(self.new.every)
         shape: dict[str, float] = {}
         if part == "spring":
             effect, sizes = FLEXIBLE[0], self._spring(fit, known)
@@ -352,7 +375,11 @@ class _Told:
         rows = []
         for name, unit, i in zip(("stiffness", "damping", "rotor"), units, (0, 2, 1), strict=True):
             now, each = _physical(fit.theta, at, i), _physical(fit.folds, at, i)
-            before = 0.0 if known is None else float(_physical(known.theta, self.new.at(EVERY, "spring"), i))
+            before = (
+                0.0
+                if known is None
+                else float(_physical(known.theta, self.new.at(self.new.every, "spring"), i))
+            )
             span = _span(float(now), 1.645 * float(_jackknife(each)))
             if i == 0:
                 now = now * between if between > 0.0 else now
@@ -363,8 +390,9 @@ class _Told:
 
     def _lost(self, fit: Blocked, known: Blocked | None) -> Size:
         at = self.new.at(self.names, "lost")
-        value, half = 2.0 * float(fit.theta[at]), 2.0 * 1.645 * float(fit.error[at])
-        before = 0.0 if known is None else 2.0 * float(known.theta[self.new.at(EVERY, "lost")])
+        value = 2.0 * float(fit.theta[at])
+        half = max(2.0 * 1.645 * float(fit.error[at]), FINEST * abs(value))
+        before = 0.0 if known is None else 2.0 * float(known.theta[self.new.at(self.new.every, "lost")])
         return Size("backlash.gap", before, value, self._unit, _span(value, half))
 
     @property
@@ -375,7 +403,9 @@ class _Told:
         """Return the largest error along the stroke, then the whole table, its mean taken off."""
         at = self.new.at(self.names, "table")
         now, half = _course(fit.theta, at), 1.645 * _jackknife(_course(fit.folds, at))
-        before = np.zeros(KNOTS) if known is None else _course(known.theta, self.new.at(EVERY, "table"))
+        before = (
+            np.zeros(KNOTS) if known is None else _course(known.theta, self.new.at(self.new.every, "table"))
+        )
         worst = int(np.argmax(np.abs(now - before)))
         labels = [f"at {x:.6g} {self._unit}" for x in self.new.knots]
         order = [worst, *range(KNOTS)]
