@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.analysis.force import external_effort
+from pinotwin.analysis.force import ExternalEffort, external_effort, link_force
 from pinotwin.cli.main import main
+from pinotwin.dynamics.frames import jacobian
 from pinotwin.logs.write import write_log
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
@@ -44,3 +45,46 @@ def test_the_command_writes_every_axis(pushed: tuple[pt.Twin, pt.Log, pt.Log], t
     write_log(tmp_path / "log.csv", dict(pushed[2].channels))
     assert main(["force", str(twin), str(tmp_path / "log.csv"), "--out", str(tmp_path / "f.csv")]) == 0
     assert {"Y.f", "Y.f_low", "Y.f_high", "C.f"} <= set(pt.read(tmp_path / "f.csv").channels)
+
+
+def known_efforts(machine: pt.Machine, link: str, force: np.ndarray, n: int = 60) -> ExternalEffort:
+    """Return the joint efforts of a force in a link's axes, at random postures."""
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-0.8, 0.8, (n, machine.nv))
+    J = jacobian(machine.model, link, q)[:, :3]
+    names = tuple(machine.axes)
+    columns = [machine.axis(name).index for name in names]
+    effort = np.einsum("nkj,k->nj", J, force)[:, columns]
+    half = np.full(effort.shape, 0.5)
+    return ExternalEffort(np.arange(n) / 100.0, names, effort, half, q)
+
+
+def test_a_force_on_a_link_follows_from_the_efforts_of_six_axes() -> None:
+    robot = pt.Machine.load("tx40")
+    link = robot.model.frames[-1].name
+    truth = np.array([12.0, -7.0, 30.0])
+    found = link_force(robot, known_efforts(robot, link, truth), link)
+    felt = np.isfinite(found.force).all(axis=1)
+    assert felt.mean() > 0.5
+    assert found.force[felt] == pytest.approx(np.tile(truth, (felt.sum(), 1)), rel=1e-6)
+    assert np.all(found.half[felt] > 0.0)
+
+
+def test_one_slide_feels_one_direction_and_says_nothing_of_the_others() -> None:
+    slide = pt.Machine.load("emps")
+    link = slide.model.frames[-1].name
+    found = link_force(slide, known_efforts(slide, link, np.array([5.0, 6.0, 7.0])), link)
+    assert found.felt().tolist() == [1.0, 0.0, 0.0]
+    assert found.force[:, 0] == pytest.approx(5.0)
+    assert found.half[:, 0] == pytest.approx(0.5)
+
+
+def test_the_command_writes_the_force_on_a_link(
+    pushed: tuple[pt.Twin, pt.Log, pt.Log], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    twin = pushed[0].save(tmp_path / "twin")
+    write_log(tmp_path / "log.csv", dict(pushed[2].channels))
+    out = ["--out", str(tmp_path / "f.csv"), "--link", "Y_link"]
+    assert main(["force", str(twin), str(tmp_path / "log.csv"), *out]) == 0
+    assert "Y_link.f" in capsys.readouterr().out
+    assert {"Y_link.fx", "Y_link.fy_low", "Y_link.fz_high"} <= set(pt.read(tmp_path / "f.csv").channels)

@@ -4,7 +4,8 @@
 
 is what pushes the axis from outside in the direction of the joint: a process force, contact, a hand. What
 the twin leaves of its own logs without any such force (its cross-validated misfit, moving and at rest
-apart) is the 90 % interval.
+apart) is the 90 % interval. A pure force F on a link follows from f = J(q)^T F, each axis weighed by its interval, in
+those directions that the axes feel in that posture; in the others nothing is said.
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.dynamics.frames import jacobian
 from pinotwin.errors import DataError
 from pinotwin.log import Log
+from pinotwin.machine import Machine
 from pinotwin.twin import Twin
 
 WIDE = 1.645
@@ -33,12 +36,14 @@ class ExternalEffort:
         names: axes.
         force: external effort, shape (n, axes) [N or N·m].
         half: half width of its 90 % interval, shape (n, axes).
+        q: positions of all joints, shape (n, nv) [m or rad].
     """
 
     t: Floats
     names: tuple[str, ...]
     force: Floats
     half: Floats
+    q: Floats
 
     def channels(self) -> dict[str, Floats]:
         """Return ``t`` and, for every axis, ``<axis>.f``, ``.f_low`` and ``.f_high``."""
@@ -75,10 +80,71 @@ def external_effort(twin: Twin, log: Log) -> ExternalEffort:
             names.append(name)
             force.append(np.where(inside, residual[:, axis.index], np.nan)[inside])
             half.append(_half(twin.misfit.summary[name], motion.use[inside, axis.index]))
-    return ExternalEffort(motion.t[inside], tuple(names), np.stack(force, axis=1), np.stack(half, axis=1))
+    return ExternalEffort(
+        motion.t[inside], tuple(names), np.stack(force, axis=1), np.stack(half, axis=1), motion.q[inside]
+    )
 
 
 def _half(summary: Mapping[str, Any], moving: Mask) -> Floats:
     """Return the half width of every row: the misfit in motion, or that at rest where it is known."""
     at_rest = summary["resting"] if summary["resting"] is not None else summary["rms"]
     return WIDE * np.where(moving, summary["moving"], max(at_rest, summary["moving"]))
+
+
+FELT = 0.99
+"""Share of a direction that the axes must feel for the force along it to be stated."""
+DULL = 30.0
+"""Times the best-felt direction's interval, from which a direction counts as not felt."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkForce:
+    """A pure force on a link, in the axes of that link.
+
+    Attributes:
+        t: time [s], shape (n,).
+        link: name of the link (or another frame).
+        force: at its origin [N], shape (n, 3), NaN along directions that the axes do not feel.
+        half: half width of its 90 % interval, shape (n, 3), likewise.
+    """
+
+    t: Floats
+    link: str
+    force: Floats
+    half: Floats
+
+    def channels(self) -> dict[str, Floats]:
+        """Return ``<link>.fx`` to ``.fz``, each with ``_low`` and ``_high``."""
+        out = {}
+        for k, x in enumerate("xyz"):
+            f, h = self.force[:, k], self.half[:, k]
+            out |= {f"{self.link}.f{x}": f, f"{self.link}.f{x}_low": f - h, f"{self.link}.f{x}_high": f + h}
+        return out
+
+    def felt(self) -> Floats:
+        """Return the share of the time in which the force is determined, by direction, shape (3,)."""
+        return np.asarray(np.isfinite(self.force).mean(axis=0))
+
+
+def link_force(machine: Machine, found: ExternalEffort, link: str) -> LinkForce:
+    """Return the pure force on a link that explains external efforts, where it is determined.
+
+    Args:
+        machine: whose links.
+        found: external effort of its axes.
+        link: name of a link; the force acts at its origin.
+
+    Raises:
+        MachineError: there is no such link.
+    """
+    columns = [machine.axis(name).index for name in found.names]
+    J = jacobian(machine.model, link, found.q)[:, :3][:, :, columns]
+    A = J.transpose(0, 2, 1) / found.half[:, :, None]
+    U, S, Vt = np.linalg.svd(A, full_matrices=False)
+    strong = (S[:, :1] < DULL * S) & (S > 0.0)
+    inverse = np.where(strong, 1.0 / np.where(strong, S, 1.0), 0.0)
+    y = np.einsum("nij,ni->nj", U, found.force / found.half) * inverse
+    force = np.einsum("njk,nj->nk", Vt, y)
+    half = np.sqrt(np.einsum("njk,nj->nk", Vt**2, inverse**2))
+    felt = np.einsum("njk,nj->nk", Vt**2, strong.astype(float)) > FELT
+    return LinkForce(found.t, link, np.where(felt, force, np.nan), np.where(felt, half, np.nan))

@@ -12,12 +12,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("twin", help="folder that `pinotwin identify` wrote")
     parser.add_argument("log", metavar="LOG", help="servo log of the same machine")
+    parser.add_argument("--link", metavar="NAME", help="also the pure force on this link, in its axes")
     add_common(parser, out="external effort over time to write (.csv)", required=True, file=True)
 
 
 def run(args: argparse.Namespace) -> int:
     """Estimate, write, and say how often each axis is pushed beyond what its twin leaves anyway."""
-    from pinotwin.analysis.force import external_effort
+    from pinotwin.analysis.force import external_effort, link_force
     from pinotwin.cli.inputs import read_logs
     from pinotwin.errors import InputError
     from pinotwin.logs.write import write_log
@@ -29,7 +30,8 @@ def run(args: argparse.Namespace) -> int:
     twin = Twin.load(args.twin)
     (log,) = read_logs([args.log])
     found = external_effort(twin, log)
-    write_log(out, found.channels())
+    at_link = None if args.link is None else link_force(twin.machine, found, args.link)
+    write_log(out, {**found.channels(), **({} if at_link is None else at_link.channels())})
     rows = {}
     say(f"{'axis':<12}{'largest':>12}{'interval':>12}{'beyond it':>12}")
     for k, (name, share) in enumerate(zip(found.names, found.beyond(), strict=True)):
@@ -38,7 +40,12 @@ def run(args: argparse.Namespace) -> int:
         half = float(found.half[:, k].mean())
         rows[name] = {"largest": largest, "half_width90": half, "share_beyond": float(share), "unit": unit}
         say(f"{name:<12}{largest:>8.4g} {unit:<3}{half:>8.3g} {unit:<3}{share:>12.0%}")
+    felt = {} if at_link is None else dict(zip("xyz", at_link.felt().tolist(), strict=True))
+    for direction, share in felt.items():
+        how = "not felt by the axes" if share == 0.0 else f"determined for {share:.0%} of the time"
+        say(f"{args.link}.f{direction}: {how}")
     if args.json:
-        write_json(args.json, {"machine": twin.machine.name, "log": log.source, "axes": rows})
+        content = {"machine": twin.machine.name, "log": log.source, "axes": rows}
+        write_json(args.json, {**content, **({"link": {args.link: felt}} if felt else {})})
     say(f"external effort written to {out}; beyond it: share of the time, 10 % without any force")
     return 0

@@ -1,0 +1,60 @@
+"""The servo's law: silent where it does not hold on the twin's own logs, and whatever the plant does."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.others.servo import servo_changes
+from pinotwin.identification import identify
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.virtual import VirtualMachine, random_trajectory
+
+
+def record(urdf_dir, path, seed, *inject):
+    virtual = VirtualMachine.load(urdf_dir / "emps", inject=inject)
+    return virtual.record(random_trajectory(virtual, 8.0, path), seed=seed).to_log()
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return dataclasses.replace(Machine.load("emps"), columns={})
+
+
+@pytest.fixture(scope="module")
+def twin(machine, urdf_dir):
+    return identify(machine, [record(urdf_dir, 7, 1), record(urdf_dir, 9, 2)], loop=False)
+
+
+@pytest.mark.parametrize("dose", [0.2, 0.6, 1.5])
+@pytest.mark.parametrize("kind", ["viscous", "coulomb"])
+def test_no_dose_of_friction_is_a_fault_of_the_controller(twin, urdf_dir, kind, dose):
+    log = record(urdf_dir, 8, 11, f"{kind}:X={dose}")
+    assert servo_changes(compare(twin, [log], []), ()) == []
+
+
+def foreign_effort(log):
+    """Return a log whose effort was commanded by a law that is none of e, its integral and the command."""
+    v = np.gradient(log["X.q"], log.t)
+    odd = 40.0 * np.sign(v) * np.abs(np.sin(200.0 * log["X.q"])) + 5.0 * np.cos(37.0 * log.t) ** 3
+    return Log({**log.channels, "X.u": odd}, source="odd.csv")
+
+
+def test_a_law_that_does_not_hold_on_the_own_logs_says_nothing(machine, urdf_dir):
+    own = identify(machine, foreign_effort(record(urdf_dir, 7, 1)), loop=False)
+    log = record(urdf_dir, 8, 11)
+    changed = Log({**log.channels, "X.u": 3.0 * log["X.u"]}, source="loud.csv")
+    assert servo_changes(compare(own, [changed], []), ()) == []
+
+
+def test_the_same_change_is_found_where_the_law_holds(twin, urdf_dir):
+    """The two tests above must not pass because nothing is ever found."""
+    log = record(urdf_dir, 8, 11)
+    a = np.gradient(np.gradient(log["X.qr"], log.t), log.t)
+    more = Log({**log.channels, "X.u": log["X.u"] + 60.0 * a}, source="fed.csv")
+    found = servo_changes(compare(twin, [more], []), ())
+    assert [x.effect for x in found] == ["feedforward"]
