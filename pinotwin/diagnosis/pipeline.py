@@ -85,18 +85,11 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell("how sure", 0.8)
     rng = np.random.default_rng([seed, 1])
     sure = [rules.quick_confidence] * len(found.steps) if quick else confidences(c, found, rng, rules=rules)
-    named = effects_named(c, found, sure)
-    named += pushes_named(c, pushed, rules.push_confidence)
+    named = [*effects_named(c, found, sure), *pushes_named(c, pushed, rules.push_confidence)]
     named = with_encoders(named, measured, leave_out)
     if closed_loop:
         named += servo_named(servo_changes(c, _mismeasured(named), leave_out, rules), rules.servo_confidence)
-    shaken = look_at_vibration(
-        subject,
-        [*c.logs, *c.validation],
-        [*(False for _ in c.logs), *(True for _ in c.validation)],
-        labels(c.motions),
-        np.random.default_rng([seed, 3]),
-    )
+    shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
     named += shaken.effects
     result = _concluded(subject, c, found, pushed, named, seed, quick, rules)
     if closed_loop and not quick:
@@ -105,6 +98,12 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, c.logs))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
+
+
+def _shaken(subject: Machine | Twin, c: Comparison, rng: np.random.Generator) -> Vibrations:
+    """Return what the logs say of the vibration of passive joints."""
+    sealed = [*(False for _ in c.logs), *(True for _ in c.validation)]
+    return look_at_vibration(subject, [*c.logs, *c.validation], sealed, labels(c.motions), rng)
 
 
 def _with_tracking(d: Diagnosis, gaps: Mapping[str, Gap], shrinks: Mapping[str, Shrink]) -> Diagnosis:
