@@ -46,6 +46,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     decimate: int | None = None,
     resample: float | None = None,
     report: Callable[[str, float], None] | None = None,
+    springs: bool = True,
 ) -> Twin:
     """Find the model of a machine in its logs.
 
@@ -61,6 +62,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         decimate: fit one row in so many; chosen from the corner when None.
         resample: rate of the even clock to put the logs on [Hz]; theirs when None.
         report: called with the stage and the share done.
+        springs: also find those of passive joints; not where their vibration was predicted from springs.
 
     Raises:
         LogError: a channel is missing or unusable.
@@ -74,12 +76,10 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     tell("fitting the plant", 0.1)
     machine, motion, plant, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
     tell("judging the plant", 0.4)
-    settings = _settings(machine, motion)
     table = parameter_table(machine, plant)
-    quality = _quality(machine, motion, plant) | {"leads": leads}
-    quality["at_bound"] = at_bounds(table)
+    quality = _quality(machine, motion, plant) | {"leads": leads, "at_bound": at_bounds(table)}
     if validate is not None:
-        _validate(machine, plant, as_logs(validate, "validate"), settings, quality)
+        _validate(machine, plant, as_logs(validate, "validate"), _settings(machine, motion), quality)
     quality["warnings"] = warnings(quality, dict(zip(machine.names, machine.rotary, strict=True)))
     twin = Twin(
         machine=machine,
@@ -90,10 +90,10 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         pi=plant.pi,
         quality=quality,
         data=[_provenance(item, motion) for item in logs],
-        settings=settings,
+        settings=_settings(machine, motion),
         groups=plant.fit.group_names(),
     )
-    twin = _with_loops(twin, motion, logs if loop and motion.qr is not None else [], tell)
+    twin = _with_loops(twin, motion, logs if loop and motion.qr is not None else [], tell, springs)
     return replace(twin, misfit=misfit_of(twin, motion))
 
 
@@ -146,13 +146,15 @@ def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
         raise DataError(f"{clock[0]}; check the clock before anything else ({error})") from None
 
 
-def _with_loops(twin: Twin, motion: Motion, logs: list[Log], tell: Callable[[str, float], None]) -> Twin:
-    """Return the twin with the springs of its passive joints and the closed loops of its axes.
+def _with_loops(
+    twin: Twin, motion: Motion, logs: list[Log], tell: Callable[[str, float], None], springs: bool
+) -> Twin:
+    """Return the twin with the springs of its passive joints, if asked for, and the closed loops of its axes.
 
     The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
     is why the plant is not asked for consistent inertias before.
     """
-    twin = with_springs(twin, motion)
+    twin = with_springs(twin, motion) if springs else twin
     twin = replace(twin, diagonal=diagonal(twin, motion))
     if not logs:
         return twin

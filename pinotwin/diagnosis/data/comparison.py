@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.data.deflection import bent
+from pinotwin.diagnosis.data.deflection import bent, with_deflections
 from pinotwin.diagnosis.data.gate import Gate, confirmed, gate
 from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
@@ -101,8 +101,15 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     change = isinstance(subject, Twin)
     columns = (subject.machine if isinstance(subject, Twin) else subject).columns
     logs, validation = ([bind(log, columns) for log in part] for part in (logs, validation))
-    twin = subject if isinstance(subject, Twin) else identify(_without_leads(subject), logs, loop=False)
-    motions, block = _motions(twin, logs), RULES.block_time
+    block, count = RULES.block_time, len(logs)
+    bent_logs = [*logs, *validation]
+    if isinstance(subject, Machine):
+        bent_logs = with_deflections(subject, bent_logs)
+        twin = _base(subject, logs, bent_logs[:count])
+    else:
+        twin = subject
+    motions = _motions(twin, bent_logs)
+    motions, sealed = motions[:count], motions[count:]
     own = None
     if change and twin.misfit is not None:
         motion = told(twin.misfit.motion, twin.effects, twin.theta)
@@ -114,9 +121,9 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         kept = differ.kept(len(logs), change=change)
         logs, motions = [logs[k] for k in kept], [motions[k] for k in kept]
         if isinstance(subject, Machine):
-            twin = identify(_without_leads(subject), logs, loop=False)
-            motions = _motions(twin, logs)
-    sealed = _motions(twin, validation)
+            twin = _base(subject, logs, [bent_logs[k] for k in kept])
+            motions = _motions(twin, [bent_logs[k] for k in kept])
+            sealed = _motions(twin, bent_logs[count:])
     if change:
         motions, sealed, strange = _known(twin, motions, sealed)
     new = _sample(twin, _joined(motions), block)
@@ -139,6 +146,12 @@ def _only(s: Sample | None, joints: Collection[int]) -> Sample | None:
     """Return the sample with the rows of some joints; None if it has none of them."""
     shared = [j for j in joints if s is not None and j in s.joints]
     return s.only(shared) if s is not None and shared else None
+
+
+def _base(machine: Machine, logs: Sequence[Log], bent_logs: Sequence[Log]) -> Twin:
+    """Return the twin of a machine in its logs; springs by which the logs were bent are not found again."""
+    measured = all(a is b for a, b in zip(logs, bent_logs, strict=True))
+    return identify(_without_leads(machine), bent_logs, loop=False, springs=measured)
 
 
 def _without_leads(machine: Machine) -> Machine:

@@ -1,0 +1,67 @@
+"""A machine on a flexure, diagnosed without a twin: the mode belongs to its base, measured or not."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pinotwin.diagnosis import diagnose
+from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.data.deflection import with_deflections
+from pinotwin.identification import identify
+from pinotwin.machine import Machine
+from pinotwin.signals import rms
+from pinotwin.virtual import VirtualMachine, rig_moves
+from pinotwin.virtual.trajectories import random_trajectory
+
+
+@cache
+def run(path):
+    virtual = VirtualMachine.load("urdf/flexure_rig")
+    return virtual.record(random_trajectory(virtual, 6.0, path, rig_moves.limits_c1(virtual)), seed=path)
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return Machine.load("flexure_rig")
+
+
+@pytest.mark.parametrize("path", [12, 13])
+def test_the_gap_of_the_carriage_is_that_beside_the_mode(rig, path):
+    log = run(path).to_log()
+    c = compare(rig, [log], [])
+    rigid = identify(rig, log, loop=False)
+    assert "delta" not in rigid.machine.names
+    motion = rigid.motion(log)
+    y = rigid.machine.axis("Y").index
+    stiff = rms((motion.u - rigid.effort(motion))[motion.use[:, y], y])
+    joint = c.machine.axis("Y").index
+    assert "delta" in c.machine.names
+    assert c.new.level(joint) < 0.6 * stiff
+
+
+def test_the_deflection_is_near_the_true_one_though_nothing_measured_it(rig):
+    log = run(12).to_log()
+    (bent,) = with_deflections(rig, [log])
+    truth = run(12).truth.joint("delta")[1]
+    inner = slice(400, -400)
+    assert rms((bent["delta.v"] - truth)[inner]) < 0.3 * rms(truth[inner])
+
+
+def test_a_healthy_rig_has_no_flexible_drive(rig):
+    for path in (12, 13):
+        found = diagnose(rig, run(path).to_log(), quick=True)
+        assert found.effects == []
+        assert "Y" not in found.unexplained
+
+
+def test_a_log_that_holds_the_vibration_is_left_as_it_is(rig):
+    recorded = run(12)
+    log = recorded.to_log()
+    measured = log.with_channels({**log.channels, "delta.v": recorded.truth.joint("delta")[1]})
+    assert with_deflections(rig, [measured])[0] is measured
+    stiff = Machine.load("trunnion")
+    assert with_deflections(stiff, [log])[0] is log
+    assert np.isfinite(with_deflections(rig, [log])[0]["delta.v"]).all()
