@@ -115,7 +115,7 @@ class LinkForce:
 
     def channels(self) -> dict[str, Floats]:
         """Return ``<link>.fx`` to ``.fz``, each with ``_low`` and ``_high``."""
-        out = {}
+        out: dict[str, Floats] = {}
         for k, x in enumerate("xyz"):
             f, h = self.force[:, k], self.half[:, k]
             out |= {f"{self.link}.f{x}": f, f"{self.link}.f{x}_low": f - h, f"{self.link}.f{x}_high": f + h}
