@@ -33,7 +33,7 @@ def apply(diagnosis: Diagnosis, folder: Path) -> Path:
     for found in bodies:
         model = loaded(model, machine.axis(str(found.axis)).joint, found_body(found.theta))
     axes = {
-        k: dataclasses.replace(a, rotor_inertia=float(model.armature[a.index]))
+        k: dataclasses.replace(a, rotor_inertia=max(float(model.armature[a.index]), 0.0))
         for k, a in machine.axes.items()
     }
     path = dataclasses.replace(machine, axes=axes).save(folder)
