@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,7 @@ import pinotwin as pt
 from pinotwin.cli.main import main
 from pinotwin.viewer.live import serve
 from pinotwin.viewer.tracks import POINTS, tracks_of
+from tests.rig import good_log, run, write_log, write_machine
 from tests.simulated import known_twin, plain_machine, smooth_command
 
 
@@ -132,3 +134,10 @@ def test_live_serves_the_page(folder):
     page = page_of(folder, "emps")
     with serve(page, open_browser=False) as url, urllib.request.urlopen(url, timeout=10) as answer:
         assert answer.read().decode() == page
+
+
+def test_a_machine_plays_a_log_without_a_twin(tmp_path: Path) -> None:
+    machine = write_machine(tmp_path / "rig")
+    log = write_log(tmp_path / "log.csv", good_log())
+    assert run("view", machine, log, "--html", tmp_path / "page.html") == 0
+    assert "measured" in (tmp_path / "page.html").read_text(encoding="utf-8")
