@@ -14,7 +14,10 @@ from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.evidence.held_out import Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import base_of, products
+from pinotwin.diagnosis.pipeline import pushes
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.search.forward import Found
+from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import EFFECTS
 from pinotwin.identification import identify
 from pinotwin.machine import Machine
@@ -162,3 +165,28 @@ def test_where_the_twin_has_never_been_its_table_is_a_guess_and_no_change() -> N
     assert [d for d in c.gate.doubts if "where its twin has never been" in d]
     again = compare(twin, [short], [])
     assert not [d for d in again.gate.doubts if "never been" in d]
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_push_is_named_while_the_axis_moves_and_what_friction_may_hold_at_rest_is_none(stands) -> None:
+    virtual = VirtualMachine.load(bundled_path("emps"))
+    logs = [virtual.record(random_trajectory(virtual, 8.0, s), seed=s).to_log() for s in (3, 4)]
+    machine = Machine.load("emps")
+    laws = tuple(
+        EFFECTS[x].on(machine, "X") for x in ("viscous", "presliding")
+    )  # rows at rest count with this one
+    machine = replace(machine, axes={"X": replace(machine.axes["X"], effects=laws)})
+    twin = identify(machine, logs[0], loop=False)
+    c = compare(twin, [logs[1]], [])
+    at, v = c.new.samples(0), np.abs(c.new.motion.v[:, 0])
+    still = v[at] < 0.01 * v.max()
+    rows = np.flatnonzero(still if stands else ~still)
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    longest = max(runs, key=len)[:100]
+    assert len(longest) > 20
+    residual = c.new.residual[0].copy()
+    residual[longest] += 15.0 * c.floor[0]
+    pushed = replace(c, new=replace(c.new, residual={0: residual}))
+    ground = Searcher(pushed)
+    named = pushes(pushed, Found((), None, ground, ground), RULES)
+    assert bool(named) is not stands

@@ -182,6 +182,8 @@ def pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
         pushed = episodes(c.new, residual, own, c.own, c.floor, j, rules)
         if pushed is None or not _stands_out(pushed, c.floor[j], len(residual[j]), rules):
             continue
+        if _moving_share(c, pushed) < rules.push_moving:
+            continue
         closed = c.floor[j] * float(np.sqrt(max(pushed.gain, 0.0) / len(residual[j])))
         if closed < rules.push_size * c.new.size(j):
             continue
@@ -190,6 +192,17 @@ def pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
         if pushed.gain > rules.push_better * (before - rest):
             out.append(pushed)
     return out
+
+
+STANDS = 0.01
+"""Of the top speed: below it an axis stands."""
+
+
+def _moving_share(c: Comparison, pushed: Episodes) -> float:
+    """Return the share of a push's rows at which its axis moves."""
+    speed = np.abs(c.new.motion.v[:, pushed.joint])
+    moves = speed[c.new.samples(pushed.joint)] > STANDS * speed.max(initial=0.0)
+    return float(np.mean(moves[pushed.rows]))
 
 
 def _stands_out(pushed: Episodes, floor: float, rows: int, rules: Rules) -> bool:

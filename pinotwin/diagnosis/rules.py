@@ -67,6 +67,8 @@ class Rules:
     """[s] Shorter pushes must be twice as strong."""
     push_better: float = 1.1
     """[of the causes' gain on the axis] Pushes must close more than what comes with the motion."""
+    push_moving: float = 0.2
+    """[of a push's rows] Least at which the axis moves: at rest dry friction holds any effort up to its level."""
     push_size: float = 0.005
     """[of the effort's variation] Least that pushes close, RMS."""
     most_of_time: float = 0.9
