@@ -73,6 +73,8 @@ AS_GOOD = 1.1
 
 Far more than the noise of a log would allow: what is wrong with the plant decides between the two as well.
 """
+WEIGHT = 0.02
+"""Error that a set-point weight may have: on known drives kp and 1/ti were found exchanged at less."""
 PLANT_ERROR = {"inertia": 0.01, "viscous": 0.02, "dry": 0.02, "fading": 0.2}
 """Standard errors of the identified plant that its gains take up: friction scatters by 1 to 2 % from run to run."""
 STEPS, LONGEST = 12, 0.7
@@ -680,4 +682,8 @@ def with_errors(p: AxisProblem, found: Found, rival: Found | None) -> Servo:
         other = servo.cascades()[1]
     if rival is not None and rival.cost < AS_GOOD * found.cost:
         other = rival.servo.cascade()
+    if (
+        servo.form == "cascade" and not other
+    ):  # the other way round, with a set-point weight no log tells from 1
+        other = next((f for f in servo.cascades()[1:] if abs(f["weight"] - 1.0) < WEIGHT), {})
     return replace(servo, errors=told, other=other)
