@@ -261,12 +261,16 @@ def test_curve_keeps_its_tolerance_with_few_knots():
 
 
 def test_real_robot_by_mujoco_and_c(data_dir, tmp_path):
-    """The TX40's twin on its own log: 1 % of the twin's effort, the remainder of the wrist's rotor included."""
+    """The TX40's twin on its own log: 1 % of the twin's effort, the remainder of the wrist's rotor included.
+
+    A file gives the effort of an instant. The twin's effort of a filtered log has dry friction behind the
+    same low-pass, so it is asked without one; the corner's own share is 1 to 3 % where the wrist turns round.
+    """
     folder = data_dir / "staubli_tx40"
     log = pt.read(folder / "pos_read_data.csv", folder / "curr_data.csv")
     twin = pt.identify(pt.Machine.load("tx40"), log)
     motion = twin.motion(log).cut(1000, 9000)
-    wanted = twin.effort(motion)
+    wanted = twin.effort(dataclasses.replace(motion, passband=np.inf))
     export_twin(twin, "mjcf", tmp_path / "tx40.xml")
     assert np.all(nrmse(by_mujoco(tmp_path / "tx40.xml", motion, twin, memory=True), wanted) < PERCENT)
     export_twin(twin, "c", tmp_path / "tx40.c")

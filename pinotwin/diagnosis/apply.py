@@ -81,7 +81,7 @@ def _with(machine: Machine, found: Found) -> Machine:
         return dataclasses.replace(machine, axes={**machine.axes, name: limited})
     if EFFECTS[found.effect].unlisted:
         return machine
-    if found.effect == "encoder_error" and "u" not in found.shrink:
+    if found.effect == "encoder_error" and "ql" in found.shrink:
         return machine  # a table between two encoders: machine.yaml corrects no position by it
     effect = (found.listed or _from_shapes(found, machine)).settled()
     if any(e.name == effect.name and (not e.several or _alike(e, found)) for e in axis.effects):
