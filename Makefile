@@ -5,17 +5,27 @@ BIN := $(VENV)/bin
 # One BLAS thread: on two cores OpenBLAS' own threads make least squares 10 to 200 times slower.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup demo test lint bench benchmarks evidence gate fuzz docs clean
+.PHONY: setup venv demo test lint bench benchmarks evidence gate fuzz docs clean
+
+# Python compiles what it imports; compiling all that is installed beforehand takes longer than the install.
+PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
 setup: $(VENV)/.ready
 
-$(VENV)/.ready: pyproject.toml constraints.txt
+venv:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "pinotwin needs Python 3.11 or newer")'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+
+$(VENV)/.ready: pyproject.toml constraints.txt | venv
+	$(PIP) -e '.[dev]'
+	touch $(VENV)/.usable $@
+
+# What a user needs, without the tools of a developer.
+$(VENV)/.usable: pyproject.toml constraints.txt | venv
+	$(PIP) -e .
 	touch $@
 
-demo: setup
+demo: $(VENV)/.usable
 	$(BIN)/pinotwin demo
 
 lint: setup
@@ -23,8 +33,9 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# A file stays with one worker, which then makes its fixtures once.
 test: lint
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # The withheld bench: the table of docs/bench.md. Interrupted, it goes on where it stopped.
 bench: setup

@@ -2,6 +2,9 @@
 
 Run: .venv/bin/python examples/01_vendor_file.py. The export is written here in the look of a CNC's scope: latin-1,
 semicolons, decimal commas, lines above the header, a row of units, currents instead of forces.
+
+You see what was read above the numbers, each column with the reason why it was taken for what it is, the
+open question (the torque constant), and `check: ok`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
 """02: what is wrong with a log, and what it can tell, before anything is fitted.
 
 Run: .venv/bin/python examples/02_check.py. One log as it should be, and the same with the position in millimetres.
+
+You see 11 of 11 base parameters for the first; for the second a line per doubt, the first "looks like mm,
+set unit: mm".
 """
 
 from __future__ import annotations
@@ -18,7 +21,11 @@ def main(seconds: float = 10.0) -> tuple[int, list[str]]:
     known = sum(good.determined.values())
     print(f"as logged: {known} of {len(good.determined)} base parameters can be identified")
     in_mm = log.with_channels({**log.channels, "Y.q": 1e3 * log["Y.q"]})
-    said = [f"{f.channel}: {f.message}" for f in pt.check(machine, in_mm).findings if f.severity != "info"]
+    said = [
+        f"{f.channel}: {f.message}".removeprefix(": ")
+        for f in pt.check(machine, in_mm).findings
+        if f.severity != "info"
+    ]
     print("Y.q in millimetres:", *said, sep="\n  ")
     return known, said
 

@@ -1,6 +1,9 @@
 """03: identify a drive from one log, predict another motion from its command alone.
 
 Run: .venv/bin/python examples/03_identify_and_predict.py.
+
+You see mass, viscous and dry friction of the drive, then how far off the prediction of the unseen motion
+is: well below 1 % of the tracking error's RMS, some 7 % of the effort's.
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ def main(seconds: float = 12.0) -> dict[str, float]:
     predicted = twin.simulate(unseen)
     out = {}
     for signal, true in (("e", unseen["X.qr"] - unseen["X.q"]), ("u", unseen["X.u"])):
-        out[signal] = float(np.std(predicted[f"X.{signal}"] - true) / np.std(true))
+        off = predicted[f"X.{signal}"] - true
+        out[signal] = float(np.sqrt(np.mean(off**2) / np.mean(true**2)))
         print(f"unseen {signal}: {out[signal]:.1%} of its RMS")
     return out
 

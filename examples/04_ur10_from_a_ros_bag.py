@@ -1,6 +1,9 @@
 """04: a UR10 of example-robot-data from a ROS 2 bag: machine, check, twin, MuJoCo file.
 
 Run: .venv/bin/python examples/04_ur10_from_a_ros_bag.py. Bag and truth are made here (``robot_bag.py``).
+
+You see 6 joints found, how many parameters the motion tells, and what the twin leaves of each joint's
+effort on the other bag, some 0.4 to 4 %.
 """
 
 from __future__ import annotations

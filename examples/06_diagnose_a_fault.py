@@ -1,6 +1,8 @@
 """06: a twin of the healthy drive, then more viscous friction: where, which, how far the gap shrinks.
 
 Run: .venv/bin/python examples/06_diagnose_a_fault.py. ``quick`` screens only; leave it out for the full diagnosis.
+
+You see "Has changed: X viscous b" from what to what (about four times), with gap, noise and confidence.
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
 """07: what one effect is worth: the same log with and without dry friction in the model.
 
 Run: .venv/bin/python examples/07_withhold_an_effect.py.
+
+You see what is left of the effort on a motion that was not fitted: below 1 N with Coulomb friction, some 20
+N without.
 """
 
 from __future__ import annotations

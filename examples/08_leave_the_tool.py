@@ -1,6 +1,8 @@
 """08: the inverse model as one NumPy file: effort from q, v, a, friction and tables included.
 
 Run: .venv/bin/python examples/08_leave_the_tool.py.
+
+You see the head of the file, and how far its effort is from the twin's: below 1 %.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """09: a structure's modes, motors held and free: what an elastic joint does to the machine.
 
 Run: .venv/bin/python examples/09_modes.py.
+
+You see some 21 Hz with the motors held, 35 Hz with the motors free.
 """
 
 from __future__ import annotations

@@ -1,6 +1,9 @@
 """10: where the tracking error of a drive comes from, cause by cause, from the command alone.
 
 Run: .venv/bin/python examples/10_tracking_error_by_cause.py.
+
+You see the share of each cause in micrometres; nearly all of it is the command itself, some 13 µm are
+friction.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, LogError, nearest
-from pinotwin.notebook import Shown, card, plain_card
+from pinotwin.notebook import Card, Shown
 from pinotwin.units import SI_FACTOR
 
 _UNIT_AT_END = re.compile(
@@ -51,8 +51,8 @@ def _is_frozen(values: Floats) -> bool:
     return own and not values.flags.writeable
 
 
-@dataclass(frozen=True)
-class Log:
+@dataclass(frozen=True, repr=False)
+class Log(Card):
     """Named channels on one clock.
 
     Attributes:
@@ -110,7 +110,7 @@ class Log:
     def raw(self, name: str) -> Floats:
         """Return a channel as the file held it, before ``bind`` scaled it, shape (n,)."""
         factor, offset = self.scale.get(name, ONE_UNIT)
-        return (self[name] - offset) / factor
+        return self[name] if (factor, offset) == ONE_UNIT else (self[name] - offset) / factor
 
     def rows(self, keep: slice | Floats) -> Log:
         """Return some rows (a slice, a mask or indices) as a log of their own."""
@@ -160,12 +160,6 @@ class Log:
             if unit is not None:
                 units[name] = unit
         return cls(channels, source=source, units=units)
-
-    def __repr__(self) -> str:
-        return plain_card(*self._shown())
-
-    def _repr_html_(self) -> str:
-        return card(*self._shown())
 
     def _shown(self) -> Shown:
         """Return title, columns, rows and a note for a notebook and for ``repr``."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
-from pinotwin.notebook import Shown, card, plain_card
+from pinotwin.notebook import Card, Shown
 from pinotwin.signals.filters import low_pass
 
 CHANNELS = ("t", "q", "v", "a", "u", "use", "qr", "vr", "ar", "ql", "external", "model", "rigid", "mass")
@@ -49,8 +49,8 @@ class AxisMotion:
     step: float
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, repr=False)
+class Motion(Card):
     """A log made ready; arrays of shape (n, nv) unless said otherwise, SI.
 
     Attributes:
@@ -193,12 +193,6 @@ class Motion:
         """Return some rows of every channel that there is."""
         every = {name: getattr(self, name) for name in CHANNELS}
         return {name: None if x is None else x[rows] for name, x in every.items()}
-
-    def __repr__(self) -> str:
-        return plain_card(*self._shown())
-
-    def _repr_html_(self) -> str:
-        return card(*self._shown())
 
     def _shown(self) -> Shown:
         """Return title, columns, rows and a note for a notebook and for ``repr``."""

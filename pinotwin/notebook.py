@@ -3,10 +3,30 @@
 from __future__ import annotations
 
 import html
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 
 Shown = tuple[str, Sequence[str], Sequence[Sequence[object]], str]
 """Title, heads of the columns, rows of cells, and a line below."""
+
+
+class Card(ABC):
+    """Shows an object as a small table: text in a console, HTML in a notebook.
+
+    A dataclass that takes it is declared with ``repr=False``, else its own repr comes first.
+    """
+
+    @abstractmethod
+    def _shown(self) -> Shown:
+        """Return what is shown."""
+
+    def __repr__(self) -> str:
+        return plain_card(*self._shown())
+
+    def _repr_html_(self) -> str:
+        return card(*self._shown())
+
+
 _CELL = "text-align:left;padding:2px 12px 2px 0;vertical-align:top"
 MOST_ROWS = 24
 """A table longer than this is cut; the cell stays on one screen."""

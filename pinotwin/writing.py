@@ -205,7 +205,7 @@ def _remove(path: Path) -> None:
 @contextmanager
 def _part(target: Path, *, folder: bool = False) -> Iterator[Path]:
     """Yield a new file or folder beside the target, locked; whatever has its name afterwards is removed."""
-    _sweep(target)
+    sweep(target)
     while True:
         made = _new(target, folder)
         lock = os.open(made, os.O_RDONLY)
@@ -231,7 +231,7 @@ def _new(target: Path, folder: bool) -> Path:
     return Path(name)
 
 
-def _sweep(target: Path) -> None:
+def sweep(target: Path) -> None:
     """Remove what killed processes left of this target; put back a folder that was only renamed aside."""
     pattern = re.compile(rf"\.{re.escape(target.name[:_NAME])}\.\w{{8}}(\.old)?\.part(\.\w+)?")
     for entry in target.parent.iterdir():

@@ -45,6 +45,7 @@ class Command:
     words: Callable[[int], Sequence[str]]
     artefacts: tuple[str, ...]
     fresh: bool = False  # refuses a place that is taken: each run has a new one
+    own: bool = False  # needs an interpreter of its own: threads of Dask do not live on in a fork
 
 
 def commands() -> Mapping[str, Command]:
@@ -58,6 +59,7 @@ def commands() -> Mapping[str, Command]:
         "each": Command(
             lambda k: ["diagnose", "twin", "--each", f"{k}.csv", "--quick", "--workers", "1", "--out", "out"],
             ("out/0", "out/1", "out/each.json", "out/each.csv"),
+            own=True,
         ),
         "force": Command(lambda k: ["force", "twin", f"{k}.csv", "--out", "out.csv"], ("out.csv",)),
         "study": Command(
@@ -108,7 +110,7 @@ def prepared(folder: Path) -> Path:
     ran("identify", "emps", "e0.csv", "--out", "looped", cwd=folder)
     for k in "01":
         more = ("--imu", f"i{k}.csv", "--imu-link", "C_link", "--seed", k)
-        ran("record", "flexure_rig", "--seconds", "4", "--out", f"s{k}.csv", *more, cwd=folder)
+        ran("record", "flexure_rig", "--seconds", "8", "--out", f"s{k}.csv", *more, cwd=folder)
     return folder
 
 
@@ -136,8 +138,10 @@ class Child:
     errors: Path
 
 
-def forked(words: Sequence[str], cwd: Path, before: Callable[[], None] | None = None) -> Child:
-    """Start a command in a child of this process."""
+def forked(
+    words: Sequence[str], cwd: Path, before: Callable[[], None] | None = None, own: bool = False
+) -> Child:
+    """Start a command in a child of this process, or in an interpreter of its own."""
     errors = Path(tempfile.mkstemp(suffix=".stderr")[1])
     pid = os.fork()
     if pid:
@@ -151,6 +155,8 @@ def forked(words: Sequence[str], cwd: Path, before: Callable[[], None] | None = 
         sys.stdout, sys.stderr = (os.fdopen(n, "w", closefd=False) for n in (1, 2))  # a test has its own
         if before is not None:
             before()
+        if own:
+            os.execv(sys.executable, [sys.executable, "-m", "pinotwin.cli.main", *words])
         code = main(list(words))
         sys.stderr.flush()
     except SystemExit as stop:
@@ -217,7 +223,8 @@ class Attack:
         shutil.copytree(inputs, folder, dirs_exist_ok=True)
         folder.chmod(0o755)
         self.states, self.seconds = [], 0.0
-        warmed(self.command.words(0), folder)
+        if not self.command.own:
+            warmed(self.command.words(0), folder)
         for k in (1, 0):
             start = time.monotonic()
             code, said = finished(self.start(k))
@@ -234,7 +241,8 @@ class Attack:
         if self.command.fresh:
             for place in ("out", "made"):
                 shutil.rmtree(self.folder / place, ignore_errors=True)
-        return forked([*self.command.words(k), "--json", "made/here/result.json"], self.folder, before)
+        words = [*self.command.words(k), "--json", "made/here/result.json"]
+        return forked(words, self.folder, before, self.command.own)
 
     def kill(self, rng: random.Random) -> Counter[str]:
         """Kill the command once and say what became of the artefacts."""

@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.analysis.disturbance import diagonal_inertia, halton
-from pinotwin.dynamics.parameters import with_parameters
+from pinotwin.dynamics.parameters import parameters, with_parameters
 from pinotwin.effects import Coulomb, Offset, Ripple, Stribeck, Viscous
-from pinotwin.identification.pipeline import nominal_twin
+from pinotwin.identification.plant import fit_options
 from pinotwin.log import Log
 from pinotwin.loop import Controller, couple
 from pinotwin.machine import Machine
@@ -38,6 +38,20 @@ def plain_machine(name: str, *, offset: bool = False) -> Machine:
         )
         machine = machine.with_effects(axis, (*effects, *([Offset(axis=axis)] if offset else [])))
     return machine
+
+
+def nominal_twin(machine: Machine) -> Twin:
+    """The twin of a machine as described: CAD inertias, every other coefficient zero."""
+    prior = fit_options(machine, machine.effects).prior
+    assert prior is not None
+    return Twin(
+        machine=machine,
+        effects=machine.effects,
+        theta=prior.mean,
+        covariance=np.zeros((len(prior.mean), len(prior.mean))),
+        parameters=(),
+        pi=parameters(machine.model),
+    )
 
 
 def known_twin(machine: Machine, *, bandwidth: float = 20.0, scale: float = 1.0) -> Twin:

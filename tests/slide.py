@@ -14,7 +14,7 @@ URDF = """<robot name="slide"><link name="base"/>
 """
 
 
-def slide(folder: Path, *, ripple: bool = False, bend: bool = False) -> Path:
+def slide(folder: Path, *, ripple: bool = False, bend: bool = False, law: str = "gms") -> Path:
     """Write the machine and its truth; return the folder."""
     effects = ["viscous", "presliding", *(["ripple"] if ripple else [])]
     loop = {"X": {"real_poles": 3, "pole_pairs": 2 if bend else 1}}
@@ -24,6 +24,7 @@ def slide(folder: Path, *, ripple: bool = False, bend: bool = False) -> Path:
         "limits": {"speed": 0.5, "acceleration": 6.0, "jerk": 300.0, "travel": [-0.25, 0.25]},
         "controller": {"kind": "p_pi", "bandwidth": 14.0},
         "friction": {
+            "kind": law,
             "coulomb": 20.0,
             "static": 1.3,
             "stribeck_speed": 0.006,

@@ -10,11 +10,11 @@ import pytest
 
 from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, read_answer, same_class
-from pinotwin.bench.confusion import agreement, measured, predicted
+from pinotwin.bench.confusion import measured
 from pinotwin.bench.floor_scores import beaten, floor_scores
 from pinotwin.bench.real import Line
 from pinotwin.bench.scoring import Bound, rows
-from pinotwin.bench.statistics import Share, calibration, rank_correlation
+from pinotwin.bench.statistics import Share, calibration
 from pinotwin.bench.table import Bench, markdown
 from pinotwin.report.blind import bench_page
 
@@ -70,13 +70,6 @@ def test_calibration_error_and_brier_score():
     assert calibration([0.5] * 9, [True] * 9) is None
 
 
-def test_rank_correlation():
-    x = np.array([1.0, 2.0, 3.0, 10.0])
-    assert rank_correlation(x, x**3) == pytest.approx(1.0)
-    assert rank_correlation(x, -x) == pytest.approx(-1.0)
-    assert rank_correlation(x, np.ones(4)) is None
-
-
 def test_a_healthy_machine_is_accused_by_any_verdict_but_none():
     f = figures([healthy(), healthy((DELAY,)), healthy(verdict="unexplained"), healthy()])
     assert f["healthy machine accused of anything"].share == Share(2, 4)
@@ -106,7 +99,7 @@ def test_top_one_counts_effect_and_axis_by_size():
     assert f["known called none"].share == Share(1, 4)
 
 
-def test_classes_merge_by_physics_and_by_isolability_and_never_in_the_strict_row():
+def test_classes_merge_by_physics_and_by_what_is_stated_and_never_in_the_strict_row():
     bend = made(truth=(("joint_flexibility", "X"),), named=(("drive_flexibility", "X"),))
     load = made(truth=(("payload", "A"),), named=(("payload", "C"),))
     stated = made(named=(DELAY,), confusable=(("X.delay", "X.stribeck"),))
@@ -212,19 +205,17 @@ def test_floors_are_held_to_our_own_rate_of_false_alarms():
     assert beaten([ours, floor])
 
 
-def test_confusion_matrices_and_their_agreement():
+def test_the_confusion_matrix_counts_what_was_said():
     answers = [
-        made(named=(STRIBECK,), predicted={"X.stribeck": 0.9, "X.delay": 0.1}),
-        made(named=(DELAY,), predicted={"X.stribeck": 0.7, "X.delay": 0.3}),
+        made(named=(STRIBECK,)),
+        made(named=(DELAY,)),
         made(named=(("stribeck", "Y"),)),
         made(verdict="none"),
-        made(truth=(DELAY,), named=(DELAY,), predicted={"X.delay": 1.0}),
+        made(truth=(DELAY,), named=(DELAY,)),
     ]
-    have, said = measured(answers), predicted(answers)
+    have = measured(answers)
     assert have["stribeck"] == {"stribeck": 1, "delay": 1, "stribeck (other axis)": 1, "none": 1}
-    assert said["stribeck"] == pytest.approx({"stribeck": 0.8, "delay": 0.2})
-    assert 0.0 < agreement(have, said) <= 1.0
-    assert predicted([made(named=(DELAY,))]) is None
+    assert have["delay"] == {"delay": 1}
 
 
 def test_an_answer_survives_its_line_of_json():
@@ -232,7 +223,6 @@ def test_an_answer_survives_its_line_of_json():
         named=(STRIBECK,),
         shrink=None,
         floors={"pursuit": ("delay", "X", 0.5)},
-        predicted={"X.delay": 1.0},
         confusable=(("X.a", "X.b"),),
     )
     assert read_answer(json.loads(json.dumps(plain(dataclasses.asdict(one))))) == one
@@ -252,7 +242,7 @@ def bench():
         made(named=(STRIBECK,)),
         made(named=(DELAY,)),
         made("outside", (("mains", "X"),), verdict="unexplained"),
-        *(made(named=(STRIBECK,), predicted={"X.stribeck": 1.0}) for _ in range(9)),
+        *(made(named=(STRIBECK,)) for _ in range(9)),
         dataclasses.replace(made(), verdict="error", error="ValueError: <oh>"),
     ]
     real = [
@@ -282,7 +272,7 @@ def test_the_table_in_markdown_and_json_says_the_same(bench):
     row = next(r for r in content["scores"] if r["name"] == "healthy machine accused of anything")
     assert row["share"] == {"hits": 1, "of": 2}
     assert row["state"] == "below"
-    assert content["confusion"]["measured"]["stribeck"]["error"] == 1
+    assert content["confusion"]["stribeck"]["error"] == 1
     assert content["errors"] == [{"case": 0, "error": "ValueError: <oh>"}]
 
 
@@ -299,7 +289,7 @@ def test_the_page_holds_the_table_the_matrices_and_escapes(bench):
         assert title in page
     assert "&lt;oh&gt;" in page
     assert "<oh>" not in page
-    assert page.count('class="plot"') == 4
+    assert page.count('class="plot"') == 3
     assert "https://" not in page.partition("plotly-packed")[0]
     assert "missed: healthy machine accused of anything" in page
 

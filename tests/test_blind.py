@@ -13,7 +13,7 @@ import pytest
 from pinotwin.bench.cases import Case, draw_cases
 from pinotwin.bench.oracle import evidence
 from pinotwin.bench.produce import produce
-from pinotwin.bench.run import Plan, _write, answer, run_bench, written
+from pinotwin.bench.run import Plan, answer, append, run_bench, written
 from pinotwin.cli.main import main
 
 
@@ -178,7 +178,7 @@ def test_broken_lines_and_errors_are_run_again(cases, plan, answers, tmp_path):
     key = json.loads(good)["key"]
     file = tmp_path / "cases.jsonl"
     file.write_text(good[:40])  # the disk was full
-    _write(file, key, answers[0])
+    append(file, key, answers[0])
     with file.open("a") as stream:
         stream.write(json.dumps({**json.loads(good), "key": "failed", "verdict": "error"}) + "\n{}\n[1]\n")
     assert set(written(file)) == {key}

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from pinotwin.cli import check as check_command
+from pinotwin.cli import inputs
 from pinotwin.cli import progress as bars
 from pinotwin.cli.main import COMMANDS, main
 from pinotwin.cli.output import plain, write_json
@@ -294,3 +295,16 @@ def test_a_bar_on_a_terminal_only(
     with bars.progress() as report:
         assert report is not bars.silent
         report("working", 0.5)
+
+
+def test_reading_a_long_log_is_shown_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "night.csv"
+    file.write_text("t,X.q,X.u\n" + "".join(f"{k / 100},{k % 7},{k % 5}\n" for k in range(100)))
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert len(inputs.read_logs([str(file)])[0]) == 100
+    assert capsys.readouterr().err == ""  # a short one is not
+    monkeypatch.setattr(inputs, "LARGE", 100)
+    inputs.read_logs([str(file)])
+    assert "reading night.csv" in capsys.readouterr().err

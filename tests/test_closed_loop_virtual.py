@@ -13,8 +13,8 @@ from pinotwin.identification.loops import loop_data
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Structure, identify_loop
 from pinotwin.virtual import VirtualMachine, random_trajectory
-from pinotwin.virtual.linear import closed_loop_poles
 from tests.slide import slide
+from tests.true_poles import closed_loop_poles
 
 HERTZ = 2.0 * np.pi
 FAST = 100.0  # [Hz]: current loop and velocity filter of the truth lie at 350 and 1200 Hz

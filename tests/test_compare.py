@@ -11,6 +11,7 @@ import pytest
 import pinotwin as pt
 from pinotwin.analysis.comparison import TABLE, compare
 from pinotwin.cli.main import main
+from pinotwin.report.comparison import effort_grade
 from pinotwin.twin import Parameter
 from tests.simulated import known_twin, plain_machine, smooth_command
 
@@ -119,19 +120,39 @@ def test_command_writes_a_page_and_json_for_a_series(tmp_path, capsys):
 
 
 def test_diagnoses_side_by_side(tmp_path, capsys):
-    gap = {"Y": {"u": {"rms": 2.0, "nrmse": 0.1, "noise": 0.1}}}
-    size = {"name": "viscous.b", "before": 51.2, "after": 297.0, "unit": "N·s/m"}
-    effect = {"effect": "viscous", "axis": "Y", "confidence": 0.9, "size": size}
-    for name, effects in (("a", [effect]), ("b", [])):
+    size = {
+        "name": "viscous.b",
+        "before": 51.2,
+        "after": 297.0,
+        "unit": "N·s/m",
+        "interval90": [290.0, 304.0],
+    }
+    effect = {"effect": "viscous", "axis": "Y", "confidence": 0.9, "size": [size]}
+    for name, effects in (("a", [effect]), ("b", []), ("c", [])):
         (tmp_path / name).mkdir()
+        word = "gap explained" if effects else "agrees"
+        gap = {"Y": {"u": {"rms": 2.0, "nrmse": 0.1, "noise": 0.1, "grade": word}}}
+        logs = [{"source": f"{name}.csv", "fingerprint": f"1234{name}"}]
+        made = {"version": "0.1.0", "date": "2026-11-23", "logs": logs, "twin_from": None}
         document = {"verdict": "explained" if effects else "none", "gap": gap, "effects": effects}
+        document["provenance"] = made
         (tmp_path / name / "diagnosis.json").write_text(json.dumps(document))
-    assert main(["compare", str(tmp_path / "a"), str(tmp_path / "b"), "--out", str(tmp_path / "out")]) == 0
+    folders = [str(tmp_path / name) for name in "abc"]
+    assert main(["compare", *folders, "--out", str(tmp_path / "out")]) == 0
     assert "on Y only in a" in capsys.readouterr().out
     content = json.loads((tmp_path / "out" / "compare.json").read_text())
-    assert content["verdicts"] == {"a": "explained", "b": "none"}
+    assert content["verdicts"] == {"a": "explained", "b": "none", "c": "none"}
     page = (tmp_path / "out" / "compare.html").read_text()
-    assert "51.2 → 297 N·s/m" in page
+    assert "51.2 -&gt; 297 N·s/m (90%)" in page
+    assert page.count(">agrees</span>") == 2
+    assert "b.csv (1234b)" in page
+    assert "Over time" in page
+
+
+def test_a_twins_error_is_graded_by_what_it_left_of_its_own_logs():
+    assert effort_grade({"rms": 1.2, "misfit": 1.0}) == "within misfit"
+    assert effort_grade({"rms": 9.0, "misfit": 1.0}) == "not explained"
+    assert effort_grade({"rms": 9.0, "misfit": None}) == ""
 
 
 def test_what_is_neither_is_one_line(tmp_path, capsys):

@@ -10,6 +10,7 @@ import pytest
 
 from pinotwin.cli.main import main
 from pinotwin.diagnosis import diagnose
+from pinotwin.diagnosis.candidates.patterns import Hum, patterns
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.data.gate import BARS, INSTANTS, gate
 from pinotwin.diagnosis.others.limits import exceeded
@@ -20,6 +21,7 @@ from pinotwin.logs.write import write_log
 from pinotwin.machine import Machine
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.conftest import ROOT
+from tests.rig import write_machine
 
 
 def record(urdf_dir, path, *inject):
@@ -96,6 +98,12 @@ def test_a_slow_log_is_diagnosed_without_what_it_cannot_show(machine, log):
     assert any("10 Hz" in text for text in found.to_dict()["warnings"])
 
 
+def test_no_pattern_swings_faster_than_half_the_rate(machine, log):
+    tried = [e.frequency for e in patterns(compare(machine, [slow(log)], [])) if isinstance(e, Hum)]
+    assert tried
+    assert max(tried) < 5.0
+
+
 def test_a_command_of_another_unit_is_not_held_against_the_servo(machine, log):
     found = gate(machine, [changed(log, X_qr=1e3 * log["X.qr"])])
     assert not found.asks("tracking", "X")
@@ -154,3 +162,23 @@ def test_a_level_that_the_log_goes_beyond_is_no_limit():
     assert not exceeded([np.clip(u, -5.42, 5.42)], 5.42)
     noise = np.random.default_rng(0).normal(0.0, 0.3, len(t))
     assert not exceeded([np.clip(u, -5.42, 5.42) + noise], 5.42)
+
+
+def test_an_axis_that_its_twin_never_met_is_not_judged(tmp_path):
+    rig = Machine.load(write_machine(tmp_path / "rig"))
+    t = np.arange(0.0, 12.0, 0.002)
+    w = 2 * np.pi * np.array([0.5, 2.1])
+    noise = np.random.default_rng(1)
+
+    def run(still):
+        waves = 0.1 * np.sin(np.outer(t, w) + np.array([0.3, 1.0]))
+        q, a = waves.sum(axis=1), -waves @ w**2
+        B = np.zeros_like(q) if still else q[::-1]
+        u = {"X.u": 30.0 * a + noise.normal(0, 1, t.size), "B.u": 0.5 * B + noise.normal(0, 0.05, t.size)}
+        return Log({"t": t, "X.q": q, "B.q": B, **u}, source="run.csv")
+
+    twin = identify(rig, run(still=True), loop=False)
+    found = diagnose(twin, run(still=False))
+    assert "B" not in found.gap
+    assert "B" not in {e.axis for e in found.effects}
+    assert any("B: not judged, it moved in no log of its twin" in text for text in found.warnings)

@@ -36,9 +36,10 @@ def test_the_gap_of_the_carriage_is_that_beside_the_mode(rig, path):
     assert "delta" not in rigid.machine.names
     motion = rigid.motion(log)
     y = rigid.machine.axis("Y").index
-    stiff = rms((motion.u - rigid.effort(motion))[motion.use[:, y], y])
     joint = c.machine.axis("Y").index
     assert "delta" in c.machine.names
+    rows = c.new.samples(joint)  # the same for both: where the carriage rests, friction holds any effort
+    stiff = rms((motion.u - rigid.effort(motion))[rows, y])
     assert c.new.level(joint) < 0.6 * stiff
 
 
@@ -51,9 +52,13 @@ def test_the_deflection_is_near_the_true_one_though_nothing_measured_it(rig):
 
 
 def test_a_healthy_rig_has_no_flexible_drive(rig):
+    """Its table C has a Stribeck level of 0.03 N·m that its machine.yaml does not list: that may be named."""
     for path in (12, 13):
         found = diagnose(rig, run(path).to_log(), quick=True)
-        assert found.effects == []
+        assert {(e.effect, e.axis) for e in found.effects} <= {("stribeck", "C")}
+        for e in found.effects:
+            friction = VirtualMachine.load("urdf/flexure_rig").truth.axes["C"].friction
+            assert e.theta["s"] == pytest.approx((friction.static - 1.0) * friction.coulomb, rel=0.2)
         assert "Y" not in found.unexplained
 
 

@@ -58,3 +58,12 @@ def test_the_same_change_is_found_where_the_law_holds(twin, urdf_dir):
     more = Log({**log.channels, "X.u": log["X.u"] + 60.0 * a}, source="fed.csv")
     found = servo_changes(compare(twin, [more], []), ())
     assert [x.effect for x in found] == ["feedforward"]
+
+
+def test_what_a_named_cause_puts_into_the_reading_is_no_change_of_the_law(twin, urdf_dir):
+    log = record(urdf_dir, 8, 11)
+    a = np.gradient(np.gradient(log["X.qr"], log.t), log.t)
+    c = compare(twin, [Log({**log.channels, "X.u": log["X.u"] + 60.0 * a}, source="fed.csv")], [])
+    assert c.new.motion.ar is not None
+    assert servo_changes(c, (), courses={0: 60.0 * c.new.motion.ar[:, 0]}) == []
+    assert servo_changes(c, (), courses={0: -60.0 * c.new.motion.ar[:, 0]}) != []

@@ -14,7 +14,7 @@ from pinotwin.effects import EFFECTS
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine, machines
 from tests.motions import multisine
-from tests.simulated import known_twin, plain_machine
+from tests.simulated import known_twin, nominal_twin, plain_machine
 
 NAMES = ("laser_driller", "trunnion", "flexure_rig", "emps", "tx40")
 
@@ -27,8 +27,6 @@ def motion_of(machine: Machine, n: int = 400):
 
 def random_twin(name: str):
     """A bundled machine as described, every coefficient random."""
-    from pinotwin.identification.pipeline import nominal_twin
-
     machine = Machine.load(name)
     motion = motion_of(machine)
     effects = {a: tuple(e.fitted_to(motion) for e in axis.effects) for a, axis in machine.axes.items()}

@@ -117,9 +117,13 @@ def test_a_second_run_works_on_what_is_missing_or_has_changed(
     # nothing is left to do: no process is started
     assert run("diagnose", shop / "twin", "--each", *_logs(shop)[:3], *words, "--fail-on-gap") == 1
     # another option is another question
-    assert each._known(each._jobs(_arguments(shop, seed=1), _asked(shop, seed=1), shop / "out")[0]) is None
     assert (
-        each._known(each._jobs(_arguments(shop, seed=0), _asked(shop, seed=0), shop / "out")[0]) is not None
+        each.known_answer(each.jobs_of(_arguments(shop, seed=1), _asked(shop, seed=1), shop / "out")[0])
+        is None
+    )
+    assert (
+        each.known_answer(each.jobs_of(_arguments(shop, seed=0), _asked(shop, seed=0), shop / "out")[0])
+        is not None
     )
 
 
@@ -155,10 +159,10 @@ def _filled(text: str, folder: Path) -> list[str]:
 def test_a_dead_worker_costs_a_retry_and_one_that_always_dies_a_line(tmp_path: Path) -> None:
     asked = each.Asked(str(tmp_path / "flag"), (), None, False, 0, None)
     jobs = [each.Job(name, tmp_path / name, "x") for name in ("a", "b", "always", "c")]
-    one: Callable = functools.partial(each._one, work=dies, asked=asked)
+    one: Callable = functools.partial(each.do_job, work=dies, asked=asked)
     with engine(2, apart=True) as run_all:
         rows = {
-            job.log: each._failed(job, row) if isinstance(row, BaseException) else row
+            job.log: each.failed_row(job, row) if isinstance(row, BaseException) else row
             for job, row in run_all(one, jobs, None)
         }
     assert {log: row["verdict"] for log, row in rows.items()} == {
@@ -192,7 +196,7 @@ def test_bad_words_are_refused_before_the_work(
 
 
 def test_a_folder_stands_for_the_logs_in_it(shop: Path) -> None:
-    found = [Path(p).name for p in each._expanded(str(shop))]
+    found = [Path(p).name for p in each.logs_in(str(shop))]
     assert found == ["broken.csv", "own.csv", "wednesday.csv"]
 
 
@@ -204,8 +208,8 @@ def test_an_error_that_nobody_foresaw_keeps_its_traceback(tmp_path: Path) -> Non
     asked = each.Asked("x", (), None, False, 0, None)
     job = each.Job("a", tmp_path / "a", "x")
     with engine(1, apart=True) as run_all:
-        ((_, error),) = run_all(functools.partial(each._one, work=fails, asked=asked), [job], None)
-    row = each._failed(job, error)
+        ((_, error),) = run_all(functools.partial(each.do_job, work=fails, asked=asked), [job], None)
+    row = each.failed_row(job, error)
     assert row["error"] == "LookupError: a: nobody foresaw this"
     assert "in fails" in row["traceback"]
     assert list(tmp_path.iterdir()) == []

@@ -88,14 +88,10 @@ def test_an_effect_without_its_machine_says_so(motion):
         EFFECTS["payload"](axis="Y").columns(motion)
 
 
-def test_a_found_ripple_is_tried_with_modulation_and_written_with_its_pitch(motion):
+def test_a_found_ripple_is_written_with_its_pitch(motion):
     ripple = found("ripple", "A", motion)[5]
-    richer = ripple.richer()
-    assert {e.name for e in richer} == {"ripple_modulated"}
-    assert {e.period for e in richer} == {ripple.period}
     assert ripple.shapes()
     assert not ripple.settled().shapes()
-    assert found("ripple", "Y", motion)[5].richer() == ()
 
 
 def turning(q: np.ndarray) -> Motion:

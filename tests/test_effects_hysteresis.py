@@ -84,7 +84,7 @@ def light(urdf_dir) -> Machine:
 def logs(urdf_dir):
     """A virtual trunnion with a cable on Y: one log to identify, one to predict.
 
-    What :func:`light` does not list is left out of the truth; LuGre's presliding stays in it.
+    What :func:`light` does not list is left out of the truth; friction's presliding stays in it.
     """
     bare = ["ripple", "position_table", "stribeck", "coulomb_asymmetric", "load_friction"]
     inject = [{"effect": "hysteresis", "axis": "Y", "value": DRAG}]

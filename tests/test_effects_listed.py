@@ -11,14 +11,13 @@ from pinotwin.analysis.disturbance import diagonal
 from pinotwin.effects import EFFECTS, LISTED, Coulomb, Effect, Viscous, told
 from pinotwin.effects.layout import effect_slices
 from pinotwin.errors import DataError
-from pinotwin.identification.pipeline import nominal_twin
 from pinotwin.identification.plant import fit_plant
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.simulation.run import as_motion, respond
 from pinotwin.twin import Twin
 from tests.motions import multisine
-from tests.simulated import known_twin, plain_machine, smooth_command
+from tests.simulated import known_twin, nominal_twin, plain_machine, smooth_command
 
 # Name -> coefficients and shapes of the truth, on the rotary axis A of the trunnion.
 TRUTH: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {

@@ -24,7 +24,9 @@ def test_there_are_ten_and_each_fits_on_two_screens() -> None:
     numbered = sorted(EXAMPLES.glob("[01][0-9]_*.py"))
     assert [int(path.name[:2]) for path in numbered] == list(range(1, 11))
     for path in numbered:
-        assert len(path.read_text(encoding="utf-8").splitlines()) <= 110, path.name
+        text = path.read_text(encoding="utf-8")
+        assert len(text.splitlines()) <= 110, path.name
+        assert "You see " in text.split('"""')[1], f"{path.name}: its first comment says what is seen"
 
 
 def test_01_a_vendors_file() -> None:
@@ -56,7 +58,7 @@ def test_04_05_robots_from_bags(name: str, joints: int) -> None:
 
 def test_06_a_fault_is_diagnosed(capsys: pytest.CaptureFixture[str]) -> None:
     found = run("06_diagnose_a_fault", seconds=10.0)
-    assert found.verdict != "none"
+    assert (found.effects[0].effect, found.effects[0].axis) == ("viscous", "X")
     assert "gap" in capsys.readouterr().out
 
 

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from pinotwin.diagnosis.grade import HALF, KIND, MEANING, WHOLE, explained, grade
+from pinotwin.diagnosis.grade import KIND, MEANING, explained, grade
 from pinotwin.diagnosis.rules import RULES
 
 NAN = float("nan")
@@ -73,7 +73,9 @@ def test_words_and_numbers_never_contradict():
         if word == "gap explained":
             assert after is not None
             assert after <= RULES.open_change * level
-            assert explained(rms, level, after) >= (WHOLE if misfit is None else HALF)
+            assert explained(rms, level, after) >= (
+                RULES.explained_unknown if misfit is None else RULES.explained_known
+            )
         if word == "within misfit":
             assert noise < rms <= RULES.odd * level
         if word == "above misfit":

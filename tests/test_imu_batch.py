@@ -205,7 +205,7 @@ def test_jacobian_equals_finite_differences() -> None:
     truth, servo = record(4, 6.0)
     s = sensor(4)
     view, imu = as_runs(truth, servo, s, 1)
-    problem, _ = batch._prepare([view], [imu], PRIORS, None)
+    problem, _ = batch.prepare([view], [imu], PRIORS, None)
     rng = np.random.default_rng(0)
     theta = problem.mean + 0.1 * problem.sd * rng.normal(size=len(problem.mean))
     theta[problem.lay["gain"]] = 0.26

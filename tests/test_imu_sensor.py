@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pinotwin.errors import DataError
 from pinotwin.imu.lowpass import low_pass as assumed
-from pinotwin.imu.noise import allan_deviation, characterise, rest, white_level
+from pinotwin.imu.noise import rest, white_level
 from pinotwin.virtual.imu_sensor import ImuSensor, LinkMotion, SensorClock, Triad, low_pass, mti630
 from tests.test_imu_rig import DEG, record
 
@@ -75,21 +75,6 @@ def test_a_coarse_truth_is_refused() -> None:
     coarse = LinkMotion(motion.t[::20], motion.R[::20], motion.w[::20], motion.a[::20])
     with pytest.raises(DataError, match="sampled at 200 Hz"):
         ImuSensor().measure(coarse, np.random.default_rng(0))
-
-
-def test_allan_deviation_of_white_noise_walk_and_both() -> None:
-    rng, rate, density, walk = np.random.default_rng(2), 100.0, 1e-3, 2e-4
-    white = density * np.sqrt(rate / 2) * rng.normal(size=200_000)
-    drift = np.cumsum(walk / np.sqrt(rate) * rng.normal(size=200_000))
-    tau, sigma = allan_deviation(white, rate)
-    k = np.searchsorted(tau, 1.0)
-    assert sigma[k, 0] == pytest.approx(density / np.sqrt(2 * tau[k]), rel=0.05)
-    figures = characterise(white + drift, rate)
-    assert figures.density[0] == pytest.approx(density, rel=0.05)
-    assert figures.walk[0] == pytest.approx(walk, rel=0.3)
-    assert characterise(white, rate).walk[0] < 0.2 * walk
-    with pytest.raises(DataError, match="too short"):
-        characterise(white[:20], rate)
 
 
 def test_rest_is_found_where_the_rig_rests_and_nowhere_else() -> None:

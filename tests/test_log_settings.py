@@ -91,7 +91,11 @@ def test_rows_are_left_out(tmp_path: Path, key: str, left: bool) -> None:
 @pytest.mark.parametrize(
     ("key", "said"),
     [
-        ("leave_out: [2, 3]", r"data.leave_out\[0\]: expected \[from, to\] in s, found 2"),
+        (
+            "leave_out: [2, 3]",
+            r"data.leave_out\[0\]: expected \[from, to\] in s or {channel: value}, found 2",
+        ),
+        ("leave_out: [{feed: fast}]", r"data.leave_out\[0\].feed: expected a number"),
         ("leave_out: [[3, 2]]", r"data.leave_out\[0\]: 3 to 2 s runs backward"),
         ("leave_out: soon", "data.leave_out: expected a list"),
         ("resample: 0", "data.resample: expected a positive number"),
@@ -107,8 +111,38 @@ def test_leaving_everything_out_is_refused(tmp_path: Path) -> None:
         prepare(rig(tmp_path, "data: {leave_out: [[0, 100]]}\n"), log())
 
 
+@pytest.mark.parametrize("value", ["7", "[7, 9]"])
+def test_rows_are_left_out_by_the_value_of_a_channel(tmp_path: Path, value: str) -> None:
+    key = f"data: {{leave_out: [{{feed: {value}}}]}}\n"
+    machine = rig(tmp_path, f"{key}columns: {{feed: feed}}\n")
+    t = log().t
+    feed = np.where((t >= 2) & (t <= 3), 7.0, 1.0)
+    motion = prepare(machine, log(feed=feed), cutoff=30.0)
+    kept = np.concatenate([motion.t[s] for s in motion.segments])
+    assert len(motion.segments) == 2
+    assert not ((kept >= 2) & (kept <= 3)).any()
+    assert any("rows left out" in note for note in motion.notes)
+
+
+def test_leaving_out_by_a_channel_that_a_log_lacks_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="asks for the channel 'feed', which this log lacks"):
+        prepare(rig(tmp_path, "data: {leave_out: [{feed: 7}]}\n"), log())
+
+
+def test_check_names_the_state_that_bad_rows_share_as_a_key(tmp_path: Path) -> None:
+    made = log()
+    q, feed = made["X.q"].copy(), np.ones(len(made))
+    for row in range(300, 3300, 300):
+        q[row : row + 20] = 9.0
+        feed[row : row + 20] = 50.0
+    said = " ".join(
+        f.message for f in check(rig(tmp_path, "columns: {feed: feed}\n"), log(X_q=q, feed=feed)).findings
+    )
+    assert "(data: {leave_out: [{feed: 50}]})" in said
+
+
 def test_settings_survive_a_save(tmp_path: Path) -> None:
-    more = "data: {resample: 100, leave_out: {b.csv: [[1, 2]]}, order: 2}\nloop: {X: {closed_on: load}}\n"
+    more = "data: {resample: 100, leave_out: {b.csv: [[1, 2], {feed: 50}]}, order: 2}\nloop: {X: {closed_on: load}}\n"
     machine = rig(tmp_path, more)
     again = Machine.load(machine.save(tmp_path / "copy"))
     assert again.data == machine.data

@@ -216,6 +216,15 @@ def test_sentinels_copies_and_the_state_they_share() -> None:
     assert "feed: 100 % of the untrustworthy rows have feed = 50; leave all 600 rows" in text
 
 
+@pytest.mark.parametrize(("length", "code"), [(60, "sentinel"), (3, "spikes")])
+def test_a_few_rows_of_a_sentinel_spoil_no_axis(length: int, code: str) -> None:
+    channels = motion()
+    beyond = channels["Y.q"].max() + 1.0
+    for start in range(500, 5500, 500):
+        channels["Y.q"][start : start + length] = beyond
+    assert code in {f.code for f in look(channels).findings if f.channel == "Y.q"}
+
+
 def test_stale_rows() -> None:
     channels = {name: np.repeat(x[::2], 2) for name, x in motion().items()}
     channels["t"] = np.arange(len(channels["Y.q"])) / RATE

@@ -91,7 +91,10 @@ def test_every_verdict_makes_a_whole_page_that_loads_nothing(given: Diagnosis) -
 def test_the_headline_names_cause_axis_size_and_data() -> None:
     first = headline(EXPLAINED)[0]
     assert "quadratic drag on axis Y, b2 12 N·s²/m²" in first
-    assert "from 5 to 3.4 N RMS, on the validation log, to which nothing was fitted" in first
+    assert (
+        "from 5 to 3.4 N RMS where the axis slides, on the validation log, to which nothing was fitted"
+        in first
+    )
     logs = [{"source": "/a/b/new.csv", "role": "validation"}, {"source": "old.csv", "role": "diagnosed"}]
     assert "on new.csv, to which" in headline(replace(EXPLAINED, provenance={"logs": logs}))[0]
     hint = replace(found(), shrink={"u": replace(SHRINK, share=-0.1)})

@@ -274,7 +274,9 @@ class TestKernels:
         twin = pt.identify(machine, log)
         raw = prepare(machine, log, cutoff=0.0, decimate=1)
         vr = command_velocity(raw)
-        problem = axis_problem(twin, raw, raw, vr, np.zeros(len(raw)), plant_of(twin, raw.qr, vr), "X")
+        problem = axis_problem(
+            twin, raw, raw, vr, np.zeros(len(raw)), plant_of(twin, raw.qr, vr).tables.lookup(), "X"
+        )
         rows = np.concatenate([np.arange(s.start, s.stop) for s in raw.segments])
         asked = Log({"t": log.t[rows], "X.qr": log["X.qr"][rows]}, "command")
         said = simulate(twin, asked, controller="coupled")

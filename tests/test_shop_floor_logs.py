@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pinotwin as pt
@@ -37,8 +38,16 @@ def test_cnc_mill_is_told_what_ten_hertz_and_three_digits_cannot_identify(data_d
 
 def test_sentinel_rows_of_the_mill_are_reported(data_dir):
     machine = pt.Machine.load(MACHINES / "cnc_mill")
+    machine = dataclasses.replace(machine, data=dataclasses.replace(machine.data, leave_out=()))
     texts = [
         said(pt.check(machine, pt.read(data_dir / "cnc_mill_smart" / f"experiment_{k:02d}.csv")))
         for k in (2, 5)
     ]
     assert any("feedrate" in text or "sentinel" in text or "copies" in text for text in texts), texts
+
+
+def test_another_day_of_the_mill_is_no_change(data_dir):
+    machine = pt.Machine.load(MACHINES / "cnc_mill")
+    twin = pt.identify(machine, data_dir / "cnc_mill_smart" / "experiment_11.csv")
+    found = pt.diagnose(twin, data_dir / "cnc_mill_smart" / "experiment_12.csv")
+    assert (found.verdict, found.effects) == ("none", [])

@@ -186,7 +186,15 @@ class TestWhatIsUsed:
 class TestRefusals:
     def test_a_missing_command_is_named(self, trunnion, command):
         log = Log({k: x for k, x in command.channels.items() if k != "A.qr"}, "a.csv")
-        with pytest.raises(LogError, match=r"a\.csv: no channel A\.qr; a simulation needs the command"):
+        with pytest.raises(
+            LogError, match=r"a\.csv: no channel A\.qr; a simulation needs the command"
+        ) as told:
+            simulate(trunnion, log)
+        assert "did you mean" not in str(told.value)  # a position that was measured is no command
+
+    def test_a_column_that_may_be_the_command_is_offered(self, trunnion, command):
+        log = Log({("A.soll" if k == "A.qr" else k): x for k, x in command.channels.items()}, "a.csv")
+        with pytest.raises(LogError, match=r"no channel A\.qr; .*known: A\.soll"):
             simulate(trunnion, log)
 
     def test_holes_in_a_command_are_named_by_row(self, trunnion, command):

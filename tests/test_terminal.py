@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pinotwin.cli.main import main
-from pinotwin.cli.output import say
+from pinotwin.cli.output import columns, say
 
 LONG = "next: Y.viscous: " + "check the lubricant and its temperature; " * 6
 
@@ -95,3 +95,24 @@ def test_the_program_itself_says_its_numbers_with_units(made: Path) -> None:
     rows = [line for line in done.stdout.splitlines() if line[:4] in ("Y.u ", "A.u ", "C.u ")]
     assert len(rows) == 3
     assert all(row.split()[2] in ("N", "N·m", "mN", "mN·m") for row in rows)
+
+
+ROBOT = ["shoulder_pan_joint", "a", "wrist_1_joint"]
+
+
+def test_long_names_and_long_numbers_stay_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [[f"{name}.u", "-1.23e+03 N·m", "3.16 N·m", "3.5 N·m", "0.000173 N·m", "agrees"] for name in ROBOT]
+    head = ("RMS", "gap", "after", "misfit", "noise", "grade")
+    for wide in (60, 80, 120):
+        monkeypatch.setenv("COLUMNS", str(wide))
+        lines = columns(head, rows, left=(0, 5))
+        assert max(map(len, lines)) <= max(wide, 75)
+        cells = " ".join(lines).split("  ")
+        assert sum("N·m" in cell for cell in cells) == 12  # each number is a cell of its own
+        assert lines[0].index("grade") == lines[-1].index("agrees")
+        assert all(any(f"{name}.u" in line.split() for line in lines) for name in ROBOT)
+
+
+def test_the_largest_number_stands_under_its_head() -> None:
+    lines = columns(("axis", "largest"), [["Y", "13.3 N·m"], ["shoulder_pan_joint", "1 N"]])
+    assert [len(line) for line in lines] == [len(lines[0])] * 3

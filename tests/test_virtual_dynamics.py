@@ -119,7 +119,7 @@ def friction_row(law: int) -> np.ndarray:
 def test_friction_reaches_its_steady_curve(law: int):
     P, extra = friction_row(law), np.zeros((2, 1))
     for v in (0.001, 0.01, 0.2, -0.001, -0.2):
-        z = np.zeros((1, 4))
+        z = np.zeros((1, c.N_STATES))
         for _ in range(12000):
             force = friction_force(P, 0, 0.0, v, z, 0.0, extra, 5e-5)
         level = (12.0 if v > 0 else 8.0) * (1.0 + 0.5 * np.exp(-((v / 0.01) ** 2)))
@@ -128,7 +128,7 @@ def test_friction_reaches_its_steady_curve(law: int):
 
 @pytest.mark.parametrize("law", [c.LUGRE, c.GMS, c.ELASTOPLASTIC])
 def test_friction_takes_energy_over_every_cycle(law: int):
-    P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, 4)), 5e-5
+    P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, c.N_STATES)), 5e-5
     t = np.arange(0.0, 4.0, dt)
     for stroke in (2e-6, 2e-5, 1e-3):
         v = stroke * 2 * np.pi * np.cos(2 * np.pi * t)
@@ -139,7 +139,7 @@ def test_friction_takes_energy_over_every_cycle(law: int):
 
 @pytest.mark.parametrize("law", [c.LUGRE, c.GMS, c.ELASTOPLASTIC])
 def test_a_mass_under_a_load_below_breakaway_sticks(law: int):
-    P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, 4)), 5e-5
+    P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, c.N_STATES)), 5e-5
     q = v = 0.0
     places = []
     for k in range(40000):
@@ -156,7 +156,7 @@ def test_a_mass_under_a_load_below_breakaway_sticks(law: int):
 def test_lugre_alone_creeps_under_vibration():
     drift = []
     for law in (c.LUGRE, c.GMS, c.ELASTOPLASTIC):
-        P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, 4)), 5e-5
+        P, extra, z, dt = friction_row(law), np.zeros((2, 1)), np.zeros((1, c.N_STATES)), 5e-5
         P[0, c.LEVEL_N] = 12.0
         q, v, marks = 0.0, 0.0, []
         for k in range(80000):

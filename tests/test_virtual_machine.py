@@ -12,11 +12,11 @@ from pinotwin.logs.write import write_log
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.axis_truth import Friction
 from pinotwin.virtual.folder import Folder, read_folder
-from pinotwin.virtual.linear import closed_loop_poles
 from pinotwin.virtual.recording import inverse_dynamics
 from pinotwin.virtual.trajectories import Trajectory, rest
 from pinotwin.virtual.truth import Pulse, Truth
 from pinotwin.virtual.truth_yaml import read_truth
+from tests.true_poles import closed_loop_poles
 
 BUNDLED = ("trunnion", "laser_driller", "flexure_rig", "emps", "tx40")
 

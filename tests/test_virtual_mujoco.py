@@ -12,8 +12,8 @@ from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import N_STATE, control_step
 from pinotwin.virtual.folder import read_folder
 from pinotwin.virtual.friction import friction_force
-from pinotwin.virtual.linear import smooth
 from pinotwin.virtual.mass import gravity_at
+from tests.true_poles import smooth
 
 PERIOD, SUBSTEPS = 1 / 4000.0, 16
 
@@ -59,7 +59,7 @@ def run_in_mujoco(folder, machine: VirtualMachine, trajectory, seconds: float):
     at = ids[machine.tables().joint]
     data.qpos[at] = qr[0]
     hold = gravity_at(machine.tree, data.qpos[ids].copy())[machine.tables().joint]
-    control, z, extra = np.zeros((na, N_STATE)), np.zeros((na, c.ELEMENTS)), np.zeros((2, na))
+    control, z, extra = np.zeros((na, N_STATE)), np.zeros((na, c.N_STATES)), np.zeros((2, na))
     control[:, 0] = hold
     control[:, 2] = np.where(P[:, c.PID] > 0.5, 0.0, qr[0])
     u = hold.copy()

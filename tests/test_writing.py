@@ -94,7 +94,7 @@ def test_a_kill_leaves_an_earlier_result_whole(
             text = (tmp_path / "log.csv").read_text()
             assert text == text[:4] * 2000
     for target in (out, tmp_path / "log.csv"):
-        writing._sweep(target)
+        writing.sweep(target)
     assert litter(tmp_path) == []
 
 

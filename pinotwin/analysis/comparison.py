@@ -107,6 +107,7 @@ class Comparison:
             and unit; empty without a log.
         log: source of that log.
         notes: what deserves attention.
+        data: label -> the logs that the twin was identified from.
     """
 
     machine: str
@@ -118,6 +119,7 @@ class Comparison:
     shifts: Mapping[str, tuple[str, float, str]] = field(default_factory=dict)
     log: str = ""
     notes: tuple[str, ...] = ()
+    data: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
 
     @property
     def moved(self) -> tuple[Row, ...]:
@@ -162,6 +164,7 @@ class Comparison:
                 for key, (axis, rms, unit) in self.shifts.items()
             },
             "notes": list(self.notes),
+            "identified_from": {label: [dict(row) for row in rows] for label, rows in self.data.items()},
         }
 
 
@@ -194,8 +197,9 @@ def compare(*twins: TwinLike, labels: Sequence[str] | None = None, log: LogLike 
         source = held.source
         errors, notes = _errors(given, names, held)
         shifts = _shifts(given[0], given[-1], held)
+    data = {name: tuple(twin.data) for name, twin in zip(names, given, strict=True)}
     return Comparison(
-        machines.pop(), names, widening, _discoveries(rows), only, errors, shifts, source, notes
+        machines.pop(), names, widening, _discoveries(rows), only, errors, shifts, source, notes, data
     )
 
 
@@ -278,7 +282,8 @@ def _errors(twins: Sequence[Twin], labels: Sequence[str], log: Any) -> tuple[dic
             if rows.any():
                 u = motion.u[rows, axis.index]
                 rms = float(np.sqrt(np.mean((u - effort[rows, axis.index]) ** 2)))
-                row = {"rms": rms, "nrmse": rms / float(np.sqrt(np.mean(u**2)))}
+                own: Mapping[str, Any] = {} if twin.misfit is None else twin.misfit.summary.get(name, {})
+                row = {"rms": rms, "nrmse": rms / float(np.sqrt(np.mean(u**2))), "misfit": own.get("moving")}
                 out.setdefault(name, {}).setdefault("effort", {})[label] = row
         if not twin.loops:
             continue
@@ -288,8 +293,8 @@ def _errors(twins: Sequence[Twin], labels: Sequence[str], log: Any) -> tuple[dic
             notes.append(f"{label}: not simulated: {error}")
             continue
         for name, signals in found.items():
-            for signal, row in signals.items():
-                out.setdefault(name, {}).setdefault(f"simulated {signal}", {})[label] = dict(row)
+            for signal, errors in signals.items():
+                out.setdefault(name, {}).setdefault(f"simulated {signal}", {})[label] = dict(errors)
     return out, tuple(notes)
 
 

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,9 +32,7 @@ from pinotwin.effects.layout import rigid_body_of
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-
-if TYPE_CHECKING:
-    from pinotwin.twin import Twin
+from pinotwin.twin.open_loop import OpenLoop
 
 CAUSES = (
     "friction",
@@ -78,8 +75,8 @@ class Split:
         return _total(self.linear.values()) + self.disturbance
 
 
-def diagonal(twin: Twin, motion: Motion) -> dict[str, Floats]:
-    """Return the constant diagonals M_D, C and K of a twin over the travel of a motion, each (nv,).
+def diagonal(plant: OpenLoop, motion: Motion) -> dict[str, Floats]:
+    """Return the constant diagonals M_D, C and K of a plant over the travel of a motion, each (nv,).
 
     The keys are ``inertia``, ``viscous`` and ``stiffness``; the result is stored as
     ``twin.diagonal``, since the closed loops depend on it. With passive joints there is also ``ground``:
@@ -87,18 +84,18 @@ def diagonal(twin: Twin, motion: Motion) -> dict[str, Floats]:
     """
     q = np.concatenate([motion.q[s] for s in motion.segments])
     postures = halton(POSTURES, q.min(axis=0), q.max(axis=0))
-    M = _mean_inertia(twin, postures)
+    M = _mean_inertia(plant, postures)
     inertia = np.diag(M).copy()
-    viscous, stiffness = np.zeros(twin.machine.nv), np.zeros(twin.machine.nv)
-    for effect, theta in _effects(twin):
+    viscous, stiffness = np.zeros(plant.machine.nv), np.zeros(plant.machine.nv)
+    for effect, theta in _effects(plant):
         for k, cause in enumerate(causes(effect)):
             if cause in ("viscous", "stiffness"):
                 assert effect.axis is not None
                 kept = viscous if cause == "viscous" else stiffness
-                kept[twin.machine.names.index(effect.axis)] += theta[k]
+                kept[plant.machine.names.index(effect.axis)] += theta[k]
     found = {"inertia": inertia, "viscous": viscous, "stiffness": stiffness}
-    if twin.machine.passive:
-        found["ground"] = _ground(twin.machine, M)
+    if plant.machine.passive:
+        found["ground"] = _ground(plant.machine, M)
     return found
 
 
@@ -121,36 +118,36 @@ def _ground(machine: Machine, M: Floats) -> Floats:
     return out
 
 
-def diagonal_inertia(twin: Twin, postures: Floats) -> Floats:
+def diagonal_inertia(plant: OpenLoop, postures: Floats) -> Floats:
     """Return the mean of the diagonal of M(q) over postures of shape (k, nv), shape (nv,)."""
-    return np.diag(_mean_inertia(twin, postures)).copy()
+    return np.diag(_mean_inertia(plant, postures)).copy()
 
 
-def _mean_inertia(twin: Twin, postures: Floats) -> Floats:
+def _mean_inertia(plant: OpenLoop, postures: Floats) -> Floats:
     """Return the mean of M(q) over postures, shape (nv, nv)."""
     zero = np.zeros_like(postures)
-    held = _rigid_effort(twin, postures, zero, zero)
+    held = _rigid_effort(plant, postures, zero, zero)
     out = np.zeros((postures.shape[1], postures.shape[1]))
     for i in range(len(out)):
         unit = zero.copy()
         unit[:, i] = 1.0
-        out[:, i] = np.mean(_rigid_effort(twin, postures, zero, unit) - held, axis=0)
+        out[:, i] = np.mean(_rigid_effort(plant, postures, zero, unit) - held, axis=0)
     return out
 
 
-def generalised_disturbance(twin: Twin, motion: Motion, diagonal: Mapping[str, Floats]) -> Floats:
+def generalised_disturbance(plant: OpenLoop, motion: Motion, diagonal: Mapping[str, Floats]) -> Floats:
     """Return the generalised disturbance of a motion, shape (n, nv) [N or N·m] (Eq. 4.4, 4.19).
 
     External loads of the log are part of it, with the sign of a disturbance.
 
     Args:
-        twin: the plant; its loops are not used.
+        plant: what was identified, or a twin: its loops are not used.
         motion: measured or simulated.
         diagonal: M_D, C, K as :func:`diagonal` returns them.
     """
-    total = _rigid_effort(twin, motion.q, motion.v, motion.a)
-    motion = twin.scene(motion)
-    for effect, theta in _effects(twin):
+    total = _rigid_effort(plant, motion.q, motion.v, motion.a)
+    motion = plant.scene(motion)
+    for effect, theta in _effects(plant):
         if effect.axis is not None and not effect.logged_effort:
             total += _effort(effect, theta, motion, total.shape[1])
     if motion.external is not None:
@@ -158,18 +155,18 @@ def generalised_disturbance(twin: Twin, motion: Motion, diagonal: Mapping[str, F
     return total - _total(_linear(motion, diagonal).values())
 
 
-def split(twin: Twin, motion: Motion) -> Split:
+def split(plant: OpenLoop, motion: Motion) -> Split:
     """Return the effort of a motion by its terms and causes; they sum to ``twin.effort(motion)``.
 
     Raises:
         DataError: the twin was identified without its diagonal.
     """
-    if not twin.diagonal:
-        raise DataError(f"{twin.machine.name}: the twin holds no diagonal; identify it again")
+    if not plant.diagonal:
+        raise DataError(f"{plant.machine.name}: the twin holds no diagonal; identify it again")
     parts: dict[str, Floats] = {}
-    motion = twin.scene(motion)
+    motion = plant.scene(motion)
     n, nv = motion.q.shape
-    for effect, theta in _effects(twin):
+    for effect, theta in _effects(plant):
         if effect.axis is None:
             continue
         words = causes(effect)
@@ -177,8 +174,8 @@ def split(twin: Twin, motion: Motion) -> Split:
             if cause not in ("viscous", "stiffness"):
                 own = np.where([w == cause for w in words], theta, 0.0)
                 parts[cause] = parts.get(cause, np.zeros((n, nv))) + _effort(effect, own, motion, nv)
-    linear = _linear(motion, twin.diagonal)
-    for cause, effort in _rigid_parts(twin, motion, linear["inertia"]).items():
+    linear = _linear(motion, plant.diagonal)
+    for cause, effort in _rigid_parts(plant, motion, linear["inertia"]).items():
         parts[cause] = parts[cause] + effort if cause in parts else effort
     if motion.external is not None:
         parts["external"] = -motion.external
@@ -192,21 +189,21 @@ def causes(effect: Effect) -> tuple[str, ...]:
     return words * count if len(words) == 1 else words
 
 
-def _rigid_parts(twin: Twin, motion: Motion, inertia: Floats) -> dict[str, Floats]:
+def _rigid_parts(plant: OpenLoop, motion: Motion, inertia: Floats) -> dict[str, Floats]:
     """Return the parts of the rigid body's effort without M_D a."""
-    moving = np.array([name in twin.machine.axes for name in motion.names], dtype=bool)
+    moving = np.array([name in plant.machine.axes for name in motion.names], dtype=bool)
     q, v, a = (_only(x, moving) for x in (motion.q, motion.v, motion.a))
     zero = np.zeros_like(q)
-    g = _rigid_effort(twin, q, zero, zero)
-    gc = _rigid_effort(twin, q, v, zero)
-    whole = _rigid_effort(twin, q, v, a)
+    g = _rigid_effort(plant, q, zero, zero)
+    gc = _rigid_effort(plant, q, v, zero)
+    whole = _rigid_effort(plant, q, v, a)
     parts = {
         "gravity": g,
         "inertial_coupling": whole - gc - _only(inertia, moving),
         "coriolis_centrifugal": gc - g,
     }
     if not moving.all():
-        full = _rigid_effort(twin, motion.q, motion.v, motion.a)
+        full = _rigid_effort(plant, motion.q, motion.v, motion.a)
         parts["flexibility"] = full - whole - (inertia - _only(inertia, moving))
     return parts
 
@@ -215,12 +212,12 @@ def _only(x: Floats, kept: Mask) -> Floats:
     return np.where(kept, x, 0.0)
 
 
-def _rigid_effort(twin: Twin, q: Floats, v: Floats, a: Floats) -> Floats:
+def _rigid_effort(plant: OpenLoop, q: Floats, v: Floats, a: Floats) -> Floats:
     """Return the effort of the tree with the coefficients that were found, shape (n, nv)."""
     total = np.zeros_like(q)
-    tree, where = rigid_body_of(twin.effects)
+    tree, where = rigid_body_of(plant.effects)
     for s in _rows(len(q)):
-        total[s] = tree.base.regressor(tree.model, q[s], v[s], a[s]) @ twin.theta[where]
+        total[s] = tree.base.regressor(tree.model, q[s], v[s], a[s]) @ plant.theta[where]
     return total
 
 
@@ -242,9 +239,9 @@ def _linear(motion: Motion, diagonal: Mapping[str, Floats]) -> dict[str, Floats]
     return {name: x * np.asarray(diagonal[name], dtype=float) for name, x in pairs.items()}
 
 
-def _effects(twin: Twin) -> Iterator[tuple[Effect, Floats]]:
-    for effect, s in zip(twin.effects, twin.slices, strict=True):
-        yield effect, twin.theta[s]
+def _effects(plant: OpenLoop) -> Iterator[tuple[Effect, Floats]]:
+    for effect, s in zip(plant.effects, plant.slices, strict=True):
+        yield effect, plant.theta[s]
 
 
 def _total(arrays: Iterable[Floats]) -> Floats:

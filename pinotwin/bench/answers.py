@@ -38,7 +38,6 @@ class Answer:
         confusable: groups that the diagnosis calls inseparable, as ``axis.effect``.
         shrink: of the first one, or None: delivered share, its 90 % interval, promised share, and the
             promise's own interval where it has one.
-        predicted: what isolability says would be answered: ``axis.effect`` -> probability.
         floors: peer -> (effect, axis, score).
         seconds: stage -> time it took [s].
         form: what the model's laws cannot follow of a healthy machine, over the noise.
@@ -59,7 +58,6 @@ class Answer:
     stated: tuple[Key, ...] = ()
     confusable: tuple[tuple[str, ...], ...] = ()
     shrink: Mapping[str, Any] | None = None
-    predicted: Mapping[str, float] = field(default_factory=dict)
     floors: Mapping[str, tuple[str, str | None, float]] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     form: float = 0.0
@@ -94,7 +92,7 @@ class Answer:
         return said == true if strict else self.agrees(said, true)
 
     def agrees(self, said: Key, true: Key) -> bool:
-        """Whether an answer is the truth, or in one class with it by physics or by isolability."""
+        """Whether an answer is the truth, or in one class with it by physics or as the diagnosis says."""
         if same_class(said, true):
             return True
         pair = {label(said), label(true)}
@@ -135,7 +133,6 @@ def noted(
         stated=_stated(found),
         confusable=tuple(tuple(g) for g in found.confusable),
         shrink=_shrink(found),
-        predicted=_predicted(case, found),
         floors=floors,
         seconds=seconds,
         form=made.form,
@@ -195,16 +192,6 @@ def _shrink(found: Diagnosis) -> dict[str, Any] | None:
         "on": x.on,
         "promised_interval": None if own is None else [float(v) for v in own],
     }
-
-
-def _predicted(case: Case, found: Diagnosis) -> dict[str, float]:
-    """Return the row of the predicted confusion matrix that belongs to the truth, if there is one."""
-    table: Mapping[Any, Mapping[Any, float]] = getattr(found, "isolability", None) or {}
-    if len(case.effects) != 1:
-        return {}
-    true = truth_of(case)[0]
-    row = next((r for key, r in table.items() if same_class(tuple(key), true)), {})
-    return {label(tuple(k)) if not isinstance(k, str) else k: float(p) for k, p in row.items()}
 
 
 def read_answer(raw: Mapping[str, Any]) -> Answer:

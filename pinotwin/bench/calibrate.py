@@ -22,9 +22,10 @@ from pinotwin.bench.healthy import Asked, Question, asked
 from pinotwin.diagnosis.conclusion.gaps import gap_table
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.others.servo import servo_changes
-from pinotwin.diagnosis.pipeline import pushes, tried
+from pinotwin.diagnosis.pipeline import tried
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found, rank, refused
+from pinotwin.diagnosis.search.pushes import pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.errors import DataError
@@ -95,9 +96,9 @@ def reached(given: Asked, rules: Rules = RULES) -> dict[str, float]:
     """Return, for every rule that a healthy question concerns, the least value that keeps it silent."""
     c = compare(given.subject, given.logs, given.validation)
     searcher = Searcher(c)
-    nothing = Found((), None, searcher, searcher)
+    nothing = Found((), None, (), searcher, searcher)
     name = "excess" if c.change else "size_structure"
-    best = rank(searcher, Shortlist(tried(c)).of(searcher))
+    best = rank(searcher, Shortlist(tried(c), with_value(rules, name, 0.0)).of(searcher))
     loud = [r for r in best if not refused(r, searcher, with_value(rules, name, 0.0))]
     out = {name: least(name, lambda x: all(refused(r, searcher, x) for r in loud), rules)}
     if c.change:
@@ -108,9 +109,13 @@ def reached(given: Asked, rules: Rules = RULES) -> dict[str, float]:
 
 
 def _stays(c: Comparison, nothing: Found) -> float:
-    """Return the largest gap of an axis: of a change in misfits, else as a share of its effort."""
-    gaps = [row["u"] for row in gap_table(c, nothing, {}, dict.fromkeys(c.new.joints, 0.0)).values()]
-    return max((g.rms / g.misfit if c.change and g.misfit > 0.0 else g.nrmse for g in gaps), default=0.0)
+    """Return the largest gap of an axis: of a change in misfits, else as a share of its effort's variation."""
+    out = [0.0]
+    for axis, row in gap_table(c, nothing, {}, dict.fromkeys(c.new.joints, 0.0)).items():
+        g, j = row["u"], c.machine.names.index(axis)
+        if j in c.new.joints:
+            out.append(g.rms / (g.misfit if c.change and g.misfit > 0.0 else c.new.size(j)))
+    return max(out)
 
 
 def derived(values: Sequence[Mapping[str, float]], alpha: float = ALPHA, rules: Rules = RULES) -> list[Limit]:

@@ -121,7 +121,7 @@ def run_bench(cases: Sequence[Case], plan: Plan, report: Report | None = None) -
     tell = report or _silent
     for count, (case, said) in enumerate(_answers(left, plan, tell), 1 + len(done)):
         key = plan.key(case)
-        _write(plan.file, key, said)
+        append(plan.file, key, said)
         done[key] = said
         tell(f"{count} of {len(cases)} cases", count / len(cases))
     return sorted(done.values(), key=lambda a: a.number)
@@ -139,7 +139,7 @@ def written(file: Path) -> dict[str, Answer]:
     return out
 
 
-def _write(file: Path, key: str, said: Answer) -> None:
+def append(file: Path, key: str, said: Answer) -> None:
     """Add a line to the answers; one that broke off before it, or another process, does not spoil it."""
     line = json.dumps({"key": key, **plain(dataclasses.asdict(said))}) + "\n"
     with file.open("a+b") as stream:

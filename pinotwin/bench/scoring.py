@@ -129,7 +129,7 @@ def top_rows(single: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
             _right(visible),
             Bound(0.85),
             Bound(0.95),
-            "classes merged as physics and isolability say",
+            "classes merged as physics and the diagnosis say",
         ),
         _line("… unmerged, rho ≥ 0.1", [a.right(strict=True) for a in visible]),
         _line("… rho ≥ 0.1 before the model took up its part", _right(wider)),

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinotwin.arrays import Floats
-
 
 @dataclass(frozen=True)
 class Share:
@@ -71,13 +69,3 @@ def calibration(stated: Sequence[float], right: Sequence[bool], bins: int = 10) 
     rows = tuple((float(p[k].mean()), float(hit[k].mean()), len(k)) for k in parts)
     error = sum(abs(c - r) * n for c, r, n in rows) / len(p)
     return Calibration(float(error), float(np.mean((p - hit) ** 2)), rows)
-
-
-def rank_correlation(a: Floats, b: Floats) -> float | None:
-    """Return Spearman's rank correlation; None where one of both does not vary."""
-    from scipy.stats import rankdata
-
-    x, y = rankdata(a), rankdata(b)
-    if len(x) < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
-        return None
-    return float(np.corrcoef(x, y)[0, 1])

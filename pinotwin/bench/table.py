@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.bench.answers import Answer
-from pinotwin.bench.confusion import Matrix, agreement, measured, predicted
+from pinotwin.bench.confusion import measured
 from pinotwin.bench.floor_scores import FloorScore, beaten, floor_scores
 from pinotwin.bench.real import Line
 from pinotwin.bench.scoring import VISIBLE, Bound, Row, confidence, rows
@@ -46,10 +46,6 @@ class Bench:
         """Return ours beside the floors."""
         return floor_scores(self.answers)
 
-    def matrices(self) -> tuple[Matrix, Matrix | None]:
-        """Return the measured and the predicted confusion matrix."""
-        return measured(self.visible), predicted(self.visible)
-
     def calibration(self) -> Calibration | None:
         """Return the calibration of all first answers."""
         return confidence(self.answers)
@@ -66,7 +62,6 @@ class Bench:
 
     def document(self) -> dict[str, Any]:
         """Return everything, for JSON and for the page."""
-        have, said = self.matrices()
         found = self.calibration()
         floors = self.floors()
         return {
@@ -77,11 +72,7 @@ class Bench:
             "floors": [dataclasses.asdict(f) for f in floors],
             "beats_floors": beaten(floors),
             "calibration": None if found is None else dataclasses.asdict(found),
-            "confusion": {
-                "measured": have,
-                "predicted": said,
-                "rank_correlation": None if said is None else agreement(have, said),
-            },
+            "confusion": measured(self.visible),
             "real": [dataclasses.asdict(line) for line in self.real],
             "seconds": self.seconds(),
             "errors": [{"case": a.number, "error": a.error} for a in self.answers if a.error],
@@ -138,25 +129,8 @@ def real_cells(line: Line) -> tuple[str, ...]:
 
 
 def _confusion(bench: Bench) -> list[str]:
-    have, said = bench.matrices()
-    out = _table(("true effect", "answers"), [(t, _counts(row)) for t, row in have.items()])
-    if said is not None:
-        r = agreement(have, said)
-        words = "" if r is None else f" (rank correlation of both {r:.2f})"
-        out += ["", f"Predicted by isolability{words}:", ""]
-        out += _table(
-            ("true effect", "probable answers"),
-            [
-                (
-                    t,
-                    ", ".join(
-                        f"{k} {p:.0%}" for k, p in sorted(row.items(), key=lambda x: -x[1]) if p >= 0.02
-                    ),
-                )
-                for t, row in said.items()
-            ],
-        )
-    return out
+    rows = [(t, _counts(row)) for t, row in measured(bench.visible).items()]
+    return _table(("true effect", "answers"), rows)
 
 
 def _counts(row: dict[str, float]) -> str:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.inputs import add_resample, resampled
+from pinotwin.cli.inputs import add_resample, read_logs, resampled
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.writing import whole_folder, write_text
 
@@ -25,11 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Examine and say what was found; 1 if something forbids going on."""
     from pinotwin.logs.check import check
-    from pinotwin.logs.files import read_argument
     from pinotwin.machine import Machine
 
     machine = resampled(Machine.load(args.machine), args.resample)
-    log = None if args.log is None else read_argument(args.log)
+    log = None if args.log is None else read_logs([args.log])[0]
     result = check(machine, log)
     lines = _lines(result)
     if args.out:

@@ -73,7 +73,7 @@ def _labels(subjects: list[str]) -> list[str]:
 
 def _twins(args: argparse.Namespace, labels: list[str]) -> tuple[dict[str, Any], str, list[str]]:
     from pinotwin.analysis.comparison import compare
-    from pinotwin.report.comparison import comparison_report
+    from pinotwin.report.comparison import comparison_report, effort_grade
 
     found = compare(*args.subjects, labels=labels, log=args.log)
     lines = [found.sentence]
@@ -83,8 +83,8 @@ def _twins(args: argparse.Namespace, labels: list[str]) -> tuple[dict[str, Any],
         lines.append(f"  {row.name:<{width}}  {told} {row.unit}  (± {1.6449 * row.change_error:.2g})")
     for axis, signals in found.errors.items():
         for signal, held in signals.items():
-            told = "  ".join(f"{row['nrmse']:.1%}" for row in held.values())
-            lines.append(f"  {axis} {signal:<12} error: {told}")
+            told = ", ".join(f"{row['nrmse']:.1%} {effort_grade(row)}".strip() for row in held.values())
+            lines.append(f"  {axis} {signal} error: {told}")
     return found.to_dict(), comparison_report(found), [*lines, *(f"note: {n}" for n in found.notes)]
 
 

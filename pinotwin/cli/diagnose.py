@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.each import REPLACES, Asked, Fill, run_each
 from pinotwin.cli.inputs import add_meshes, add_resample, read_logs, resampled, with_meshes
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.output import add_common, columns, say, write_json
 from pinotwin.cli.progress import Report, progress, silent
 from pinotwin.errors import InputError, PinotwinError
 from pinotwin.writing import whole_folder, write_text
@@ -211,17 +211,13 @@ def gap_lines(found: Diagnosis) -> list[str]:
     from pinotwin.report.diagnosis_verdict import rotary_axes
 
     rotary = rotary_axes(found)
-    lines = [f"{'RMS':<12}{'gap':>12}{'after':>12}{'misfit':>12}{'noise':>12}  grade"]
+    rows = []
     for axis, row in found.gap.items():
         for signal, g in row.items():
             scale = signal_scale(signal, rotary.get(axis, False), g.rms)
-            cells = [_with_unit(x, scale) for x in (g.rms, g.after, g.misfit, g.noise or float("nan"))]
-            name = f"{axis}.{signal}"
-            if len(name) > 11:
-                lines.append(name)
-                name = ""
-            lines.append(f"{name:<12}{''.join(f'{x:>12}' for x in cells)}  {found.grade(axis, signal)}")
-    return lines
+            sizes = [_with_unit(x, scale) for x in (g.rms, g.after, g.misfit, g.noise or float("nan"))]
+            rows.append([f"{axis}.{signal}", *sizes, found.grade(axis, signal)])
+    return columns(("RMS", "gap", "after", "misfit", "noise", "grade"), rows, left=(0, 5))
 
 
 def _with_unit(x: float, scale: Scale) -> str:
@@ -229,16 +225,17 @@ def _with_unit(x: float, scale: Scale) -> str:
 
 
 def cause_lines(found: Diagnosis) -> list[str]:
-    """Return every named cause with its size, its confidence and what else it could be."""
+    """Return every cause, named or possible, with its size, its confidence and what else it could be."""
     from pinotwin.diagnosis.conclusion.sizes import size_text, times_text, told
 
     lines = []
-    for e in found.effects:
+    for e in (*found.effects, *found.possible):
         sizes = [
             f"{size_text(s)} (90 %: {s.interval[0]:.4g} to {s.interval[1]:.4g}{_factor(times_text(s))})"
             for s in told(e.size)[:3]
         ]
-        lines.append(f"effect: {e.axis or 'machine'}.{e.effect}, confidence {e.confidence:.0%}")
+        word = "possible" if e in found.possible else "effect"
+        lines.append(f"{word}: {e.axis or 'machine'}.{e.effect}, confidence {e.confidence:.0%}")
         lines += [f"        {text}" for text in sizes]
         others = ", ".join(
             OTHERWISE.get(a["effect"]) or f"{a['axis'] or 'machine'}.{a['effect']}"

@@ -93,16 +93,16 @@ def run_each(args: argparse.Namespace, work: Work) -> int:
     asked = Asked(args.subject, tuple(args.validate), args.resample, args.quick, args.seed, args.meshes)
     if args.scheduler is not None:
         asked, out = asked.elsewhere(), out.absolute()
-    jobs = _jobs(args, asked, out)
-    rows = {job.log: row for job in jobs if (row := _known(job)) is not None}
+    jobs = jobs_of(args, asked, out)
+    rows = {job.log: row for job in jobs if (row := known_answer(job)) is not None}
     kept, left = len(rows), [job for job in jobs if job.log not in rows]
     with progress() as report:
         report(f"{kept} of {len(jobs)} logs", kept / len(jobs))
         if left:
             workers = min(args.workers or os.cpu_count() or 1, len(left))
             with engine(workers, args.scheduler, apart=True) as each:
-                for job, row in each(functools.partial(_one, work=work, asked=asked), left, None):
-                    rows[job.log] = _failed(job, row) if isinstance(row, BaseException) else row
+                for job, row in each(functools.partial(do_job, work=work, asked=asked), left, None):
+                    rows[job.log] = failed_row(job, row) if isinstance(row, BaseException) else row
                     report(f"{len(rows)} of {len(jobs)} logs", len(rows) / len(jobs))
     table = [rows[job.log] for job in jobs]
     document = {
@@ -121,8 +121,9 @@ def run_each(args: argparse.Namespace, work: Work) -> int:
     return _code(table, args.fail_on_gap)
 
 
-def _jobs(args: argparse.Namespace, asked: Asked, out: Path) -> list[Job]:
-    logs = list(dict.fromkeys(log for given in args.logs for log in _expanded(given)))
+def jobs_of(args: argparse.Namespace, asked: Asked, out: Path) -> list[Job]:
+    """Return what is to be diagnosed, one job a log, in the order given."""
+    logs = list(dict.fromkeys(log for given in args.logs for log in logs_in(given)))
     if args.scheduler is not None:
         logs = [_absolute(log) for log in logs]
     common = _made_of(asked)
@@ -132,7 +133,7 @@ def _jobs(args: argparse.Namespace, asked: Asked, out: Path) -> list[Job]:
     ]
 
 
-def _expanded(given: str) -> list[str]:
+def logs_in(given: str) -> list[str]:
     """Return the logs that an argument stands for: itself, or those in a folder."""
     folder = Path(given)
     if not folder.is_dir() or (folder / "metadata.yaml").is_file():  # a ROS 2 bag is one log
@@ -211,7 +212,7 @@ def _digest(log: str) -> str:
     return digest.hexdigest()
 
 
-def _known(job: Job) -> dict[str, Any] | None:
+def known_answer(job: Job) -> dict[str, Any] | None:
     """Return the line of a log that was diagnosed before, from the same files and with the same options."""
     try:
         record = json.loads((job.folder / RECORD).read_text(encoding="utf-8"))
@@ -224,7 +225,7 @@ def _known(job: Job) -> dict[str, Any] | None:
 
 
 @one_blas_thread
-def _one(job: Job, *, work: Work, asked: Asked) -> dict[str, Any]:
+def do_job(job: Job, *, work: Work, asked: Asked) -> dict[str, Any]:
     """Diagnose one log (in a worker) and return its line of the table."""
     start = time.perf_counter()
     found, fill = work(job.log, asked)
@@ -264,7 +265,7 @@ def _of_signal(gap: Mapping[str, Any], name: str) -> float | None:
     return value * share / rms if value is not None and rms and share else None
 
 
-def _failed(job: Job, error: BaseException) -> dict[str, Any]:
+def failed_row(job: Job, error: BaseException) -> dict[str, Any]:
     """Return the line of a log whose diagnosis ended in an error; an unforeseen one keeps its traceback."""
     blank = dict.fromkeys(("signal", "gap", "after", "misfit", "seconds", "folder"))
     row: dict[str, Any] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.output import add_common, columns, say, write_json
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,13 +33,15 @@ def run(args: argparse.Namespace) -> int:
     at_link = None if args.link is None else link_force(twin.machine, found, args.link)
     write_log(out, {**found.channels(), **({} if at_link is None else at_link.channels())})
     rows = {}
-    say(f"{'axis':<12}{'largest':>12}{'interval':>12}{'beyond it':>12}")
+    told = []
     for k, (name, share) in enumerate(zip(found.names, found.beyond(), strict=True)):
         unit = "N·m" if twin.machine.axis(name).rotary else "N"
         largest = float(abs(found.force[:, k]).max())
         half = float(found.half[:, k].mean())
         rows[name] = {"largest": largest, "half_width90": half, "share_beyond": float(share), "unit": unit}
-        say(f"{name:<12}{largest:>8.4g} {unit:<3}{half:>8.3g} {unit:<3}{share:>12.0%}")
+        told.append([name, f"{largest:.4g} {unit}", f"± {half:.3g} {unit}", f"{share:.0%}"])
+    for line in columns(("axis", "largest", "90 % interval", "beyond it"), told):
+        say(line)
     felt = {} if at_link is None else dict(zip("xyz", at_link.felt().tolist(), strict=True))
     for direction, share in felt.items():
         how = "not felt by the axes" if share == 0.0 else f"determined for {share:.0%} of the time"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.inputs import add_preparation, read_logs, settings
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.output import add_common, columns, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
 from pinotwin.writing import whole_folder, write_text
@@ -96,16 +96,16 @@ def summary(twin: Twin) -> list[str]:
         f"{twin.machine.name}: {len(twin.theta)} linear and "
         f"{sum(p.kind == 'shape' for p in twin.parameters)} searched parameters"
     ]
-    wide = max([8, *(len(name) + 2 for name in quality["axes"])])
-    lines.append(f"{'axis':<{wide}}{'fit':>9}{'held out':>10}{'of std':>9}{'in motion':>15}{'at rest':>15}")
     sizes = twin.misfit.summary if twin.misfit is not None else {}
+    rows = []
     for name, row in quality["axes"].items():
         held = row.get("validation", row["held_out"])
-        errors = zip((row["fit"], held["nrmse"], held["nrmse_std"]), (9, 10, 9), strict=True)
         own = sizes.get(name, {})
-        apart = (_size(own.get(kind), own.get("unit", "")) for kind in ("moving", "resting"))
-        lines.append(f"{name:<{wide}}" + "".join(f"{_percent(x):>{w}}" for x, w in errors) + "".join(apart))
-    lines.append(f"all{quality['relative_error']:>{wide + 6}.2%}   (error norm / effort norm)")
+        apart = [_size(own.get(kind), own.get("unit", "")) for kind in ("moving", "resting")]
+        rows.append([name, *map(_percent, (row["fit"], held["nrmse"], held["nrmse_std"])), *apart])
+    rows.append(["all", _percent(quality["relative_error"]), "", "", "", ""])
+    lines += columns(("axis", "fit", "held out", "of std", "in motion", "at rest"), rows)
+    lines.append("fit, held out: error norm / effort norm; of std: over its standard deviation")
     if sizes:
         lines.append("in motion, at rest: RMS left of these logs, on parts that were not fitted")
     lines += _leads(quality)
@@ -130,7 +130,7 @@ def _leads(quality: Mapping[str, Any]) -> Iterator[str]:
 
 def _size(x: float | None, unit: str) -> str:
     """Return one cell of the misfit; a dash where an axis has no such row."""
-    return f"{'-' if x is None else f'{x:.3g} {unit}':>15}"
+    return "-" if x is None else f"{x:.3g} {unit}"
 
 
 def _percent(x: float) -> str:

@@ -5,15 +5,21 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+
+from pinotwin.cli.progress import progress, silent
 
 if TYPE_CHECKING:
     from pinotwin.log import Log
     from pinotwin.machine import Machine
     from pinotwin.twin import Twin
 
+
+LARGE = 30_000_000
+"""Bytes of logs from which reading them is shown: a second or so."""
 
 Subject = TypeVar("Subject", bound="Machine | Twin")
 
@@ -64,10 +70,22 @@ def settings(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def read_logs(arguments: Sequence[str]) -> list[Log]:
-    """Read every log; ``a.csv+b.csv`` is one log whose columns lie in two files."""
+    """Read every log, with a bar over long ones; ``a.csv+b.csv`` is one log whose columns lie in two files."""
     from pinotwin.logs.files import read_argument
 
-    return [read_argument(text) for text in arguments]
+    sizes = [_size(text) for text in arguments]
+    logs = []
+    with progress() if sum(sizes) > LARGE else nullcontext(silent) as report:
+        for k, text in enumerate(arguments):
+            report(f"reading {Path(text).name}", sum(sizes[:k]) / max(sum(sizes), 1))
+            logs.append(read_argument(text))
+    return logs
+
+
+def _size(text: str) -> int:
+    """Return the bytes of what an argument names; 0 for what is not there, which reading will say."""
+    paths = [Path(text)] if Path(text).exists() else [Path(part.strip()) for part in text.split("+")]
+    return sum(path.stat().st_size for path in paths if path.is_file())
 
 
 def add_meshes(parser: argparse.ArgumentParser) -> None:

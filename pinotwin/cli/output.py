@@ -9,6 +9,7 @@ import re
 import shutil
 import sys
 import textwrap
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def add_common(
 
 def check_outputs(args: argparse.Namespace) -> None:
     """Refuse results that cannot be written before the work for them is done."""
-    for name in ("json", "html", "report"):
+    for name in ("json", "html", "report", "rrd"):
         value = getattr(args, name, None)
         if isinstance(value, str):
             check_file(value)
@@ -46,6 +47,35 @@ def check_outputs(args: argparse.Namespace) -> None:
 def write_json(path: str | Path, value: Any) -> None:
     """Write ``value`` as JSON, whole or not at all."""
     write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def columns(head: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,)) -> list[str]:
+    """Return a table as lines; every column as wide as its widest cell, two blanks between.
+
+    Where that is wider than the terminal (80 characters in a pipe), long names in the first column stand on a
+    line of their own.
+
+    Args:
+        head: title of each column.
+        rows: cells.
+        left: columns aligned to the left; the others are numbers.
+    """
+    most = width() or 80
+    every = [list(head), *map(list, rows)]
+    wide = [max(len(row[k]) for row in every) for k in range(len(head))]
+    if sum(wide) + 2 * (len(wide) - 1) > most:
+        rest = sum(wide[1:]) + 2 * (len(wide) - 1)
+        wide[0] = max(len(head[0]), min(wide[0], most - rest))
+    lines = []
+    for row in every:
+        if len(row[0]) > wide[0]:
+            lines.append(row[0])
+            row[0] = ""
+        cells = [
+            c.ljust(w) if k in left else c.rjust(w) for k, (c, w) in enumerate(zip(row, wide, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return lines
 
 
 def width() -> int | None:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.output import add_common, columns, say, write_json
 from pinotwin.writing import write_text
+
+if TYPE_CHECKING:
+    from pinotwin.log import Log
+    from pinotwin.twin import Twin
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "without it, the form that predicted held-out data best",
     )
     parser.add_argument("--step", type=float, metavar="S", help="longest internal step")
+    parser.add_argument(
+        "--report", metavar="FILE", help="also write a page: predicted beside measured (.html)"
+    )
+    parser.add_argument("--rrd", metavar="FILE", help="also write a recording for the Rerun viewer (.rrd)")
     add_common(parser, out="prediction to write (.csv)", required=True, file=True)
 
 
@@ -35,12 +45,14 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out)
     if out.suffix != ".csv":
         raise InputError(f"--out: {out.name}: a prediction is written as .csv")
+    _check(args)
     twin = Twin.load(args.twin)
     (log,) = read_logs([args.log])
     form = args.controller or preferred(twin)
     predicted = simulate(twin, log, step=args.step, controller=form)
     rows = compare(twin.machine, log, predicted)
     write_text(out, _csv(predicted))
+    said = _extras(args, twin, log, predicted, form)
     if args.json:
         write_json(
             args.json,
@@ -60,28 +72,67 @@ def run(args: argparse.Namespace) -> int:
         say(f"note: {note}")
     say(f"closed loop: {form}")
     say(f"{len(predicted)} rows written to {out}")
+    for line in said:
+        say(line)
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what cannot be written before the work for it is done."""
+    from pinotwin.errors import InputError
+    from pinotwin.viewer.rerun import require
+
+    if args.report is not None and Path(args.report).suffix not in (".html", ".htm"):
+        raise InputError(f"--report: {Path(args.report).name}: a page is written as .html")
+    if args.rrd is not None:
+        if Path(args.rrd).suffix != ".rrd":
+            raise InputError(f"--rrd: {Path(args.rrd).name}: a recording for Rerun is written as .rrd")
+        require()
+
+
+def _extras(args: argparse.Namespace, twin: Twin, log: Log, predicted: Log, form: str) -> list[str]:
+    """Write the page and the recording that were asked for; return a line about each."""
+    said = []
+    if args.report is not None:
+        from pinotwin.report.simulation import simulation_report
+
+        beside = os.path.relpath(args.out, Path(args.report).resolve().parent)
+        files = [(Path(beside).as_posix(), "the prediction, SI")]
+        write_text(args.report, simulation_report(twin, log, predicted, form, files))
+        said.append(f"page written to {args.report}")
+    if args.rrd is not None:
+        from pinotwin.viewer.rerun import write_recording
+
+        write_recording(Path(args.rrd), twin.machine, log, predicted)
+        said.append(f"recording written to {args.rrd}; open it with: rerun {args.rrd}")
+    return said
 
 
 def summary(rows) -> list[str]:  # type: ignore[no-untyped-def]
     """Return the table of errors, none where nothing was measured."""
     if not rows:
         return []
-    head = f"{'axis':<8}{'e':>9}{'u':>9}{'u of std':>10}{'e moving':>10}{'u moving':>10}{'u at rest':>11}"
-    lines = [f"{head}   (RMS error / RMS measured)"]
-    for name, row in rows.items():
-        cells = [
-            row.get("e", {}).get("nrmse"),
-            row.get("u", {}).get("nrmse"),
-            row.get("u", {}).get("nrmse_std"),
-            row.get("e", {}).get("moving"),
-            row.get("u", {}).get("moving"),
-            row.get("u", {}).get("resting"),
-        ]
-        texts = ["-" if x is None or x != x else f"{x:.2%}" for x in cells]
-        widths = (9, 9, 10, 10, 10, 11)
-        lines.append(f"{name:<8}" + "".join(f"{x:>{w}}" for x, w in zip(texts, widths, strict=True)))
-    return lines
+    cells = [
+        [name, *(_percent(row.get(signal, {}).get(key)) for signal, key in SHOWN)]
+        for name, row in rows.items()
+    ]
+    head = ("axis", "e", "u", "u of std", "e moving", "u moving", "u at rest")
+    return [*columns(head, cells), "e tracking error, u effort: RMS error / RMS measured"]
+
+
+SHOWN = (
+    ("e", "nrmse"),
+    ("u", "nrmse"),
+    ("u", "nrmse_std"),
+    ("e", "moving"),
+    ("u", "moving"),
+    ("u", "resting"),
+)
+"""Signal and error of each column of the table."""
+
+
+def _percent(x: float | None) -> str:
+    return "-" if x is None or x != x else f"{x:.2%}"
 
 
 def _csv(log) -> str:  # type: ignore[no-untyped-def]

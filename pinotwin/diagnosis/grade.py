@@ -46,13 +46,6 @@ KIND: dict[Grade, str] = {
 }
 """Grade -> colour of its chip."""
 
-WHOLE = 0.9
-"""Share of the squared gap above the level from which it counts as explained where no misfit is known."""
-HALF = 0.5
-"""The same where what stays is known to be no more than an open gap of that model."""
-PART = 0.2
-"""Below this share nothing worth a word is explained."""
-
 
 def grade(
     rms: float,
@@ -85,7 +78,7 @@ def grade(
     share = explained(rms, level, after)
     if after is not None and _whole(after, level, share, own=own, rules=rules):
         return "gap explained"
-    if share >= PART:
+    if share >= rules.explained_part:
         return "partly explained"
     if own:
         return "above misfit" if rms <= rules.open_change * level else "not explained"
@@ -95,7 +88,9 @@ def grade(
 
 def _whole(after: float, level: float, share: float, *, own: bool, rules: Rules) -> bool:
     """Whether what stays of a gap is no more than what is left anyway."""
-    return after <= rules.open_change * level and share >= (HALF if own else WHOLE)
+    return after <= rules.open_change * level and share >= (
+        rules.explained_known if own else rules.explained_unknown
+    )
 
 
 def explained(rms: float, level: float, after: float | None) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pinotwin.diagnosis.candidates.catalogue import candidates
 from pinotwin.diagnosis.candidates.catalogue import named as named_of
-from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
+from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, resting
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
@@ -30,6 +30,7 @@ from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import search
 from pinotwin.diagnosis.search.injections import confidences, pairs_alike
+from pinotwin.diagnosis.search.pushes import courses, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import Effect
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -81,20 +82,24 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell("candidates", 0.15)
     measured = second_encoders(c, np.random.default_rng([seed, 4]))
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
-    found, pushed, c = _searched(c, shown, leave_out, rules, tell, most=1 if quick else None)
+    whole, found, pushed, rest = _searched(c, shown, leave_out, rules, tell, most=1 if quick else None)
     tell("how sure", 0.8)
     rng = np.random.default_rng([seed, 1])
+    sure_pushes = push_confidences(c, whole, pushed, np.random.default_rng([seed, 5]), rules)
+    whole_logs, c = c, rest
     sure = [rules.quick_confidence] * len(found.steps) if quick else confidences(c, found, rng, rules=rules)
-    named = [*effects_named(c, found, sure), *pushes_named(c, pushed, rules.push_confidence)]
+    named = [*effects_named(c, found, sure), *pushes_named(c, pushed, sure_pushes)]
     named = with_encoders(named, measured, leave_out)
     if closed_loop:
-        named += servo_named(servo_changes(c, _mismeasured(named), leave_out, rules), rules.servo_confidence)
+        put_in = courses(whole_logs, [s.chosen for s in found.steps], pushed)
+        named += servo_named(servo_changes(c, _mismeasured(named), leave_out, rules, put_in))
     shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
     named += shaken.effects
     result = _concluded(subject, c, found, pushed, named, seed, quick, rules)
     if closed_loop and not quick:
         tell("tracking error", 0.9)
-        result = _with_tracking(result, *tracking_gaps(c, [s.chosen for s in found.steps]))
+        causes = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
+        result = _with_tracking(result, *tracking_gaps(c, causes))
     result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, c.logs))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
@@ -145,75 +150,26 @@ def _searched(
     tell: Tell,
     *,
     most: int | None,
-) -> tuple[Search, list[Episodes], Comparison]:
-    """Return the causes that come with the motion, the pushes from outside, and what was compared.
+) -> tuple[Search, Search, list[Episodes], Comparison]:
+    """Return the search on all rows, that beside the pushes, the pushes from outside, and what the second compared.
 
     Pushes stand against causes that return with the motion on the same axis: whichever closes more. Their
     rows are then left out, and the search goes on without them.
     """
     found = search(c, every, rules=rules, most=most, tell=lambda s, x: tell(s, 0.2 + 0.5 * x))
     if "external_force" in leave_out or not c.change:
-        return found, [], c
+        return found, found, [], c
     pushed = pushes(c, found, rules)
     if not pushed:
-        return found, [], c
+        return found, found, [], c
     rest = without_pushes(c, {p.joint: p.rows for p in pushed})
-    return search(rest, every, rules=rules, most=most), pushed, rest
+    return found, search(rest, every, rules=rules, most=most), pushed, rest
 
 
 def tried(c: Comparison, leave_out: Sequence[str] = ()) -> list[Effect]:
     """Return what a search tries on these logs: effects that they can show, and patterns without a name."""
     every = (*candidates(c, leave_out), *patterns(c))
     return [e for e in every if c.gate.admits(named_of(e).name, e.axis)]
-
-
-def pushes(c: Comparison, found: Search, rules: Rules) -> list[Episodes]:
-    """Return the pushes that close more than the causes on the same axis do."""
-    out = []
-    own = None if c.own is None else {j: c.own.residual[j] / c.floor[j] for j in c.own.joints if j in c.floor}
-    first = found.first
-    for at, j in enumerate(c.new.joints):
-        if not c.gate.admits("external_force", c.machine.names[j]):
-            continue
-        residual = {j: c.new.residual[j] / c.floor[j]}
-        after = {j: found.searcher.residual()[j]}
-        if episodes(c.new, after, own, c.own, c.floor, j, rules) is None:
-            continue  # what comes with the motion accounts for them
-        pushed = episodes(c.new, residual, own, c.own, c.floor, j, rules)
-        if pushed is None or not _stands_out(pushed, c.floor[j], len(residual[j]), rules):
-            continue
-        if _moving_share(c, pushed) < rules.push_moving:
-            continue
-        closed = c.floor[j] * float(np.sqrt(max(pushed.gain, 0.0) / len(residual[j])))
-        if closed < rules.push_size * c.new.size(j):
-            continue
-        before = float(first.alone_by_joint[0][:, at].sum())
-        rest = float(found.searcher.alone_by_joint[0][:, at].sum())
-        if pushed.gain > rules.push_better * (before - rest):
-            out.append(pushed)
-    return out
-
-
-STANDS = 0.01
-"""Of the top speed: below it an axis stands."""
-
-
-def _moving_share(c: Comparison, pushed: Episodes) -> float:
-    """Return the share of a push's rows at which its axis moves."""
-    speed = np.abs(c.new.motion.v[:, pushed.joint])
-    moves = speed[c.new.samples(pushed.joint)] > STANDS * speed.max(initial=0.0)
-    return float(np.mean(moves[pushed.rows]))
-
-
-def _stands_out(pushed: Episodes, floor: float, rows: int, rules: Rules) -> bool:
-    """Whether pushes are as large as the misfit itself, all along the log or for a moment."""
-    if pushed.gain > rules.excess * rows:
-        return True
-    return any(
-        abs(e.force) > rules.push_strong * floor
-        and (e.end - e.start > rules.push_short or abs(e.force) > 2.0 * rules.push_strong * floor)
-        for e in pushed.episodes
-    )
 
 
 def _mismeasured(effects: Sequence[Any]) -> set[str]:
@@ -225,22 +181,24 @@ def _concluded(  # noqa: PLR0913, what one call has found out
     c: Comparison,
     found: Search,
     pushed: Sequence[Episodes],
-    named: list[Any],
+    every: Sequence[Any],
     seed: int,
     quick: bool,
     rules: Rules,
 ) -> Diagnosis:
     noise, kind = noise_levels(c)
     gaps = gap_table(c, found, {p.joint: p.share for p in pushed}, noise)
-    named.sort(key=lambda e: -_closes(e))
-    verdict = judge(c, found, gaps, named, rules)
+    ordered = sorted(every, key=lambda e: -_closes(e, every))
+    named = [e for e in ordered if e.confidence >= rules.named]
+    possible = [e for e in ordered if e.confidence < rules.named]
+    verdict = judge(c, found, gaps, named, possible, rules)
     pairs = pairs_alike(found.steps)
     has_command = c.new.motion.qr is not None
-    advice, motions = advise(kind, [(a, b, None) for a, b in pairs], has_command=has_command)
+    advice, motions = advise(kind, pairs, has_command=has_command)
     axes = {p[0]: next((str(e.axis) for e in named if e.effect == p[0]), None) for p in pairs}
     files = {
         f"advice_{k}.csv": command(c.machine, c.new.motion, k, next(iter(axes.values()), None))
-        for k, _ in motions[:2]
+        for k in motions[:2]
     }
     return Diagnosis(
         verdict=verdict.verdict,
@@ -263,6 +221,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         subject=subject,
         commands=files,
         missing=missing_before(c, found),
+        possible=possible,
     )
 
 
@@ -279,9 +238,13 @@ def _untold(named: Sequence[Any]) -> list[str]:
     return out
 
 
-def _closes(e: Any) -> float:
-    shrink = next(iter(e.shrink.values()), None)
-    return float("inf") if shrink is None else float(shrink.share)
+def _closes(e: Any, every: Sequence[Any]) -> float:
+    """Return the share that a cause closes of its axis' whole squared gap: a later one began with less of it."""
+    if not e.shrink:
+        return float("inf")
+    signal, x = next(iter(e.shrink.items()))
+    whole = max(o.shrink[signal].before for o in every if o.axis == e.axis and signal in o.shrink)
+    return float(x.share * (x.before / max(whole, 1e-300)) ** 2)
 
 
 def _together(named: Sequence[Any], gaps: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any, Literal
 from pinotwin.arrays import Floats, plain
 from pinotwin.diagnosis.grade import Grade, grade
 from pinotwin.effects import Effect
-from pinotwin.notebook import Shown, card, plain_card
+from pinotwin.notebook import Card, Shown
 
 Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
 
@@ -155,8 +156,8 @@ class Traces:
     after: Floats
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Card):
     """Where the gap lies, which effects cause it, and how far it shrinks.
 
     Attributes:
@@ -176,8 +177,7 @@ class Diagnosis:
         traces: arrays for plots.
         machine: name of the machine.
         subject: what was diagnosed, for :meth:`apply`.
-        isolability: (effect, axis) put into healthy noise on this motion -> what a search would name
-            it, with probabilities; known before the log was looked at.
+        possible: causes that were found but are less sure than `rules.named`: nothing is said by them.
         commands: advised command files: name -> channel -> values.
         missing: what the twin already lacked on its own logs: effect, axis and share of its residual there.
         warnings: what ``check`` says of these logs.
@@ -201,9 +201,7 @@ class Diagnosis:
     traces: Sequence[Traces] = field(default=(), repr=False)
     machine: str = ""
     subject: Any = field(default=None, repr=False)
-    isolability: Mapping[tuple[str, str | None], Mapping[tuple[str, str | None], float]] = field(
-        default_factory=dict, repr=False
-    )
+    possible: Sequence[Found] = ()
     commands: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict, repr=False)
     missing: Sequence[Mapping[str, Any]] = ()
     warnings: Sequence[str] = ()
@@ -217,6 +215,8 @@ class Diagnosis:
         counts nothing as closed, whatever a nameless pattern would take away.
         """
         g = self.gap[axis][signal]
+        if math.isnan(g.noise) and math.isnan(g.misfit):
+            return "not judged"  # the log itself is in doubt
         named = self._acts(axis, signal)
         size = g.rms / g.nrmse if g.nrmse > 0.0 else None
         word = grade(g.rms, g.misfit, g.noise, g.after if named else None, size=size)
@@ -245,6 +245,7 @@ class Diagnosis:
                 },
                 "where": [_region(r) for r in self.where],
                 "effects": [_effect(e) for e in self.effects],
+                "possible": [_effect(e) for e in self.possible],
                 "missing_since_identification": [dict(m) for m in self.missing],
                 "confusable": [list(group) for group in self.confusable],
                 "unexplained": {a: dict(row) for a, row in self.unexplained.items()},
@@ -263,12 +264,6 @@ class Diagnosis:
         )
         assert isinstance(out, dict)
         return out
-
-    def __repr__(self) -> str:
-        return plain_card(*self._shown())
-
-    def _repr_html_(self) -> str:
-        return card(*self._shown())
 
     def _shown(self) -> Shown:
         """Return title, columns, rows and a note for a notebook and for ``repr``."""

@@ -18,6 +18,14 @@ class Rules:
 
     block_time: float = 0.5
     """[s] Shortest stretch of a log that counts as one witness."""
+    standing: float = 0.002
+    """[of the top commanded speed] Below it a command stands."""
+    settles: float = 0.2
+    """[s] After a command has stopped, an axis still slides to its place."""
+    trembling: float = 0.05
+    """[of the top speed] An axis that is no faster while its command stands rests: dry friction holds any effort up
+    to its level there. Healthy machines of another simulator are shaken at 0.02 by their other axes."""
+
     runs_change: float = 1.3
     """[misfits] RMS by which two runs of one command may differ (over sqrt 2); two of the same LWR4 reach 0.93."""
     runs_structure: float = 1.15
@@ -43,6 +51,9 @@ class Rules:
     excess: float = 0.9
     """[squared misfit per row] Least that a change closes: nothing smaller than the misfit itself is named. Another
     run of the same LWR4 reaches 0.79, faults that raise its residual by half 1.1."""
+    scatter: float = 0.05
+    """[of an axis' friction, RMS] Change of friction, or of what follows no law, that is not named: by so much friction
+    differs from run to run of one machine, and a twin of one log cannot know how much."""
     as_good: float = 0.97
     """[of the best gain] A candidate with fewer numbers that reaches this is taken instead."""
     as_good_kin: float = 0.92
@@ -63,10 +74,15 @@ class Rules:
     """[of the twin's own largest window] Least squared sum over length of a push."""
     push_strong: float = 2.2
     """[misfits] Mean force from which a push is named although it lasts a moment; scatter of friction reaches 1.5."""
+    push_long: float = 1.5
+    """[misfits] The same of pushes that close more than the misfit in all: friction that scatters from run to run by
+    1 % of the effort stands at 1.1 for seconds, both ways."""
     push_short: float = 0.25
     """[s] Shorter pushes must be twice as strong."""
     push_better: float = 1.1
-    """[of the causes' gain on the axis] Pushes must close more than what comes with the motion."""
+    """[of the gain of the best cause on the axis, named or not] Pushes must close more than what comes with motion."""
+    stands: float = 0.01
+    """[of the top speed] Below it an axis stands."""
     push_moving: float = 0.2
     """[of a push's rows] Least at which the axis moves: at rest dry friction holds any effort up to its level."""
     push_size: float = 0.005
@@ -103,19 +119,17 @@ class Rules:
     open_change: float = 2.5
     """[misfits] What stays of a gap beyond this is open; Panda's unseen motion leaves 1.9."""
     open_structure: float = 0.15
-    """[of the effort] The same for a machine."""
+    """[of the effort's variation] The same for a machine; healthy foreign machines reach 0.11."""
     odd: float = 1.5
     """[misfits] Beyond this an axis is spoken of though nothing is named."""
 
+    named: float = 0.5
+    """Confidence from which a cause is named; one that is less sure is listed as possible and names nothing."""
     prior_right: float = 1.0
     """Trials counted as right before any is made."""
     prior_wrong: float = 0.5
     """Trials counted as wrong."""
     quick_confidence: float = 0.7
-    """Stated, not measured."""
-    push_confidence: float = 0.85
-    """Stated, not measured."""
-    servo_confidence: float = 0.85
     """Stated, not measured."""
 
     vibration_gap: float = 0.35
@@ -130,8 +144,14 @@ class Rules:
     """[of the gap's power above the noise] What may stay."""
     vibration_quiet: float = 0.25
     """[of the blocks] Those that leave least are the noise where there are no repeats."""
-    vibration_confidence: float = 0.9
-    """Stated, not measured."""
+
+    explained_known: float = 0.5
+    """[of the squared gap above the level] Share closed from which a gap counts as explained where what stays is known
+    to be no more than an open gap of that model."""
+    explained_unknown: float = 0.9
+    """The same where no misfit is known."""
+    explained_part: float = 0.2
+    """The same, below which nothing worth a word is explained."""
 
 
 RULES = Rules()

@@ -294,10 +294,6 @@ class Effect(abc.ABC):
         """Return the effect as machine.yaml is to hold it once it was found: with the shapes it has."""
         return self
 
-    def richer(self) -> tuple[Effect, ...]:
-        """Return effects that contain this one, to try where it was found; none as a rule."""
-        return ()
-
 
 class Paired(Effect):
     """An effect between two axes: inertia and viscous friction of the other's motion, dry friction of both.

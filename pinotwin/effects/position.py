@@ -27,6 +27,8 @@ TURNS = 200
 """Most ripples a turn that are tried on an axis without stops."""
 PITCHES = 900
 """Most pitches that are tried on one travel."""
+REPEATS = 2.5
+"""Times that a ripple must repeat on the travel: a single wave is any smooth course, and a table of it."""
 KNOTS = 24
 """Knots of a table that is tried on a travel."""
 
@@ -155,19 +157,11 @@ class Ripple(AxisEffect):
         low = max(low, 3.0 * sight.pace, 10.0 * sight.noise)
         if self.endless and sight.travel > _TURN:
             return self.over([x for x in _TURN / np.arange(1, TURNS + 1) if x >= low])
-        high = 0.7 * sight.travel
+        high = sight.travel / REPEATS
         if high <= low:
             return ()
         count = int(np.clip(4.0 * sight.travel * (1.0 / low - 1.0 / high), 8, PITCHES))
         return self.over(1.0 / np.linspace(1.0 / high, 1.0 / low, count))
-
-    def richer(self) -> tuple[Effect, ...]:
-        """See :meth:`Effect.richer`: the modulated ripple of this pitch, on a rotary axis."""
-        if not self.rotary:
-            return ()
-        assert self.period is not None
-        same = RippleModulated(self.axis, self.rotary, period=self.period, free_pitch=True)
-        return same.over([self.period], ANGLES)
 
     def settled(self) -> Self:
         """See :meth:`Effect.settled`: the pitch is written and searched no more."""
@@ -249,7 +243,7 @@ class RippleModulated(AxisEffect):
             return ()
         low = max(_pitch_bounds(True, self.shortest, self.longest)[0], 3.0 * sight.pace, 10.0 * sight.noise)
         del motion
-        return self.over([x for x in _TURN / np.arange(1, 101) if low <= x <= 0.7 * sight.travel], ANGLES)
+        return self.over([x for x in _TURN / np.arange(1, 101) if low <= x <= sight.travel / REPEATS], ANGLES)
 
     def settled(self) -> Self:
         """See :meth:`Effect.settled`: the pitch is written and searched no more."""

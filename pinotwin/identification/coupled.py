@@ -28,9 +28,9 @@ from pinotwin.logs.columns import bind
 from pinotwin.loop import Servo, command_rates
 from pinotwin.motion import Motion
 from pinotwin.simulation import simulate
-from pinotwin.simulation.plant import Plant, plant_of
+from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.state import Lookup
-from pinotwin.twin import Twin
+from pinotwin.twin import OpenLoop, Twin
 
 WINDOWS = 4
 """Most windows of a log that the controllers are fitted to."""
@@ -61,11 +61,11 @@ class Servos:
     notes: list[str] = field(default_factory=list)
 
 
-def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, float], None]) -> Servos:
+def fit_servos(plant: OpenLoop, motion: Motion, raw: Motion, tell: Callable[[str, float], None]) -> Servos:
     """Identify the controller of every axis that has a command, an effort and motion.
 
     Args:
-        twin: plant, with its diagonal.
+        plant: with its diagonal.
         motion: prepared log(s), for the disturbance that the axes make for one another.
         raw: the same rows with nothing filtered.
         tell: called with the stage and the share of this step done.
@@ -73,22 +73,22 @@ def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, flo
     found = Servos()
     assert raw.qr is not None
     vr = command_velocity(raw)
-    plant = plant_of(twin, raw.qr, vr)
-    d = generalised_disturbance(twin, motion, twin.diagonal)
-    axes = list(twin.machine.axes)
+    lookup = plant_of(plant, raw.qr, vr).tables.lookup()
+    d = generalised_disturbance(plant, motion, plant.diagonal)
+    axes = list(plant.machine.axes)
     problems: dict[str, AxisProblem] = {}
     first: dict[str, Found] = {}
     for k, name in enumerate(axes):
         tell(f"controller of {name}", k / len(axes))
-        i = twin.machine.axes[name].index
+        i = plant.machine.axes[name].index
         if np.ptp(raw.qr[:, i]) == 0.0 or not np.isfinite(raw.u[:, i]).any():
             found.notes.append(f"no controller of {name}: it does not move, or its effort is not logged")
             continue
-        dry = _friction_effort(twin, motion, name)
-        problem = axis_problem(twin, motion, raw, vr, dry - d[:, i], plant, name)
+        dry = _friction_effort(plant, motion, name)
+        problem = axis_problem(plant, motion, raw, vr, dry - d[:, i], lookup, name)
         servo = None
         if problem is not None:
-            friction, allowed = _refinable(twin, motion, problem, dry, name)
+            friction, allowed = _refinable(plant, motion, problem, dry, name)
             servo = look(problem, friction, allowed)
         if problem is None or servo is None:
             found.notes.append(
@@ -113,18 +113,18 @@ def fit_servos(twin: Twin, motion: Motion, raw: Motion, tell: Callable[[str, flo
 
 
 def _refinable(
-    twin: Twin, motion: Motion, problem: AxisProblem, dry: Floats, name: str
+    plant: OpenLoop, motion: Motion, problem: AxisProblem, dry: Floats, name: str
 ) -> tuple[tuple[str, ...], Callable[[Factors], bool]]:
     """Return which friction of an axis can be refined, and what the plant's own effort says of factors.
 
     The effort along the measured motion, on rows that the refinement does not see, may not get worse.
     """
-    i = twin.machine.axes[name].index
+    i = plant.machine.axes[name].index
     _, judge = problem.split()
     rows = np.concatenate([np.arange(s.start, s.stop) for s in judge.windows])
     rows = rows[motion.use[rows, i] & np.isfinite(motion.u[rows, i])]
-    left = (motion.u - twin.effort(motion))[rows, i]
-    fading = _friction_effort(twin, motion, name, fading=True)
+    left = (motion.u - plant.effort(motion))[rows, i]
+    fading = _friction_effort(plant, motion, name, fading=True)
     parts = {"viscous": problem.viscous * motion.v[:, i], "dry": dry - fading, "fading": fading}
     X = np.stack([x[rows] for x in parts.values()], axis=1)
     names = tuple(k for k, x in zip(parts, X.T, strict=True) if np.any(x != 0.0))
@@ -136,11 +136,11 @@ def _refinable(
     return names, allowed
 
 
-def with_factors(twin: Twin, factors: Mapping[str, Factors]) -> Twin:
-    """Return the twin with viscous and dry friction of its axes multiplied, its table included."""
-    theta, viscous = twin.theta.copy(), np.array(twin.diagonal["viscous"], dtype=float)
-    rows = {row.name: row for row in twin.parameters}
-    for key, effect, s in zip(twin.keys, twin.effects, twin.slices, strict=True):
+def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
+    """Return the plant with viscous and dry friction of its axes multiplied, its table included."""
+    theta, viscous = plant.theta.copy(), np.array(plant.diagonal["viscous"], dtype=float)
+    rows = {row.name: row for row in plant.parameters}
+    for key, effect, s in zip(plant.keys, plant.effects, plant.slices, strict=True):
         if effect.axis not in factors or effect.axis is None:
             continue
         plain = effect.causes[0] == "viscous"
@@ -154,9 +154,9 @@ def with_factors(twin: Twin, factors: Mapping[str, Factors]) -> Twin:
             if name in rows:
                 rows[name] = replace(rows[name], value=float(theta[s.start + k]))
     for axis, factor in factors.items():
-        viscous[twin.machine.axes[axis].index] *= factor[1]
-    diagonal = {**twin.diagonal, "viscous": viscous}
-    return replace(twin, theta=theta, diagonal=diagonal, parameters=tuple(rows.values()))
+        viscous[plant.machine.axes[axis].index] *= factor[1]
+    diagonal = {**plant.diagonal, "viscous": viscous}
+    return replace(plant, theta=theta, diagonal=diagonal, parameters=tuple(rows.values()))
 
 
 def _row(found: Found) -> dict[str, Any]:
@@ -170,10 +170,10 @@ def _row(found: Found) -> dict[str, Any]:
 
 
 def axis_problem(
-    twin: Twin, motion: Motion, raw: Motion, vr: Floats, load: Floats, plant: Plant, name: str
+    plant: OpenLoop, motion: Motion, raw: Motion, vr: Floats, load: Floats, lookup: Lookup, name: str
 ) -> AxisProblem | None:
     """Return one axis alone, or None if no stretch is long enough."""
-    i = twin.machine.axes[name].index
+    i = plant.machine.axes[name].index
     assert raw.qr is not None
     windows = _windows(raw, vr[:, i])
     if not windows:
@@ -186,9 +186,9 @@ def axis_problem(
         v=motion.v[:, i].copy(),
         u=raw.u[:, i].copy(),
         load=load,
-        inertia=float(twin.diagonal["inertia"][i]),
-        viscous=float(twin.diagonal["viscous"][i]),
-        tables=own_friction(plant.tables.lookup(), i),
+        inertia=float(plant.diagonal["inertia"][i]),
+        viscous=float(plant.diagonal["viscous"][i]),
+        tables=own_friction(lookup, i),
         windows=windows,
     )
     y = problem.measured()
@@ -219,17 +219,17 @@ def _windows(raw: Motion, vr: Floats) -> tuple[slice, ...]:
     return tuple(sorted(most, key=lambda s: s.start))
 
 
-def _friction_effort(twin: Twin, motion: Motion, name: str, *, fading: bool = False) -> Floats:
+def _friction_effort(plant: OpenLoop, motion: Motion, name: str, *, fading: bool = False) -> Floats:
     """Return the effort of what the axis' kernel computes itself: dry friction and friction of speed, (n,).
 
     With ``fading`` only that of friction that fades with speed.
     """
-    i = twin.machine.axes[name].index
+    i = plant.machine.axes[name].index
     total = np.zeros(len(motion))
-    for effect, s in zip(twin.effects, twin.slices, strict=True):
+    for effect, s in zip(plant.effects, plant.slices, strict=True):
         own = effect.axis == name and effect.depends in ("direction", "displacement", "velocity")
         if own and effect.causes[0] != "viscous" and (effect.fades or not fading):
-            total += effect.columns(motion).effort(twin.theta[s], twin.machine.nv)[:, i]
+            total += effect.columns(motion).effort(plant.theta[s], plant.machine.nv)[:, i]
     return total
 
 
@@ -256,22 +256,24 @@ def own_friction(t: Lookup, i: int) -> Lookup:
 
 
 # ------------------------------------------------------------------ which form to simulate with
-def choice(twin: Twin, trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
+def choice(trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
     """Return which form predicts the end of a log best from its command, and the errors of each.
 
     Args:
-        twin: the twin, whose axes are asked for.
-        trial: the same with controllers and loops that have not seen the end of the log.
+        trial: the plant with controllers and loops that have not seen the end of the log.
         log: a log of the machine, with commands.
         tried: the forms.
     """
     part, start = _end(log)
-    errors = {form: forecast_error(trial, part, start, form) for form in tried}
+    both = {form: forecast_errors(trial, part, start, form) for form in tried}
+    errors = {form: 0.5 * (e + u) for form, (e, u) in both.items()}
     best = min(errors, key=lambda form: errors[form] / (1.0 if form == "coupled" else BETTER))
     if not np.isfinite(errors[best]):
         best = "coupled" if "coupled" in errors else best
     kept = {form: None if not np.isfinite(x) else x for form, x in errors.items()}
-    return {"use": best, "held_out": kept, "from": float(part.t[start]), "to": float(part.t[-1])}
+    tracking = both[best][0] if np.isfinite(both[best][0]) else None
+    times = {"from": float(part.t[start]), "to": float(part.t[-1])}
+    return {"use": best, "held_out": kept, "tracking": tracking, **times}
 
 
 def _end(log: Log) -> tuple[Log, int]:
@@ -283,18 +285,21 @@ def _end(log: Log) -> tuple[Log, int]:
     return part, int(np.searchsorted(part.t, t[-1] - length))
 
 
-def forecast_error(twin: Twin, log: Log, start: int, form: str) -> float:
-    """Return the mean error of e and u over all axes, each over its RMS; infinite if the loop fails."""
+def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float, float]:
+    """Return the mean errors of e and of u over all axes, each over its RMS; infinite if the loop fails."""
     try:
         said = simulate(twin, log, controller=form)
     except PinotwinError:
-        return np.inf
-    bound, ratios = bind(log, twin.machine.columns), []
+        return np.inf, np.inf
+    bound = bind(log, twin.machine.columns)
+    ratios: dict[str, list[float]] = {"e": [], "u": []}
     for name in twin.servos:
-        e = bound[f"{name}.qr"] - bound[f"{name}.q"]
-        for x, y in ((e, said[f"{name}.e"]), (bound[f"{name}.u"], said[f"{name}.u"])):
-            good = np.isfinite(x) & (np.arange(len(x)) >= start)
-            size = float(np.sqrt(np.mean(x[good] ** 2))) if good.any() else 0.0
+        for signal, found in ratios.items():
+            logged = bound[f"{name}.u"] if signal == "u" else bound[f"{name}.qr"] - bound[f"{name}.q"]
+            good = np.isfinite(logged) & (np.arange(len(logged)) >= start)
+            size = float(np.sqrt(np.mean(logged[good] ** 2))) if good.any() else 0.0
             if size > 0.0:
-                ratios.append(float(np.sqrt(np.mean((x - y)[good] ** 2))) / size)
-    return float(np.mean(ratios)) if ratios else np.inf
+                left = (logged - said[f"{name}.{signal}"])[good]
+                found.append(float(np.sqrt(np.mean(left**2))) / size)
+    e_error, u_error = (float(np.mean(x)) if x else np.inf for x in ratios.values())
+    return e_error, u_error

@@ -31,7 +31,7 @@ from pinotwin.identification.loop_parts import errors, first_part, loop_data
 from pinotwin.identification.tied import tied, with_lag
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.motion import Motion
-from pinotwin.twin import Twin
+from pinotwin.twin import OpenLoop
 
 KEY = "with_vibration"
 """Where ``quality["loops"][axis]`` keeps the loop."""
@@ -39,13 +39,19 @@ NO_WORSE = 1.05
 """A tied loop is taken unless its held-out error is above this times the free one's."""
 
 
-def with_tied_loops(twin: Twin, motion: Motion) -> Twin:
-    """Return the twin with loops whose effort follows from the mass, where held-out data allow it."""
-    d = generalised_disturbance(twin, motion, twin.diagonal)
-    models, loops = dict(twin.loops), dict(twin.quality.get("loops", {}))
-    for name, free in twin.loops.items():
+def tie_loops(
+    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion
+) -> dict[str, tuple[LoopModel, dict[str, Any]]]:
+    """Return per axis the loop whose effort follows from the mass, where held-out data allow it, and its row.
+
+    The row says what becomes of ``quality["loops"][axis]``: the tied fit, whether it was taken instead of
+    the free loop, and if so its figures in place of those of the free one.
+    """
+    d = generalised_disturbance(plant, motion, plant.diagonal)
+    out = {}
+    for name, free in loops.items():
         i = motion.index(name)
-        known = (float(twin.diagonal["inertia"][i]), float(twin.diagonal["viscous"][i]))
+        known = (float(plant.diagonal["inertia"][i]), float(plant.diagonal["viscous"][i]))
         data = loop_data(motion, d, name)
         before = errors(
             data, identify_loop(first_part(data), free.structure, starts=_start(free)), held_out=True
@@ -57,44 +63,46 @@ def with_tied_loops(twin: Twin, motion: Motion) -> Twin:
             continue
         after = errors(data, trial, held_out=True)
         taken = np.mean(list(after.values())) <= NO_WORSE * np.mean(list(before.values()))
-        row = {"free": free.to_dict(), "fit": errors(data, model), "held_out": after}
-        loops[name] = {**loops[name], "tied": {**row, "taken": bool(taken)}}
+        fit = errors(data, model)
+        row: dict[str, Any] = {
+            "tied": {"free": free.to_dict(), "fit": fit, "held_out": after, "taken": bool(taken)}
+        }
         if taken:
-            models[name] = model
-            loops[name] |= {"real_poles": model.structure.real_poles, "fit": row["fit"], "held_out": after}
-    return replace(twin, loops=models, quality={**twin.quality, "loops": loops})
+            row |= {"real_poles": model.structure.real_poles, "fit": fit, "held_out": after}
+        out[name] = (model if taken else free, row)
+    return out
 
 
-def with_vibration_loops(twin: Twin, motion: Motion) -> Twin:
-    """Return the twin with the loop with vibration of every axis that sits on a passive joint.
+def vibration_loops(plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion) -> dict[str, Any]:
+    """Return the loop with vibration of every axis that sits on a passive joint, or why there is none.
 
-    They are kept under ``quality["loops"][axis]["with_vibration"]``: the model, the errors of the fit
+    They are kept as ``quality["loops"][axis]["with_vibration"]``: the model, the errors of the fit
     and on held-out rows; :func:`pinotwin.simulation.wide_loops` reads them.
     """
-    loops: dict[str, Any] = dict(twin.quality.get("loops", {}))
-    for passive, axis in reacting(twin.machine).items():
-        if axis not in twin.loops or np.ptp(motion.v[:, motion.index(passive)]) == 0.0:
+    out: dict[str, Any] = {}
+    for passive, axis in reacting(plant.machine).items():
+        if axis not in loops or np.ptp(motion.v[:, motion.index(passive)]) == 0.0:
             continue
         try:
-            data = vibration_data(twin, motion, axis, passive)
-            trial = _fitted(twin, first_part(data), axis, passive)
-            model = _fitted(twin, data, axis, passive, near=trial)
+            data = vibration_data(plant, motion, axis, passive)
+            trial = _with_mode(plant, loops[axis], first_part(data), passive)
+            model = identify_loop(data, trial.structure, starts=_start(trial))
         except DataError as error:
-            loops[axis] = {**loops[axis], KEY: {"note": str(error)}}
+            out[axis] = {"note": str(error)}
             continue
         judged = {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
-        loops[axis] = {**loops[axis], KEY: {"model": model.to_dict(), **judged}}
-    return replace(twin, quality={**twin.quality, "loops": loops})
+        out[axis] = {"model": model.to_dict(), **judged}
+    return out
 
 
-def vibration_data(twin: Twin, motion: Motion, axis: str, passive: str) -> LoopData:
+def vibration_data(plant: OpenLoop, motion: Motion, axis: str, passive: str) -> LoopData:
     """Return inputs and outputs of an axis' loop with the vibration of a passive joint."""
     i, p = motion.index(axis), motion.index(passive)
-    d = generalised_disturbance(twin, motion, twin.diagonal)
+    d = generalised_disturbance(plant, motion, plant.diagonal)
     plain = loop_data(motion, d, axis)
     return replace(
         plain,
-        d=from_ground(d, motion.a, twin.diagonal, i, p)[:, [i, p]],
+        d=from_ground(d, motion.a, plant.diagonal, i, p)[:, [i, p]],
         outputs=np.column_stack([plain.outputs, motion.v[:, p]]),
         output_names=("e", "u", f"{passive}.v"),
         disturbance_names=("d", passive),
@@ -118,20 +126,16 @@ def from_ground(d: Floats, a: Floats, diagonal: Mapping[str, Floats], i: int, p:
     return out
 
 
-def _fitted(twin: Twin, data: LoopData, axis: str, passive: str, near: LoopModel | None = None) -> LoopModel:
-    """Return the loop: one pair more than the axis alone, its search begun at the spring's mode."""
-    alone = near or twin.loops[axis]
-    start = _start(alone)[0]
-    if near is not None:
-        return identify_loop(data, near.structure, starts=start[None])
-    p = twin.machine.names.index(passive)
-    k, c, I = (float(twin.diagonal[x][p]) for x in ("stiffness", "viscous", "ground"))
+def _with_mode(plant: OpenLoop, alone: LoopModel, data: LoopData, passive: str) -> LoopModel:
+    """Return the loop with one pair more than the axis alone, its search begun at the spring's mode."""
+    p = plant.machine.names.index(passive)
+    k, c, I = (float(plant.diagonal[x][p]) for x in ("stiffness", "viscous", "ground"))
     wn = np.sqrt(k / I)
     mode = [np.log(wn), np.log(np.clip(0.5 * c / (I * wn), 0.006, 0.6))]
     structure: Structure = replace(
         alone.structure, pole_pairs=alone.structure.pole_pairs + 1, integrator=False
     )
-    return identify_loop(data, structure, starts=np.array([[*start, *mode]]))
+    return identify_loop(data, structure, starts=np.array([[*_start(alone)[0], *mode]]))
 
 
 def _start(model: LoopModel) -> Floats:

@@ -8,8 +8,19 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.effects.scene import with_model
+from pinotwin.errors import DataError
+from pinotwin.identification.assemble import assemble
+from pinotwin.identification.plant import Plant, fit_options
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.solve.consistency import ConsistentFit
+from pinotwin.solve.crossval import held_out
+from pinotwin.solve.linear import Options
 from pinotwin.solve.problem import Problem
 
+FOLDS = 5
+"""Parts of the log that are predicted from the others."""
 CONDITION_LIMIT = 1e4
 """Scaled condition number above which parameters trade off against each other."""
 
@@ -46,8 +57,9 @@ def whiteness_row(residual: Floats) -> dict[str, float]:
     }
 
 
-def warnings(quality: Mapping[str, Any], rotary: Mapping[str, bool]) -> list[str]:
+def warnings(quality: Mapping[str, Any], machine: Machine) -> list[str]:
     """Return what the reader should know before trusting the numbers."""
+    rotary = dict(zip(machine.names, machine.rotary, strict=True))
     out = []
     if quality["condition"] > CONDITION_LIMIT:
         out.append(
@@ -72,3 +84,61 @@ def warnings(quality: Mapping[str, Any], rotary: Mapping[str, bool]) -> list[str
                 f"({row['held_out']['rms']:.3g} {unit} left); see `pinotwin diagnose`"
             )
     return out
+
+
+def judge(machine: Machine, motion: Motion, plant: Plant, later: Motion | None = None) -> dict[str, Any]:
+    """Return the figures of a fitted plant, per axis and together.
+
+    Args:
+        machine: whose plant it is.
+        motion: what was fitted.
+        plant: the fit.
+        later: what was not fitted; adds ``validation`` to every axis.
+    """
+    fit = plant.fit
+    problem = fit.problem
+    error = problem.y - problem.W @ plant.theta
+    held = _held_out_error(problem, fit_options(machine, plant.effects, motion))
+    axes = {}
+    for joint, rows in problem.slices.items():
+        own = error_row(problem.y[rows], error[rows])
+        axes[machine.names[joint]] = {
+            "fit": own["nrmse"],
+            "fit_std": own["nrmse_std"],
+            "rms": own["rms"],
+            "held_out": error_row(problem.y[rows], held[rows]),
+            **whiteness_row(error[rows]),
+            "rows": int(rows.stop - rows.start),
+        }
+    out = {
+        "axes": axes,
+        "relative_error": float(np.linalg.norm(error) / np.linalg.norm(problem.y)),
+        "condition": float(fit.condition),
+        "rank": int(fit.rank),
+        "parameters": len(plant.theta),
+        "not_separable": [list(group) for group in fit.group_names()],
+        "consistency": _constraint(plant.consistency),
+        "folds": FOLDS,
+        "preparation": list(motion.notes),
+    }
+    if later is not None:
+        later = with_model(later, plant.effects, plant.theta)
+        rows_later = prediction_rows(assemble(later, plant.effects), plant.theta, machine.names)
+        for name in axes.keys() & rows_later.keys():
+            axes[name]["validation"] = rows_later[name]
+        out["validation_source"] = later.source
+    return out
+
+
+def _constraint(found: ConsistentFit | None) -> dict[str, Any] | None:
+    """Return what physical consistency cost; None where it was not asked for."""
+    if found is None:
+        return None
+    return {"moved": found.moved, "cost_ratio": found.cost_ratio if np.isfinite(found.cost_ratio) else None}
+
+
+def _held_out_error(problem: Problem, options: Options) -> Floats:
+    try:
+        return held_out(problem, folds=FOLDS, options=options).error
+    except DataError:
+        return np.full(len(problem.y), np.nan)

@@ -7,8 +7,8 @@ two can be compared and a gain can be changed afterwards.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,15 +17,17 @@ from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.identification.coupled import choice, fit_servos, with_factors
-from pinotwin.identification.flexible import with_tied_loops, with_vibration_loops
+from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
 from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_data
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.table import refined_table
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import (
+    Controller,
     LoopData,
     LoopModel,
+    Servo,
     Structure,
     close,
     identify_controller,
@@ -34,12 +36,13 @@ from pinotwin.loop import (
 from pinotwin.loop.layout import lay_out
 from pinotwin.loop.search import starting_points
 from pinotwin.motion import Motion
-from pinotwin.twin import Twin
+from pinotwin.twin import OpenLoop, Twin
 
 SLOWEST = 1.0 / 50.0
 """Longest sampling interval at which a closed loop is identified [s]."""
 POOR = 0.05
-"""Held-out error of the coupled form above which the free black box is identified as well."""
+"""Held-out tracking error of the coupled form, as a share of its RMS, above which the free black box is
+identified as well: an effort that is missed otherwise is the plant's, whatever the form of the loop."""
 PAYS = 0.95
 """A larger order is taken if it brings the held-out error below this share of the smaller one's."""
 MOST_PAIRS = 3
@@ -55,15 +58,44 @@ ROUNDS, EXPLORED, ENOUGH = 4, 2, 1.03
 """Most turns of loop and effects, of which the first explore; they end when one gains less than 3 %."""
 
 
-def with_loops(twin: Twin, motion: Motion, logs: Sequence[Log], tell: Callable[[str, float], None]) -> Twin:
-    """Return the twin with the closed loops of its axes, and with the form to simulate them in.
+@dataclass(frozen=True)
+class ClosedLoops:
+    """What the closed loops add to a twin.
 
-    The coupled form comes first; where it predicts held-out rows well, its linearised system gives poles
-    and transfer functions. Otherwise, on machines with passive joints, and where machine.yaml states orders,
-    the source's free black box is identified beside it, and held-out rows decide between them.
+    Attributes:
+        plant: with the friction and tables that the loops refined.
+        loops: closed loop of each axis (black box, or the linearised coupled form).
+        controllers: sampled law of each axis.
+        servos: law of each axis in continuous time.
+        quality: rows ``servos``, ``loops``, ``simulation`` of the twin's quality.
+        warnings: axes that were left out, and why.
+    """
+
+    plant: OpenLoop
+    loops: Mapping[str, LoopModel] = field(default_factory=dict)
+    controllers: Mapping[str, Controller] = field(default_factory=dict)
+    servos: Mapping[str, Servo] = field(default_factory=dict)
+    quality: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def twin(self, **rest: Any) -> Twin:
+        """Return the twin of the plant with these loops; the rest are its other attributes."""
+        closed = {"loops": self.loops, "controllers": self.controllers, "servos": self.servos}
+        return Twin.of(self.plant, **(closed | rest))
+
+
+def close_loops(
+    plant: OpenLoop, motion: Motion, logs: Sequence[Log], tell: Callable[[str, float], None]
+) -> ClosedLoops:
+    """Return the closed loops of a plant's axes, and the form to simulate them in.
+
+    The coupled form comes first; where it predicts the tracking error of held-out rows well, its linearised
+    system gives poles and transfer functions. Otherwise, on machines with passive joints, and where
+    machine.yaml states orders, the source's free black box is identified beside it, and held-out rows decide
+    between them: poles are read from the form that simulates.
 
     Args:
-        twin: plant, with its diagonal.
+        plant: with its diagonal.
         motion: prepared log(s) with commands.
         logs: the same, as they came.
         tell: called with the stage and the share of this step done.
@@ -72,77 +104,85 @@ def with_loops(twin: Twin, motion: Motion, logs: Sequence[Log], tell: Callable[[
         note = (
             f"no closed loop: the log has {1.0 / motion.step:.3g} Hz, at least {1.0 / SLOWEST:.0f} are needed"
         )
-        return replace(twin, quality={**twin.quality, "warnings": [*twin.quality["warnings"], note]})
-    raw = prepare(twin.machine, logs, cutoff=0.0, decimate=1)
-    found = fit_servos(twin, motion, raw, lambda stage, done: tell(stage, 0.5 * done))
-    twin = replace(with_factors(twin, found.factors), servos=found.servos)
-    judged = choice(twin, replace(twin, servos=found.trials), logs[-1], ("coupled",))
-    error = judged["held_out"]["coupled"]
-    quality = {**twin.quality, "servos": found.quality, "simulation": judged}
-    quality["warnings"] = [*twin.quality["warnings"], *found.notes]
-    twin = replace(twin, quality=quality)
-    asked = bool(twin.machine.passive or twin.machine.loop or len(found.servos) < len(twin.machine.axes))
-    if error is not None and error < POOR and not asked:
-        return _linearised(twin, motion)
-    twin = _with_black_boxes(twin, motion, lambda stage, done: tell(stage, 0.5 + 0.5 * done))
-    judged = choice(twin, replace(twin, servos=found.trials), logs[-1], ("coupled", "black", "grey"))
-    if twin.machine.passive:  # the rows of a passive joint were not compared: see identification.flexible
-        judged["use"] = "black"
-    return replace(twin, quality={**twin.quality, "simulation": judged})
-
-
-def _linearised(twin: Twin, motion: Motion) -> Twin:
-    """Return the twin with the loops that its coupled axes make, and their sampled laws."""
-    M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
-    disturbance = generalised_disturbance(twin, motion, twin.diagonal)
-    loops, laws, rows = {}, {}, dict(twin.quality.get("loops", {}))
-    for name, servo in twin.servos.items():
-        i = twin.machine.axes[name].index
-        loops[name] = close(servo, float(M[i]), float(C[i]), axis=name)
-        data = loop_data(motion, disturbance, name)
-        laws[name] = identify_controller(data)
-        structure = loops[name].structure
-        rows[name] = {"real_poles": structure.real_poles, "pole_pairs": structure.pole_pairs}
-        rows[name] |= {"fit": errors(data, loops[name]), "held_out": errors(data, loops[name], held_out=True)}
-        rows[name]["refined"] = False
-    return replace(twin, loops=loops, controllers=laws, quality={**twin.quality, "loops": rows})
-
-
-def _with_black_boxes(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) -> Twin:
-    found = fit_loops(twin, motion, tell)
-    quality = {**twin.quality, "loops": found.quality}
-    quality["warnings"] = [*twin.quality["warnings"], *found.notes]
-    closed = replace(
-        twin,
-        effects=found.effects,
-        theta=found.theta,
-        parameters=refined_table(twin, found),
-        loops=found.models,
-        controllers=found.controllers,
-        quality=quality,
+        return ClosedLoops(plant, warnings=(note,))
+    machine = plant.machine
+    raw = prepare(machine, logs, cutoff=0.0, decimate=1)
+    found = fit_servos(plant, motion, raw, lambda stage, done: tell(stage, 0.5 * done))
+    plant = with_factors(plant, found.factors)
+    judged = choice(Twin.of(plant, servos=found.trials), logs[-1], ("coupled",))
+    error, tracking = judged["held_out"]["coupled"], judged["tracking"]
+    asked = bool(machine.passive or machine.loop or len(found.servos) < len(machine.axes))
+    if error is not None and tracking is not None and tracking < POOR and not asked:
+        closed = _linearised(plant, found.servos, motion)
+    else:
+        closed = _black_boxes(plant, motion, lambda stage, done: tell(stage, 0.5 + 0.5 * done))
+        judged = choice(closed.twin(servos=found.trials), logs[-1], ("coupled", "black", "grey"))
+        if judged["use"] == "coupled" and error is not None and not asked:
+            refined = judged["held_out"]["coupled"] < error
+            closed = _linearised(closed.plant if refined else plant, found.servos, motion)
+        if machine.passive:  # the rows of a passive joint were not compared: see identification.flexible
+            judged["use"] = "black"
+    return replace(
+        closed,
+        servos=found.servos,
+        quality={"servos": found.quality, "simulation": judged, **closed.quality},
+        warnings=(*found.notes, *closed.warnings),
     )
-    if not twin.machine.passive:
-        return closed
-    return with_tied_loops(with_vibration_loops(closed, motion), motion)
 
 
-def fit_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) -> Loops:
+def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) -> ClosedLoops:
+    """Return the loops that coupled axes make, and their sampled laws."""
+    M, C = plant.diagonal["inertia"], plant.diagonal["viscous"]
+    disturbance = generalised_disturbance(plant, motion, plant.diagonal)
+    loops, laws, notes = {}, {}, []
+    rows: dict[str, dict[str, Any]] = {}
+    for name, servo in servos.items():
+        i = plant.machine.axes[name].index
+        try:
+            loop = close(servo, float(M[i]), float(C[i]), axis=name)
+        except DataError as error:  # what dry friction holds may be unstable without it
+            notes.append(f"no poles of {name}: {error}")
+            continue
+        data = loop_data(motion, disturbance, name)
+        loops[name], laws[name] = loop, identify_controller(data)
+        rows[name] = {"real_poles": loop.structure.real_poles, "pole_pairs": loop.structure.pole_pairs}
+        rows[name] |= {"fit": errors(data, loop), "held_out": errors(data, loop, held_out=True)}
+        rows[name]["refined"] = False
+    return ClosedLoops(plant, loops, laws, quality={"loops": rows}, warnings=tuple(notes))
+
+
+def _black_boxes(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None]) -> ClosedLoops:
+    """Return the free loops, with the vibration of passive joints and tied to the mass where there are such."""
+    found = fit_loops(plant, motion, tell)
+    refined = replace(plant, effects=found.effects, theta=found.theta, parameters=refined_table(plant, found))
+    models, rows = dict(found.models), dict(found.quality)
+    if plant.machine.passive:
+        for axis, row in vibration_loops(refined, found.models, motion).items():
+            rows[axis] = {**rows[axis], KEY: row}
+        for axis, (model, row) in tie_loops(refined, found.models, motion).items():
+            models[axis], rows[axis] = model, {**rows[axis], **row}
+    return ClosedLoops(
+        refined, models, found.controllers, quality={"loops": rows}, warnings=tuple(found.notes)
+    )
+
+
+def fit_loops(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None]) -> Loops:
     """Identify the loop of every axis that has a command, an effort and motion.
 
     Args:
-        twin: plant, with its diagonal.
+        plant: with its diagonal.
         motion: prepared log(s) with commands.
         tell: called with the stage and the share of this step done.
     """
-    found = Loops(twin.effects, twin.theta.copy())
-    disturbance = generalised_disturbance(twin, motion, twin.diagonal)
-    axes = list(twin.machine.axes)
+    found = Loops(plant.effects, plant.theta.copy())
+    disturbance = generalised_disturbance(plant, motion, plant.diagonal)
+    axes = list(plant.machine.axes)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))
         try:
             data = loop_data(motion, disturbance, name)
-            trial = _choose(twin, data, name)
-            data, trial = _refined(twin, motion, found, data, trial)
+            trial = _choose(plant, data, name)
+            data, trial = _refined(plant, motion, found, data, trial)
             model = _refit(data, trial, afresh=True, judged=True)
         except DataError as error:
             found.notes.append(f"no closed loop of {name}: {error}")
@@ -158,7 +198,7 @@ def fit_loops(twin: Twin, motion: Motion, tell: Callable[[str, float], None]) ->
 
 
 def _refined(
-    twin: Twin, motion: Motion, found: Loops, data: LoopData, trial: LoopModel
+    plant: OpenLoop, motion: Motion, found: Loops, data: LoopData, trial: LoopModel
 ) -> tuple[LoopData, LoopModel]:
     """Refine an axis' friction and position effects through its loop, unless held-out data object.
 
@@ -168,8 +208,8 @@ def _refined(
     Returns:
         Data with the disturbance of the effects that were kept, and the loop of its first part.
     """
-    deviations = np.sqrt(np.maximum(np.diag(twin.covariance), 0.0))
-    mine = axis_effects(twin.effects, twin.slices, found.theta, deviations, data.axis)
+    deviations = np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))
+    mine = axis_effects(plant.effects, plant.slices, found.theta, deviations, data.axis)
     if mine is None:
         return data, trial
     kept, before = mine, errors(data, trial, held_out=True)
@@ -229,9 +269,9 @@ def _beside(model: LoopModel) -> Floats:
     return np.array([[*_theta(model), np.log(2.0 * np.pi * f), np.log(zeta)] for f, zeta in MODES])
 
 
-def _choose(twin: Twin, data: LoopData, name: str) -> LoopModel:
+def _choose(plant: OpenLoop, data: LoopData, name: str) -> LoopModel:
     """Return the loop, of the stated order or of the order that pays, fitted to the first part."""
-    given = twin.machine.loop.get(name)
+    given = plant.machine.loop.get(name)
     if given is not None:
         structure = Structure(real_poles=given.real_poles, pole_pairs=given.pole_pairs)
         return _found(first_part(data), structure)

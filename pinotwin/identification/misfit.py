@@ -17,7 +17,7 @@ from pinotwin.signals import rms
 from pinotwin.solve.crossval import fold_order, held_out
 from pinotwin.solve.linear import linear
 from pinotwin.solve.problem import Problem
-from pinotwin.twin import Twin
+from pinotwin.twin import OpenLoop, Twin
 from pinotwin.twin.misfit import Misfit
 
 FOLDS = 5
@@ -27,29 +27,29 @@ _PIECES = 12
 _BANDS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 
 
-def misfit_of(twin: Twin, motion: Motion) -> Misfit | None:
-    """Return what a twin leaves of the logs it was identified from; None where they are too short.
+def misfit_of(plant: OpenLoop, motion: Motion) -> Misfit | None:
+    """Return what a plant leaves of the logs it was identified from; None where they are too short.
 
     The parts are predicted by least squares on the others, moved by what physical consistency and the
-    closed loop moved the twin itself away from least squares on all of them.
+    closed loop moved it itself away from least squares on all of them.
 
     Args:
-        twin: with its final effects and coefficients.
+        plant: with its final effects and coefficients.
         motion: the logs it was identified from, prepared.
     """
     motion = _shortened(without_model(motion))
     rows = choose_rows(motion)
-    told = twin.scene(motion)
-    problem = assemble(told, twin.effects, rows)
-    options = fit_options(twin.machine, twin.effects, motion)
+    told = plant.scene(motion)
+    problem = assemble(told, plant.effects, rows)
+    options = fit_options(plant.machine, plant.effects, motion)
     try:
         held = held_out(problem, folds=FOLDS, options=options)
     except DataError:
         return None
-    moved = twin.theta - linear(problem, options).theta
+    moved = plant.theta - linear(problem, options).theta
     theta = held.theta + moved
     fold = _fold_of_rows(problem, rows, len(motion))
-    residual = _residual(twin, motion, theta, fold)
+    residual = _residual(plant, motion, theta, fold)
     return Misfit(motion, fold, theta, _summary(motion, residual))
 
 
@@ -64,9 +64,9 @@ def own_residual(twin: Twin) -> Floats:
     return _residual(twin, twin.misfit.motion, twin.misfit.theta, twin.misfit.fold)
 
 
-def _residual(twin: Twin, motion: Motion, theta: Floats, fold: Ints) -> Floats:
-    motion, effort = twin.scene(motion), np.zeros((len(motion), twin.machine.nv))
-    for effect, where in zip(twin.effects, twin.slices, strict=True):
+def _residual(plant: OpenLoop, motion: Motion, theta: Floats, fold: Ints) -> Floats:
+    motion, effort = plant.scene(motion), np.zeros((len(motion), plant.machine.nv))
+    for effect, where in zip(plant.effects, plant.slices, strict=True):
         columns = effect.columns(motion)
         at = list(columns.joints)
         effort[:, at] += np.einsum("nkp,np->nk", columns.values, theta[:, where][fold])

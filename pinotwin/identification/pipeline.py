@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 
 from pinotwin.analysis.disturbance import diagonal
-from pinotwin.dynamics.parameters import parameters
-from pinotwin.effects.scene import with_model
 from pinotwin.errors import DataError
-from pinotwin.identification.assemble import assemble
-from pinotwin.identification.judge import error_row, prediction_rows, warnings, whiteness_row
+from pinotwin.identification.judge import judge, warnings
 from pinotwin.identification.lead import find_leads
+from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
-from pinotwin.identification.plant import Plant, fit_options, fit_plant
-from pinotwin.identification.springs import with_springs
+from pinotwin.identification.plant import Plant, fit_plant
+from pinotwin.identification.springs import find_springs
 from pinotwin.identification.table import at_bounds, parameter_table
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -26,12 +24,8 @@ from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
-from pinotwin.solve.crossval import held_out
-from pinotwin.solve.linear import Options
 from pinotwin.threads import one_blas_thread
-from pinotwin.twin import Twin
-
-FOLDS = 5
+from pinotwin.twin import OpenLoop, Twin
 
 
 @one_blas_thread
@@ -74,27 +68,45 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     machine = _as_logged(machine, logs, resample)
     prepared = functools.partial(prepare, log=logs, cutoff=cutoff, decimate=decimate)
     tell("fitting the plant", 0.1)
-    machine, motion, plant, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
+    machine, motion, fit, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
     tell("judging the plant", 0.4)
-    table = parameter_table(machine, plant)
-    quality = _quality(machine, motion, plant) | {"leads": leads, "at_bound": at_bounds(table)}
-    if validate is not None:
-        _validate(machine, plant, as_logs(validate, "validate"), _settings(machine, motion), quality)
-    quality["warnings"] = warnings(quality, dict(zip(machine.names, machine.rotary, strict=True)))
-    twin = Twin(
-        machine=machine,
-        effects=plant.effects,
-        theta=plant.theta,
-        covariance=plant.fit.covariance,
-        parameters=table,
-        pi=plant.pi,
-        quality=quality,
+    settings = _settings(machine, motion)
+    later = None if validate is None else prepare(machine, as_logs(validate, "validate"), **settings)
+    plant = _open_loop(machine, fit)
+    quality = judge(machine, motion, fit, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
+    plant, springs_found = _completed(plant, motion, springs)
+    closed = ClosedLoops(plant)
+    if loop and motion.qr is not None:
+        closed = close_loops(plant, motion, logs, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
+    quality["warnings"] = [*warnings(quality, machine), *closed.warnings]
+    return closed.twin(
+        quality={**quality, "springs": springs_found, **closed.quality},
         data=[_provenance(item, motion) for item in logs],
-        settings=_settings(machine, motion),
-        groups=plant.fit.group_names(),
+        settings=settings,
+        groups=fit.fit.group_names(),
+        misfit=misfit_of(closed.plant, motion),
     )
-    twin = _with_loops(twin, motion, logs if loop and motion.qr is not None else [], tell, springs)
-    return replace(twin, misfit=misfit_of(twin, motion))
+
+
+def _open_loop(machine: Machine, fit: Plant) -> OpenLoop:
+    return OpenLoop(
+        machine=machine,
+        effects=fit.effects,
+        theta=fit.theta,
+        covariance=fit.fit.covariance,
+        parameters=parameter_table(machine, fit),
+        pi=fit.pi,
+    )
+
+
+def _completed(plant: OpenLoop, motion: Motion, springs: bool) -> tuple[OpenLoop, dict[str, Any]]:
+    """Return the plant with the springs of its passive joints, if asked for, and its diagonal; and their fit.
+
+    The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
+    is why the plant is not asked for consistent inertias before.
+    """
+    plant, rows = find_springs(plant, motion) if springs else (plant, {})
+    return replace(plant, diagonal=diagonal(plant, motion)), rows
 
 
 def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) -> Machine:
@@ -146,23 +158,6 @@ def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
         raise DataError(f"{clock[0]}; check the clock before anything else ({error})") from None
 
 
-def _with_loops(
-    twin: Twin, motion: Motion, logs: list[Log], tell: Callable[[str, float], None], springs: bool
-) -> Twin:
-    """Return the twin with the springs of its passive joints, if asked for, and the closed loops of its axes.
-
-    The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
-    is why the plant is not asked for consistent inertias before.
-    """
-    twin = with_springs(twin, motion) if springs else twin
-    twin = replace(twin, diagonal=diagonal(twin, motion))
-    if not logs:
-        return twin
-    from pinotwin.identification.loops import with_loops
-
-    return with_loops(twin, motion, logs, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
-
-
 def _sees_passive(machine: Machine, log: Log) -> bool:
     """Whether the vibration of every passive joint was measured (see ``pinotwin vibration``)."""
     return all(f"{name}.v" in log or f"{name}.q" in log for name in machine.passive)
@@ -175,74 +170,13 @@ def _silent(stage: str, done: float) -> None:
 def _settings(machine: Machine, motion: Motion) -> dict[str, Any]:
     """Return the options of :func:`pinotwin.prepare` that prepare any log as these were."""
     return {
-        "cutoff": _finite(motion.cutoff) or 0.0,
+        "cutoff": float(motion.cutoff) if np.isfinite(motion.cutoff) else 0.0,
         "decimate": motion.decimation,
         "order": machine.data.order,
         "resample": machine.data.resample,
         "lead": {name: axis.lead for name, axis in machine.axes.items() if axis.lead is not None},
         "leave_out": [list(x) for x in machine.data.leave_out],
     }
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
-
-
-def _quality(machine: Machine, motion: Motion, plant: Plant) -> dict[str, Any]:
-    """Return the figures of the fit, per axis and together."""
-    fit, names = plant.fit, machine.names
-    problem = fit.problem
-    error = problem.y - problem.W @ plant.theta
-    options = fit_options(machine, plant.effects, motion)
-    held = _held_out_error(problem, options)
-    axes = {}
-    for joint, rows in problem.slices.items():
-        own = error_row(problem.y[rows], error[rows])
-        axes[names[joint]] = {
-            "fit": own["nrmse"],
-            "fit_std": own["nrmse_std"],
-            "rms": own["rms"],
-            "held_out": error_row(problem.y[rows], held[rows]),
-            **whiteness_row(error[rows]),
-            "rows": int(rows.stop - rows.start),
-        }
-    found = plant.consistency
-    return {
-        "axes": axes,
-        "relative_error": float(np.linalg.norm(error) / np.linalg.norm(problem.y)),
-        "condition": float(fit.condition),
-        "rank": int(fit.rank),
-        "parameters": len(plant.theta),
-        "not_separable": [list(group) for group in fit.group_names()],
-        "consistency": None
-        if found is None
-        else {"moved": found.moved, "cost_ratio": _finite(found.cost_ratio)},
-        "folds": FOLDS,
-        "preparation": list(motion.notes),
-    }
-
-
-def _held_out_error(problem, options: Options):  # type: ignore[no-untyped-def]
-    try:
-        return held_out(problem, folds=FOLDS, options=options).error
-    except DataError:
-        return np.full(len(problem.y), np.nan)
-
-
-def _validate(
-    machine: Machine,
-    plant: Plant,
-    logs: Log | Sequence[Log],
-    settings: dict[str, Any],
-    quality: dict[str, Any],
-) -> None:
-    """Add the errors on logs that were not fitted."""
-    motion = with_model(prepare(machine, logs, **settings), plant.effects, plant.theta)
-    rows = prediction_rows(assemble(motion, plant.effects), plant.theta, machine.names)
-    for name, row in rows.items():
-        if name in quality["axes"]:
-            quality["axes"][name]["validation"] = row
-    quality["validation_source"] = motion.source
 
 
 def _provenance(log: Log, motion: Motion) -> dict[str, Any]:
@@ -253,19 +187,3 @@ def _provenance(log: Log, motion: Motion) -> dict[str, Any]:
         "fingerprint": log.fingerprint(),
         "notes": [*log.notes, *(note.removeprefix(f"{log.source}: ") for note in motion.notes)],
     }
-
-
-def nominal_twin(machine: Machine) -> Twin:
-    """Return the twin of a machine as described: CAD inertias, every other coefficient zero."""
-    effects = machine.effects
-    options = fit_options(machine, effects)
-    assert options.prior is not None
-    theta = options.prior.mean
-    return Twin(
-        machine=machine,
-        effects=effects,
-        theta=theta,
-        covariance=np.zeros((len(theta), len(theta))),
-        parameters=(),
-        pi=parameters(machine.model),
-    )

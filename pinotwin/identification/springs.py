@@ -24,7 +24,7 @@ from pinotwin.motion import Motion
 from pinotwin.signals.band import vibration_band
 from pinotwin.solve.consistency import Bodies, Evidence, consistent
 from pinotwin.solve.sandwich import long_run
-from pinotwin.twin import Twin
+from pinotwin.twin import OpenLoop
 from pinotwin.twin.parameters import Parameter, verdict
 
 _DOUBT = 0.5  # a CAD value that the motors do not see may be off by this share of itself,
@@ -32,20 +32,20 @@ _LEAST = 0.02  # and by this share of the largest of its unit
 _LAG = 0.25  # correlation time of the residuals [s]
 
 
-def with_springs(twin: Twin, motion: Motion) -> Twin:
-    """Return the twin with the stiffness and damping of every passive joint that the motion moves.
+def find_springs(plant: OpenLoop, motion: Motion) -> tuple[OpenLoop, dict[str, Any]]:
+    """Return the plant with stiffness and damping of every passive joint that moves, and how well they fit.
 
-    ``quality["springs"]`` then tells, per joint, the RMS of what its row leaves and of its spring's
-    torque [N·m or N].
+    The latter tells, per joint, the RMS of what its row leaves and of its spring's torque [N·m or N].
 
     Args:
-        twin: the motors' rows fitted with the vibration.
+        plant: the motors' rows fitted with the vibration.
         motion: prepared log(s) with the vibration.
     """
-    for joint in twin.machine.passive:
-        if f"{joint}.spring" in twin.keys and np.ptp(motion.v[:, motion.index(joint)]) > 0.0:
-            twin = _with_spring(twin, motion, joint)
-    return twin
+    rows: dict[str, Any] = {}
+    for joint in plant.machine.passive:
+        if f"{joint}.spring" in plant.keys and np.ptp(motion.v[:, motion.index(joint)]) > 0.0:
+            plant, rows[joint] = _find_spring(plant, motion, joint)
+    return plant, rows
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class _Row:
         return x, cov, float(np.sqrt(np.mean(e**2)))
 
 
-def _with_spring(twin: Twin, motion: Motion, joint: str) -> Twin:
-    machine = twin.machine
+def _find_spring(plant: OpenLoop, motion: Motion, joint: str) -> tuple[OpenLoop, dict[str, float]]:
+    machine = plant.machine
     index, base = machine.passive[joint].index, machine.base
     W = base.regressor(machine.model, motion.q, motion.v, motion.a)[:, index]
     rows = []
@@ -81,12 +81,10 @@ def _with_spring(twin: Twin, motion: Motion, joint: str) -> Twin:
         spring = np.stack([_angle(motion, part, index), motion.v[part, index]], axis=1)
         rows.append(vibration_band(np.hstack([W[part], spring]), 1.0 / motion.step))
     X = np.concatenate(rows)
-    mean, precision = _prior(twin)
+    mean, precision = _prior(plant)
     theta, cov, left = _Row(X, mean, precision).solve(max(1, round(_LAG / motion.step)))
     load = float(np.sqrt(np.mean((X[:, -2] * theta[-2]) ** 2)))
-    springs = {**twin.quality.get("springs", {}), joint: {"residual": left, "load": load}}
-    found = _updated(twin, joint, theta, cov)
-    return replace(found, quality={**twin.quality, "springs": springs})
+    return _updated(plant, joint, theta, cov), {"residual": left, "load": load}
 
 
 def _angle(motion: Motion, part: slice, index: int) -> Floats:
@@ -98,33 +96,33 @@ def _angle(motion: Motion, part: slice, index: int) -> Floats:
     return np.asarray(spline.antiderivative()(spline.x), dtype=float)
 
 
-def _prior(twin: Twin) -> tuple[Floats, Floats]:
+def _prior(plant: OpenLoop) -> tuple[Floats, Floats]:
     """Return mean and precision of (beta, k, c): the motors' rows, and CAD for what they leave open."""
-    machine = twin.machine
-    at = twin.slices[twin.keys.index("rigid_body")]
+    machine = plant.machine
+    at = plant.slices[plant.keys.index("rigid_body")]
     cad = machine.base.from_standard(parameters(machine.model))
     units = np.array(machine.base.units)
     size = np.array([np.abs(cad[units == u]).max() for u in units])
     wide = (_DOUBT * np.maximum(np.abs(cad), np.maximum(_LEAST * size, 1e-6))) ** -2.0
-    table = {p.name: p for p in twin.parameters}
+    table = {p.name: p for p in plant.parameters}
     seen = np.array([table[f"rigid_body.{label}"].determined for label in machine.base.labels])
     precision = np.diag(np.append(wide, [1e-12, 1e-12]))
     mean = np.append(cad, [0.0, 0.0])
     b = np.flatnonzero(seen)
-    cov = twin.covariance[at, at][np.ix_(b, b)]
+    cov = plant.covariance[at, at][np.ix_(b, b)]
     scale = 1.0 / np.sqrt(np.diag(cov))
     own = np.linalg.pinv(cov * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
     right = precision @ mean
     precision[np.ix_(b, b)] += own
-    right[b] += own @ twin.theta[at][b]
+    right[b] += own @ plant.theta[at][b]
     return np.linalg.solve(precision, right), precision
 
 
-def _updated(twin: Twin, joint: str, theta: Floats, cov: Floats) -> Twin:
-    """Return the twin with the rigid body and the spring of the joint's own row."""
-    machine, base = twin.machine, twin.machine.base
-    rigid = twin.slices[twin.keys.index("rigid_body")]
-    spring = twin.slices[twin.keys.index(f"{joint}.spring")]
+def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoop:
+    """Return the plant with the rigid body and the spring of the joint's own row."""
+    machine, base = plant.machine, plant.machine.base
+    rigid = plant.slices[plant.keys.index("rigid_body")]
+    spring = plant.slices[plant.keys.index(f"{joint}.spring")]
     b = len(base)
     scale = np.sqrt(np.diag(cov)[:b])
     correlation = cov[:b, :b] / np.outer(scale, scale)
@@ -134,7 +132,7 @@ def _updated(twin: Twin, joint: str, theta: Floats, cov: Floats) -> Twin:
     pi0 = parameters(machine.model)
     bodies = tuple(np.arange(10 * i, 10 * i + 10) for i in range(count))
     found = consistent(evidence, Bodies(base.P, pi0, bodies, np.arange(10 * count, len(pi0))))
-    whole, full = twin.theta.copy(), twin.covariance.copy()
+    whole, full = plant.theta.copy(), plant.covariance.copy()
     whole[rigid], whole[spring] = found.theta, np.maximum(theta[b:], 0.0)
     for at, own in ((rigid, slice(0, b)), (spring, slice(b, b + 2))):
         full[at, :] = full[:, at] = 0.0
@@ -145,9 +143,9 @@ def _updated(twin: Twin, joint: str, theta: Floats, cov: Floats) -> Twin:
     values = np.concatenate([whole[rigid], whole[spring]])
     table = tuple(
         _row(p, values[numbers[p.name]], errors[numbers[p.name]]) if p.name in numbers else p
-        for p in twin.parameters
+        for p in plant.parameters
     )
-    return replace(twin, theta=whole, covariance=full, parameters=table, pi=found.pi)
+    return replace(plant, theta=whole, covariance=full, parameters=table, pi=found.pi)
 
 
 def _row(p: Parameter, value: Any, error: Any) -> Parameter:

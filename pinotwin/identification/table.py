@@ -13,8 +13,8 @@ from pinotwin.identification.loop_parts import Loops
 from pinotwin.identification.plant import Plant
 from pinotwin.identification.refine import AxisEffects
 from pinotwin.machine import Machine
+from pinotwin.twin.open_loop import OpenLoop
 from pinotwin.twin.parameters import Parameter, verdict
-from pinotwin.twin.twin import Twin
 
 
 def parameter_table(machine: Machine, plant: Plant) -> tuple[Parameter, ...]:
@@ -90,11 +90,11 @@ def _shape_rows(key: str, effect: Effect, which: slice, where: slice, plant: Pla
     return rows
 
 
-def refined_table(twin: Twin, found: Loops) -> tuple[Parameter, ...]:
-    """Return the table of a twin with the rows that its closed loops refined."""
-    rows = {row.name: row for row in twin.parameters}
+def refined_table(plant: OpenLoop, found: Loops) -> tuple[Parameter, ...]:
+    """Return the table of a plant with the rows that its closed loops refined."""
+    rows = {row.name: row for row in plant.parameters}
     for axis in found.refined.values():
-        keys = dict(zip(map(id, found.effects), twin.keys, strict=True))
+        keys = dict(zip(map(id, found.effects), plant.keys, strict=True))
         linear, shape = list(zip(axis.theta, axis.error, strict=True)), _shape_numbers(axis)
         for effect in axis.effects:
             key = keys[id(effect)]

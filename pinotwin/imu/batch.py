@@ -82,7 +82,7 @@ def estimate(
         raise DataError(f"{len(servo)} servo runs and {len(imu)} IMU runs; they must come in pairs")
     try:
         with np.errstate(invalid="raise", over="raise", divide="raise"):
-            problem, clocks = _prepare(servo, imu, p, clocks)
+            problem, clocks = prepare(servo, imu, p, clocks)
             theta, cov = _solve(problem, iterations)
             result = _collect(problem, theta, cov, clocks, p)
     except (FloatingPointError, np.linalg.LinAlgError):
@@ -103,9 +103,10 @@ def _lost(p: Priors) -> DataError:
     )
 
 
-def _prepare(
+def prepare(
     servo: Sequence[ServoRun], imu: Sequence[ImuRun], p: Priors, clocks: Sequence[ClockFit] | None
 ) -> tuple[_Problem, list[ClockFit]]:
+    """Return the problem of all runs, linearised at the priors, and the clocks, found here where none are given."""
     delay = float(np.sqrt(2.0) / (2.0 * np.pi * p.gyro_cutoff))
     settings = SyncSettings(delay=delay, delay_sd=p.gyro_delay_sd, skew=p.skew)
     if clocks is None:

@@ -1,91 +1,10 @@
-"""What a sensor does at rest: rest detection, noise density, Allan deviation.
-
-Allan deviation of a rate sampled at tau0 (IEEE Std 952; overlapping estimator), theta its integral:
-
-    sigma²(m tau0) = mean (theta[k + 2m] - 2 theta[k + m] + theta[k])² / (2 (m tau0)²)
-
-White noise of density N [unit/sqrt(Hz)] (one-sided PSD N²) gives sigma = N / sqrt(2 tau); in the
-inertial world the number quoted is the random-walk coefficient N/sqrt(2) per axis. A floor at
-sigma = 0.664 B is the bias instability B; a random walk K [unit/sqrt(s)] gives sigma = K
-sqrt(tau/3).
-"""
+"""Where a sensor rests, and how large its white noise is."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.optimize import nnls
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.errors import DataError
-
-
-@dataclass(frozen=True)
-class NoiseFigures:
-    """Noise of one rest segment; arrays per channel, units of the channel.
-
-    Attributes:
-        mean: bias over the segment.
-        rms: standard deviation.
-        density: white noise density (one-sided) [unit/sqrt(Hz)].
-        instability: bias instability [unit]; zero where the segment does not show any.
-        walk: rate random walk [unit/sqrt(s)]; likewise.
-        tau: averaging times [s], shape (k,).
-        allan: Allan deviation, shape (k, channels).
-    """
-
-    mean: Floats
-    rms: Floats
-    density: Floats
-    instability: Floats
-    walk: Floats
-    tau: Floats
-    allan: Floats
-
-
-def allan_deviation(x: Floats, rate: float, points: int = 40) -> tuple[Floats, Floats]:
-    """Return averaging times [s], (k,), and the overlapping Allan deviation, (k, channels).
-
-    Args:
-        x: samples (n, channels) or (n,).
-        rate: sampling rate [Hz].
-        points: number of averaging times, log-spaced up to a ninth of the record.
-    """
-    x = np.atleast_2d(np.asarray(x, dtype=float).T).T
-    n = len(x)
-    theta = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)]) / rate
-    sizes = np.unique(np.geomspace(1, max(1, n // 9), points).astype(int))
-    deviations = []
-    for m in sizes:
-        d = theta[2 * m :] - 2.0 * theta[m:-m] + theta[: -2 * m]
-        deviations.append(np.sqrt(np.mean(d**2, axis=0) / 2.0) * rate / m)
-    return sizes / rate, np.array(deviations)
-
-
-def characterise(x: Floats, rate: float) -> NoiseFigures:
-    """Return the noise figures of a rest segment, shape (n, channels) or (n,).
-
-    The Allan variance is fitted by non-negative least squares on N²/(2 tau) + (0.664 B)² + K²
-    tau/3, each point weighted with its relative error (tau over length).
-
-    Raises:
-        DataError: fewer than 50 samples.
-    """
-    x = np.atleast_2d(np.asarray(x, dtype=float).T).T
-    if len(x) < 50:
-        raise DataError(f"a rest segment of {len(x)} samples is too short for noise figures; >= 50")
-    tau, allan = allan_deviation(x, rate)
-    basis = np.stack([0.5 / tau, np.full_like(tau, 0.664**2), tau / 3.0], axis=1)
-    weight = 1.0 / np.sqrt(tau)
-    found = np.empty((x.shape[1], 3))
-    for c in range(x.shape[1]):
-        variance = np.maximum(allan[:, c] ** 2, 1e-300)
-        rows = basis * (weight / variance)[:, None]
-        size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-        found[c] = nnls(rows / size, weight)[0] / size
-    N, B, K = np.sqrt(found).T
-    return NoiseFigures(x.mean(axis=0), x.std(axis=0), N, B, K, tau, allan)
 
 
 def white_level(x: Floats) -> Floats:

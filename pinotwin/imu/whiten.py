@@ -8,8 +8,9 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.imu.noise import rest, white_level
+from pinotwin.signals import runs
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Whitener:
         Burg's (:mod:`pinotwin.signals.autoregression`): with that one a scale came out 0.03 % off, not 0.02 %.
         """
         still = rest(x[:, :3], x[:, 3:], rate)
-        pieces = [x[a:b] for a, b in _stretches(still) if b - a > 40 * order]
+        pieces = [x[s] for s in runs(still) if s.stop - s.start > 40 * order]
         if sum(len(p) for p in pieces) < 0.3 * rate:
             taps = np.tile(np.eye(order + 1)[:1], (x.shape[1], 1))
             return cls(taps, white_level(x))
@@ -55,11 +56,6 @@ class Whitener:
         for c in range(x.shape[1]):
             out[:, c] = lfilter(self.taps[c] / self.sigma[c], [1.0], x[:, c], axis=0)
         return out
-
-
-def _stretches(mask: Mask) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _autocovariance(x: Floats, order: int) -> Floats:

@@ -70,7 +70,7 @@ def finite(log: Log) -> Log:
                 f"{log.source}: {name}: {x[absurd[0]]:g} in row {absurd[0]} is no measurement in "
                 "SI; remove such rows, or correct the unit under `columns` in machine.yaml"
             )
-        channels[name] = np.where(known, x, np.nan)
+        channels[name] = x if known.all() else np.where(known, x, np.nan)
     return log.with_channels(channels)
 
 

@@ -23,7 +23,7 @@ from scipy.signal import savgol_filter
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 from pinotwin.log import Log
-from pinotwin.signals import clock, lagrange_error
+from pinotwin.signals import clock, lagrange_error, runs
 
 BRIDGED = 2
 """Samples missing in a row that are bridged."""
@@ -229,9 +229,8 @@ def _filled(log: Log, notes: list[str]) -> Log:
         hole = ~np.isfinite(x)
         if name == "t" or not hole.any() or hole.all():
             continue
-        edges = np.flatnonzero(np.diff(np.r_[0, hole.astype(int), 0]))
         short = np.zeros(len(x), dtype=bool)
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        for start, stop in ((s.start, s.stop) for s in runs(hole)):
             inner = start >= 4 and stop <= len(x) - 4
             around = slice(start - 2, stop + 2)
             if inner and stop - start <= BRIDGED and hole[around].sum() == stop - start:

@@ -176,14 +176,14 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
         notes += _contradiction(name, column.unit.strip(), log.units.get(source))
         scale[name] = (_si(unit, name, log) * _scalar(log, column.factor, name), column.offset)
         _refuse_counts(unit, column.factor, name, log)
-        channels[name] = log[source] * scale[name][0] + column.offset
+        channels[name] = _scaled(log[source], *scale[name])
         units[name] = unit
     for held, name, unit in _passing(log, channels, used):
         used.add(held)
         scale[name] = (_si(unit, name, log), 0.0)
         _refuse_counts(unit, 1.0, name, log)
         units[name] = unit
-        channels[name] = log[held] * scale[name][0]
+        channels[name] = _scaled(log[held], *scale[name])
         notes += _said(held, name, unit, scale[name][0])
     if not channels:
         raise LogError(
@@ -195,6 +195,11 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
     if left:
         notes.append(f"not mapped and left out: {_some(left)}")
     return Log(channels, log.source, log.scalars, tuple(notes), units, scale)
+
+
+def _scaled(x: Floats, factor: float, offset: float) -> Floats:
+    """Return a channel in SI; one that is so already is not copied."""
+    return x if (factor, offset) == (1.0, 0.0) else x * factor + offset
 
 
 def _maps_any(log: Log, columns: Mapping[str, Column]) -> bool:

@@ -34,7 +34,7 @@ from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.quality.axes import inspect_axes
 from pinotwin.logs.quality.sampling import resample as interpolated
-from pinotwin.machine import DataSettings, Machine
+from pinotwin.machine import DataSettings, LeftOut, Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
 from pinotwin.signals import (
@@ -51,8 +51,6 @@ _DECIMATOR = 25  # samples that the filter of `decimate_zero_phase` needs
 _SAME_RATE = 0.01  # logs whose rates differ by less are the same clock, measured twice
 _GROSS = 0.5  # difference of a measured speed from the position's, over its RMS, that is no measurement's
 
-Intervals = Sequence[tuple[str, float, float]]
-
 
 def prepare(  # noqa: PLR0913, the public call: every option is a keyword
     machine: MachineLike,
@@ -62,7 +60,7 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
     decimate: int | None = None,
     order: int | None = None,
     resample: float | None = None,
-    leave_out: Intervals | None = None,
+    leave_out: Sequence[LeftOut] | None = None,
     lead: Mapping[str, float] | None = None,
 ) -> Motion:
     """Return one log, or several of the same machine, ready for identification and prediction.
@@ -76,7 +74,7 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
         decimate: fit one row in so many; else five rows a period of the corner.
         order: order of the Butterworth filter.
         resample: rate of the even clock to put the logs on [Hz].
-        leave_out: (file, from, to) [s] of rows that are no measurement, an empty name for all logs.
+        leave_out: rows that are no measurement, as :class:`~pinotwin.machine.DataSettings` has them.
         lead: axis -> time by which its effort is ahead of its position [s]; the effort is put back by it.
 
     Raises:
@@ -114,29 +112,41 @@ def _regular(machine: Machine, log: Log, how: DataSettings) -> Log:
     return even if how.resample is None else _resampled(even, how.resample)
 
 
-def without(log: Log, leave_out: Intervals) -> Log:
+def without(log: Log, leave_out: Sequence[LeftOut]) -> Log:
     """Return a log without the rows that are said to be no measurement.
 
     Args:
         log: bound log.
-        leave_out: (file, from, to) [s], an empty name for all logs.
+        leave_out: (file, from, to) [s] or (file, channel, value), an empty name for all logs.
 
     Raises:
-        DataError: no row would be left.
+        DataError: no row would be left, or a channel is not in the log.
     """
     if not leave_out or "t" not in log:
         return log
     out = np.zeros(len(log), dtype=bool)
-    for file, start, stop in leave_out:
+    for file, first, last in leave_out:
         if file in ("", log.source, Path(log.source).name):
-            out |= (log.t >= start) & (log.t <= stop)
+            out |= (
+                _rows_with(log, first, last) if isinstance(first, str) else (log.t >= first) & (log.t <= last)
+            )
     if out.all():
-        raise DataError(f"{log.source}: data.leave_out leaves no row; give shorter times")
+        raise DataError(f"{log.source}: data.leave_out leaves no row; leave less out")
     if not out.any():
         return log
     note = f"{int(out.sum())} rows left out as data.leave_out says"
     kept = log.rows(~out)
     return kept.with_channels(kept.channels, [*log.notes, note])
+
+
+def _rows_with(log: Log, channel: str, value: float) -> Mask:
+    """Return the rows where a channel, such as a feed rate or a program number, has a value."""
+    if channel not in log:
+        raise DataError(
+            f"{log.source}: data.leave_out asks for the channel {channel!r}, which this log lacks; map it "
+            "under columns, or name the files that have it: leave_out: {FILE: [{CHANNEL: VALUE}]}"
+        )
+    return np.isclose(log[channel], value, rtol=1e-9, atol=0.0)
 
 
 def _resampled(log: Log, rate: float) -> Log:

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from pinotwin.machine.bundled import machines
 from pinotwin.machine.machine import Machine
-from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
+from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape, Passive
 
-__all__ = ["Axis", "DataSettings", "Imu", "LoopShape", "Machine", "Passive", "machines"]
+__all__ = ["Axis", "DataSettings", "Imu", "LeftOut", "LoopShape", "Machine", "Passive", "machines"]

@@ -21,12 +21,12 @@ from pinotwin.logs.columns import Column
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
-from pinotwin.notebook import Shown, card, plain_card
+from pinotwin.notebook import Card, Shown
 from pinotwin.writing import write_bytes, write_text
 
 
-@dataclass(frozen=True, eq=False)
-class Machine:
+@dataclass(frozen=True, eq=False, repr=False)
+class Machine(Card):
     """A machine: its tree and what is believed to act on it. See :meth:`load`.
 
     Attributes:
@@ -202,12 +202,6 @@ class Machine:
                 raise MachineError(f"{self.name}: no axis {name!r}; {nearest(name, self.names)}")
             q[self.names.index(name)] = value
         return q
-
-    def __repr__(self) -> str:
-        return plain_card(*self._shown())
-
-    def _repr_html_(self) -> str:
-        return card(*self._shown())
 
     def _shown(self) -> Shown:
         """Return title, columns, rows and a note for a notebook and for ``repr``."""

@@ -8,6 +8,9 @@ import numpy as np
 
 from pinotwin.effects import Effect
 
+LeftOut = tuple[str, str | float, float]
+"""Rows that are no measurement: (file, from, to) [s], or (file, channel, value); no file name: every log."""
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -93,7 +96,7 @@ class DataSettings:
         filter_effort: low-pass the effort as well (positions always are).
         drop: samples to drop at the start and at the end of a stretch.
         resample: rate of the even clock that logs are put on [Hz]; None keeps theirs.
-        leave_out: (file, from, to) [s]: rows that are no measurement; an empty name means every log.
+        leave_out: rows that are no measurement, by time or by the value of a channel such as a feed rate.
     """
 
     cutoff: float | None = None
@@ -102,4 +105,4 @@ class DataSettings:
     filter_effort: bool = True
     drop: tuple[int, int] | None = None
     resample: float | None = None
-    leave_out: tuple[tuple[str, float, float], ...] = ()
+    leave_out: tuple[LeftOut, ...] = ()

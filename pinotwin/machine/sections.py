@@ -14,7 +14,7 @@ import pinocchio as pin
 from pinotwin.arrays import Floats
 from pinotwin.errors import MachineError, nearest
 from pinotwin.logs.columns import AXIS_SIGNALS, LOAD_SIGNALS, Column, parse_columns
-from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape
+from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape
 from pinotwin.machine.urdf_check import read_tree
 from pinotwin.machine.yaml_file import check_keys, mapping, number, truth, whole
 
@@ -100,8 +100,9 @@ def data_spec(settings: DataSettings) -> dict[str, Any]:
     for f in dataclasses.fields(settings):
         value = getattr(settings, f.name)
         if f.name == "leave_out":
-            for file, start, stop in value:
-                out.setdefault("leave_out", {}).setdefault(file, []).append([start, stop])
+            for file, first, last in value:
+                item = {first: last} if isinstance(first, str) else [first, last]
+                out.setdefault("leave_out", {}).setdefault(file, []).append(item)
         elif value != f.default:
             out[f.name] = list(value) if isinstance(value, tuple) else value
     return out
@@ -117,31 +118,40 @@ def _data_value(key: str, value: Any) -> Any:
             raise MachineError(f"{where}: expected samples at the start and the end, found {value!r}")
         return tuple(whole(x, where, 0) for x in ends)
     if key == "leave_out":
-        return _intervals(value, where)
+        return _left_out(value, where)
     if key in ("cutoff", "resample"):
         return number(value, where, positive=True)
     return whole(value, where, 1, 10 if key == "order" else None)
 
 
-def _intervals(value: Any, where: str) -> tuple[tuple[str, float, float], ...]:
-    """Return (file, from, to) of ``[[from, to], ...]``, or of such a list per file name."""
+def _left_out(value: Any, where: str) -> tuple[LeftOut, ...]:
+    """Return the rows of ``[[from, to], {channel: value}, ...]``, or of such a list per file name."""
     if isinstance(value, dict):
         return tuple(
-            (str(file), start, stop)
+            (str(file), first, last)
             for file, rows in value.items()
-            for _, start, stop in _intervals(rows, f"{where}.{file}")
+            for _, first, last in _left_out(rows, f"{where}.{file}")
         )
     if not isinstance(value, list):
-        raise MachineError(f"{where}: expected a list such as [[1.5, 2.0]] in s, found {value!r}")
-    out = []
-    for i, pair in enumerate(value):
-        if not isinstance(pair, list) or len(pair) != 2:
-            raise MachineError(f"{where}[{i}]: expected [from, to] in s, found {pair!r}")
-        start, stop = (number(x, f"{where}[{i}]") for x in pair)
-        if stop < start:
-            raise MachineError(f"{where}[{i}]: {start:g} to {stop:g} s runs backward")
-        out.append(("", start, stop))
-    return tuple(out)
+        raise MachineError(
+            f"{where}: expected a list such as [[1.5, 2.0]] in s or [{{feedrate: 50}}], found {value!r}"
+        )
+    return tuple(row for i, item in enumerate(value) for row in _left_out_item(item, f"{where}[{i}]"))
+
+
+def _left_out_item(item: Any, where: str) -> list[LeftOut]:
+    if isinstance(item, dict) and item:
+        return [
+            ("", str(channel), number(x, f"{where}.{channel}"))
+            for channel, values in item.items()
+            for x in (values if isinstance(values, list) else [values])
+        ]
+    if not isinstance(item, list) or len(item) != 2:
+        raise MachineError(f"{where}: expected [from, to] in s or {{channel: value}}, found {item!r}")
+    start, stop = (number(x, where) for x in item)
+    if stop < start:
+        raise MachineError(f"{where}: {start:g} to {stop:g} s runs backward")
+    return [("", start, stop)]
 
 
 def seconds(value: Any, where: str) -> float:

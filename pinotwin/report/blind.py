@@ -113,21 +113,8 @@ def _state(state: str) -> Html | str:
 
 
 def _confusion(d: Mapping[str, Any]) -> list[Block]:
-    have, said = d["confusion"]["measured"], d["confusion"]["predicted"]
-    if not have:
-        return []
-    out: list[Block] = [Plot(matrix_figure(have), "Measured", "Share of each row; counts in the cells.")]
-    if said:
-        r = d["confusion"]["rank_correlation"]
-        words = "" if r is None else f" Rank correlation with the measured one: {r:.2f}."
-        out.append(
-            Plot(
-                matrix_figure(said),
-                "Predicted by isolability, before looking at the data",
-                f"Mean probability of each answer.{words}",
-            )
-        )
-    return out
+    have = d["confusion"]
+    return [Plot(matrix_figure(have), "Measured", "Share of each row; counts in the cells.")] if have else []
 
 
 def _calibration(d: Mapping[str, Any]) -> list[Block]:

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.analysis.comparison import Z90, Comparison, Row, effect_title
 from pinotwin.analysis.diagnoses import Diagnoses
-from pinotwin.report.blocks import Block, Group, Html, Plot, Tile, notes, paragraph, table, tiles
+from pinotwin.diagnosis.conclusion.sizes import size_text, told
+from pinotwin.diagnosis.grade import KIND, grade
+from pinotwin.diagnosis.result import Size
+from pinotwin.report.blocks import Block, Group, Html, Plot, Tile, chip, notes, paragraph, table, tiles
+from pinotwin.report.diagnosis_plots import signal_scale
+from pinotwin.report.display import Scale, elided
 from pinotwin.report.display import rounded as with_error
 from pinotwin.report.figures import effect_colour, style
 from pinotwin.report.page import Page
 
+KINDS: dict[str, str] = {str(word): kind for word, kind in KIND.items()}
+"""Grade -> colour of its chip."""
+SI = Scale(1.0, "")
+"""As the number stands in the file."""
+WORDS = {"simulated e": "tracking error, simulated", "simulated u": "effort, simulated"}
 _SHOWN = 12
 """Parameters drawn over the series; the table has them all."""
 
@@ -42,6 +56,7 @@ def comparison_report(found: Comparison) -> str:
     knots = tuple(row for row in found.rows if not np.isfinite(row.p))
     page = page.section("All parameters", _table(found, plain), *_folded(found, knots))
     page = page.section("To note", *_notes(found))
+    page = page.section("How this was made", *_made(found))
     return page.html()
 
 
@@ -64,30 +79,125 @@ def diagnoses_report(found: Diagnoses) -> str:
         for axis, signals in found.gap.items()
         for signal, held in signals.items()
     ]
-    return page.section(
-        "Gap, RMS (share of the signal)", table(("axis", "signal", *found.labels), gaps)
-    ).html()
+    if len(found.labels) > 2:
+        page = page.section("Over time", *_gap_series(found))
+    head = ("axis", "signal", *found.labels)
+    intro = "RMS of log minus model in SI, its share of the signal, and the grade of each diagnosis."
+    page = page.section("Gaps", table(head, gaps), intro=intro)
+    return page.section("How these were made", _diagnoses_made(found)).html()
+
+
+def _gap_series(found: Diagnoses) -> list[Block]:
+    """Return the gap of every axis' effort from diagnosis to diagnosis, each point with its grade."""
+    plots: list[Block] = []
+    for axis, signals in found.gap.items():
+        held = signals.get("u", {})
+        if not held:
+            continue
+        rows = [held.get(label, {}) for label in found.labels]
+        shares = [100.0 * row["nrmse"] if row.get("nrmse") is not None else None for row in rows]
+        words = [str(row.get("grade", "")) for row in rows]
+        figure = go.Figure(
+            go.Scatter(
+                x=list(found.labels),
+                y=shares,
+                text=words,
+                mode="lines+markers+text",
+                textposition="top center",
+                cliponaxis=False,
+                marker={"size": 8},
+                line={"width": 1.5},
+            )
+        )
+        figure.update_yaxes(title="gap of the effort [%]", rangemode="tozero")
+        plots.append(Plot(style(figure, 240, legend=False), f"Axis {axis}", "RMS over the RMS of the effort"))
+    return [Group(tuple(plots[k : k + 2])) for k in range(0, len(plots), 2)]
+
+
+def _diagnoses_made(found: Diagnoses) -> Html:
+    """Return version, date and logs of each diagnosis."""
+    rows = []
+    for label, document in zip(found.labels, found.documents, strict=True):
+        made = document.get("provenance") or {}
+        rows.append(
+            (
+                label,
+                made.get("version", "–"),
+                made.get("date", "–"),
+                _logs(made.get("logs") or ()),
+                _logs(made.get("twin_from") or ()) or "no twin: the machine itself",
+            )
+        )
+    return table(("diagnosis", "pinotwin", "made", "of the logs", "twin identified from"), rows)
+
+
+def _logs(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return names and fingerprints of logs."""
+    return "; ".join(
+        f"{elided(str(row.get('source', '')), 40)} ({row.get('fingerprint', '–')})" for row in rows
+    )
+
+
+def _made(found: Comparison) -> list[Block]:
+    """Return what each twin was identified from."""
+    from pinotwin import __version__
+
+    rows = [
+        (
+            label,
+            elided(str(row.get("source", "")), 60),
+            row.get("samples", ""),
+            f"{float(row['rate']):.6g} Hz" if row.get("rate") else "",
+            row.get("fingerprint", ""),
+        )
+        for label, logs in found.data.items()
+        for row in logs
+    ]
+    head = ("twin", "identified from", "samples", "rate", "fingerprint")
+    out: list[Block] = [table(head, rows, numeric=(2, 3))] if rows else []
+    return [*out, paragraph(f"pinotwin {__version__}.", "lead")]
 
 
 def _cause(effect: object) -> str:
     if not isinstance(effect, dict):
         return "not named"
-    size = effect.get("size")
-    told = f"{float(effect.get('confidence') or 0.0):.0%}"
-    if isinstance(size, dict) and size.get("after") is not None:
-        before = "" if size.get("before") is None else f"{rounded(size['before'])} → "
-        return (
-            f"{size.get('name', '')} {before}{rounded(size['after'])} {size.get('unit', '')} ({told})".strip()
-        )
-    return told
+    sizes = "; ".join(size_text(size) for size in told(_sizes(effect.get("size")))[:2])
+    sure = f"{float(effect.get('confidence') or 0.0):.0%}"
+    return f"{sizes} ({sure})" if sizes else sure
 
 
-def _gap(row: object) -> str:
+def _sizes(rows: object) -> list[Size]:
+    """Return the sizes of an effect of diagnosis.json; none of one that is not as it should be."""
+    out = []
+    for row in rows if isinstance(rows, list) else ():
+        if isinstance(row, dict) and row.get("after") is not None:
+            before = math.nan if row.get("before") is None else float(row["before"])
+            low, high = (math.nan if x is None else float(x) for x in row.get("interval90") or (None, None))
+            out.append(
+                Size(
+                    str(row.get("name", "")),
+                    before,
+                    float(row["after"]),
+                    str(row.get("unit", "")),
+                    (low, high),
+                )
+            )
+    return out
+
+
+def _gap(row: object, scale: Scale = SI) -> str | Html:
     if not isinstance(row, dict) or row.get("rms") is None:
         return ""
-    return (
-        f"{rounded(row['rms'])} ({row['nrmse']:.1%})" if row.get("nrmse") is not None else rounded(row["rms"])
-    )
+    text = f"{row['rms'] * scale.factor:.4g} {scale.unit}".strip()
+    if row.get("nrmse") is not None:
+        text = f"{text} ({row['nrmse']:.1%})"
+    word = str(row.get("grade") or effort_grade(row))
+    return Html(f"{text} {chip(word, KINDS.get(word, '')).text}") if word else text
+
+
+def effort_grade(row: Mapping[str, Any]) -> str:
+    """Return the grade of a twin's error on a log, held against what it left of its own; "" where not known."""
+    return grade(float(row["rms"]), float(row["misfit"]), None) if row.get("misfit") else ""
 
 
 def _tiles(found: Comparison) -> Html:
@@ -158,7 +268,7 @@ def _folded(found: Comparison, rows: tuple[Row, ...]) -> list[Block]:
     if not rows:
         return []
     title = f"{len(rows)} knots of tables, and what one twin alone determines"
-    return [Html(f"<details><summary>{title}</summary>{_table(found, rows).text}</details>")]
+    return [Html(f'<details class="big"><summary>{title}</summary>{_table(found, rows).text}</details>')]
 
 
 def _value(x: float, error: float) -> str:
@@ -181,11 +291,15 @@ def _shifts(found: Comparison) -> list[Block]:
 
 
 def _errors(found: Comparison) -> list[Block]:
-    rows = [
-        (axis, signal, *(_gap(held.get(label)) for label in found.labels))
-        for axis, signals in found.errors.items()
-        for signal, held in signals.items()
-    ]
+    units = {axis: unit for axis, _, unit in found.shifts.values()}
+    rows = []
+    for axis, signals in found.errors.items():
+        for signal, held in signals.items():
+            size = max(row["rms"] for row in held.values())
+            scale = signal_scale(signal[-1] if " " in signal else "u", units.get(axis) == "N·m", size)
+            rows.append(
+                (axis, WORDS.get(signal, signal), *(_gap(held.get(label), scale) for label in found.labels))
+            )
     head = ("axis", "signal", *(f"{label}: RMS (of the signal)" for label in found.labels))
     return [table(head, rows, numeric=range(2, len(head)))] if rows else []
 

@@ -101,7 +101,8 @@ _WHERE = (
 )
 _HOW_FAR = (
     "Promised: the share of the squared gap that the fit itself expects to remove. Removed: what came of it on "
-    "data that the size was not fitted to, with a 90 % interval; the choice of the cause has seen the diagnosed "
+    "data that the size was not fitted to, on rows at which the axis slides, with a 90 % interval; "
+    "the choice of the cause has seen the diagnosed "
     "logs, so without a validation log it flatters. Bars: RMS of log minus model on the diagnosed logs. Noise: "
     "what differs between two runs of the same motion. Own misfit: what the twin left of its own logs."
 )
@@ -185,7 +186,8 @@ def _sure(confidence: float) -> str:
 
 def where_blocks(d: Diagnosis) -> list[Block]:
     """Return the regions in which the gap lies, as a table with bars."""
-    if not d.where:
+    denser = [r for r in telling(d.where, [str(e.axis) for e in d.effects]) if density(r) > 1.0]
+    if not denser:
         return []
     rows = [
         [
@@ -193,10 +195,10 @@ def where_blocks(d: Diagnosis) -> list[Block]:
             KINDS.get(r.kind, r.kind),
             region_words(r),
             share_bar(r.share, r.time_share),
-            f"{density(r):.2g} ×",
+            f"{density(r):.0f} ×" if density(r) >= 9.95 else f"{density(r):.2g} ×",
             "–" if r.p_value is None else f"{100 * r.p_value:.2g} %",
         ]
-        for r in telling(d.where, [str(e.axis) for e in d.effects])[:REGIONS]
+        for r in denser[:REGIONS]
     ]
     header = (
         "signal",
@@ -219,6 +221,10 @@ def which_blocks(d: Diagnosis) -> list[Block]:
         rows = [_which(e) for e in d.effects]
         out.append(table(("cause", "what it is", "confidence", "could also be"), rows))
         out.append(paragraph(_CONFIDENCE, "lead"))
+    if d.possible:
+        out.append(heading("Possible, not sure enough to be named"))
+        rows = [_which(e) for e in d.possible]
+        out.append(table(("cause", "what it is", "confidence", "could also be"), rows))
     groups = [joined([label_words(x) for x in group]) for group in d.confusable]
     if groups:
         out.append(heading("Look-alikes"))
@@ -241,7 +247,8 @@ def which_blocks(d: Diagnosis) -> list[Block]:
 
 _CONFIDENCE = (
     "Confidence: of trials in which this cause was put into what the model leaves anyway on this motion, the "
-    "share in which the same search named it first; stated rather than measured for pushes and the servo."
+    "share in which the same search named it again; of what the second encoder or a vibration shows, the share of "
+    "choices of stretches of the log that show it."
 )
 
 
@@ -254,7 +261,10 @@ def _which(e: Found) -> list[object]:
         p = item.get("probability", 0.0)
         chance = f" ({p:.0%})" if p >= 0.005 else ""
         others.append(f"{what}{chance}: {plain_sentence(str(item.get('why', '')))}")
-    other = Html("".join(f'<div class="sub">{escape(x)}</div>' for x in others) or "no other came close")
+    lines = "".join(f'<div class="sub">{escape(x)}</div>' for x in others)
+    other = Html(
+        f"<div>{lines}</div>" if lines else "no other came close"
+    )  # one element, or a phone sets them side by side
     return [name, explanation(e.effect), chip(f"{e.confidence:.0%}", _sure(e.confidence)), other]
 
 
@@ -318,7 +328,7 @@ def _interval(span: tuple[float, float]) -> str:
         low, high = (f"{100 * x:.{digits}f}" for x in span)
         if low != high:
             return f"{low} to {high} %"
-    return f"{low} %"
+    return "–"  # its ends are one: none was found
 
 
 def next_blocks(d: Diagnosis) -> list[Block]:

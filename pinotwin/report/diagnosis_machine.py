@@ -17,6 +17,7 @@ from pinotwin.viewer.scene import visual_model
 from pinotwin.viewer.still import GREY, Still, still
 
 _HIGH = 24  # pixels between the names of two axes
+_WIDE = 8.5  # of a letter
 
 
 def machine_block(d: Diagnosis, log: Log | None = None) -> Html | None:
@@ -57,17 +58,16 @@ def _figure(d: Diagnosis, machine: Machine, drawn: Still) -> str:
         for name, axis in machine.axes.items()
         if axis.joint in drawn.joints
     )
-    texts, last = [], -1e9
+    texts, last = [], {True: -1e9, False: -1e9}
     for y, x, name in marks:
-        low = max(min(max(y, 16.0), height - 12.0), last + _HIGH)
-        last = low
-        left = x < 0.62 * width
-        to = x + (46 if left else -46)
+        left = x < 0.5 * width
+        low = last[left] = max(min(max(y, 16.0), height - 12.0), last[left] + _HIGH)
         word = f"{name} · {grade_of(d, name)}"
+        inner = min(_WIDE * len(word), 0.4 * width)
+        edge, to = (6.0, 10.0 + inner) if left else (width - 6.0, width - 10.0 - inner)
         texts.append(
             f'<circle cx="{x:.0f}" cy="{y:.0f}" r="3.5"/><path d="M{x:.0f} {y:.0f}L{to:.0f} {low:.0f}"/>'
-            f'<text x="{to + (4 if left else -4):.0f}" y="{low + 4:.0f}" '
-            f'text-anchor="{"start" if left else "end"}">{escape(word)}</text>'
+            f'<text x="{edge:.0f}" y="{low + 4:.0f}" text-anchor="{"start" if left else "end"}">{escape(word)}</text>'
         )
     return (
         f'<figure class="machine"><svg viewBox="0 0 {width} {height}" role="img" '

@@ -34,6 +34,12 @@ class Bar:
     colour: str
 
 
+def closes(given: Traces) -> bool:
+    """Whether a named cause makes any difference to a gap that can be seen."""
+    size = float(np.max(np.abs(given.before), initial=0.0))
+    return not np.allclose(given.before, given.after, rtol=0.0, atol=1e-4 * size)
+
+
 SHORT = {"u": "effort", "e": "error", "v": "vibration", "ql": "twist"}
 
 
@@ -107,7 +113,7 @@ def gap_figure(given: Traces, rotary: bool) -> go.Figure:
     scale = display.effort(rotary, display.largest(given.before))
     t, before, after = broken(rows, block, given.t, given.before, given.after)
     figure = go.Figure(line(t, scale(before), "model today", RESIDUAL, unit=scale.unit))
-    if not np.array_equal(given.before, given.after):
+    if closes(given):
         trace = line(t, scale(after), "with the cause", ACCENT, width=1.1, unit=scale.unit)
         figure.add_trace(trace)
     style(figure, 300)
@@ -129,7 +135,7 @@ def spectrum_figure(given: Traces, rotary: bool) -> go.Figure:
     scale = display.effort(rotary, display.largest(given.before))
     figure = go.Figure()
     shown = [("model today", given.before, RESIDUAL)]
-    if not np.array_equal(given.before, given.after):
+    if closes(given):
         shown.append(("with the cause", given.after, ACCENT))
     for name, y, colour in shown:
         f, power = welch(y[stretch], 1.0 / usual, nperseg=width)
@@ -153,7 +159,7 @@ def against_figure(given: Traces, x: Floats, rotary: bool, against: str) -> go.F
     up = display.effort(rotary, display.largest(given.before))
     rows = some_rows(len(x), points=1500)
     shown = [("model today", given.before, RESIDUAL)]
-    if not np.array_equal(given.before, given.after):
+    if closes(given):
         shown.append(("with the cause", given.after, ACCENT))
     figure = go.Figure()
     for name, y, colour in shown:

@@ -40,17 +40,23 @@ def headline(d: Diagnosis) -> list[str]:
         )
         return [first, *_stays(d), *_errors(d)]
     if not d.effects:
-        where = joined([f"axis {a}" for a in d.remains or d.unexplained] or ["this machine"])
-        return [
-            f"Log and model differ on {where}, and no effect that pinotwin knows closes the gap.",
-            *_stays(d),
-            *_errors(d),
-        ]
+        open_axes = [a for a in d.remains or d.unexplained if grade_of(d, a) != "not judged"]
+        where = joined([f"axis {a}" for a in open_axes] or ["this machine"])
+        none = f"Log and model differ on {where}, and no effect that pinotwin knows closes the gap."
+        unsure = f"Log and model differ on {where}; what was found is not sure enough to be named."
+        said = [unsure if d.possible else none] if open_axes or not d.remains else []
+        return [*said, *_possible(d), *_stays(d), *_errors(d)]
     lines = [_cause(d, e) for e in d.effects[:MOST]]
     if len(d.effects) > MOST:
         rest = joined([on_axis(e.effect, e.axis) for e in d.effects[MOST:]])
         lines.append(f"Also found: {rest}.")
-    return [*lines, *_stays(d), *_errors(d)]
+    return [*lines, *_possible(d), *_stays(d), *_errors(d)]
+
+
+def _possible(d: Diagnosis) -> list[str]:
+    """Return the causes that are not sure enough to be named, in one sentence."""
+    names = [f"{on_axis(e.effect, e.axis)} (confidence {e.confidence:.0%})" for e in d.possible]
+    return [f"Possible, but not sure: {joined(names)}."] if names else []
 
 
 def _cause(d: Diagnosis, e: Found) -> str:
@@ -67,7 +73,8 @@ def _cause(d: Diagnosis, e: Found) -> str:
         return f"{said} On {named_data(d, shrink)} the gap does not shrink by it yet: take it as a hint."
     scale = signal_scale(signal, rotary_axes(d).get(e.axis or "", False), shrink.before)
     numbers = f"{shrink.before * scale.factor:.3g} to {shrink.after * scale.factor:.3g} {scale.unit}"
-    return f"{said} With it the gap shrinks from {numbers} RMS, on {named_data(d, shrink)}."
+    rows = " where the axis slides" if signal == "u" else ""  # the cards count every row in motion
+    return f"{said} With it the gap shrinks from {numbers} RMS{rows}, on {named_data(d, shrink)}."
 
 
 def named_data(d: Diagnosis, x: Shrink) -> str:
@@ -97,6 +104,8 @@ def _stays(d: Diagnosis) -> list[str]:
             out.append(f"Axis {axis}: a gap of {rms} {scale.unit} RMS is closed by no named cause.{looks}")
         elif word == "partly explained":
             out.append(f"Axis {axis}: {after} of {rms} {scale.unit} RMS stay without a cause.{looks}")
+        elif word == "not judged" and axis in d.remains:
+            out.append(f"Axis {axis} is not judged: {d.remains[axis]}.")
         elif word == "above misfit":
             own = g.rms / g.misfit
             out.append(f"Axis {axis} leaves {own:.2g} times what its twin left of its own logs: watch it.")

@@ -42,6 +42,7 @@ margin:1rem 0}
 .tile .big{font-size:1.75rem;font-weight:660;letter-spacing:-.02em;line-height:1.25;
 margin:.15rem 0 0}
 .tile .note{color:var(--soft);font-size:.83rem;line-height:1.4}
+.chip{white-space:nowrap;align-self:start}
 .chip{display:inline-block;border-radius:999px;padding:.05rem .6rem;font-size:.8rem;line-height:1.5;
 background:var(--mutebg);color:var(--mute)}
 .chip.good{background:var(--goodbg);color:var(--good)}.chip.fair{background:var(--fairbg);
@@ -99,6 +100,7 @@ border-radius:3px;margin-right:.4rem;vertical-align:-.05rem;overflow:hidden}
 details{margin:.6rem 0}summary{cursor:pointer;color:var(--soft);font-size:.89rem}
 dl.facts{display:grid;grid-template-columns:repeat(auto-fill,minmax(230px,1fr));gap:.4rem 1.2rem;margin:.6rem 0}
 dl.facts dt{color:var(--soft);font-size:.8rem}dl.facts dd{margin:0;overflow-wrap:anywhere}
+td>b{white-space:nowrap}
 section a{color:var(--accent)}
 footer{color:var(--soft);font-size:.83rem;margin-top:3rem;border-top:1px solid var(--line);
 padding-top:.8rem}
@@ -111,15 +113,16 @@ figure.machine text{font-size:21px}
 .card.scroll>table:not(.parameters)>tbody{display:block}
 .card.scroll>table:not(.parameters) tr{display:block;padding:.4rem 0;border-bottom:1px solid var(--line)}
 .card.scroll>table:not(.parameters) td{display:flex;justify-content:space-between;gap:1rem;border:0;
-padding:.12rem 0;text-align:right;white-space:normal}
+padding:.12rem 0;text-align:right;white-space:normal}td>b{white-space:normal}
 .card.scroll>table:not(.parameters) td::before{content:attr(data-head);color:var(--soft);text-align:left;
 flex:0 0 38%}
 .card.scroll>table:not(.parameters) td:empty{display:none}}
 @page{size:A4;margin:12mm}
 @media print{.bar{display:none}body{background:#fff;font-size:15px}main{max-width:none;zoom:.62;padding:0}
-details>*{display:block}details::details-content{content-visibility:visible;display:block}
+details:not(.big)>*{display:block}
+details:not(.big)::details-content{content-visibility:visible;display:block}
 figure.machine{max-width:560px}section{margin-top:1.6rem}h2,h3,.tabs .heads{break-after:avoid}
 .card,tr,.tile{break-inside:avoid}.card.scroll{break-inside:auto}section{break-inside:auto}
 figure,.tile{break-inside:avoid}.tabs>.panel[hidden]{display:block}.tabs>.heads{display:none}
-tbody.folded tr:not(.group):not(.summary){display:table-row}}
+button.fold{display:none}}
 """

@@ -125,7 +125,10 @@ def cautions(twin: Twin) -> list[str]:
 
 
 def _times(ratio: float | None) -> str:
-    return "a little" if ratio is None else f"to {ratio:.3f} times"
+    """Return by how much a cost rose, in words; a tenth of a per cent is nothing to speak of."""
+    if ratio is None or ratio < 1.001:
+        return "by less than 0.1 %" if ratio is not None else "a little"
+    return f"to {ratio:.3f} times"
 
 
 def _first(names: Sequence[str], count: int = 4) -> str:

@@ -11,9 +11,9 @@ from pinotwin.signals.hats import hats as hats
 from pinotwin.signals.sampling import Clock as Clock
 from pinotwin.signals.sampling import clock as clock
 from pinotwin.signals.sampling import lagrange_error as lagrange_error
+from pinotwin.signals.sampling import runs as runs
 from pinotwin.signals.sampling import segments as segments
 from pinotwin.signals.sampling import uniform as uniform
-from pinotwin.signals.size import clipped_rms as clipped_rms
 from pinotwin.signals.size import rms as rms
 from pinotwin.signals.size import roughness as roughness
 from pinotwin.signals.spectra import Spectrum as Spectrum
@@ -26,7 +26,6 @@ __all__ = [
     "Spectrum",
     "autocorrelation",
     "burg",
-    "clipped_rms",
     "clock",
     "decimate_zero_phase",
     "derivatives",
@@ -38,6 +37,7 @@ __all__ = [
     "low_pass",
     "rms",
     "roughness",
+    "runs",
     "segments",
     "suggest_cutoff",
     "uniform",

@@ -11,6 +11,12 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 
 
+def runs(mask: Mask) -> list[slice]:
+    """Return the unbroken stretches of true rows, mask of shape (n,)."""
+    edges = np.flatnonzero(np.diff(np.r_[0, mask.astype(np.int8), 0]))
+    return [slice(a, b) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
+
+
 @dataclass(frozen=True)
 class Clock:
     """What the time stamps say.

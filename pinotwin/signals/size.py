@@ -14,12 +14,6 @@ def rms(x: Floats) -> float:
     return float(np.sqrt(np.mean(x**2))) if len(x) else 0.0
 
 
-def clipped_rms(x: Floats, share: float) -> float:
-    """Return the RMS with all but a share of the samples clipped, so that a few events do not set it."""
-    size = np.abs(x)
-    return rms(np.minimum(size, np.quantile(size, share)))
-
-
 def roughness(parts: Iterable[Floats]) -> float:
     """Return the standard deviation of the noise on a smooth signal, quantisation included.
 

@@ -6,6 +6,7 @@ what was measured.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,8 +90,9 @@ def request(machine: Machine, log: Log) -> Request:
     Raises:
         LogError: a command is missing, has NaN, or the time does not advance.
     """
+    held = log.channels
     log = bind(log, _asked(machine))
-    _require(machine, log)
+    _require(machine, log, held)
     t = np.asarray(log.t, dtype=float)
     even, clock, notes = _clock(log)
     q = _joint_commands(machine, log)
@@ -121,17 +123,27 @@ def _asked(machine: Machine) -> dict[str, Column]:
     return {k: x for k, x in machine.columns.items() if k == "t" or k.endswith(".qr") or _is_load(k)}
 
 
-def _require(machine: Machine, log: Log) -> None:
+def _commands_hint(machine: Machine, held: Iterable[str], name: str) -> str:
+    """Return which columns might be commands: those that are not known to be something else."""
+    taken = {"t", *(f"{axis}.{kind}" for axis in machine.axes for kind in ("q", "qr", "v", "u", "e"))}
+    taken |= {str(column.column) for key, column in machine.columns.items() if not key.endswith(".qr")}
+    free = [channel for channel in held if channel not in taken]
+    return nearest(name, free) if free else "none of its columns is left for it"
+
+
+def _require(machine: Machine, log: Log, held: Iterable[str]) -> None:
     """Refuse a log without time or commands, or with holes in them."""
     if "t" not in log:
         raise LogError(f"{log.source}: no time channel t; name its column in machine.yaml")
     names = [f"{name}.qr" for name in machine.axes]
-    for name in names:
-        if name not in log:
-            raise LogError(
-                f"{log.source}: no channel {name}; a simulation needs the command of every axis; name "
-                f"its column under `columns` in machine.yaml; {nearest(name, log.channels)}"
-            )
+    missing = [name for name in names if name not in log]
+    if missing:
+        more = f" and {len(missing) - 2} more" if len(missing) > 2 else ""
+        raise LogError(
+            f"{log.source}: no channel {', '.join(missing[:2])}{more}; a simulation needs the command of every "
+            f"axis: record it too, or name its column under `columns` in machine.yaml; "
+            f"{_commands_hint(machine, held, missing[0])}"
+        )
     if len(log) < FEWEST:
         raise DataError(f"{log.source}: {len(log)} rows, at least {FEWEST} are needed to simulate")
     for name in ("t", *names):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from pinotwin.effects import Effect
 from pinotwin.effects.layout import rigid_body_of
 from pinotwin.simulation.state import Lookup, Parts, State
 from pinotwin.simulation.tables import Tables, tabulate
-
-if TYPE_CHECKING:
-    from pinotwin.twin import Twin
+from pinotwin.twin.open_loop import OpenLoop
 
 INTERNAL = 2.5e-4
 """Longest internal step unless told otherwise [s]."""
@@ -109,27 +106,27 @@ class Plant:
         return np.array(sorted(joints), dtype=np.intp)
 
 
-def plant_of(twin: Twin, qr: Floats, vr: Floats) -> Plant:
-    """Return the plant of a twin for the travel and speeds of a command, shape (n, nv)."""
-    machine = twin.machine
-    pairs = [(e, twin.theta[s]) for e, s in zip(twin.effects, twin.slices, strict=True)]
+def plant_of(plant: OpenLoop, qr: Floats, vr: Floats) -> Plant:
+    """Return an identified plant laid out for stepping, for the travel and speeds of a command, shape (n, nv)."""
+    machine = plant.machine
+    pairs = [(e, plant.theta[s]) for e, s in zip(plant.effects, plant.slices, strict=True)]
     low, high = qr.min(axis=0), qr.max(axis=0)
     some = np.where(machine.rotary, 0.2, 0.02)
     margin = 0.25 * (high - low) + some
     speed = 2.0 * np.abs(vr).max(axis=0) + some
     tables = tabulate(machine, pairs, np.stack([low - margin, high + margin]), speed)
     other = tuple(pairs[k] for k in tables.other)
-    diagonal = np.stack([np.asarray(twin.diagonal[k], dtype=float) for k in _TERMS])
-    ground = np.asarray(twin.diagonal.get("ground", diagonal[0]), dtype=float).copy()
-    return Plant(_tape(twin, tables), tables, other, diagonal, margin, ground)
+    diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in _TERMS])
+    ground = np.asarray(plant.diagonal.get("ground", diagonal[0]), dtype=float).copy()
+    return Plant(_tape(plant, tables), tables, other, diagonal, margin, ground)
 
 
 _TERMS = ("inertia", "viscous", "stiffness")
 
 
-def _tape(twin: Twin, tables: Tables) -> Tape:
+def _tape(plant: OpenLoop, tables: Tables) -> Tape:
     """Return the tape for the base parameters that were found; see :mod:`pinotwin.dynamics.tape`."""
-    pi = np.zeros(parameter_count(twin.machine.model))
-    tree, where = rigid_body_of(twin.effects)
-    pi[tree.base.independent] = twin.theta[where]
-    return record(twin.machine.model, pi, tables.coupled)
+    pi = np.zeros(parameter_count(plant.machine.model))
+    tree, where = rigid_body_of(plant.effects)
+    pi[tree.base.independent] = plant.theta[where]
+    return record(plant.machine.model, pi, tables.coupled)

@@ -24,7 +24,7 @@ def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, d
     the same RMS of all rows: at rest friction holds any effort up to its level. Signals that the log does
     not hold are left out, rows that are not numbers too.
     """
-    log = _bound(machine, log)
+    log = bound(machine, log)
     out: dict[str, dict[str, dict[str, float]]] = {}
     for name in machine.axes:
         rows = {}
@@ -39,7 +39,7 @@ def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, d
     return out
 
 
-def _bound(machine: Machine, log: Log) -> Log:
+def bound(machine: Machine, log: Log) -> Log:
     """Return the log with the contract's names for those of its columns that it holds."""
     held = {}
     for name, column in machine.columns.items():

@@ -53,14 +53,13 @@ class Rank:
         return delta - self.scale * (self.null @ (self.null.T @ (delta / self.scale)))
 
 
-def analyse(R: Floats, tolerance: float, scale: Floats | None = None, linked: float = LINKED) -> Rank:
+def analyse(R: Floats, tolerance: float, scale: Floats | None = None) -> Rank:
     """Split the parameters' space of a factor.
 
     Args:
         R: factor of the weighted regressor, shape (k, p).
         tolerance: smallest diagonal of the scaled pivoted factor, relative to its largest.
         scale: length that counts as one unit of each parameter; default the inverse column length.
-        linked: entries of the null space's projector above this tie two parameters together.
     """
     p = R.shape[1]
     length = np.linalg.norm(R, axis=0)
@@ -82,7 +81,7 @@ def analyse(R: Floats, tolerance: float, scale: Floats | None = None, linked: fl
     root -= scale[:, None] * (null @ (null.T @ (root / scale[:, None])))
     singular = np.linalg.svd(T[:rank], compute_uv=False)
     projector = _plain_projector(null, scale, unit)
-    determined = ~empty & (np.abs(np.diag(projector)) < linked)
+    determined = ~empty & (np.abs(np.diag(projector)) < LINKED)
     return Rank(
         rank,
         float(singular[0] / singular[-1]),
@@ -91,7 +90,7 @@ def analyse(R: Floats, tolerance: float, scale: Floats | None = None, linked: fl
         scale,
         determined,
         tuple(np.flatnonzero(empty).tolist()),
-        _groups(projector, ~determined & ~empty, linked),
+        _groups(projector, ~determined & ~empty),
     )
 
 
@@ -115,11 +114,11 @@ def _plain_projector(null: Floats, scale: Floats, unit: Floats) -> Floats:
     return Q @ Q.T
 
 
-def _groups(projector: Floats, among: Mask, linked: float) -> tuple[tuple[int, ...], ...]:
+def _groups(projector: Floats, among: Mask) -> tuple[tuple[int, ...], ...]:
     """Return the sets of parameters that the projector ties together."""
     index = np.flatnonzero(among)
     if not len(index):
         return ()
-    tied = np.abs(projector[np.ix_(index, index)]) > linked
+    tied = np.abs(projector[np.ix_(index, index)]) > LINKED
     count, label = connected_components(tied, directed=False)
     return tuple(tuple(index[label == k].tolist()) for k in range(count))

@@ -10,8 +10,6 @@ from scipy.special import stdtrit
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.solve.problem import Problem
-from pinotwin.solve.rank import analyse
-from pinotwin.solve.whiteness import Whiteness, whiteness
 
 
 @dataclass(frozen=True)
@@ -95,27 +93,6 @@ class LinearFit:
     def relative_error(self) -> float:
         """Residual norm divided by the norm of the effort, all axes together."""
         return _ratio(self.residual, self.problem.y)
-
-    @cached_property
-    def relative_errors(self) -> Floats:
-        """The same per axis, in the order of ``problem.slices``."""
-        y = self.problem.y
-        return np.array([_ratio(self.residual[s], y[s]) for s in self.problem.slices.values()])
-
-    @cached_property
-    def whiteness(self) -> Whiteness:
-        """Tests of the residuals' whiteness, per axis."""
-        return whiteness(self.problem, self.residual)
-
-    def nearly_tied(self, tolerance: float = 0.01, share: float = 0.1) -> tuple[tuple[int, ...], ...]:
-        """Return groups of parameters that these data tell apart only weakly.
-
-        Args:
-            tolerance: a direction counts as weak when its scaled columns cancel down to this share
-                of their length.
-            share: parameters with more than this share in a weak direction belong to the group.
-        """
-        return analyse(self.factor, tolerance, linked=share).groups
 
     def group_names(self) -> tuple[tuple[str, ...], ...]:
         """Return the groups by name."""

@@ -8,8 +8,6 @@ of a log is in the R factor of ``[W y]``; forming W'W instead would square the c
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from pinotwin.arrays import Floats
@@ -33,16 +31,6 @@ def r_factor(A: Floats, block: int = BLOCK) -> Floats:
     if rows < k:
         A = np.concatenate([A, np.zeros((k - rows, k))])
     return _qr(A)
-
-
-def r_factor_of_blocks(blocks: Iterable[Floats]) -> Floats:
-    """Return the R factor of matrices stacked, read one after the other, shape (k, k)."""
-    R: Floats | None = None
-    for A in blocks:
-        R = r_factor(A if R is None else np.concatenate([R, A]))
-    if R is None:
-        raise ValueError("no blocks to factorise")
-    return R
 
 
 def _qr(A: Floats) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from pinotwin.twin.open_loop import OpenLoop
 from pinotwin.twin.parameters import Parameter
 from pinotwin.twin.twin import Twin
 
-__all__ = ["Parameter", "Twin"]
+__all__ = ["OpenLoop", "Parameter", "Twin"]

@@ -148,7 +148,7 @@ def load(folder: Path) -> Twin:
     machine = Machine.load(path.parent)
     _check_digests(path, content, machine)
     try:
-        return dataclasses.replace(_twin(machine, content), misfit=_misfit(path.parent, machine, content))
+        return _twin(machine, content, _misfit(path.parent, machine, content))
     except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
         raise TwinError(f"{path}: damaged twin ({error}); identify it again") from None
 
@@ -167,7 +167,7 @@ def _check_digests(path: Path, content: dict[str, Any], machine: Machine) -> Non
             )
 
 
-def _twin(machine: Machine, content: dict[str, Any]) -> Twin:
+def _twin(machine: Machine, content: dict[str, Any], misfit: Misfit | None) -> Twin:
     effects = tuple(_remade(machine, item) for item in content["effects"])
     theta = np.array(content["theta"], dtype=float)
     if len(theta) != effect_slices(effects)[-1].stop:
@@ -186,6 +186,7 @@ def _twin(machine: Machine, content: dict[str, Any]) -> Twin:
         data=content["data"],
         settings=content["settings"],
         groups=content["not_separable"],
+        misfit=misfit,
     )
 
 

@@ -81,7 +81,7 @@
   // Sliders, postures
   const sliders = $("sliders");
   DATA.axes.forEach((axis, i) => {
-    const row = make("label", "", sliders, "row");
+    const row = make("label", "", sliders, axis.name.length > 5 ? "row long" : "row");
     make("b", axis.name, row);
     axis.slider = make("input", "", row);
     axis.slider.type = "range";
@@ -153,11 +153,17 @@
     if ($("labels").hidden) return;
     const c = viewer.camera, w = $("pane").clientWidth, h = $("pane").clientHeight;
     const m = times(c.projectionMatrix.elements, c.matrixWorldInverse.elements);
+    const placed = [];
     DATA.axes.forEach((axis, i) => {
       const p = viewer.scene_tree.find(["meshcat"].concat(axis.path.split("/"))).object.matrixWorld.elements;
       const v = [0, 1, 2, 3].map((r) => m[r] * p[12] + m[4 + r] * p[13] + m[8 + r] * p[14] + m[12 + r]);
-      tags[i].style.left = (0.5 + v[0] / v[3] / 2) * w + "px";
-      tags[i].style.top = (0.5 - v[1] / v[3] / 2) * h + "px";
+      const x = (0.5 + v[0] / v[3] / 2) * w;
+      let y = (0.5 - v[1] / v[3] / 2) * h;
+      const wide = tags[i].offsetWidth, near = (o) => Math.abs(o.x - x) < (o.wide + wide) / 2 && Math.abs(o.y - y) < 20;
+      for (let o = placed.find(near); o; o = placed.find(near)) y = o.y + 20.5;  // one name does not hide another
+      placed.push({x, y, wide});
+      tags[i].style.left = x + "px";
+      tags[i].style.top = y + "px";
     });
   }
   label();

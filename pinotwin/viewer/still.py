@@ -60,7 +60,7 @@ def still(
     """
     from PIL import Image
 
-    bodies = _triangles(model, visual, q)
+    bodies = triangles_of(model, visual, q)
     width, height = size[0] * _FINE, size[1] * _FINE
     camera = aim(corners(model, visual, q))
     shown = [_project(triangles, camera.target, camera.offset, width, height) for _, triangles in bodies]
@@ -98,7 +98,7 @@ def _middles(
     return out
 
 
-def _triangles(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> list[tuple[int, Floats]]:
+def triangles_of(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> list[tuple[int, Floats]]:
     """Return joint and triangles in the world of every shape, each of shape (m, 3, 3) [m]."""
     data, placed = model.createData(), visual.createData()
     pin.updateGeometryPlacements(model, data, visual, placed, q)

@@ -88,7 +88,8 @@ def tracks_of(machine: Machine, motion: Motion, twin: Twin | None = None) -> Tra
             gap = np.where(settled, u - model[:, i], np.nan)
             held["effort"].append(("model", "#2b6cb0", model[rows, i]))
             held["gap"] = [("gap", "#d2691e", gap[rows])]
-            full[name] = float(np.nanpercentile(np.abs(gap), 99.0)) or 1.0
+            known = np.abs(gap[np.isfinite(gap)])
+            full[name] = float(np.percentile(known, 99.0)) if known.any() else 1.0
             sizes = {key: float(np.sqrt(np.mean(p[:, i] ** 2))) for key, p in parts.items()}
             largest = sorted((k for k in sizes if sizes[k] > 0.0), key=lambda k: -sizes[k])[:CAUSES]
             held["parts"] = [(key, _colour(key), parts[key][rows, i]) for key in largest]

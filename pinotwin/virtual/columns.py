@@ -36,3 +36,9 @@ MAX_DELAY = 64
 
 ELEMENTS = 4
 """Elements of the generalised Maxwell-slip law."""
+
+# States of friction: forces of the elements (the first is the deflection of a bristle), the drag of
+# cables, and for each element the direction in which it slips, or 0.
+CABLE = ELEMENTS
+SLIPS = ELEMENTS + 1
+N_STATES = 2 * ELEMENTS + 1

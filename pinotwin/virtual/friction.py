@@ -8,9 +8,10 @@ Elasto-plastic (Dupont et al. 2002, doi:10.1109/TAC.2002.1000274): ``dz/dt = v (
 where w is 0 below the breakaway deflection 0.9 z_s and while the bristle is unloaded, and grows as half a
 sine to 1 at z_s: below breakaway it is a spring that nothing makes creep, at speed it is LuGre.
 
-GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel spring-slider elements, each
-slips at its share of ``g(v)``; unlike LuGre it does not creep under a load that never reaches
-breakaway.
+GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel spring-slider elements. One that sticks
+is a spring, until it carries its share of ``g(v)``; from then until its speed turns round it slips, and its
+force follows that share late. So friction lags behind a speed that changes, and nothing creeps under a
+load or a vibration that stays below breakaway, which LuGre does (Dupont et al. 2002) and no machine.
 
 Level: ``g = C (1 + (static - 1) exp(-(v/vs)^2))`` with C by direction, load and position.
 """
@@ -25,6 +26,9 @@ from pinotwin.virtual.jit import kernel
 # Slip levels and stiffnesses of the four elements, as shares of the whole.
 _LEVELS = (0.4, 0.3, 0.2, 0.1)
 _STIFF = (0.1, 0.2, 0.3, 0.4)
+_LAG = 5e-3
+"""How late the force of a sliding element follows its level [s]: 3 to 9 ms were measured on lubricated
+contacts (Armstrong-Hélouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7, on Hess and Soom 1990)."""
 _BREAKAWAY = 0.9  # of the steady deflection: below it an elasto-plastic bristle is a spring
 
 
@@ -52,7 +56,7 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
         i: the axis.
         level: slip level [N or N·m].
         v: sliding speed, constant over the step.
-        z: bristle deflection (LuGre) or element forces (GMS), shape (na, 4); changed.
+        z: bristle deflection, or forces of the elements and whether they slip, shape (na, N_STATES); changed.
         dt: step [s].
     """
     s0, s1 = P[i, c.BRISTLE], P[i, c.BRISTLE_DAMPER]
@@ -69,12 +73,35 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
         return 0.5 * s0 * (old + new) + s1 * (new - old) / dt
     old = z[i, 0] + z[i, 1] + z[i, 2] + z[i, 3]
     new = 0.0
-    for k in range(4):
-        force = z[i, k] + _STIFF[k] * s0 * v * dt
-        limit = _LEVELS[k] * level
-        z[i, k] = min(max(force, -limit), limit)
+    for k in range(c.ELEMENTS):
+        _slide(z, i, k, (_STIFF[k] * s0 * v * dt, _LEVELS[k] * level), np.exp(-dt / _LAG))
         new += z[i, k]
     return 0.5 * (old + new) + s1 * (new - old) / (s0 * dt)
+
+
+@kernel
+def _slide(z, i, k, push, kept):  # type: ignore[no-untyped-def]
+    """Advance one Maxwell element by a step.
+
+    Args:
+        z: states, shape (na, N_STATES); changed.
+        i: the axis.
+        k: the element.
+        push: what its spring would take up in this step, and the level at which it slips [N or N·m].
+        kept: share of what it is off its level that it keeps over the step, once it slips [-].
+    """
+    rise, level = push
+    slips = c.SLIPS + k
+    if z[i, slips] * rise > 0.0:
+        limit = z[i, slips] * level
+        z[i, k] = limit + (z[i, k] - limit) * kept
+        return
+    force = z[i, k] + rise
+    z[i, slips] = 0.0
+    if abs(force) >= level and force * rise > 0.0:
+        z[i, slips] = np.sign(force)
+        force = z[i, slips] * max(level, abs(z[i, k]))  # a level that fell below it is met late, too
+    z[i, k] = force
 
 
 @kernel
@@ -119,17 +146,17 @@ def drag_force(P, i, v, z, dt):  # type: ignore[no-untyped-def]
     """Advance the drag of an axis' cables by one step and return its mean effort over it.
 
     Bouc 1967, Wen 1976 (doi:10.1061/JMCEA3.0002106), written in time with beta = gamma:
-    ``w' = A v - beta |v| |w|^(n-1) w - gamma v |w|^n``; w, the last column of ``z``, is the drag
+    ``w' = A v - beta |v| |w|^(n-1) w - gamma v |w|^n``; w, a column of ``z``, is the drag
     itself [N or N·m], A = drag / distance, beta = gamma = A / (2 drag^n).
     """
-    w, full = z[i, 4], P[i, c.DRAG]
+    w, full = z[i, c.CABLE], P[i, c.DRAG]
     A = full * P[i, c.DRAG_RATE]
     share = abs(w / full) ** P[i, c.DRAG_SHARP]
     middle = w + 0.5 * dt * A * (v - 0.5 * share * (abs(v) * np.sign(w) + v))
     share = abs(middle / full) ** P[i, c.DRAG_SHARP]
     new = w + dt * A * (v - 0.5 * share * (abs(v) * np.sign(middle) + v))
-    z[i, 4] = min(max(new, -full), full)
-    return 0.5 * (w + z[i, 4])
+    z[i, c.CABLE] = min(max(new, -full), full)
+    return 0.5 * (w + z[i, c.CABLE])
 
 
 @kernel
@@ -141,7 +168,7 @@ def friction_force(P, i, q, v, z, load, extra, dt):  # type: ignore[no-untyped-d
         i: the axis.
         q: position [m or rad].
         v: speed [m/s or rad/s].
-        z: bristle states and the drag of cables, shape (na, 5); changed.
+        z: states of bristles or elements and the drag of cables, shape (na, N_STATES); changed.
         load: effort that the transmission carries [N or N·m].
         extra: how warm each axis is (0 to 1) and a normal number for chatter, shape (2, na).
         dt: step [s].

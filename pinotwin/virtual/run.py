@@ -177,7 +177,7 @@ def equilibrium(machine: Runnable, axes: Axes, drive: Drive) -> State:
         z(nv),
         qm,
         z(na),
-        z((na, c.ELEMENTS + 1)),
+        z((na, c.N_STATES)),
         z(len(axes.sprung)),
         u.copy(),
         z(na),

@@ -67,7 +67,7 @@ class State(NamedTuple):
         a: joint accelerations.
         qm: motor positions in joint units, shape (na,); ``vm`` velocities.
         vm: motor velocities.
-        z: bristles, and the drag of cables, shape (na, 5).
+        z: states of friction, shape (na, N_STATES) (:mod:`~pinotwin.virtual.columns`).
         zs: deflection of the springs' own bristles, shape (ns,).
         u: actual motor effort, shape (na,).
         f: friction, shape (na,).

@@ -15,6 +15,8 @@ from pinotwin.motion import Motion
 
 APART = ("rigid_body", "external_force", "spring")
 """Looked for in another way: by change points in time, and by the vibration of a passive joint."""
+SAME = {"joint_flexibility": "drive_flexibility"}
+"""Effects whose columns are those of another one: not tried where that is."""
 
 
 BESIDE = {"viscous_thermal": ("viscous",)}
@@ -31,6 +33,8 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
     tree = Tree(comparison.twin.model, machine.names, machine.rotary)
     for name, kind in EFFECTS.items():
         if name in leave_out or name in APART or kind.family.acts == "loop":
+            continue
+        if name in SAME and SAME[name] not in leave_out:
             continue
         for axis in machine.axes.values():
             if axis.index in comparison.new.joints:

@@ -51,6 +51,7 @@ class Episodes:
         share: the same over the squared residual of the axis.
         interval: 90 % interval of the share, over stretches of the log drawn with replacement.
         rows: which rows of the axis lie in an episode, shape (m,).
+        places: first row of each episode, and the row after its last.
     """
 
     joint: int
@@ -59,6 +60,7 @@ class Episodes:
     share: float
     interval: tuple[float, float]
     rows: Mask
+    places: Sequence[tuple[int, int]]
 
 
 def episodes(
@@ -108,7 +110,7 @@ def episodes(
     gain = float(before.sum() - after.sum())
     listed = [_episode(sample, joint, floor[joint], r, t, segment, a, b) for a, b in sorted(found)]
     share = gain / max(float(r @ r), 1e-300)
-    return Episodes(joint, listed, gain, share, share_interval(before, after), inside)
+    return Episodes(joint, listed, gain, share, share_interval(before, after), inside, sorted(found))
 
 
 def _time(sample: Sample, joint: int) -> tuple[Floats, Ints]:

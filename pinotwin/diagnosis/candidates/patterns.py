@@ -149,7 +149,7 @@ def patterns(comparison: Comparison) -> Iterator[Effect]:
         if span <= 0.0:
             continue
         longest = float(np.ptp(t))
-        for f in np.arange(1.0, 25.0, 0.6 / max(longest, 1.0)):
+        for f in np.arange(1.0, min(25.0, 0.4 / motion.step), 0.6 / max(longest, 1.0)):  # below half the rate
             yield Hum(axis.name, axis.rotary, frequency=float(f))
         yield SpeedCurve(axis.name, axis.rotary, knots=tuple(np.linspace(low, high, 9).tolist()))
         knots = tuple(np.linspace(q.min(), q.max(), 7).tolist())

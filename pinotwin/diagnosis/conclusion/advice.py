@@ -53,11 +53,15 @@ PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
 )
 
 
-def advise(
-    noise: str, pairs: Sequence[tuple[str, str, str | None]], *, has_command: bool
-) -> tuple[list[str], list[tuple[str, str | None]]]:
-    """Return sentences of advice and the motions (kind, axis) that they ask for."""
-    words, motions = [], []
+def advise(noise: str, pairs: Sequence[tuple[str, str]], *, has_command: bool) -> tuple[list[str], list[str]]:
+    """Return sentences of advice and the kinds of motion that they ask for.
+
+    Args:
+        noise: ``repeats`` or ``assumed``.
+        pairs: effects that these logs do not tell apart; those that one motion tells apart share a sentence.
+        has_command: whether the logs hold the commanded position.
+    """
+    words = []
     if noise == "assumed":
         words.append(
             "record the same command twice: the difference of the runs is the noise floor, "
@@ -65,14 +69,15 @@ def advise(
         )
     if not has_command:
         words.append("log the command (<axis>.qr) as well: without it only the open loop is diagnosed")
-    for a, b, axis in pairs:
-        for group, text, kind in PAIRS:
-            if {a, b} <= group:
-                where = "" if axis is None else f" on {axis}"
-                words.append(f"to tell {a} from {b}{where}: {text}")
-                motions.append((kind, axis))
-                break
-    return words, motions
+    told: dict[tuple[str, str], dict[str, list[str]]] = {}
+    for a, b in pairs:
+        way = next(((text, kind) for group, text, kind in PAIRS if {a, b} <= group), None)
+        if way is not None:
+            told.setdefault(way, {}).setdefault(a, []).append(b)
+    for (text, _), rivals in told.items():
+        named = "; ".join(f"{a} from {' and '.join(dict.fromkeys(bs))}" for a, bs in rivals.items())
+        words.append(f"to tell {named}: {text}")
+    return words, list(dict.fromkeys(kind for _, kind in told))
 
 
 def resting(machine: Machine, seen: Collection[str]) -> list[str]:

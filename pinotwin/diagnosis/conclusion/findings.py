@@ -14,10 +14,12 @@ from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
+from pinotwin.diagnosis.evidence.springs import inertias
 from pinotwin.diagnosis.others.servo import ServoChange
 from pinotwin.diagnosis.result import Found, Shrink, Size
 from pinotwin.diagnosis.search.forward import Found as Search
-from pinotwin.diagnosis.search.forward import Step, known
+from pinotwin.diagnosis.search.forward import Step
+from pinotwin.diagnosis.search.forward import known as known_of
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 
 LIKELY = 0.5
@@ -50,9 +52,9 @@ def _named(c: Comparison, step: Step, sure: float) -> Found:
         theta=theta,
         shrink={"u": shrink_of(c, one, step.searcher)},
         alternatives=_rivals(step, sure),
-        moves=_moves(c, one),
+        moves=_moves(one, sizes),
         gain=one.gain / max(_rows(c), 1),
-        size=sizes_of(c, one),
+        size=sizes,
         listed=effect,
     )
 
@@ -67,7 +69,7 @@ def sizes_of(c: Comparison, one: Scored) -> list[Size]:
     theta, covariance = one.judged.theta, one.judged.covariance
     if effect.name == "payload":
         return body_sizes(body_of(theta, covariance), theta, covariance)
-    before = known(one.effect, c)
+    before = known_of(one.effect, c)
     error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     rows = []
     for k, x in enumerate(one.effect.coefficients()):
@@ -85,12 +87,10 @@ def _resonance(c: Comparison, one: Scored) -> Size | None:
     inertia is that fitted beside the spring.
     """
     effect = named(one.effect)
-    mass = c.new.motion.mass
-    if effect.name not in ("drive_flexibility", "joint_flexibility") or mass is None:
+    known = inertias(c, one.judged, one.joint)
+    if effect.name not in ("drive_flexibility", "joint_flexibility") or known is None:
         return None
-    j = one.joint
-    carried = float(np.mean(mass[:, j, j]))
-    whole = carried + _inertia_moved(c, one, j)
+    carried, whole = known
     share, error = float(one.judged.theta[-1]), float(np.sqrt(one.judged.covariance[-1, -1]))
     held = float(effect.shape_values()[0])
 
@@ -103,44 +103,25 @@ def _resonance(c: Comparison, one: Scored) -> Size | None:
     return Size(f"{effect.name}.resonance", float("nan"), free(share), "Hz", span)
 
 
-def _inertia_moved(c: Comparison, one: Scored, joint: int) -> float:
-    """Return by how much an axis' mean inertia is refitted beside a cause; of a twin it stays."""
-    if c.change:
-        return 0.0
-    at = 0
-    for effect in c.model_columns:
-        p = len(effect.coefficients())
-        if effect.name == "rigid_body":
-            still = np.zeros_like(c.new.motion.q[:1])
-            push = still.copy()
-            push[0, joint] = 1.0
-            model, base = c.machine.model, c.machine.base
-            middle = c.new.motion.q.mean(axis=0, keepdims=True)
-            rows = base.regressor(model, middle, still, push) - base.regressor(model, middle, still, still)
-            return float(rows[0, joint] @ one.judged.base[at : at + p])
-        at += p
-    return 0.0
-
-
-def _moves(c: Comparison, one: Scored) -> dict[str, tuple[float, float, float]]:
+def _moves(one: Scored, sizes: Sequence[Size]) -> dict[str, tuple[float, float, float]]:
     error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 1e-300))
     return {
         f"{named(one.effect).axis}.{s.name}": (s.before, s.after, abs(s.after - s.before) / float(e))
-        for s, e in zip((x for x in sizes_of(c, one) if np.isfinite(x.before)), error, strict=False)
+        for s, e in zip((x for x in sizes if np.isfinite(x.before)), error, strict=False)
     }
 
 
 def shrink_of(c: Comparison, one: Scored, searcher: Searcher) -> Shrink:
     """Return how far the gap of an effect's main axis shrinks by it alone, on rows not fitted."""
-    alone, judged = searcher.ground.alone, one.judged
     fitted, beyond = searcher.alone_by_joint
+    gains, unseen = searcher.main_gains(one)
     at = list(c.new.joints).index(one.joint)
-    before, gained = fitted[:, at], alone.left - judged.left
+    before, gained = fitted[:, at], gains
     promised = _share(before, gained)
     count, on = len(c.new.residual[one.joint]), "held-out blocks"
-    if len(judged.unseen) and c.unseen is not None and one.joint in c.unseen.joints:
+    if len(unseen) and c.unseen is not None and one.joint in c.unseen.joints:
         before = beyond[:, list(c.unseen.joints).index(one.joint)]
-        gained = alone.unseen - judged.unseen
+        gained = unseen
         count, on = len(c.unseen.residual[one.joint]), "validation"
     share = _share(before, gained)
     low, high = share_interval(before, before - gained)
@@ -174,7 +155,7 @@ def _rivals(step: Step, sure: float) -> list[Mapping[str, Any]]:
     return out
 
 
-def servo_named(changes: Sequence[ServoChange], sure: float) -> list[Found]:
+def servo_named(changes: Sequence[ServoChange]) -> list[Found]:
     """Return the changes of the servo as named effects."""
     out = []
     for x in changes:
@@ -185,14 +166,14 @@ def servo_named(changes: Sequence[ServoChange], sure: float) -> list[Found]:
             shrink = {"law": Shrink(x.gap[0], x.gap[1], x.share, (low, 1.0), x.share, "held-out blocks")}
         shape = {"limit": x.after} if x.effect == "saturation" else {}
         theta = {x.name.replace(" ", "_"): x.after - (0.0 if np.isinf(x.before) else x.before)}
-        out.append(Found(x.effect, x.axis, sure, shape, theta, shrink, [], size=[size], gain=x.share))
+        out.append(Found(x.effect, x.axis, x.confidence, shape, theta, shrink, [], size=[size], gain=x.share))
     return out
 
 
-def pushes_named(c: Comparison, found: Sequence[Episodes], sure: float) -> list[Found]:
+def pushes_named(c: Comparison, found: Sequence[Episodes], confidence: Sequence[float]) -> list[Found]:
     """Return the pushes on every axis as one named effect each."""
     out = []
-    for pushed in found:
+    for pushed, sure in zip(found, confidence, strict=True):
         axis = c.machine.names[pushed.joint]
         unit = "N·m" if c.machine.rotary[pushed.joint] else "N"
         largest = max(pushed.episodes, key=lambda e: abs(e.force))

@@ -33,13 +33,13 @@ def provenance(
         "twin_from": [dict(row) for row in twin.data] if twin is not None else None,
         "options": options,
         "logs": [
-            *(_log(log, "diagnosed") for log in logs),
-            *(_log(log, "validation") for log in validation),
+            *(log_facts(log, "diagnosed") for log in logs),
+            *(log_facts(log, "validation") for log in validation),
         ],
     }
 
 
-def _log(log: Log, role: str) -> dict[str, Any]:
+def log_facts(log: Log, role: str) -> dict[str, Any]:
     """Return name, length and hash of a log: of its file (SHA-256) where it is one, else of its numbers."""
     t = log.channels.get("t")
     path = Path(log.source)

@@ -39,21 +39,33 @@ def judge(
     found: Search,
     gaps: Mapping[str, Mapping[str, Gap]],
     effects: Sequence[Found],
+    possible: Sequence[Found] = (),
     rules: Rules = RULES,
 ) -> Judgement:
-    """Return the verdict on a comparison."""
+    """Return the verdict on a comparison.
+
+    Args:
+        c: the comparison.
+        found: the search for causes.
+        gaps: axis -> signal -> gap.
+        effects: what is named.
+        possible: what was found and is not sure enough to be named: its axes stay open.
+        rules: thresholds.
+    """
     patterns = {
         c.machine.names[s.chosen.joint]: s.chosen.effect.says()
         for s in found.steps
         if isinstance(s.chosen.effect, Pattern)
     }
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
-    open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, row["u"], rules)}
+    open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, axis, row["u"], rules)}
     unexplained = {
         axis: {"u": float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))}
         for axis, g in open_axes.items()
     }
-    for axis in (*patterns, *c.gate.silent):
+    told = {e.axis for e in effects}
+    unsure = [str(e.axis) for e in possible if e.axis not in told]
+    for axis in (*patterns, *unsure, *(name for name in c.gate.silent if name in gaps)):
         unexplained.setdefault(axis, {"u": 1.0})
     if effects:
         verdict: Verdict = "partly_explained" if unexplained else "explained"
@@ -65,15 +77,21 @@ def judge(
         if _odd(row["u"], rules) and axis not in unexplained
     ]
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
-    sentence = ". ".join([*_sentence(c, verdict, effects, judged, patterns), *runs, *_unjudged(c)])
+    maybe = [f"Possible, not sure: {'; '.join(_said(e) for e in possible)}"] if possible else []
+    sentence = ". ".join([*_sentence(c, verdict, effects, judged, patterns), *maybe, *runs, *_unjudged(c)])
     return Judgement(verdict, sentence, unexplained, {**patterns, **c.gate.silent}, notes)
 
 
-def _open(c: Comparison, g: Gap, rules: Rules) -> bool:
-    """Whether more of an axis' gap stays than its model leaves on healthy logs."""
+def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
+    """Whether more of an axis' gap stays than its model leaves on healthy logs.
+
+    Of a machine it is held against the variation of the effort: a weight that is carried tells nothing of a model.
+    """
     if c.change and np.isfinite(g.misfit):
         return g.after > rules.open_change * g.misfit
-    return g.after > rules.open_structure * g.rms / max(g.nrmse, 1e-300)
+    j = c.machine.names.index(axis)
+    size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
+    return g.after > rules.open_structure * size
 
 
 def _odd(g: Gap, rules: Rules) -> bool:
@@ -115,7 +133,7 @@ def _sentence(
     largest = max(gaps, key=lambda a: _relative(gaps[a]["u"]))
     misfit = gaps[largest]["u"].misfit
     quiet = np.isfinite(misfit) and not _odd(gaps[largest]["u"], RULES) and largest not in patterns
-    asked = effects or not c.gate.silent or _open(c, gaps[largest]["u"], RULES)
+    asked = effects or not c.gate.silent or _open(c, largest, gaps[largest]["u"], RULES)
     if asked and not quiet and largest not in {e.axis for e in effects}:
         text += ("; " if text else "") + _largest(largest, gaps[largest]["u"], patterns.get(largest))
     head = {

@@ -20,13 +20,16 @@ from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
+from pinotwin.effects.family import FRICTION
 from pinotwin.effects.scene import told
+from pinotwin.errors import DataError
 from pinotwin.identification import identify
 from pinotwin.identification.misfit import own_residual
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.signals import rms
 from pinotwin.twin import Twin
 
 
@@ -77,6 +80,16 @@ class Comparison:
         return () if self.change else self.twin.effects
 
     @cached_property
+    def friction(self) -> Mapping[int, float]:
+        """Joint -> RMS of all friction that the twin knows of it, on the rows in question [N or N·m]."""
+        total = {j: np.zeros(len(r)) for j, r in self.new.residual.items()}
+        for effect, where in zip(self.twin.effects, self.twin.slices, strict=True):
+            if effect.family is FRICTION:
+                for j, x in self.new.columns(effect).items():
+                    total[j] += x @ self.twin.theta[where]
+        return {j: rms(x) for j, x in total.items()}
+
+    @cached_property
     def held(self) -> Mask:
         """Coefficients of :attr:`model_columns` that rest on a bound and stay there, shape (b,).
 
@@ -89,6 +102,17 @@ class Comparison:
         lower = [0.0 if c.name.startswith("Ja_") else c.lower for c in coefficients]
         error = np.sqrt(np.maximum(np.diag(self.twin.covariance), 0.0))
         return np.asarray(self.twin.theta - lower <= RULES.at_bound * error)
+
+    def held_beside(self, axes: Collection[str | None]) -> Mask:
+        """Return :attr:`held` with the coefficients free of effects on axes that a cause was found on.
+
+        What rested on its bound may have done so for want of that cause: viscous friction in the place of a
+        Stribeck term falls to none.
+        """
+        if self.change:
+            return self.held
+        free = [e.axis in axes for e in self.twin.effects for _ in e.coefficients()]
+        return np.asarray(self.held & ~np.array(free, dtype=bool))
 
 
 def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]) -> Comparison:
@@ -134,12 +158,34 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     if change and asked.silent:
         m = new.motion
         asked = confirmed(asked, twin.machine, m.u, twin.effort(m), m.use)
+    if own is not None:
+        new, strangers = _met(new, own)
+        asked = replace(asked, doubts=(*asked.doubts, *strangers))
     judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)
     new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
     floor = _floor(new, own)
     return Comparison(
         twin, change, logs, validation, new, own, unseen, floor, asked, (*motions, *sealed), kept, differ
     )
+
+
+def _met(new: Sample, own: Sample) -> tuple[Sample, list[str]]:
+    """Return the logs in question with the joints that moved when the twin was identified, and a word on others.
+
+    Raises:
+        DataError: no joint moved in both.
+    """
+    names = new.motion.names
+    strange = [names[j] for j in new.joints if j not in own.joints]
+    if len(strange) == len(new.joints):
+        raise DataError(
+            f"{', '.join(strange)}: moved in no log of the twin, which cannot tell their change; identify the twin "
+            "again on logs that move them"
+        )
+    words = [
+        f"{axis}: not judged, it moved in no log of its twin; identify one that knows it" for axis in strange
+    ]
+    return new.only([j for j in new.joints if j in own.joints]), words
 
 
 def _only(s: Sample | None, joints: Collection[int]) -> Sample | None:

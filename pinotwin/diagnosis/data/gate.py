@@ -124,7 +124,7 @@ def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
             if bar.questions:
                 questions.setdefault(axis, {}).update(dict.fromkeys(bar.questions, finding.message))
             if bar.axis:
-                silent.setdefault(axis, f"{finding.channel}: {finding.message}")
+                silent.setdefault(axis, f"{finding.channel} {finding.message}")
     return Gate(_said(found, len(logs)), effects, questions, silent)
 
 

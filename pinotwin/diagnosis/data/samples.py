@@ -2,7 +2,8 @@
 
 A sample is prepared exactly as the twin's own logs were. Residuals and candidate columns go through one
 zero-phase decimation, so that a column that explains the residual at the log's rate does so in the rows.
-Only rows in motion are used: at rest, dry friction holds any effort up to its level.
+Only rows in motion are used: at rest, dry friction holds any effort up to its level. An axis whose command
+stands still rests, too, though what the other axes do to it may shake it about there.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.identification.assemble import Rows, choose_rows, thin
 from pinotwin.motion import Motion
@@ -155,7 +157,7 @@ def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
     moving = sum(s.stop - s.start for s in motion.segments)
     count = max(motion.decimation, round(1.0 / (motion.step * ROW_RATE)), int(np.ceil(moving / MOST_ROWS)), 1)
     motion = replace(motion, decimation=count)
-    rows = choose_rows(motion)
+    rows = _sliding(motion, choose_rows(motion))
     thinned = thin(motion, np.nan_to_num(residual))
     effort = thin(motion, np.nan_to_num(motion.u))
     place = _blocks(motion, rows, block_time)
@@ -168,6 +170,29 @@ def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
         block={j: place[kept] for j, kept in pairs},
         blocks=int(place.max()) + 1,
     )
+
+
+def _sliding(motion: Motion, rows: Rows) -> Rows:
+    """Return the rows without those at which a joint's command has stood for a while and the joint but trembles.
+
+    The first moments are kept: an axis that settles slides, slowly, as dry friction is seen best.
+    """
+    if motion.vr is None:
+        return rows
+    kept = []
+    for j, mask in zip(rows.joints, rows.kept, strict=True):
+        v, asked = np.abs(motion.v[:, j]), np.abs(motion.vr[:, j])
+        goes = asked >= RULES.standing * _top(asked)
+        at = np.arange(len(v))
+        since = (at - np.maximum.accumulate(np.where(goes, at, 0))) * motion.step
+        trembles = (since > RULES.settles) & (v < RULES.trembling * _top(v))
+        left = mask & ~trembles[rows.sample]
+        kept.append(left if left.any() else mask)
+    return replace(rows, kept=tuple(kept))
+
+
+def _top(x: Floats) -> float:
+    return float(np.nanmax(x, initial=0.0))
 
 
 FEWEST, MOST = 8, 40

@@ -77,6 +77,7 @@ class Judged:
         unseen: the same on the validation logs, shape (L,); empty without.
         determined: whether the model's own columns leave the candidate anything.
         base: change of the model's own coefficients, shape (b,).
+        base_folds: the same without each block, shape (K, b).
     """
 
     theta: Floats
@@ -86,6 +87,7 @@ class Judged:
     unseen: Floats
     determined: bool
     base: Floats
+    base_folds: Floats
 
     @cached_property
     def covariance(self) -> Floats:
@@ -131,7 +133,7 @@ def judged(ground: Ground, new: Products, own: Products | None, unseen: Products
         beyond = _left(
             ground.unseen, unseen, np.repeat(theta[-1:], L, axis=0), np.repeat(delta[-1:], L, axis=0)
         )
-    return Judged(theta[-1], theta[:-1], spread, left, beyond, determined, delta[-1])
+    return Judged(theta[-1], theta[:-1], spread, left, beyond, determined, delta[-1], delta[:-1])
 
 
 def _inverses(base: Base, precision: Floats, *, leave_out: bool) -> Floats:

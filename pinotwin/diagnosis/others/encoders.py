@@ -13,8 +13,9 @@ predicted from the others. Nothing is inferred from the effort alone: elasticity
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,8 +26,10 @@ from pinotwin.diagnosis.evidence.blocks import Blocked, blocks_of, by_blocks
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
 from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.motion import Motion
 from pinotwin.signals import low_pass, roughness
+from pinotwin.solve.jackknife import jackknife
 
 SLOWEST = 0.02
 """Of the top speed: below it the direction of lost motion is not known."""
@@ -84,6 +87,16 @@ class _Twist:
         rest = [self.parts[n] for n in names if n != "spring"]
         found = by_blocks(np.hstack([self.d[:, None], others, *rest]), u, self.blocks)
         return float(found.theta[0]), 1.645 * float(found.error[0])
+
+    def drawn(self, y: Floats, rng: np.random.Generator) -> tuple[_Twist, Floats]:
+        """Return the twist on two thirds of its stretches, drawn at random, and ``y`` (n,) there."""
+        few = np.sort(rng.permutation(len(self.blocks))[: max(4, round(len(self.blocks) / 1.5))])
+        kept = [self.blocks[k] for k in few]
+        at = np.concatenate([np.arange(b.start, b.stop) for b in kept])
+        ends = np.cumsum([0, *(b.stop - b.start for b in kept)])
+        blocks = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        parts = {name: x[at] for name, x in self.parts.items()}
+        return replace(self, d=self.d[at], parts=parts, blocks=blocks, rows=self.rows[at]), y[at]
 
     def at(self, names: Sequence[str], name: str) -> int:
         """Return the first column of a part among those of several."""
@@ -249,12 +262,13 @@ def _seen(
 ) -> Seen:
     y, misfit = _unknown(new, own)
     chosen, steps = _chosen(new, own, y, misfit, rules)
+    sure = _confidences(new, own, y, misfit, steps, rng, rules)
     before, after = new.fit(NUISANCE, y), new.fit([*NUISANCE, *chosen], y)
     effects = []
     for part, shrink in steps.items():
         names = new.every if own is not None else (*NUISANCE, *chosen[: chosen.index(part) + 1])
         told = _Told(name, c.machine.rotary[joint], new, own, names, "table" in chosen)
-        effects.append(told.named(part, shrink, _inertia(c, joint)))
+        effects.append(told.named(part, shrink, _inertia(c, joint), sure[part]))
     gap = Gap(
         before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left), misfit
     )
@@ -304,6 +318,28 @@ def _chosen(
     return chosen, steps
 
 
+TRIALS = 10
+
+
+def _confidences(
+    new: _Twist,
+    own: _Twist | None,
+    y: Floats,
+    misfit: float,
+    found: Collection[str],
+    rng: np.random.Generator,
+    rules: Rules,
+) -> dict[str, float]:
+    """Return how sure each part is: how often it is found again on stretches drawn at random."""
+    wins = dict.fromkeys(found, 0)
+    for _ in range(TRIALS if found else 0):
+        part, rest = new.drawn(y, rng)
+        for name in _chosen(part, own, rest, misfit, rules)[1]:
+            if name in wins:
+                wins[name] += 1
+    return {name: posterior(count, TRIALS, rules) for name, count in wins.items()}
+
+
 def _sure(part: str, new: _Twist, own: _Twist | None, fit: Blocked, chosen: Sequence[str]) -> float:
     """Return by how many standard errors a part's first coefficient is what a machine can have.
 
@@ -337,7 +373,7 @@ class _Told:
     names: Sequence[str]
     placed: bool
 
-    def named(self, part: str, shrink: Shrink, inertia: float) -> Found:
+    def named(self, part: str, shrink: Shrink, inertia: float, sure: float) -> Found:
         fit = self.new.fit(self.names)
         known = None if self.own is None else self.own.fit(self.new.every)
         shape: dict[str, float] = {}
@@ -349,9 +385,7 @@ class _Told:
             shape = {"gap": sizes[0].after}
         else:
             effect, sizes = "encoder_error", self._table(fit, known)
-        z = _sure(part, self.new, self.own, fit, self.names[len(NUISANCE) :])
         theta = {s.name.rpartition(".")[2]: s.after for s in sizes}
-        sure = float(np.clip(1.0 - 1.0 / (1.0 + z), 0.5, 0.97))
         return Found(effect, self.axis, sure, shape, theta, {"ql": shrink}, [], size=sizes, gain=shrink.share)
 
     def _spring(self, fit: Blocked, known: Blocked | None) -> list[Size]:
@@ -380,7 +414,7 @@ class _Told:
                 if known is None
                 else float(_physical(known.theta, self.new.at(self.new.every, "spring"), i))
             )
-            span = _span(float(now), 1.645 * float(_jackknife(each)))
+            span = _span(float(now), 1.645 * float(_errors(each)))
             if i == 0:
                 now = now * between if between > 0.0 else now
                 low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
@@ -402,7 +436,7 @@ class _Told:
     def _table(self, fit: Blocked, known: Blocked | None) -> list[Size]:
         """Return the largest error along the stroke, then the whole table, its mean taken off."""
         at = self.new.at(self.names, "table")
-        now, half = _course(fit.theta, at), 1.645 * _jackknife(_course(fit.folds, at))
+        now, half = _course(fit.theta, at), 1.645 * _errors(_course(fit.folds, at))
         before = (
             np.zeros(KNOTS) if known is None else _course(known.theta, self.new.at(self.new.every, "table"))
         )
@@ -421,10 +455,9 @@ def _physical(theta: Floats, at: int, i: int) -> Floats:
     return 1.0 / yields if i == 0 else -theta[..., at + i] / yields
 
 
-def _jackknife(each: Floats) -> Floats:
+def _errors(each: Floats) -> Floats:
     """Return standard errors from estimates without each block, shape (K, ...)."""
-    K = len(each)
-    return np.asarray(np.sqrt((K - 1) / K * np.sum((each - each.mean(axis=0)) ** 2, axis=0)))
+    return np.sqrt(np.diag(jackknife(each.reshape(len(each), -1)))).reshape(each.shape[1:])
 
 
 def _course(theta: Floats, at: int) -> Floats:

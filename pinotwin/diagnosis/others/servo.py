@@ -12,8 +12,8 @@ servo has changed, whatever the plant does.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +22,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.others.limits import exceeded, reached
 from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.search.injections import posterior, shuffled
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
@@ -43,6 +44,8 @@ class ServoChange:
         unit: of that number.
         share: of the law's squared residual that it closes on blocks that were not fitted.
         gap: RMS of the law's residual before and after [N or N·m].
+        confidence: share of trials that name it again: of a law, changed laws put into stretches of what the law
+            leaves anyway; of a limit, logs from which a stretch was left out.
     """
 
     effect: str
@@ -54,10 +57,18 @@ class ServoChange:
     unit: str
     share: float
     gap: tuple[float, float]
+    confidence: float = 0.0
+
+
+TRIALS = 10
 
 
 def servo_changes(
-    comparison: Comparison, explained: Collection[str], leave_out: Collection[str] = (), rules: Rules = RULES
+    comparison: Comparison,
+    explained: Collection[str],
+    leave_out: Collection[str] = (),
+    rules: Rules = RULES,
+    courses: Mapping[int, Floats] | None = None,
 ) -> list[ServoChange]:
     """Return what has changed in the servo of every axis.
 
@@ -66,6 +77,8 @@ def servo_changes(
         explained: axes whose logged effort was found scaled or late: their laws are not judged.
         leave_out: effects that are not named.
         rules: thresholds.
+        courses: joint -> what the named causes put into its logged effort, shape (n,). The law that holds once
+            it is taken off has not changed either: it was the reading that did.
     """
     out = []
     motion = comparison.new.motion
@@ -79,80 +92,125 @@ def servo_changes(
         if limited is not None and exceeded(_logged(comparison, axis.name), limited.level):
             limited = None
         if limited is not None and before is None and "saturation" not in leave_out:
-            unit = "N·m" if axis.rotary else "N"
-            spread = (0.98 * limited.level, 1.02 * limited.level)
-            out.append(
-                ServoChange(
-                    "saturation",
-                    axis.name,
-                    "limit",
-                    np.inf,
-                    limited.level,
-                    spread,
-                    unit,
-                    limited.share,
-                    (0.0, 0.0),
-                )
-            )
+            again = [reached(part, axis.index) is not None for part in _without_stretches(motion)]
+            sure = posterior(sum(again), len(again), rules)
+            out.append(_limit(axis.name, axis.rotary, limited.level, limited.share, sure))
             continue
         if comparison.own is None or comparison.own.motion.qr is None or axis.name in explained:
             continue
-        change = _law_change(comparison, axis.index, axis.name, rules)
+        course = (courses or {}).get(axis.index)
+        change = _law_change(comparison, axis.index, axis.name, rules, course)
         if change is not None and change.effect not in leave_out:
             out.append(change)
     return out
 
 
-def _law_change(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChange | None:
-    assert c.own is not None
-    old = _Law.of(c.own.motion, joint)
-    new = _Law.of(c.new.motion, joint)
-    if old is None or new is None:
-        return None
-    gains, held = old.fitted()
-    if held > rules.law_holds * old.size:
-        return None  # this law is not that controller's
+def _limit(axis: str, rotary: bool, level: float, share: float, sure: float) -> ServoChange:
+    span, unit = (0.98 * level, 1.02 * level), "N·m" if rotary else "N"
+    return ServoChange("saturation", axis, "limit", np.inf, level, span, unit, share, (0.0, 0.0), sure)
+
+
+def _without_stretches(motion: Motion) -> list[list[Motion]]:
+    """Return what is left of a motion when each of :data:`TRIALS` stretches is left out."""
+    edges = np.linspace(0, len(motion), TRIALS + 1).astype(int)
+    parts = [motion.cut(int(a), int(b)) for a, b in pairwise(edges)]
+    return [[p for p in parts if p is not out] for out in parts]
+
+
+@dataclass(frozen=True)
+class _Decided:
+    """What the law says of a servo: the effect, the gains that changed, what is left before and after."""
+
+    effect: str
+    names: Sequence[str]
+    level: float
+    left: float
+
+
+def _decided(new: _Law, gains: Floats, held: float, rules: Rules) -> _Decided | None:
+    """Return how a law on new logs differs from that on the twin's own; None where it holds or the plant changed.
+
+    Args:
+        new: the law's columns on the new logs.
+        gains: of the own logs.
+        held: RMS that they leave there.
+        rules: thresholds.
+    """
     plain = new.left(gains)
     level = rms(plain)
     if level < max(rules.law_worse * held, rules.law_level * new.size):
         return None
     left = new.refitted(plain, FORWARD)
     if 1.0 - (left / level) ** 2 > rules.law_forward:
-        factor = new.factor(plain, gains, FORWARD)
-        return _change(axis, "feedforward", "acceleration feed-forward", factor, (level, left))
+        return _Decided("feedforward", FORWARD, level, left)
     left = new.refitted(plain, FEEDBACK)
     if new.scaled(gains) < rules.law_scaled * left:
         return None  # feedback and feed-forward went along with a load: its cause is in the plant
     if 1.0 - (left / level) ** 2 > rules.law_share and left < rules.law_worse * held:
-        return _change(axis, "loop_gain", "feedback gains", new.factor(plain, gains, FEEDBACK), (level, left))
-    return _saturation(c, joint, axis, rules) if level > rules.law_broken * new.size else None
+        return _Decided("loop_gain", FEEDBACK, level, left)
+    return _Decided("saturation", (), level, left) if level > rules.law_broken * new.size else None
 
 
-def _change(
-    axis: str, effect: str, name: str, factor: tuple[float, float], gap: tuple[float, float]
-) -> ServoChange:
-    """Return a change as a common factor on some of the law's gains, given with its standard error."""
-    found, error = factor
-    interval = (found - 1.645 * error, found + 1.645 * error)
-    share = 1.0 - (gap[1] / gap[0]) ** 2
-    return ServoChange(effect, axis, name, 1.0, found, interval, "of what it was", share, gap)
+SAID = {"feedforward": "acceleration feed-forward", "loop_gain": "feedback gains"}
+
+
+def _law_change(
+    c: Comparison, joint: int, axis: str, rules: Rules, course: Floats | None
+) -> ServoChange | None:
+    assert c.own is not None
+    old = _Law.of(c.own.motion, joint)
+    new = _Law.of(c.new.motion, joint)
+    if old is None or new is None:
+        return None
+    gains, rest = old.fitted()
+    held = rms(rest)
+    if held > rules.law_holds * old.size:
+        return None  # this law is not that controller's
+    found = _decided(new, gains, held, rules)
+    less = None if course is None else _Law.of(c.new.motion, joint, course)
+    if found is not None and less is not None and rms(less.left(gains)) < found.level:
+        new, found = less, _decided(less, gains, held, rules)
+    if found is None:
+        return None
+    if found.effect == "saturation":
+        return _saturation(c, joint, axis, rules)
+    factor, error = new.factor(new.left(gains), gains, found.names)
+    interval = (factor - 1.645 * error, factor + 1.645 * error)
+    share = 1.0 - (found.left / found.level) ** 2
+    said = new.columns @ new.changed(gains, found.names)
+    rng = np.random.default_rng(joint)
+    size = max(1, round(1.0 / c.new.motion.step))
+    wins = 0
+    for _ in range(TRIALS):
+        again = _decided(replace(new, u=said + shuffled(rest, len(said), size, rng)), gains, held, rules)
+        wins += again is not None and again.effect == found.effect
+    sure = posterior(wins, TRIALS, rules)
+    gap, name = (found.level, found.left), SAID[found.effect]
+    return ServoChange(found.effect, axis, name, 1.0, factor, interval, "of what it was", share, gap, sure)
 
 
 def _saturation(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChange | None:
     """Return a limit where no gains bring the law back and the effort rests at its largest, or the axis runs off."""
     assert c.own is not None
     new, own = c.new.motion, c.own.motion
-    errors = [rms(m.qr[:, joint] - m.q[:, joint]) for m in (new, own) if m.qr is not None]
-    size, before = (np.abs(np.nan_to_num(m.u[:, joint])) for m in (new, own))
-    top = float(np.quantile(size, 0.999))
-    rests = [float(np.mean(x > 0.97 * np.quantile(x, 0.999))) for x in (size, before)]
+    top = _rests([new], [own], joint, rules)
+    if top is None or exceeded(_logged(c, axis), top):
+        return None
+    again = [_rests(part, [own], joint, rules) is not None for part in _without_stretches(new)]
+    return _limit(axis, new.rotary[joint], top, 1.0, posterior(sum(again), len(again), rules))
+
+
+def _rests(new: Sequence[Motion], own: Sequence[Motion], joint: int, rules: Rules) -> float | None:
+    """Return the largest effort, where it rests there longer than on the own logs or the axis runs off; else None."""
+    errors = [
+        rms(np.concatenate([m.qr[:, joint] - m.q[:, joint] for m in part if m.qr is not None]))
+        for part in (new, own)
+    ]
+    sizes = [np.abs(np.nan_to_num(np.concatenate([m.u[:, joint] for m in part]))) for part in (new, own)]
+    rests = [float(np.mean(x > 0.97 * np.quantile(x, 0.999))) for x in sizes]
     if errors[0] < rules.left_behind * errors[1] and rests[0] < rules.at_limit * rests[1]:
         return None
-    if exceeded(_logged(c, axis), top):
-        return None
-    unit = "N·m" if new.rotary[joint] else "N"
-    span = (0.98 * top, 1.02 * top)
-    return ServoChange("saturation", axis, "limit", np.inf, top, span, unit, 1.0, (0.0, 0.0))
+    return float(np.quantile(sizes[0], 0.999))
 
 
 def _logged(c: Comparison, axis: str) -> list[Floats]:
@@ -171,7 +229,8 @@ class _Law:
     size: float
 
     @classmethod
-    def of(cls, motion: Motion, joint: int) -> _Law | None:
+    def of(cls, motion: Motion, joint: int, course: Floats | None = None) -> _Law | None:
+        """Return the law on one motion, a course (n,) taken off its effort; None where it cannot be fitted."""
         if motion.qr is None or motion.vr is None or motion.ar is None:
             return None
         parts, efforts = [], []
@@ -185,7 +244,7 @@ class _Law:
                 motion.ar[s, joint],
                 motion.qr[s, joint],
             ]
-            u = motion.u[s, joint]
+            u = motion.u[s, joint] - (0.0 if course is None else course[s])
             if not np.isfinite(u).all():
                 return None
             x = np.stack(table, axis=1)
@@ -199,10 +258,17 @@ class _Law:
         blocks = [slice(int(a), int(b)) for a, b in pairwise(edges)]
         return cls(columns, u, blocks, float(np.std(u)))
 
-    def fitted(self) -> tuple[Floats, float]:
-        """Return the gains, and what the law leaves of blocks that were not fitted."""
+    def fitted(self) -> tuple[Floats, Floats]:
+        """Return the gains, and what the law leaves of each row of blocks that were not fitted, shape (n,)."""
         each, left = self._without_each(range(self.columns.shape[1]), self.u)
-        return each[-1], rms(left)
+        return each[-1], left
+
+    def changed(self, gains: Floats, names: Sequence[str]) -> Floats:
+        """Return gains from elsewhere with some of them as they are here."""
+        which = [FEATURES.index(x) for x in names]
+        out = gains.copy()
+        out[which] += self._without_each(which, self.left(gains))[0][-1]
+        return out
 
     def _without_each(self, which: Sequence[int], y: Floats) -> tuple[Floats, Floats]:
         """Return gains of some columns without each block and last with all, and what is left held out."""

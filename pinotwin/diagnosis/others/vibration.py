@@ -20,6 +20,7 @@ from pinotwin.diagnosis.conclusion.where import Cell, bins, concentrated
 from pinotwin.diagnosis.data.deflection import Load, PassiveSpring, is_measured, load_on, springs
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
@@ -183,7 +184,7 @@ def _judge(spring: PassiveSpring, runs: _Split, rng: np.random.Generator, out: V
     before, after = (np.concatenate(runs.left(x, fitted=False)) for x in (spring, found))
     x, y = (np.concatenate(runs.left(k, fitted=True)) for k in (spring, found))
     size = rms(np.concatenate(runs.parts([r.measured for r in runs.runs], fitted=False)))
-    shrink = _shrink((before, after), _share(x, y, noise), noise, runs, rng)
+    shrink, sure = _shrink((before, after), _share(x, y, noise), noise, runs, rng)
     least = max((1.0 + RULES.vibration_gap) * noise**2, noise**2 + (RULES.vibration_form * size) ** 2)
     there = rms(before) ** 2 > least
     named = (
@@ -202,7 +203,7 @@ def _judge(spring: PassiveSpring, runs: _Split, rng: np.random.Generator, out: V
     out.where.extend(_where(spring, runs, rng))
     if named:
         out.shrinks[spring.name] = shrink
-        out.effects.append(_named(spring, found, runs, shrink, moved))
+        out.effects.append(_named(spring, found, runs, shrink, moved, sure))
 
 
 Moves = dict[str, tuple[float, float, float]]
@@ -251,8 +252,11 @@ def _shrink(
     noise: float,
     runs: _Split,
     rng: np.random.Generator,
-) -> Shrink:
-    """Return how far other springs shrink the gap on rows that were not fitted, blocks resampled."""
+) -> tuple[Shrink, float]:
+    """Return how far other springs shrink the gap on rows that were not fitted, and how sure that is.
+
+    Blocks are resampled: the interval is that of the share, the confidence how often it is one to be named.
+    """
     blocks = max(len(unseen[0]) // max(round(BLOCK / runs.step), 1), 1)
     parts = [np.array_split(x, blocks) for x in unseen]
     share = []
@@ -263,7 +267,8 @@ def _shrink(
     interval = float(np.quantile(share, 0.05)), float(np.quantile(share, 0.95))
     on = "validation" if any(runs.sealed) else "held-out blocks"
     before, after = unseen
-    return Shrink(rms(before), rms(after), _share(before, after, noise), interval, promised, on)
+    sure = posterior(int(np.sum(np.array(share) > RULES.vibration_share)), RESAMPLES, RULES)
+    return Shrink(rms(before), rms(after), _share(before, after, noise), interval, promised, on), sure
 
 
 def _where(spring: PassiveSpring, runs: _Split, rng: np.random.Generator) -> list[Region]:
@@ -283,13 +288,15 @@ def _where(spring: PassiveSpring, runs: _Split, rng: np.random.Generator) -> lis
     return concentrated(cells, power, spring.name, "v", rng) if cells else []
 
 
-def _named(old: PassiveSpring, new: PassiveSpring, runs: _Split, shrink: Shrink, moved: Moves) -> Found:
+def _named(
+    old: PassiveSpring, new: PassiveSpring, runs: _Split, shrink: Shrink, moved: Moves, sure: float
+) -> Found:
     inertia = float(np.mean([r.load.inertia.mean() for r in runs.runs]))
     wn, zeta = new.mode(inertia)
     return Found(
         "joint_flexibility",
         old.name,
-        RULES.vibration_confidence,
+        sure,
         {"frequency": wn / (2.0 * np.pi), "damping": zeta},
         {"k": new.stiffness, "c": new.damping},
         {"v": shrink},

@@ -18,11 +18,12 @@ from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bodies import possible
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
+from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.scan import Scored, Searcher, Table
 from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.effects import Effect
-from pinotwin.effects.family import TRANSMISSION
+from pinotwin.effects.family import FRICTION, TRANSMISSION
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +48,14 @@ class Found:
     Attributes:
         steps: turns, in order.
         last: the best candidate that was not taken in, and why not; None if there was none.
+        left: the best candidates of the last turn, one a name and axis, best first.
         first: the ground without any cause.
         searcher: the ground with all causes among its columns.
     """
 
     steps: Sequence[Step]
     last: tuple[Scored, str] | None
+    left: Sequence[Scored] = field(repr=False)
     first: Searcher = field(repr=False)
     searcher: Searcher = field(repr=False)
 
@@ -75,9 +78,9 @@ def search(
         tell: called with the stage and the share done.
     """
     first = searcher = Searcher(comparison)
-    shortlist = Shortlist(candidates)
+    shortlist = Shortlist(candidates, rules)
     steps: list[Step] = []
-    last = None
+    last, ranked = None, list[Scored]()
     while len(steps) < (most or rules.most):
         if tell:
             tell("searching for causes", len(steps) / (len(steps) + 2.0))
@@ -91,12 +94,12 @@ def search(
         last = next(((r, refused(r, searcher, rules)) for r in ranked if key(r) not in taken), None)
         if not fit:
             break
-        winner = simplest(fit, rules)
+        winner = simplest(fit, searcher, rules)
         steps.append(Step(winner, [r for r in ranked if r is not winner], searcher))
         if not isinstance(winner.effect, Pattern):
             steps = _without_superfluous(comparison, steps, rules)
         searcher = Searcher(comparison, [s.chosen for s in steps])
-    return Found(steps, last, first, searcher)
+    return Found(steps, last, ranked, first, searcher)
 
 
 def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
@@ -150,25 +153,56 @@ def rank(searcher: Searcher, tables: Sequence[tuple[Effect, Table]]) -> list[Sco
     return sorted([*top, *ranked[POLISHED:]], key=lambda s: -s.gain)
 
 
-def simplest(ranked: Sequence[Scored], rules: Rules) -> Scored:
+def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scored:
     """Return the candidate with fewest numbers among those that close as much as the best.
 
     A relative of the best with fewer numbers may close a little less, for the richer one can bend itself
     to what the model never had; likewise an effect of the catalogue beside a pattern without a name. Of
-    bodies that ride on several links the one on the last is taken.
+    bodies that ride on several links the one on the last is taken. What closes the gaps of several axes at once is
+    not replaced by what closes one of them.
     """
-    best = ranked[0]
+    best = _best_effect(ranked, rules)
+    several = _also_closed(best, searcher, rules)
     kin = {*named(best.effect).contains, *named(best.effect).imitates, *named(best.effect).inseparable}
     close = []
     for one in ranked:
         enough = rules.as_good
         if one.joint == best.joint and named(one.effect).name in kin:
             enough = rules.as_good_kin
-        if one.joint == best.joint and isinstance(best.effect, Pattern) > isinstance(one.effect, Pattern):
-            enough = rules.as_good_kin if best.numbers <= 3 else rules.as_good_curve
-        if one.gain >= enough * best.gain:
+        if one.gain >= enough * best.gain and several <= set(one.table[0]):
             close.append(one)
     return min(close, key=lambda s: (s.numbers, -_link(s), -s.gain))
+
+
+def _best_effect(ranked: Sequence[Scored], rules: Rules) -> Scored:
+    """Return the best candidate; where that is a pattern, the best simpler effect that closes nearly as much."""
+    best = ranked[0]
+    if not isinstance(best.effect, Pattern):
+        return best
+    enough = rules.as_good_kin if best.numbers <= 3 else rules.as_good_curve
+    for one in ranked:
+        simpler = (
+            one.joint == best.joint and one.numbers <= best.numbers and not isinstance(one.effect, Pattern)
+        )
+        if simpler and one.gain >= enough * best.gain:
+            return one
+    return best
+
+
+def _also_closed(one: Scored, searcher: Searcher, rules: Rules) -> set[int]:
+    """Return the joints whose gap a candidate closes by more than the twin's misfit may differ by; of a change."""
+    c = searcher.comparison
+    if len(one.table[0]) < 2 or not c.change:
+        return set()
+    out = set()
+    for at, j in enumerate(c.new.joints):
+        if j not in one.table[0]:
+            continue
+        closed = float(searcher.gains_at(one, j)[0].sum())
+        power = float(searcher.alone_by_joint[0][:, at].sum())
+        if closed > max(rules.excess * len(c.new.residual[j]), rules.share * power):
+            out.add(j)
+    return out
 
 
 def _link(one: Scored) -> int:
@@ -188,6 +222,8 @@ def allowed(one: Scored, comparison: Comparison) -> bool:
     error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 0.0))
     # A machine's inertia was fitted without the spring: what that leaves of it is no bound for the load's.
     bounded = comparison.change or one.effect.family is not TRANSMISSION
+    if not bounded and not fits(comparison, one.judged, one.joint):
+        return False
     for k, c in enumerate(one.effect.coefficients()):
         value = before[k] + one.judged.theta[k]
         if value < c.lower - 2.0 * error[k] or (bounded and value > c.upper + 2.0 * error[k]):
@@ -216,11 +252,16 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
         return f"is {one.judged.strength:.1f} squared standard errors a number"
     if lower_bound(one.judged, searcher.ground) <= 0.0 or _fails_elsewhere(one, searcher):
         return "closes nothing for certain on rows not fitted"
-    if c.change and one.gain < rules.excess * _rows(one, c):
+    closed = float(sum(x.sum() for x in searcher.main_gains(one)))
+    if c.change and closed < rules.excess * _rows(one, c):
         return "closes less than what the twin's own misfit may differ by"
-    moved = size_of(one, c) / max(c.new.size(one.joint), 1e-300)
+    closed = c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
+    moved = closed / max(c.new.size(one.joint), 1e-300)
     if moved < rules.size_structure:
         return f"moves its axis' effort by {moved:.1%}"
+    rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
+    if c.change and rubs and closed < rules.scatter * c.friction[one.joint]:
+        return f"is no more than {rules.scatter:.0%} of the friction, by which runs of one machine may differ"
     return ""
 
 
@@ -234,9 +275,3 @@ def _rows(one: Scored, comparison: Comparison) -> int:
     """Return the number of rows of the axis that a candidate moves most, validation logs included."""
     samples = [comparison.new, comparison.unseen]
     return sum(len(s.residual[one.joint]) for s in samples if s is not None and one.joint in s.joints)
-
-
-def size_of(one: Scored, comparison: Comparison) -> float:
-    """Return the RMS that a cause closes at its main joint beyond what the model could take up [N or N·m]."""
-    rows = max(_rows(one, comparison), 1)
-    return comparison.floor[one.joint] * float(np.sqrt(max(one.gain, 0.0) / rows))

@@ -49,7 +49,12 @@ def _confidence(
         searcher = Searcher(trial)
         again = [x for e in entries if (x := searcher.score(e.effect, e.table)) is not None]
         fit = sorted((x for x in again if not refused(x, searcher, rules)), key=lambda x: -x.gain)
-        wins += bool(fit) and same_cause(simplest(fit, rules), step.chosen)
+        wins += bool(fit) and same_cause(simplest(fit, searcher, rules), step.chosen)
+    return posterior(wins, trials, rules)
+
+
+def posterior(wins: int, trials: int, rules: Rules) -> float:
+    """Return the confidence after so many trials, some of them won."""
     return float((wins + rules.prior_right) / (trials + rules.prior_right + rules.prior_wrong))
 
 
@@ -64,39 +69,41 @@ def _trial(c: Comparison, found: Found, cause: Scored, rng: np.random.Generator)
     """Return the comparison with what the model leaves anyway laid in another order, and the cause put in."""
     left = found.searcher.residual()
     leaves = {j: left[j] * c.floor[j] for j in left}
-    source = c.new if c.own is None else c.own
     residual = leaves if c.own is None else c.own.residual
-    new = _laid(c.new, source, residual, cause.table[0], cause, rng)
-    unseen = None
-    if c.unseen is not None:
-        unseen = _laid(c.unseen, source, residual, cause.table[-1], cause, rng)
+    new = _with(c.new, residual, cause.table[0], cause, rng)
+    unseen = None if c.unseen is None else _with(c.unseen, residual, cause.table[-1], cause, rng)
     return replace(c, new=new, unseen=unseen)
 
 
-def _laid(
+def _with(
     target: Sample,
-    source: Sample,
     residual: Mapping[int, Floats],
     columns: Mapping[int, Floats],
     cause: Scored,
     rng: np.random.Generator,
 ) -> Sample:
     out = {}
-    size = max(4, round(STRETCH / (target.motion.step * target.motion.decimation)))
     for j in target.joints:
         n = len(target.residual[j])
-        r = residual.get(j, np.zeros(0))
-        out[j] = _shuffled(r, n, size, rng) if len(r) > size else np.zeros(n)
+        out[j] = laid(target, residual[j], n, rng) if j in residual else np.zeros(n)
         if j in columns:
             out[j] = out[j] + columns[j] @ cause.judged.theta
-    del source
     return replace(target, residual=out)
 
 
-def _shuffled(r: Floats, n: int, size: int, rng: np.random.Generator) -> Floats:
-    """Return stretches of a residual drawn with replacement, n rows in all."""
-    starts = rng.integers(0, len(r) - size, size=-(-n // size))
-    return np.concatenate([r[s : s + size] for s in starts])[:n]
+def laid(target: Sample, residual: Floats, n: int, rng: np.random.Generator) -> Floats:
+    """Return n rows of a residual, stretches of :data:`STRETCH` drawn with replacement; zeros where it is shorter."""
+    return shuffled(
+        residual, n, max(4, round(STRETCH / (target.motion.step * target.motion.decimation))), rng
+    )
+
+
+def shuffled(residual: Floats, n: int, size: int, rng: np.random.Generator) -> Floats:
+    """Return n rows of a residual, stretches of so many rows drawn with replacement; zeros where it is shorter."""
+    if len(residual) <= size:
+        return np.zeros(n)
+    starts = rng.integers(0, len(residual) - size, size=-(-n // size))
+    return np.concatenate([residual[s : s + size] for s in starts])[:n]
 
 
 def pairs_alike(steps: Sequence[Step], share: float = 0.9) -> list[tuple[str, str]]:

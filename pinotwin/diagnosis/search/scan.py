@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.data.comparison import Comparison, thinned_model
 from pinotwin.diagnosis.evidence.held_out import Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import Base, Products, base_of, products
@@ -76,7 +77,7 @@ class Searcher:
         unseen = bases[-1] if c.unseen is not None else None
         diagonal = np.einsum("kjbb->b", bases[0].XX)
         held = np.zeros(width, dtype=bool)
-        held[: len(c.held)] = c.held
+        held[: len(c.held)] = c.held_beside({named(one.effect).axis for one in self.found} - {None})
         diagonal = np.where(held, HELD * diagonal, FREE * diagonal)
         return Ground(bases[0], own, unseen, np.diag(diagonal + 1e-300))
 
@@ -117,6 +118,36 @@ class Searcher:
         names = self.comparison.machine.names
         order = names.index(effect.axis) if effect.axis in names else 0
         return Scored(effect, table, found, gain, gain / max(self.power(table[0]), 1e-300), joint, order)
+
+    def main_gains(self, one: Scored) -> tuple[Floats, Floats]:
+        """Return what a candidate closes of its main joint alone, floor units: blocks (K,), validation blocks (L,).
+
+        A body on a link moves every joint before it: what it closes in all is no share of one joint's gap.
+        """
+        if len(one.table[0]) > 1:
+            return self.gains_at(one, one.joint)
+        alone = self.ground.alone
+        return alone.left - one.judged.left, alone.unseen - one.judged.unseen
+
+    def gains_at(self, one: Scored, joint: int) -> tuple[Floats, Floats]:
+        """Return what a candidate closes of one of its joints: blocks (K,), validation blocks (L,)."""
+        ground, found = self.ground, one.judged
+        new = self._closed_at(ground.new, one.table[0], joint, found.folds, found.base_folds, 0)
+        if ground.unseen is None or joint not in ground.unseen.sample.joints:
+            return new, np.zeros(len(found.unseen))
+        L = ground.unseen.sample.blocks
+        theta, delta = (np.repeat(x[None], L, axis=0) for x in (found.theta, found.base))
+        return new, self._closed_at(ground.unseen, one.table[-1], joint, theta, delta, 1)
+
+    def _closed_at(
+        self, base: Base, columns: Mapping[int, Floats], joint: int, theta: Floats, delta: Floats, part: int
+    ) -> Floats:
+        block = base.sample.block[joint]
+        said = np.einsum("mp,mp->m", columns[joint] / base.floor[joint], theta[block])
+        said += np.einsum("mb,mb->m", base.columns[joint], delta[block])
+        left = np.bincount(block, (base.residual[joint] - said) ** 2, base.sample.blocks)
+        before = self.alone_by_joint[part][:, base.sample.joints.index(joint)]
+        return np.asarray(before - left)
 
     def power(self, columns: Mapping[int, Floats]) -> float:
         """Return the squared residual, not fitted, at the joints that columns act on, floor units."""

@@ -13,9 +13,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.data.samples import Sample
+from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.scan import Searcher, Table
 from pinotwin.effects import Effect
+from pinotwin.effects.effect import AxisEffect
 
 KEPT = 2
 """Instances of one name on one axis that are scored on unseen rows."""
@@ -26,7 +29,8 @@ CLOSE = 24
 class Shortlist:
     """The candidates of a search, and the columns of those that were looked at."""
 
-    def __init__(self, candidates: Sequence[Effect]) -> None:
+    def __init__(self, candidates: Sequence[Effect], rules: Rules = RULES) -> None:
+        self.rules = rules
         self.groups: dict[tuple[str, str | None], list[Effect]] = defaultdict(list)
         for effect in candidates:
             self.groups[effect.name, effect.axis].append(effect)
@@ -37,8 +41,11 @@ class Shortlist:
     def of(self, searcher: Searcher) -> list[tuple[Effect, Table]]:
         """Return the instances worth a close look on this ground, with their columns on every sample."""
         residual = searcher.residual()
+        quiet = quiet_joints(searcher, self.rules)
         near: list[tuple[float, Effect]] = []
         for key, group in self.groups.items():
+            if _on_one(group[0]) and searcher.comparison.machine.axes[str(key[1])].index in quiet:
+                continue
             for effect in group if len(group) <= KEPT else self._best(key, group, searcher, residual):
                 if effect not in self.thinned:
                     self.thinned[effect] = searcher.table(effect, screen=True)
@@ -72,6 +79,26 @@ class Shortlist:
         best = [group[k] for k in np.argsort(-gains)[:KEPT]]
         self.chosen[key] = (stamp, best)
         return best
+
+
+def quiet_joints(searcher: Searcher, rules: Rules) -> set[int]:
+    """Return the joints whose whole residual is less than the least that a cause must close of it."""
+    c = searcher.comparison
+    out = set()
+    for at, j in enumerate(c.new.joints):
+        power, rows = float(searcher.alone_by_joint[0][:, at].sum()), len(c.new.residual[j])
+        if c.unseen is not None and j in c.unseen.joints:
+            power += float(searcher.alone_by_joint[1][:, c.unseen.joints.index(j)].sum())
+            rows += len(c.unseen.residual[j])
+        least = rules.excess if c.change else (rules.size_structure * c.new.size(j) / c.floor[j]) ** 2
+        if power < least * rows:
+            out.add(j)
+    return out
+
+
+def _on_one(effect: Effect) -> bool:
+    """Whether an effect acts on the effort of its own axis alone."""
+    return isinstance(named(effect), AxisEffect)
 
 
 def _closes(sample: Sample, effect: Effect, residual: Mapping[int, Floats]) -> float:

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Mask
 from pinotwin.errors import nearest
 from pinotwin.log import Log
-from pinotwin.logs.quality.lead import causes, effort_lead
+from pinotwin.logs.quality.lead import Causes, effort_lead
 from pinotwin.logs.quality.results import AxisQuality, ChannelQuality, Finding, Limits
 from pinotwin.logs.quality.sampling import SLOW
-from pinotwin.logs.quality.values import quantisation_step
+from pinotwin.logs.quality.values import has_more_values, quantisation_step
 from pinotwin.signals import (
     Clock,
     autocorrelation,
@@ -64,11 +64,11 @@ def inspect_axes(
         # Reversals of dry friction tell a lead above the band of the motion.
         raw = np.column_stack([log[f"{name}.q"] for name in moving])
         cutoff_lead = min(_WIDER * cutoff, 0.45 * ticks.rate)
-        columns = causes(*derivatives(raw, ticks.rate, cutoff_lead, segments=stretches))
+        rows = inside[:, None] & (np.abs(v) > _CRAWL * np.abs(v[inside]).max(axis=0))
+        del q, v, a  # of a long log there is room for one set only
+        causes = Causes(*derivatives(raw, ticks.rate, cutoff_lead, segments=stretches))
         for i, name in enumerate(moving):
-            speed = np.abs(v[:, i])
-            rows = inside & (speed > _CRAWL * speed[inside].max())
-            table[name] = _with_lead(table[name], log, name, columns, (ticks.rate, cutoff_lead, rows))
+            table[name] = _with_lead(table[name], log, name, causes, (ticks.rate, cutoff_lead, rows[:, i]))
     return table, cutoff
 
 
@@ -90,7 +90,7 @@ def _still(log: Log, name: str, rotary: bool) -> AxisQuality:
 
 
 def _with_lead(
-    axis: AxisQuality, log: Log, name: str, columns: Floats, how: tuple[float, float, Mask]
+    axis: AxisQuality, log: Log, name: str, causes: Causes, how: tuple[float, float, Mask]
 ) -> AxisQuality:
     rate, cutoff, usable = how
     if f"{name}.u" not in log:
@@ -99,7 +99,7 @@ def _with_lead(
     if not np.isfinite(u).all() or np.ptp(u) == 0 or len(u) < _SHORTEST:
         return axis
     rows = np.flatnonzero(usable)
-    lead = effort_lead(low_pass(u, rate, cutoff), columns, rate, rows)
+    lead = effort_lead(low_pass(u, rate, cutoff), causes, rate, rows)
     if lead is None or lead.gain < _GAIN:
         return axis
     return replace(axis, lead=lead.seconds, lead_error=lead.error)
@@ -227,7 +227,7 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
     if f"{name}.qr" in log:
         command = log[f"{name}.qr"]
         both = np.isfinite(q) & np.isfinite(command)
-        fine = len(np.unique(q[both])) > _LEVELS
+        fine = has_more_values(q[both], _LEVELS)
         if fine and np.mean(q[both] == command[both]) > _SAME:
             yield Finding(
                 "warning",

@@ -37,33 +37,43 @@ class Lead:
     gain: float
 
 
-def causes(q: Floats, v: Floats, a: Floats) -> Floats:
-    """Return regressor columns for the effort of any axis, shape (n, p).
+@dataclass(frozen=True)
+class Causes:
+    """What the effort of any axis may follow.
 
-    Args:
+    Attributes:
         q: filtered positions of the moving axes, shape (n, k).
         v: velocities.
         a: accelerations.
     """
-    place = (q - q.mean(axis=0)) / q.std(axis=0)
-    return np.column_stack([a, v, np.sign(v), place, place**2, np.ones(len(q))])
+
+    q: Floats
+    v: Floats
+    a: Floats
+
+    def columns(self, rows: Ints) -> Floats:
+        """Return the regressor of some rows, shape (len(rows), 5 k + 1)."""
+        place = (self.q[rows] - self.q.mean(axis=0)) / self.q.std(axis=0)
+        v = self.v[rows]
+        return np.column_stack([self.a[rows], v, np.sign(v), place, place**2, np.ones(len(rows))])
 
 
-def effort_lead(u: Floats, columns: Floats, rate: float, rows: Ints) -> Lead | None:
+def effort_lead(u: Floats, causes: Causes, rate: float, rows: Ints) -> Lead | None:
     """Return by how much an effort is ahead of the motion, or None where nothing tells.
 
     Args:
         u: filtered effort, shape (n,).
-        columns: its causes, shape (n, p).
+        causes: what it may follow.
         rate: sampling rate [Hz].
         rows: rows that may be used, in order.
     """
     reach = max(3, int(np.ceil(REACH * rate)))
     rows = rows[(rows >= reach) & (rows < len(u) - reach)]
     rows = rows[:: max(1, len(rows) // _ROWS)]
+    columns = causes.columns(rows)
     if len(rows) < 20 * columns.shape[1]:
         return None
-    scaled = columns[rows] / np.maximum(np.linalg.norm(columns[rows], axis=0), 1e-300)
+    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     basis = np.linalg.qr(scaled)[0]
     shifts = np.unique(np.round(np.linspace(-reach, reach, min(2 * reach + 1, 41))).astype(int))
     bounds = np.linspace(0, len(rows), _BLOCKS + 1).astype(int)[:-1]

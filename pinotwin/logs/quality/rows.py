@@ -10,11 +10,18 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.log import Log
 from pinotwin.logs.quality.results import Finding
-from pinotwin.logs.quality.values import jump_rows, quantisation_step, repeated_rows, sentinel
+from pinotwin.logs.quality.values import (
+    has_more_values,
+    jump_rows,
+    quantisation_step,
+    repeated_rows,
+    sentinel,
+)
+from pinotwin.signals import runs
 
 _MEASURED = 20  # a channel with more distinct values than this is a measurement, else a state
 _FEWEST = 4  # measured channels, below which a copied row may be chance
-_SHARE = 0.02
+_SHARE = 0.02  # of the rows, from which copies or sentinels spoil a log as a whole
 _ABOUT = 21  # rows about one that must stand still
 
 
@@ -67,20 +74,18 @@ def _key(log: Log, rows: Mask, most: int = 4) -> str:
     """Return the key of machine.yaml that leaves these rows out, with the first few of their times [s]."""
     if "t" not in log:
         return ""
-    edges = np.flatnonzero(np.diff(np.r_[0, rows.astype(int), 0]))
-    runs = [f"[{log.t[a]:.6g}, {log.t[b - 1]:.6g}]" for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    more = ", ..." if len(runs) > most else ""
-    return f" (data: {{leave_out: [{', '.join(runs[:most])}{more}]}})"
+    times = [f"[{log.t[s.start]:.6g}, {log.t[s.stop - 1]:.6g}]" for s in runs(rows)]
+    more = ", ..." if len(times) > most else ""
+    return f" (data: {{leave_out: [{', '.join(times[:most])}{more}]}})"
 
 
 def _kinds(log: Log) -> tuple[dict[str, Floats], dict[str, Floats]]:
     measured, states = {}, {}
     for name, x in log.channels.items():
         if name != "t":
-            distinct = len(np.unique(x[np.isfinite(x)]))
-            if distinct > _MEASURED:
+            if has_more_values(x, _MEASURED):
                 measured[name] = x
-            elif distinct > 1:
+            elif has_more_values(x, 1):
                 states[name] = x
     return measured, states
 
@@ -97,7 +102,7 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
             name,
             f"jumps to {value:.6g} (as in the file) and back {times} times: a sentinel value; "
             f"leave the {int(rows.sum())} rows with it out{_key(log, rows)}",
-            "sentinel",
+            "sentinel" if rows.mean() > _SHARE else "spikes",
         )
         return
     apart = jump_rows(q)
@@ -127,9 +132,9 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
 def _effort_sentinel(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
     """Name a value far beyond all others that comes again and again: efforts jump, sentinels stand apart."""
     u = log.raw(name)
-    values, counts = np.unique(u[np.isfinite(u)], return_counts=True)
-    for value, count in ((values[0], counts[0]), (values[-1], counts[-1])):
+    for value in (np.nanmin(u), np.nanmax(u)):
         rows = np.asarray(u == value)
+        count = np.count_nonzero(rows)
         others = np.abs(u[~rows & np.isfinite(u)])
         if count >= 3 and len(others) and abs(value) > 3.0 * others.max() > 0:
             bad |= rows
@@ -166,6 +171,7 @@ def _shared_state(states: dict[str, Floats], bad: Mask) -> Iterator[Finding]:
                     "warning",
                     name,
                     f"{100 * recall:.0f} % of the untrustworthy rows have {name} = {value:g}; "
-                    f"leave all {int(rows.sum())} rows with that value out",
+                    f"leave all {int(rows.sum())} rows with that value out "
+                    f"(data: {{leave_out: [{{{name}: {value:g}}}]}})",
                     "bad_state",
                 )

@@ -1,0 +1,148 @@
+"""Pushes from outside: which are named, and how sure they are.
+
+A push is no friction: it must stand out of what the twin leaves anyway, the axis must move meanwhile, and no cause
+that comes with the motion may close as much, be it one that is too small to be named itself. How sure it is, is
+measured: the pushes found are put into stretches of the twin's own residual, laid in another order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.rules import Rules
+from pinotwin.diagnosis.search.forward import Found
+from pinotwin.diagnosis.search.injections import TRIALS, laid, posterior
+from pinotwin.diagnosis.search.scan import Scored, Searcher
+
+RIVALS = 3
+"""Causes that come with the motion that a push is held against in each trial."""
+
+
+def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
+    """Return the pushes that close more than any cause on the same axis does.
+
+    Args:
+        c: of a twin.
+        found: the search for causes that come with the motion.
+        rules: thresholds.
+    """
+    out = []
+    own = None if c.own is None else {j: c.own.residual[j] / c.floor[j] for j in c.own.joints if j in c.floor}
+    left = found.searcher.residual()
+    for at, j in enumerate(c.new.joints):
+        if not c.gate.admits("external_force", c.machine.names[j]):
+            continue
+        if episodes(c.new, {j: left[j]}, own, c.own, c.floor, j, rules) is None:
+            continue  # what comes with the motion accounts for them
+        residual = c.new.residual[j] / c.floor[j]
+        pushed = episodes(c.new, {j: residual}, own, c.own, c.floor, j, rules)
+        if pushed is None or not stands_out(c, pushed, rules):
+            continue
+        before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
+        rival = max((r.gain for r in _rivals(found, j)), default=0.0)
+        if pushed.gain > rules.push_better * max(before - rest, rival):
+            out.append(pushed)
+    return out
+
+
+def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
+    """Whether pushes are larger than what the twin leaves anyway, on an axis that moves."""
+    floor, rows = c.floor[pushed.joint], len(pushed.rows)
+    forces = [(abs(e.force) / floor, e.end - e.start) for e in pushed.episodes]
+    for_a_moment = any(
+        size > rules.push_strong and (length > rules.push_short or size > 2.0 * rules.push_strong)
+        for size, length in forces
+    )
+    for_long = pushed.gain > rules.excess * rows and max(size for size, _ in forces) > rules.push_long
+    closed = floor * float(np.sqrt(max(pushed.gain, 0.0) / rows))
+    large = closed > rules.push_size * c.new.size(pushed.joint)
+    return (for_a_moment or for_long) and large and _moving_share(c, pushed, rules) > rules.push_moving
+
+
+def push_confidences(
+    c: Comparison, found: Found, pushed: Sequence[Episodes], rng: np.random.Generator, rules: Rules
+) -> list[float]:
+    """Return how sure the pushes on each axis are: the share of trials in which they are named again."""
+    return [_confidence(c, found, p, rng, rules) for p in pushed]
+
+
+def _confidence(
+    c: Comparison, found: Found, pushed: Episodes, rng: np.random.Generator, rules: Rules
+) -> float:
+    j = pushed.joint
+    course = _course(c, pushed)
+    rivals = _rivals(found, j)[:RIVALS]
+    source = c.new if c.own is None else c.own
+    left = found.searcher.residual()[j] * c.floor[j] if c.own is None else c.own.residual[j]
+    wins = 0
+    for _ in range(TRIALS):
+        residual = laid(c.new, left, len(course), rng) + course
+        trial = replace(c, new=replace(c.new, residual={**c.new.residual, j: residual}))
+        own = {j: source.residual[j] / c.floor[j]} if c.own is not None else None
+        again = episodes(trial.new, {j: residual / c.floor[j]}, own, c.own, c.floor, j, rules)
+        if again is None or not stands_out(trial, again, rules) or not _same(again, pushed):
+            continue
+        wins += again.gain > rules.push_better * _closed(trial, rivals)
+    return posterior(wins, TRIALS, rules)
+
+
+def _closed(c: Comparison, rivals: Sequence[Scored]) -> float:
+    searcher = Searcher(c)
+    again = (searcher.score(r.effect, r.table) for r in rivals)
+    return max((r.gain for r in again if r is not None), default=0.0)
+
+
+def _course(c: Comparison, pushed: Episodes) -> Floats:
+    """Return what the pushes add to the residual of their axis, shape (m,)."""
+    out = np.zeros(len(pushed.rows))
+    for e, (a, b) in zip(pushed.episodes, pushed.places, strict=True):
+        out[a:b] -= e.force
+    return out
+
+
+def courses(c: Comparison, causes: Sequence[Scored], pushed: Sequence[Episodes]) -> dict[int, Floats]:
+    """Return joint -> what causes and pushes add to its effort at the log's rate, shape (n,).
+
+    Args:
+        c: with the rows that the pushes were found on.
+        causes: that come with the motion.
+        pushed: pushes from outside.
+    """
+    motion = c.new.motion
+    out: dict[int, Floats] = {}
+    for one in causes:
+        found = one.effect.columns(motion)
+        for at, j in enumerate(found.joints):
+            out[j] = out.get(j, 0.0) + found.values[:, at, :] @ one.judged.theta
+    for p in pushed:
+        rows = c.new.samples(p.joint)
+        course = out.setdefault(p.joint, np.zeros(len(motion)))
+        for e, (a, b) in zip(p.episodes, p.places, strict=True):
+            course[rows[a] : rows[b - 1] + motion.decimation] -= e.force
+    return out
+
+
+def _same(a: Episodes, b: Episodes) -> bool:
+    """Whether two findings lie at the same time for the most part."""
+    both = float(np.sum(a.rows & b.rows))
+    return both > 0.5 * max(float(a.rows.sum()), float(b.rows.sum()))
+
+
+def _rivals(found: Found, joint: int) -> list[Scored]:
+    """Return the causes that come with the motion and act on an axis alone, best first, named or not."""
+    seen = [*(found.steps[0].rivals if found.steps else ()), *(s.chosen for s in found.steps), *found.left]
+    own = [r for r in seen if set(r.table[0]) == {joint}]
+    return sorted(own, key=lambda r: -r.gain)
+
+
+def _moving_share(c: Comparison, pushed: Episodes, rules: Rules) -> float:
+    """Return the share of a push's rows at which its axis moves."""
+    speed = np.abs(c.new.motion.v[:, pushed.joint])
+    moves = speed[c.new.samples(pushed.joint)] > rules.stands * speed.max(initial=0.0)
+    return float(np.mean(moves[pushed.rows]))

@@ -1,0 +1,104 @@
+"""The plant in numbers: what turns a motion into the efforts of the motors, before any loop is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import with_parameters
+from pinotwin.effects import Effect
+from pinotwin.effects.layout import effect_keys, effect_slices
+from pinotwin.effects.scene import with_model
+from pinotwin.errors import TwinError, nearest
+from pinotwin.machine import Machine
+from pinotwin.motion import Motion
+from pinotwin.twin.parameters import Parameter
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OpenLoop:
+    """An identified plant: ``effort = sum over effects of columns(motion) @ theta``.
+
+    Attributes:
+        machine: what was believed.
+        effects: the effects with the shapes that were found.
+        theta: their linear coefficients, in the order of the effects, shape (p,).
+        covariance: of ``theta``, shape (p, p); zero rows for what the data leave open.
+        parameters: the table of all parameters.
+        pi: standard inertial parameters with ``P pi = beta``; physically consistent unless
+            ``quality["consistency"]`` of the twin says otherwise.
+        diagonal: constant inertia, viscous and stiffness terms that the loops are identified with,
+            each of shape (nv,); see :mod:`pinotwin.analysis.disturbance`.
+    """
+
+    machine: Machine
+    effects: tuple[Effect, ...]
+    theta: Floats
+    covariance: Floats
+    parameters: tuple[Parameter, ...]
+    pi: Floats
+    diagonal: Mapping[str, Floats] = field(default_factory=dict)
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """Key of every effect: ``rigid_body`` or ``<axis>.<name>``, numbered when repeated."""
+        return effect_keys(self.effects)
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Where each effect's coefficients are in ``theta``."""
+        return effect_slices(self.effects)
+
+    @cached_property
+    def model(self) -> pin.Model:
+        """Pinocchio model with the identified inertias and rotor inertias."""
+        return with_parameters(self.machine.model, self.pi)
+
+    def coefficients(self, key: str) -> Floats:
+        """Return the coefficients of one effect, e.g. ``twin.coefficients("Y.coulomb")``.
+
+        Raises:
+            TwinError: it has no such effect.
+        """
+        if key not in self.keys:
+            raise TwinError(f"{self.machine.name}: no effect {key!r}; {nearest(key, self.keys)}")
+        return self.theta[self.slices[self.keys.index(key)]]
+
+    def parameter(self, name: str) -> Parameter:
+        """Return one row of the parameter table by its full name.
+
+        Raises:
+            TwinError: there is none of that name.
+        """
+        for row in self.parameters:
+            if row.name == name:
+                return row
+        names = [row.name for row in self.parameters]
+        raise TwinError(f"{self.machine.name}: no parameter {name!r}; {nearest(name, names)}")
+
+    def scene(self, motion: Motion) -> Motion:
+        """Return a motion with this plant's own effort along it, if any of its effects scales with it."""
+        return with_model(motion, self.effects, self.theta)
+
+    def parts(self, motion: Motion) -> dict[str, Floats]:
+        """Return the effort of each effect, key -> (n, nv) [N or N·m]."""
+        nv = self.machine.nv
+        motion = self.scene(motion)
+        return {
+            key: effect.columns(motion).effort(self.theta[s], nv)
+            for key, effect, s in zip(self.keys, self.effects, self.slices, strict=True)
+        }
+
+    def effort(self, motion: Motion) -> Floats:
+        """Return the motor effort that this motion takes, shape (n, nv) [N or N·m]."""
+        total = np.zeros((len(motion), self.machine.nv))
+        for part in self.parts(motion).values():
+            total += part
+        if motion.external is not None:
+            total -= motion.external
+        return total

@@ -1,0 +1,110 @@
+"""A simulation as a recording for the Rerun viewer: the machine moving, with its signals over the same time.
+
+Rerun (rerun.io) is not installed with pinotwin; ``pip install rerun-sdk`` brings it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import tempfile
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.errors import InputError
+from pinotwin.log import Log
+from pinotwin.logs.prepare import prepare
+from pinotwin.machine import Machine
+from pinotwin.simulation.score import bound
+from pinotwin.viewer.scene import joint_poses, visual_model
+from pinotwin.viewer.still import triangles_of
+from pinotwin.writing import write_bytes
+
+FRAMES = 1500
+"""Postures of a recording; signals are kept whole."""
+SIGNALS = {"e": "tracking error", "u": "effort"}
+UNITS = {"e": ("m", "rad"), "u": ("N", "N·m")}
+
+
+def require() -> None:
+    """Refuse when Rerun is not installed.
+
+    Raises:
+        InputError: it is not.
+    """
+    if importlib.util.find_spec("rerun") is None:
+        raise InputError("--rrd: Rerun is not installed; pip install rerun-sdk, or leave --rrd out")
+
+
+def write_recording(path: Path, machine: Machine, log: Log, predicted: Log) -> None:
+    """Write a ``.rrd`` with the predicted motion, and what is predicted and measured of every axis.
+
+    Args:
+        path: of the recording.
+        machine: whose motion it is.
+        log: what was measured; its command at least.
+        predicted: what ``simulate`` returned.
+
+    Raises:
+        InputError: Rerun is not installed.
+    """
+    require()
+    import rerun as rr
+
+    stream = rr.RecordingStream(f"pinotwin {machine.name}")
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / "draft.rrd"
+        stream.save(str(draft))
+        _fill(rr, stream, machine, log, predicted)
+        stream.disconnect()
+        write_bytes(path, draft.read_bytes())
+
+
+def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Log) -> None:
+    _machine(rr, stream, machine, predicted)
+    log = bound(machine, log)
+    t = np.asarray(predicted.t - predicted.t[0])
+    for axis in machine.axes:
+        turns = machine.axis(axis).rotary
+        for signal, name in SIGNALS.items():
+            lines = {"predicted": predicted[f"{axis}.{signal}"]}
+            if signal == "u" and f"{axis}.u" in log:
+                lines["measured"] = log[f"{axis}.u"]
+            if signal == "e" and f"{axis}.q" in log:
+                lines["measured"] = log[f"{axis}.qr"] - log[f"{axis}.q"]
+            for who, y in lines.items():
+                entity = rr.new_entity_path([axis, name, who])
+                stream.log(
+                    entity,
+                    rr.SeriesLines(names=f"{axis} {name} [{UNITS[signal][turns]}], {who}"),
+                    static=True,
+                )
+                time = rr.TimeColumn("time", duration=t)
+                stream.send_columns(entity, indexes=[time], columns=rr.Scalars.columns(scalars=y))
+
+
+def _machine(rr: ModuleType, stream: Any, machine: Machine, predicted: Log) -> None:
+    """Write the shapes once, in the frames of their joints, and the frames over time."""
+    motion = prepare(machine, predicted, decimate=1)
+    model = machine.model
+    rows = np.unique(np.linspace(0, len(motion) - 1, min(FRAMES, len(motion))).astype(int))
+    start = joint_poses(model, pin.neutral(model))
+    stream.log("machine", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    shapes = triangles_of(model, visual_model(model, machine.urdf, machine.meshes), pin.neutral(model))
+    for k, (joint, world) in enumerate(shapes):
+        local = (world.reshape(-1, 3) - start[joint].translation) @ start[joint].rotation
+        mesh = rr.Mesh3D(vertex_positions=local, triangle_indices=np.arange(len(local)).reshape(-1, 3))
+        stream.log(rr.new_entity_path(["machine", model.names[joint], f"shape {k}"]), mesh, static=True)
+    poses = [joint_poses(model, motion.q[row]) for row in rows]
+    time = rr.TimeColumn("time", duration=motion.t[rows] - motion.t[0])
+    for joint in range(1, model.njoints):
+        moved = rr.Transform3D.columns(
+            translation=[pose[joint].translation for pose in poses],
+            quaternion=[pin.Quaternion(pose[joint].rotation).coeffs() for pose in poses],
+        )
+        stream.send_columns(
+            rr.new_entity_path(["machine", model.names[joint]]), indexes=[time], columns=moved
+        )

@@ -1,0 +1,161 @@
+"""What is named and what is not: scatter of friction, axes at rest, causes that are not sure, sizes that fit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pinotwin.diagnosis import diagnose
+from pinotwin.diagnosis.conclusion.where import localise
+from pinotwin.diagnosis.data.comparison import Comparison, compare
+from pinotwin.diagnosis.data.samples import sample
+from pinotwin.diagnosis.evidence.springs import fits
+from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.search.forward import Found, search
+from pinotwin.diagnosis.search.pushes import push_confidences, pushes
+from pinotwin.diagnosis.search.scan import Searcher
+from pinotwin.effects import EFFECTS
+from pinotwin.identification import identify
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.machine.bundled import bundled_path
+from pinotwin.twin import Twin
+from pinotwin.virtual import VirtualMachine, random_trajectory
+
+
+def record(path: int, *inject: str) -> Log:
+    virtual = VirtualMachine.load(bundled_path("emps"), inject=inject)
+    return virtual.record(random_trajectory(virtual, 8.0, path), seed=path).to_log()
+
+
+@pytest.fixture(scope="module")
+def machine() -> Machine:
+    return dataclasses.replace(Machine.load("emps"), columns={})
+
+
+@pytest.fixture(scope="module")
+def twin(machine: Machine) -> Twin:
+    return identify(machine, [record(3), record(5)])
+
+
+@pytest.fixture(scope="module")
+def worn(twin: Twin) -> Log:
+    return record(4, "viscous:X=0.5")
+
+
+def with_residual(c: Comparison, r: np.ndarray) -> Comparison:
+    return dataclasses.replace(c, new=dataclasses.replace(c.new, residual={0: r}))
+
+
+@pytest.mark.parametrize(("times", "named"), [(0.03, False), (0.3, True)])
+def test_friction_that_scatters_from_run_to_run_is_no_change(twin: Twin, times: float, named: bool) -> None:
+    c = compare(twin, [record(4)], [])
+    c = dataclasses.replace(
+        c, floor={0: 0.01 * c.floor[0]}
+    )  # a twin so good that only the scatter holds it back
+    viscous = EFFECTS["viscous"].on(c.machine, "X")
+    column = c.new.columns(viscous)[0][:, 0]
+    more = times * c.friction[0] / np.sqrt(np.mean(column**2)) * column
+    noise = 0.5 * c.floor[0] * np.random.default_rng(0).normal(size=len(column))
+    assert c.own is not None
+    quiet = c.floor[0] * np.random.default_rng(1).normal(size=len(c.own.residual[0]))
+    c = dataclasses.replace(c, own=dataclasses.replace(c.own, residual={0: quiet}))
+    found = search(with_residual(c, more + noise), [viscous])
+    assert bool(found.steps) is named
+    if not named:
+        assert found.last is not None
+        assert "runs of one machine" in found.last[1]
+
+
+def test_an_axis_that_trembles_while_its_command_stands_has_no_rows(twin: Twin) -> None:
+    m = compare(twin, [record(4)], []).new.motion
+    assert m.vr is not None
+    still = np.zeros(len(m.t), dtype=bool)
+    still[len(still) // 2 : len(still) // 2 + 800] = True
+    v, vr = m.v.copy(), m.vr.copy()
+    v[still], vr[still] = 0.03 * np.abs(v).max(), 0.0
+    use = m.use | still[:, None]
+    shaken = dataclasses.replace(m, v=v, vr=vr, use=use)
+    rows = sample(shaken, np.zeros_like(m.u), 0.5).samples(0)
+    settled = still.copy()
+    settled[: len(still) // 2 + round((RULES.settles + 0.01) / m.step)] = False
+    assert settled.any()
+    assert not settled[rows].any()
+    moved = dataclasses.replace(shaken, vr=np.where(still[:, None], v, vr))
+    assert settled[sample(moved, np.zeros_like(m.u), 0.5).samples(0)].any()
+
+
+def test_a_push_that_stands_out_is_named_and_sure_and_no_other(twin: Twin) -> None:
+    c = compare(twin, [record(4)], [])
+    assert c.own is not None
+    rng = np.random.default_rng(3)
+    plain = [c.floor[0] * rng.normal(size=len(s.residual[0])) for s in (c.new, c.own)]
+    c = dataclasses.replace(c, own=dataclasses.replace(c.own, residual={0: plain[1]}))
+    at = np.arange(len(plain[0])) // 60 == len(plain[0]) // 120
+    for size in (1.2, 8.0):
+        pushed = with_residual(c, plain[0] + size * c.floor[0] * at)
+        ground = Searcher(pushed)
+        nothing = Found((), None, (), ground, ground)
+        named = pushes(pushed, nothing, RULES)
+        assert len(named) == (size > RULES.push_strong)
+        sure = push_confidences(pushed, nothing, named, np.random.default_rng(0), RULES)
+        assert all(x > 0.9 for x in sure)
+
+
+def test_a_load_behind_a_spring_is_no_more_than_its_axis(machine: Machine) -> None:
+    c = compare(machine, [record(4)], [])
+    searcher = Searcher(c)
+    spring = EFFECTS["drive_flexibility"].on(c.machine, "X").shaped([30.0, 0.03])
+    one = searcher.score(spring)
+    assert one is not None
+    for share, fitting in ((0.3, True), (40.0, False)):
+        theta = np.array([share])
+        told = dataclasses.replace(
+            one.judged,
+            theta=theta,
+            folds=theta + np.zeros((4, 1)),
+            own=np.zeros((1, 1)),
+            base=0.0 * one.judged.base,
+        )
+        assert fits(c, told, 0) is fitting
+
+
+def test_the_gap_is_found_where_it_lies(twin: Twin) -> None:
+    c = compare(twin, [record(4)], [])
+    q = c.new.motion.q[c.new.samples(0), 0]
+    rng = np.random.default_rng(0)
+    low, high = np.quantile(q, [0.6, 0.8])
+    r = rng.normal(size=len(q)) * np.where((q > low) & (q < high), 6.0, 1.0)
+    found = [x for x in localise(c.new, r, 0, rng) if x.kind == "position"]
+    assert found
+    best = max(found, key=lambda x: x.share)
+    assert best.range[1] > low
+    assert best.range[0] < high
+    assert [x for x in localise(c.new, rng.normal(size=len(q)), 0, rng) if x.p_value is not None] == []
+
+
+def test_what_is_not_sure_is_possible_and_names_nothing(twin: Twin, worn: Log) -> None:
+    found = diagnose(twin, worn, quick=True, rules=dataclasses.replace(RULES, named=0.99))
+    assert list(found.effects) == []
+    assert (found.possible[0].effect, found.possible[0].axis) == ("viscous", "X")
+    assert found.verdict == "unexplained"
+    assert "Possible, not sure: X viscous" in found.sentence
+    assert found.to_dict()["possible"][0]["effect"] == "viscous"
+
+
+def test_the_tracking_error_shrinks_by_what_was_named(twin: Twin, worn: Log) -> None:
+    found = diagnose(twin, worn)
+    assert [(e.effect, e.axis) for e in found.effects] == [("viscous", "X")]
+    shrink = found.effects[0].shrink["e"]
+    assert shrink.share > 0.3  # of the squared error, simulated from the command alone
+    assert shrink.after < shrink.before
+    assert found.gap["X"]["e"].rms == pytest.approx(shrink.before)
+
+
+def test_a_push_at_the_end_of_a_log_is_named_and_the_servo_is_not(twin: Twin) -> None:
+    log = record(4)
+    late = (log.t > log.t[-1] - 0.9) & (log.t < log.t[-1] - 0.4)
+    found = diagnose(twin, Log({**log.channels, "X.u": log["X.u"] + 40.0 * late}, source="pushed.csv"))
+    assert [(e.effect, e.axis) for e in found.effects] == [("external_force", "X")]
