@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pinotwin.errors import InputError
+from pinotwin.machine.bundled import bundled_path
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.doses import INJECT, INJECT_MACHINE, OUTSIDE
 from pinotwin.virtual.mass import inertia_at
@@ -186,3 +187,17 @@ def test_an_elastic_drive_adds_no_inertia_and_leaves_the_feed_forward_alone(plai
     assert rotor > 0.05 * before
     assert after + rotor == pytest.approx(before, rel=1e-9)
     assert ill.cad_inertia["Y"] == pytest.approx(well.cad_inertia["Y"])
+
+
+def test_a_worn_axis_does_not_run_its_integrator_into_its_limit():
+    """At constant speed an integral part leaves no tracking error, however much friction there is."""
+    rough = VirtualMachine.load(
+        bundled_path("trunnion"), withhold=["ripple:Y", "position_table:Y"], inject=["viscous:Y=0.5"]
+    )
+    log = rough.record(random_trajectory(rough, 20.0, 1), seed=9, noise=False).to_log()
+    command = np.gradient(log["Y.qr"], log.t)
+    steady = np.abs(command) > 0.999 * np.abs(command).max()
+    steady[1:] &= steady[:-1]
+    held = np.flatnonzero(steady & (np.convolve(steady, np.ones(101), "same") > 100))
+    assert len(held) > 20
+    assert np.abs(log["Y.qr"] - log["Y.q"])[held].max() < 1e-6  # 5e-6 where the integral part stops

@@ -48,7 +48,8 @@ class Controller:
             (set-point weight); 1 differentiates the error.
         velocity_filter: corner of the first-order filter on the measured velocity [Hz].
         effort_limit: [N or N·m].
-        integral_limit: anti-windup limit of the integral part [N or N·m].
+        integral_limit: anti-windup limit of the integral part [N or N·m]; by default the limit of the effort and what
+            the set-point weight asks of the integral part at top speed.
         delay: whole control periods between measuring and acting.
         current_bandwidth: of the current loop [Hz].
     """

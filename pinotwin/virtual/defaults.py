@@ -103,6 +103,7 @@ def resolved_axis(axis: AxisTruth, scale: Scale) -> AxisTruth:
 
 def _controller(given: Controller, scale: Scale, friction: Friction) -> Controller:
     limit = given.effort_limit or 3.0 * scale.rated + 2.0 * scale.hold
+    carried = 0.0
     if given.kind == "pid":
         p, w, zeta = given.poles or (55.0, 10.0, 0.75)
         p, w = 2.0 * np.pi * p, 2.0 * np.pi * w
@@ -110,6 +111,8 @@ def _controller(given: Controller, scale: Scale, friction: Friction) -> Controll
         kp *= scale.inertia
         kd = kv * scale.inertia if given.kv is None else given.kv
         forward = given.velocity_feedforward * (friction.viscous or 0.0)
+        # What a set-point weight below 1 takes away at constant speed, the integral part brings back.
+        carried = (1.0 - given.derivative_weight) * kd * scale.speed
         forward -= (1.0 - given.derivative_weight) * kd
     else:
         w = 2.0 * np.pi * (given.bandwidth or 30.0)
@@ -122,7 +125,7 @@ def _controller(given: Controller, scale: Scale, friction: Friction) -> Controll
         ki=ki * scale.inertia if given.ki is None else given.ki,
         velocity_feedforward=forward,
         effort_limit=limit,
-        integral_limit=given.integral_limit or limit,
+        integral_limit=given.integral_limit or limit + carried,
     )
 
 
