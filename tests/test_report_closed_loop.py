@@ -13,8 +13,9 @@ from pinotwin.log import Log
 from pinotwin.loop import Servo
 from pinotwin.report import Page, Plot, Tabs
 from pinotwin.report.blocks import Html
-from pinotwin.report.closed_loop import closed_loop_blocks, gains, predict, score_table, servo_table
+from pinotwin.report.closed_loop import closed_loop_blocks, predict, score_table
 from pinotwin.report.closed_loop_plots import CAUSES, error_scale
+from pinotwin.report.controllers import gains, servo_table
 from tests.simulated import known_twin, plain_machine, smooth_command
 from tests.test_report import figures, read
 
@@ -90,13 +91,19 @@ def test_poles_and_gains_are_those_of_the_twin(twin, blocks):
 
 def test_the_simulated_controller_is_shown_with_intervals_and_ties():
     servo = Servo.of_cascade(60.0, 5000.0, 40.0, 0.93, 30.0, velocity_lag=3e-4)
-    servo = dataclasses.replace(servo, errors={"kp": 2.0, "kv": 100.0}, other={"kp": 40.0, "rate": 60.0})
+    errors = {"kp": 2.0, "rate": 2.0, "kv": 100.0, "ffa": 9.0, "kp + rate": 1.0, "kp * rate": 20.0}
+    servo = dataclasses.replace(servo, errors=errors, other={"kp": 40.0, "rate": 60.0})
     twin = SimpleNamespace(servos={"Y": servo})
     rows = cells(servo_table(twin))
     assert rows[0][:4] == ["Y", "position gain kp", "60", "36.71 to 63.29"]
     assert "tied" in rows[0][4]
     assert rows[1][:4] == ["", "velocity gain kv", "5000", "4836 to 5164"]
-    assert [r[2] for r in rows if r[1] == "lag of the velocity"] == ["0.3 ms"]
+    by = {row[1]: row for row in rows}
+    assert by["velocity gain kv"][4] == "determined"
+    assert by["acceleration feed-forward"][4] == "not determined"
+    assert by["lag of the velocity"][2] == "0.3 ms"
+    assert by["kp + 1/ti"][2:] == ["100", "98.36 to 101.6", "determined"]
+    assert by["kp / ti"][2:] == ["2400", "2367 to 2433", "determined"]
 
 
 def test_gains_carry_the_units_of_the_axis(twin):

@@ -21,7 +21,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats
-from pinotwin.loop.servo import Servo
+from pinotwin.loop.roots import Roots
+from pinotwin.loop.servo import APART as APART_SQUARED
+from pinotwin.loop.servo import SHAPES, Servo
 from pinotwin.simulation import axis_kernel, coupled
 from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.state import Lookup
@@ -46,7 +48,6 @@ LAGS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
 """Time constants of the velocity's filter from which the search starts [s]."""
 OUTPUT_LAG, DEAD = 2e-4, 1.2e-4
 """Lag of the current loop and dead time from which the search starts [s]."""
-SHAPES = ("velocity_lag", "output_lag", "dead")
 USUAL = {
     "velocity_lag": (4e-4, 1.0),
     "output_lag": (2e-4, 1.0),
@@ -507,8 +508,7 @@ def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]
         rivals = [polish(p, s) for s in simpler(p, last.servo) if s.form == "cascade"]
         both = sorted((f for f in [last, *rivals] if f is not None), key=lambda f: f.cost)
         last, rival = both[0], next((f for f in both[1:] if not same_gains(f.servo, both[0].servo)), None)
-    servo = with_errors(p, last, rival)
-    servo = replace(servo, errors=doubted(servo, found.held_out[0]))
+    servo = with_errors(p, last, rival, found.held_out[0])
     return replace(last, servo=servo, held_out=found.held_out, trial=found.trial, factors=found.factors)
 
 
@@ -677,19 +677,25 @@ def spread(p: AxisProblem, found: Found) -> Floats:
     return np.asarray(total)
 
 
-def with_errors(p: AxisProblem, found: Found, rival: Found | None) -> Servo:
-    """Return the controller with the standard errors of its gains and shapes, and the cascade as good."""
+def with_errors(p: AxisProblem, found: Found, rival: Found | None, missed: float) -> Servo:
+    """Return the controller with the standard errors of its gains and shapes, and the cascade as good.
+
+    Args:
+        p: the axis.
+        found: its controller.
+        rival: the same form, found from the other side of the double root.
+        missed: error of e on rows not fitted, as a share of its RMS.
+    """
     servo, cov = found.servo, spread(p, found)
-    kp = servo.named()["kp"]
+    names = list(_told(servo))
 
     def at(x: Floats) -> Floats:
-        law = found.search.servo(x)
-        near = min(law.cascades() or [law.named()], key=lambda f: abs(f.get("kp", kp) - kp))
-        return np.array([*({**law.named(), **(near if law.form != "pid" else {})}).values()])
+        told = _told(found.search.servo(x))
+        return np.array([told[name] for name in names])
 
     G = np.stack([(at(found.x + d) - at(found.x - d)) / 2e-4 for d in 1e-4 * np.eye(len(found.x))], axis=1)
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", G, cov, G), 0.0))
-    told = dict(zip(servo.named(), errors.tolist(), strict=True))
+    told = doubted(servo, dict(zip(names, errors.tolist(), strict=True)), missed)
     other: dict[str, float] = {}
     if servo.form == "general" and len(servo.cascades()) == 2:
         other = servo.cascades()[1]
@@ -702,23 +708,38 @@ def with_errors(p: AxisProblem, found: Found, rival: Found | None) -> Servo:
     return replace(servo, errors=told, other=other)
 
 
-def doubted(servo: Servo, missed: float) -> dict[str, float]:
-    """Return the standard errors with those of the form of the law: its clock, and what it misses of e.
+def _told(servo: Servo) -> dict[str, float]:
+    """Return the values that get an error: smooth in the gains, a cascade's in the middle between its roots."""
+    named, out = servo.named(), {k: getattr(servo, k) for k in SHAPES}
+    if servo.form == "pid" or not servo.combined():
+        return {**named, **servo.combined(), **out}
+    roots = Roots.of(servo.gains, servo.velocity_lag)
+    middle = servo.with_rate(roots.rate) or named
+    if servo.form == "cascade":  # its weight was imposed
+        middle = {k: x for k, x in middle.items() if k != "weight"}
+    both = {"kp + rate": roots.kp + roots.rate, "kp * rate": roots.product, APART_SQUARED: roots.apart}
+    return {**middle, **both, **out}
+
+
+def doubted(servo: Servo, errors: Mapping[str, float], missed: float) -> dict[str, float]:
+    """Return standard errors with those of the form of the law: its clock, and what it misses of e.
 
     Args:
-        servo: with the errors that its rows' scatter makes.
+        servo: the controller.
+        errors: that its rows' scatter makes.
         missed: error of e on rows not fitted, as a share of its RMS.
     """
-    found, out = servo.named(), dict(servo.errors)
-    moved: dict[str, float] = {}
+    found, moved = _told(servo), {}
     if servo.form != "pid":
-        late = replace(servo, velocity_lag=servo.velocity_lag + CLOCK).cascades()
-        moved = min(late, key=lambda f: abs(f["kp"] - found["kp"]), default={})
-    for name, error in servo.errors.items():
+        moved = _told(replace(servo, velocity_lag=servo.velocity_lag + CLOCK))
+    A, B = (abs(servo.gains[i] / servo.gains[2]) if servo.gains[2] != 0.0 else 0.0 for i in (0, 1))
+    size = {**{k: abs(x) for k, x in found.items()}, APART_SQUARED: float(np.hypot(2.0 * A**2, 4.0 * B))}
+    out = dict(errors)
+    for name in errors:
         if name in SHAPES:
             continue
         share = FORWARD_ERROR if name == "ffa" else LAW_ERROR
         clock = moved.get(name, found[name]) - found[name]
-        law = share * min(missed, 1.0) * abs(found[name]) if np.isfinite(missed) else 0.0
-        out[name] = float(np.sqrt(error**2 + clock**2 + law**2))
+        law = share * min(missed, 1.0) * size[name] if np.isfinite(missed) else 0.0
+        out[name] = float(np.sqrt(errors[name] ** 2 + clock**2 + law**2))
     return out

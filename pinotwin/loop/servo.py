@@ -28,11 +28,18 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.loop.roots import Roots
 
 GAINS = ("e", "integral", "v", "vr", "slip", "ar")
 """Names of the six gains, in the order of the arrays: k_e, k_i, k_v, k_vr, k_w, k_ar."""
 TWO_SIDED = 1.645
 """Standard errors on either side of a value that make 90 %."""
+NARROW = 0.10
+"""A gain is determined where its 90 % interval reaches no further from it than this share of it: a simulation
+or a new tuning that takes it for the truth is then off by no more than a tenth."""
+SHAPES = ("velocity_lag", "output_lag", "dead")
+APART = "apart"
+"""Name under which the error of what kp and 1/ti are apart is kept, see :class:`pinotwin.loop.roots.Roots`."""
 Form = Literal["general", "cascade", "pid", "proportional"]
 
 
@@ -50,7 +57,8 @@ class Servo:
         form: ``cascade`` where set-point weight 1 was imposed, ``pid`` where k_w = 0 was, ``proportional``
             where there is no integral; ``general`` has all six gains free.
         offset: what I holds for ever in the proportional form [N or N·m].
-        errors: standard errors by the names of :meth:`named`.
+        errors: standard errors by the names of :meth:`named` and :meth:`combined`; those of a cascade with kp and
+            1/ti in the middle between their roots, and as :data:`APART` that of the square of their distance.
         other: another cascade that the log speaks for as well, by the same names; empty where there is none.
         step: sampling interval of the log [s].
     """
@@ -82,19 +90,21 @@ class Servo:
         Each has kp, kv, rate (1/ti), ffv, ffa and the set-point weight; they differ in ffv and weight. The
         usual one, whose weight is nearest to 1, comes first. A double root stands for a pair that is not real.
         """
-        k_e, k_i, k_v, k_vr, k_w, ffa = self.gains
-        late = self.velocity_lag
-        square, total, product = 1.0 + late * k_e / k_v, (k_e + late * k_i) / k_v, k_i / k_v
-        spread = math.sqrt(max(total**2 - 4.0 * square * product, 0.0))
-        found = []
-        for rate in ((total - spread) / (2.0 * square), (total + spread) / (2.0 * square)):
-            kv = k_v / (1.0 - rate * late)
-            if rate <= 0.0 or kv <= 0.0:
-                continue
-            kp, ffv = k_e / kv - rate, 1.0 + k_w / (kv * rate)
-            weight = k_vr / (kv * ffv) if ffv != 0.0 else math.inf
-            found.append({"kp": kp, "kv": kv, "rate": rate, "ffv": ffv, "ffa": ffa, "weight": weight})
-        return sorted(found, key=lambda f: abs(f["weight"] - 1.0))
+        roots = Roots.of(self.gains, self.velocity_lag)
+        half = roots.half()
+        found = (self.with_rate(rate) for rate in (roots.rate - half, roots.rate + half))
+        return sorted((f for f in found if f is not None), key=lambda f: abs(f["weight"] - 1.0))
+
+    def with_rate(self, rate: float) -> dict[str, float] | None:
+        """Return the cascade with this 1/ti [1/s] and the feedback of these gains, None where there is none."""
+        k_e, _, k_v, k_vr, k_w, ffa = self.gains
+        seen = 1.0 - rate * self.velocity_lag
+        if rate <= 0.0 or seen == 0.0 or k_v / seen <= 0.0:
+            return None
+        kv = k_v / seen
+        ffv = 1.0 + k_w / (kv * rate)
+        weight = k_vr / (kv * ffv) if ffv != 0.0 else math.inf
+        return {"kp": k_e / kv - rate, "kv": kv, "rate": rate, "ffv": ffv, "ffa": ffa, "weight": weight}
 
     def cascade(self) -> dict[str, float]:
         """Return kp, kv, rate (1/ti), ffv, ffa and the set-point weight, as a cascade has them.
@@ -110,16 +120,61 @@ class Servo:
 
     def named(self) -> dict[str, float]:
         """Return the gains by the names that the form of the law gives them, and its shapes [s]."""
-        shapes = {"velocity_lag": self.velocity_lag, "output_lag": self.output_lag, "dead": self.dead}
+        shapes = {name: float(getattr(self, name)) for name in SHAPES}
         return {**(self.pid() if self.form == "pid" else self.cascade()), **shapes}
 
+    def combined(self) -> dict[str, float]:
+        """Return what the feedback determines where single gains are not: ``kp + rate``, ``kp * rate``.
+
+        Of a PID ``kd + ffv``, the gain on the velocity of the command. Empty for a law without an integral.
+        """
+        if self.form == "pid":
+            return {"kd + ffv": self.gains[3]}
+        found = self.cascade()
+        if found["rate"] <= 0.0:
+            return {}
+        return {"kp + rate": found["kp"] + found["rate"], "kp * rate": found["kp"] * found["rate"]}
+
+    @property
+    def tied(self) -> bool:
+        """Whether the log leaves open which of two roots is kp and which is 1/ti."""
+        return self.form != "pid" and bool(self.other)
+
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Return 90 % intervals of what :meth:`named` names; both cascades' together where two fit as well."""
-        found = {}
+        """Return 90 % intervals of what :meth:`named` and :meth:`combined` name.
+
+        Where kp and 1/ti are tied those of a cascade hold both ways round.
+        """
+        told, ends = {**self.named(), **self.combined()}, self._ends()
+        out = {}
         for name, error in self.errors.items():
-            values = [self.named()[name], *([self.other[name]] if name in self.other else [])]
-            found[name] = (min(values) - TWO_SIDED * error, max(values) + TWO_SIDED * error)
-        return found
+            if name not in told:
+                continue
+            values = [told[name], *([self.other[name]] if name in self.other else [])]
+            far = [*values, *(end[name] for end in ends if name in end)]
+            low, high, own = min(values), max(values), TWO_SIDED * error
+            out[name] = low - math.hypot(low - min(far), own), high + math.hypot(max(far) - high, own)
+        return out
+
+    def _ends(self) -> list[dict[str, float]]:
+        """Return the cascades with the lowest and the highest 1/ti that go with the feedback."""
+        if APART not in self.errors:
+            return []
+        roots, tied = Roots.of(self.gains, self.velocity_lag), self.tied
+        rates = roots.rates(self.cascade()["rate"], TWO_SIDED * self.errors[APART], tied=tied)
+        return [f for f in map(self.with_rate, rates) if f is not None]
+
+    def determined(self) -> dict[str, bool]:
+        """Return for every gain and combination whether the log determines it: to :data:`NARROW` of itself.
+
+        The velocity's feed-forward of a cascade, a share of the command's velocity, to that share of 1.
+        """
+        told, out = {**self.named(), **self.combined()}, {}
+        for name, (low, high) in self.intervals().items():
+            if name not in SHAPES:
+                size = max(abs(told[name]), 1.0 if name == "ffv" and self.form != "pid" else 0.0)
+                out[name] = max(told[name] - low, high - told[name]) <= NARROW * size
+        return out
 
     def pid(self) -> dict[str, float]:
         """Return kp, ki, kd, ffv and ffa of a PID."""
@@ -170,13 +225,15 @@ class Servo:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         values = asdict(self)
-        values["named"] = self.named()
+        values |= {"named": self.named(), "combined": self.combined(), "determined": self.determined()}
+        values["intervals"] = {name: list(ends) for name, ends in self.intervals().items()}
         return {**values, "limit": self.limit if math.isfinite(self.limit) else None}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the controller that :meth:`to_dict` wrote."""
         limit = values.get("limit")
-        values = {name: x for name, x in values.items() if name != "named"}
+        made = ("named", "combined", "determined", "intervals")
+        values = {name: x for name, x in values.items() if name not in made}
         known = {**values, "gains": tuple(values["gains"]), "notch": tuple(values["notch"])}
         return cls(**{**known, "limit": math.inf if limit is None else float(limit)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -32,11 +32,9 @@ from pinotwin.report.closed_loop_plots import (
     response_figure,
     scale_of,
 )
+from pinotwin.report.controllers import gain_table, servo_table
 from pinotwin.simulation.score import compare
 from pinotwin.twin import Twin
-
-if TYPE_CHECKING:
-    from pinotwin.loop import Controller
 
 Scores = Mapping[str, Mapping[str, Mapping[str, float]]]
 
@@ -182,8 +180,9 @@ def structure_blocks(twin: Twin) -> list[Block]:
         out += [
             heading("Controller"),
             paragraph(
-                "The law that is simulated around the axis; effort in N or N·m. Where the log cannot tell the "
-                "position gain from 1/ti, the intervals hold both ways round.",
+                "The law that is simulated around the axis; effort in N or N·m. Determined: the 90 % interval "
+                "reaches no further than a tenth of the gain. Tied: the log cannot tell the position gain from "
+                "1/ti; the intervals hold both ways round, their sum and product stand below.",
                 "lead",
             ),
             servo_table(twin),
@@ -240,99 +239,6 @@ def _pole_chip(row: Mapping[str, Any]) -> Html:
     if row.get("at_bound"):
         return chip(f"at its {row['at_bound']} bound", "fair", "no interval can be given there")
     return Html("")
-
-
-def servo_table(twin: Twin) -> Html:
-    """Return the gains and lags of the controllers that are simulated, with their 90 % intervals."""
-    rows: list[list[object]] = []
-    for axis, servo in twin.servos.items():
-        told = servo.intervals()
-        for name, value in servo.named().items():
-            factor, unit = (1e3, "ms") if name in ("velocity_lag", "output_lag", "dead") else (1.0, "")
-            low, high = (factor * x for x in told.get(name, (value, value)))
-            between = f"{low:.4g} to {high:.4g}" if high > low else ""
-            tied = name in ("kp", "rate") and servo.other
-            remark = chip("tied", "fair", f"or {servo.other[name]:.4g}: fits as well") if tied else Html("")
-            first = all(row[0] != axis for row in rows)
-            shown = f"{factor * value:.4g} {unit}".strip()
-            rows.append([axis if first else "", _SERVO.get(name, name), shown, between, remark])
-    return table(("axis", "gain", "value", "90 % interval", ""), rows, numeric=(2, 3))
-
-
-_SERVO = {
-    "kp": "position gain kp",
-    "kv": "velocity gain kv",
-    "rate": "1/ti",
-    "ki": "integral gain ki",
-    "kd": "derivative gain kd",
-    "ffv": "velocity feed-forward",
-    "ffa": "acceleration feed-forward",
-    "weight": "set-point weight",
-    "velocity_lag": "lag of the velocity",
-    "output_lag": "lag of the current loop",
-    "dead": "dead time",
-}
-
-
-def gain_table(twin: Twin) -> Html:
-    """Return the identified gains of every axis' controller."""
-    rows: list[list[object]] = []
-    for axis, law in twin.controllers.items():
-        for name, value, unit in gains(law, twin.machine.axes[axis].rotary):
-            factor = 1e3 if unit == "ms" else 1.0
-            error = 1.96 * law.errors.get(name, 0.0)
-            shown, doubt = display.rounded(factor * value, factor * error)
-            first = not rows or rows[-1][1] == "explains"
-            rows.append(
-                [
-                    axis if first else "",
-                    _GAINS[name],
-                    f"{shown} ± {doubt}" if doubt else shown,
-                    unit,
-                ]
-            )
-        fit = "" if law.r2 is None else f"{display.percent(law.r2)} of the effort's variance"
-        rows.append(["", "explains", fit, ""])
-    kinds = ", ".join(f"{axis} {_KINDS[law.kind]}" for axis, law in twin.controllers.items())
-    text = table(("axis", "gain", "value, 95 %", "unit"), rows, numeric=(2,)).text
-    return Html(paragraph(f"Kind: {kinds}.").text + text)
-
-
-_KINDS = {"p_pi": "position P around velocity PI", "pid": "PID"}
-_GAINS = {
-    "kp": "position gain kp",
-    "kv": "velocity gain kv",
-    "integral": "integral action",
-    "kd": "derivative gain kd",
-    "ffv": "velocity feed-forward",
-    "ffa": "acceleration feed-forward",
-    "delay": "delay",
-    "velocity_delay": "further delay of the velocity",
-    "filter_time": "low-pass of the velocity",
-}
-
-
-def gains(law: Controller, rotary: bool) -> list[tuple[str, float, str]]:
-    """Return name, value [SI] and the unit to show of the gains that a controller has."""
-    u, x = ("N·m", "rad") if rotary else ("N", "m")
-    cascade = law.kind == "p_pi"
-    units = {
-        "kp": "1/s" if cascade else f"{u}/{x}",
-        "kv": f"{u}·s/{x}",
-        "integral": "1/s" if cascade else f"{u}/({x}·s)",
-        "kd": f"{u}·s/{x}",
-        "ffv": "" if cascade else f"{u}·s/{x}",
-        "ffa": f"{u}·s²/{x}",
-        "delay": "ms",
-        "velocity_delay": "ms",
-        "filter_time": "ms",
-    }
-    out = []
-    for name, unit in units.items():
-        value = float(getattr(law, name))
-        if value != 0.0 or name in law.errors:
-            out.append((name, value, unit))
-    return out
 
 
 def cause_blocks(twin: Twin, found: Predicted) -> list[Block]:

@@ -1,0 +1,61 @@
+r"""kp and 1/ti of a cascade: two roots of one equation, often nearly equal.
+
+With A = k_e / k_v, B = k_i / k_v and the lag T of the velocity, the gains of a cascade give
+
+    (1 + T A) r² - (A + T B) r + B = 0     for r = 1/ti,     kp = A - (1 + T A) r
+
+and kp is, but for the lag, the other root: the law of the feedback is symmetrical in the two. Their sum and
+their product are as certain as A and B; the roots lie sqrt(apart) from one another, apart = (A - T B)² - 4 B,
+a small difference of large numbers whose error grows without bound in a linear estimate where the two meet.
+Intervals are therefore made from ``apart`` and the error that it has, not from the slopes of the roots.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple, Self
+
+
+class Roots(NamedTuple):
+    """What the feedback says of kp and 1/ti.
+
+    Attributes:
+        kp: middle of the kp that there may be [1/s]. rate: the same of 1/ti [1/s].
+        square: 1 + T A, by which a change of 1/ti moves kp the other way [-].
+        apart: square of the difference of the roots [1/s²]; below zero where noise left no real ones.
+        product: kp / ti [1/s²].
+    """
+
+    kp: float
+    rate: float
+    square: float
+    apart: float
+    product: float
+
+    @classmethod
+    def of(cls, gains: Sequence[float], lag: float) -> Self:
+        """Return the roots of six gains and a lag of the velocity [s]."""
+        A, B = gains[0] / gains[2], gains[1] / gains[2]
+        square = 1.0 + lag * A
+        rate = 0.5 * (A + lag * B) / square
+        return cls(0.5 * (A - lag * B), rate, square, (A - lag * B) ** 2 - 4.0 * B, B * (1.0 - lag * rate))
+
+    def half(self, more: float = 0.0) -> float:
+        """Return half the difference of the two 1/ti [1/s], ``more`` added to what they are apart [1/s²]."""
+        return 0.5 * math.sqrt(max(self.apart + more, 0.0)) / self.square
+
+    def rates(self, named: float, error: float, *, tied: bool) -> tuple[float, float]:
+        """Return the lowest and the highest 1/ti that go with the feedback [1/s].
+
+        Args:
+            named: the 1/ti that was found; it says on which side of the middle.
+            error: of ``apart`` at 90 % [1/s²].
+            tied: whether it may as well be on the other.
+        """
+        far, near = self.half(error), self.half(-error)
+        if tied:
+            return self.rate - far, self.rate + far
+        side = 1.0 if named >= self.rate else -1.0
+        ends = self.rate + side * near, self.rate + side * far
+        return min(ends), max(ends)
