@@ -64,6 +64,7 @@ class Motion(Card):
         qr: command, or None where the log has none; likewise its derivatives ``vr`` and ``ar``.
         ql: position measured at the load (linear scale, link encoder) [m or rad], NaN where the axis has no
             such encoder; None where no axis has.
+        on_load: which columns' loops are closed on ``ql``; empty for none.
         external: joint effort of the logged external loads (J^T f), zero where none.
         model: effort of a twin's model in this motion, None outside of a twin. Effects that scale with
             effort (delay, effort_scale, saturation) take it from here, never from the measured effort,
@@ -102,6 +103,7 @@ class Motion(Card):
     cutoff: float = np.inf
     passband: float = np.inf
     order: int = 4
+    on_load: tuple[bool, ...] = ()
     source: str = ""
     notes: tuple[str, ...] = ()
 
@@ -133,6 +135,19 @@ class Motion(Card):
             self.segments,
             self.step,
         )
+
+    @property
+    def regulated(self) -> Floats:
+        """Position that the controllers regulate: of the motors, or of the load where a loop is closed there."""
+        if self.ql is None or not any(self.on_load):
+            return self.q
+        return np.where(self.on_load, self.ql, self.q)
+
+    @property
+    def error(self) -> Floats:
+        """Tracking error, command minus regulated position, shape (n, nv)."""
+        assert self.qr is not None
+        return np.asarray(self.qr - self.regulated)
 
     @cached_property
     def inside(self) -> Mask:

@@ -102,9 +102,9 @@ class LoopGain(Effect):
 
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`; the integral starts at zero in every stretch."""
-        qr, vr, _ = _command(self, motion)
+        _, vr, _ = _command(self, motion)
         own = motion.axis(self.axis)
-        e = qr - own.q
+        e = motion.error[:, own.index]
         total = np.zeros_like(e)
         for part in motion.segments:
             total[part] = np.cumsum(e[part]) * motion.step

@@ -182,7 +182,7 @@ def axis_problem(
         step=raw.step,
         qr=raw.qr[:, i].copy(),
         vr=vr[:, i].copy(),
-        q=raw.q[:, i].copy(),
+        q=raw.regulated[:, i].copy(),
         v=motion.v[:, i].copy(),
         u=raw.u[:, i].copy(),
         load=load,
@@ -295,7 +295,8 @@ def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float,
     ratios: dict[str, list[float]] = {"e": [], "u": []}
     for name in twin.servos:
         for signal, found in ratios.items():
-            logged = bound[f"{name}.u"] if signal == "u" else bound[f"{name}.qr"] - bound[f"{name}.q"]
+            error = bound[f"{name}.qr"] - bound[twin.machine.regulated(name)]
+            logged = bound[f"{name}.u"] if signal == "u" else error
             good = np.isfinite(logged) & (np.arange(len(logged)) >= start)
             size = float(np.sqrt(np.mean(logged[good] ** 2))) if good.any() else 0.0
             if size > 0.0:

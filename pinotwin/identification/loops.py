@@ -35,6 +35,7 @@ from pinotwin.loop import (
 )
 from pinotwin.loop.layout import lay_out
 from pinotwin.loop.search import starting_points
+from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop, Twin
 
@@ -111,7 +112,7 @@ def close_loops(
     plant = with_factors(plant, found.factors)
     judged = choice(Twin.of(plant, servos=found.trials), logs[-1], ("coupled",))
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
-    asked = bool(machine.passive or machine.loop or len(found.servos) < len(machine.axes))
+    asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(machine.axes))
     if error is not None and tracking is not None and tracking < POOR and not asked:
         closed = _linearised(plant, found.servos, motion)
     else:
@@ -128,6 +129,11 @@ def close_loops(
         quality={"servos": found.quality, "simulation": judged, **closed.quality},
         warnings=(*found.notes, *closed.warnings),
     )
+
+
+def _stated(machine: Machine) -> bool:
+    """Whether machine.yaml states the order of a loop."""
+    return any(shape.stated for shape in machine.loop.values())
 
 
 def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) -> ClosedLoops:
@@ -272,7 +278,7 @@ def _beside(model: LoopModel) -> Floats:
 def _choose(plant: OpenLoop, data: LoopData, name: str) -> LoopModel:
     """Return the loop, of the stated order or of the order that pays, fitted to the first part."""
     given = plant.machine.loop.get(name)
-    if given is not None:
+    if given is not None and given.stated:
         structure = Structure(real_poles=given.real_poles, pole_pairs=given.pole_pairs)
         return _found(first_part(data), structure)
     trial = _found(first_part(data), Structure())

@@ -122,7 +122,7 @@ class AxisProblem:
     Attributes:
         step: sampling interval [s].
         qr: command, shape (n,); likewise its velocity ``vr``.
-        q: measured position, shape (n,); likewise its velocity ``v`` (smooth) and the effort ``u``.
+        q: measured position that is regulated, shape (n,); likewise its velocity ``v`` (smooth) and the effort ``u``.
         load: effort that helps the motor: less everything but inertia and own friction, shape (n,).
         inertia: M_D of the axis.
         viscous: C of the axis.

@@ -231,9 +231,26 @@ def _prepare_one(machine: Machine, log: Log, how: DataSettings, leads: Mapping[s
         cutoff=corner,
         passband=corner if how.filter_effort else np.inf,
         order=how.order,
+        on_load=() if qr is None else _on_load(machine, log),
         source=log.source,
         notes=tuple(f"{log.source}: {note}" for note in (*log.notes, *notes)),
     )
+
+
+def _on_load(machine: Machine, log: Log) -> tuple[bool, ...]:
+    """Return which columns' loops are closed on the load's encoder; empty for none.
+
+    Raises:
+        LogError: such an encoder is not in the log.
+    """
+    closed = [name for name in machine.axes if machine.regulated(name).endswith(".ql")]
+    for name in closed:
+        if f"{name}.ql" not in log:
+            raise LogError(
+                f"{log.source}: no channel {name}.ql, on which loop.{name}.closed_on says that the loop is closed; "
+                "record the load's encoder or name its column under `columns`"
+            )
+    return tuple(name in closed for name in machine.names) if closed else ()
 
 
 def _put_back(log: Log, leads: Mapping[str, float], parts: Sequence[slice]) -> Log:

@@ -112,7 +112,7 @@ class LoopData:
         """
         if motion.qr is None:
             raise DataError(f"{motion.source}: no command in the log")
-        e = (motion.qr - motion.q)[:, joint]
+        e = motion.error[:, joint]
         return cls(
             step=motion.step,
             qr=motion.qr[:, joint],

@@ -37,7 +37,7 @@ class Machine(Card):
         axes: axis name -> axis, in the order of the YAML.
         passive: joints without motor.
         imus: inertial sensors.
-        loop: order of the closed loop per axis; axes that are absent take the default.
+        loop: order of the closed loop per axis, and its encoder; axes that are absent take the default.
         columns: how this controller names and scales its channels.
         transmission: motor position = transmission @ joint position, in the model's order; None for identity.
         data: how logs are prepared.
@@ -102,6 +102,10 @@ class Machine(Card):
         from pinotwin.machine.in_hand import machine_of_model
 
         return machine_of_model(model, axes, name)
+
+    def regulated(self, axis: str) -> str:
+        """Return the channel whose position an axis' controller regulates: ``<axis>.q`` or ``<axis>.ql``."""
+        return f"{axis}.ql" if axis in self.loop and self.loop[axis].closed_on == "load" else f"{axis}.q"
 
     @property
     def nv(self) -> int:

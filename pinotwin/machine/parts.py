@@ -77,12 +77,13 @@ class LoopShape:
     """Order of an axis' closed loop (thesis Eq. 4.14): real poles and complex pairs.
 
     ``closed_on`` says which position the controller regulates: of the ``motor`` or, measured by a second
-    encoder (channel ``<axis>.ql``), of the ``load``.
+    encoder (channel ``<axis>.ql``), of the ``load``; ``stated`` whether the order was given.
     """
 
     real_poles: int = 3
     pole_pairs: int = 1
     closed_on: str = "motor"
+    stated: bool = True
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def imus(spec: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
 
 
 def loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape]:
-    """Return the order of the closed loop of the axes that state one."""
+    """Return the closed loop of the axes that state one: its order, and on which encoder it is closed."""
     out = {}
     for name, settings in mapping(spec.get("loop"), "loop.").items():
         check_keys({name: None}, axes, "loop.")
@@ -44,9 +44,14 @@ def loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape
         if closed_on not in ("motor", "load"):
             raise MachineError(f"loop.{name}.closed_on: expected motor or load, found {closed_on!r}")
         counts = {k: whole(v, f"loop.{name}.{k}", 0, 20) for k, v in settings.items()}
-        shape = LoopShape(**counts, closed_on=closed_on)
+        shape = LoopShape(**counts, closed_on=closed_on, stated=bool(counts))
         if shape.real_poles + shape.pole_pairs < 1:
             raise MachineError(f"loop.{name}: needs at least one pole")
+        if closed_on == "load" and spec.get("transmission"):
+            raise MachineError(
+                f"loop.{name}.closed_on: a loop on the load's encoder behind a transmission of several motors is "
+                "not modelled; give the motor's encoder"
+            )
         out[str(name)] = shape
     return out
 

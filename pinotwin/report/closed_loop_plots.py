@@ -38,11 +38,15 @@ def error_scale(rotary: bool, largest: float) -> display.Scale:
     return display.position(rotary, largest)
 
 
-def measured_signals(log: Log, axis: str) -> dict[str, Floats]:
-    """Return what a log in contract names holds of an axis: ``e``, ``u``."""
+def measured_signals(log: Log, axis: str, predicted: Log | None = None) -> dict[str, Floats]:
+    """Return what a log in contract names holds of an axis: ``e``, ``u``.
+
+    A prediction that has ``<axis>.ql`` says that the loop is closed on the load's encoder.
+    """
     out = {}
-    if f"{axis}.q" in log and f"{axis}.qr" in log:
-        out["e"] = log[f"{axis}.qr"] - log[f"{axis}.q"]
+    position = f"{axis}.ql" if predicted is not None and f"{axis}.ql" in predicted else f"{axis}.q"
+    if position in log and f"{axis}.qr" in log:
+        out["e"] = log[f"{axis}.qr"] - log[position]
     if f"{axis}.u" in log:
         out["u"] = log[f"{axis}.u"]
     return out
@@ -69,7 +73,7 @@ def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log, grey: 
     )
     points = max(3000 // max(len(rotary), 1), 1200)
     for k, (axis, turns) in enumerate(rotary.items()):
-        measured = measured_signals(log, axis)
+        measured = measured_signals(log, axis, predicted)
         for i, signal in enumerate(("e", "u")):
             lines = [("predicted", predicted[f"{axis}.{signal}"], ACCENT, 1.1)]
             if grey is not None:

@@ -88,7 +88,9 @@ def simulate(
             5.8); or controllers by axis, in place of identified ones.
 
     Returns:
-        Channels ``t``, ``<axis>.q .e .u`` and ``<passive>.q .v .a``; SI, as the log counts them.
+        Channels ``t``, ``<axis>.q .e .u`` and ``<passive>.q .v .a``; SI, as the log counts them. ``<axis>.ql``
+        too where the loop is closed on the load's encoder: the same as ``.q``, for the drive is stiff, and ``.e``
+        is the command minus it.
 
     Raises:
         LogError: a command is missing or has holes.
@@ -107,6 +109,8 @@ def simulate(
     for name, axis in machine.axes.items():
         for kind, x in (("q", q), ("e", e), ("u", u)):
             channels[f"{name}.{kind}"] = x[:, axis.index]
+        if machine.regulated(name).endswith(".ql"):
+            channels[f"{name}.ql"] = channels[f"{name}.q"]
     for name, part in machine.passive.items():
         channels[f"{name}.q"] = q[:, part.index]
         for kind, x in (("v", found.v), ("a", found.a)):

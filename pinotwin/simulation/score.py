@@ -29,8 +29,8 @@ def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, d
     for name in machine.axes:
         rows = {}
         moves = np.abs(np.gradient(log[f"{name}.qr"])) > STILL * float(np.ptp(log[f"{name}.qr"]))
-        if f"{name}.q" in log:
-            measured = log[f"{name}.qr"] - log[f"{name}.q"]
+        if machine.regulated(name) in log:
+            measured = log[f"{name}.qr"] - log[machine.regulated(name)]
             rows["e"] = _row(measured, predicted[f"{name}.e"], moves)
         if f"{name}.u" in log:
             rows["u"] = _row(log[f"{name}.u"], predicted[f"{name}.u"], moves)

@@ -97,6 +97,8 @@ def _motion(found: Mapping[str, Any], names: tuple[str, ...], rotary: tuple[bool
             values[f.name] = tuple(slice(int(a), int(b)) for a, b in x)
         elif x.ndim == 0:
             values[f.name] = x.item()
+        elif f.name == "on_load":
+            values[f.name] = tuple(x.tolist())
         else:
             values[f.name] = x.astype(float) if x.dtype == np.float32 else x
     return Motion(names=names, rotary=rotary, **values)

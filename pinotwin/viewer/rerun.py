@@ -73,8 +73,8 @@ def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Lo
             lines = {"predicted": predicted[f"{axis}.{signal}"]}
             if signal == "u" and f"{axis}.u" in log:
                 lines["measured"] = log[f"{axis}.u"]
-            if signal == "e" and f"{axis}.q" in log:
-                lines["measured"] = log[f"{axis}.qr"] - log[f"{axis}.q"]
+            if signal == "e" and machine.regulated(axis) in log:
+                lines["measured"] = log[f"{axis}.qr"] - log[machine.regulated(axis)]
             for who, y in lines.items():
                 entity = rr.new_entity_path([axis, name, who])
                 stream.log(

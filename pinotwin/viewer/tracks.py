@@ -94,7 +94,7 @@ def tracks_of(machine: Machine, motion: Motion, twin: Twin | None = None) -> Tra
             largest = sorted((k for k in sizes if sizes[k] > 0.0), key=lambda k: -sizes[k])[:CAUSES]
             held["parts"] = [(key, _colour(key), parts[key][rows, i]) for key in largest]
         if motion.qr is not None:
-            error = (motion.qr[:, i] - motion.q[:, i]) * (1e3 if axis.rotary else 1e6)
+            error = motion.error[:, i] * (1e3 if axis.rotary else 1e6)
             held["error"] = [("command minus position", "#2fa6a0", error[rows])]
         series[name] = held
     qr = None

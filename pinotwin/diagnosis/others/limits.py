@@ -97,8 +97,7 @@ def _moving(m: Motion, joint: int) -> Mask:
 
 
 def _error(m: Motion, joint: int) -> Floats:
-    assert m.qr is not None
-    return np.asarray(m.qr[:, joint] - m.q[:, joint])
+    return np.asarray(m.error[:, joint])
 
 
 def _plateau(size: Floats, level: float, noise: float) -> tuple[float, float]:

@@ -203,8 +203,7 @@ def _saturation(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
 def _rests(new: Sequence[Motion], own: Sequence[Motion], joint: int, rules: Rules) -> float | None:
     """Return the largest effort, where it rests there longer than on the own logs or the axis runs off; else None."""
     errors = [
-        rms(np.concatenate([m.qr[:, joint] - m.q[:, joint] for m in part if m.qr is not None]))
-        for part in (new, own)
+        rms(np.concatenate([m.error[:, joint] for m in part if m.qr is not None])) for part in (new, own)
     ]
     sizes = [np.abs(np.nan_to_num(np.concatenate([m.u[:, joint] for m in part]))) for part in (new, own)]
     rests = [float(np.mean(x > 0.97 * np.quantile(x, 0.999))) for x in sizes]
@@ -235,7 +234,7 @@ class _Law:
             return None
         parts, efforts = [], []
         for s in motion.segments:
-            e = motion.qr[s, joint] - motion.q[s, joint]
+            e = motion.error[s, joint]
             table = [
                 e,
                 np.cumsum(e) * motion.step,

@@ -85,7 +85,7 @@ def _difference(twin: Twin, log: Log, motion: Motion) -> tuple[Floats, Floats]:
     for name, axis in twin.machine.axes.items():
         rows = motion.moving(axis.index)
         if f"{name}.e" in said and rows.any():
-            e = (motion.qr - motion.q)[:, axis.index]
+            e = motion.error[:, axis.index]
             guess = np.interp(motion.t, said.t, said[f"{name}.e"])
             off[axis.index], size[axis.index] = rms((e - guess)[rows]), rms(e[rows])
     return off, size
