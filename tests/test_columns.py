@@ -50,6 +50,21 @@ def test_raw_undoes_the_scaling(unit: str, factor: float, offset: float) -> None
     np.testing.assert_allclose(log.raw("Y.q"), x, rtol=1e-9, atol=1e3 * tolerance)
 
 
+def test_a_counter_that_wraps_is_unwrapped_and_its_command_goes_along() -> None:
+    true = np.cumsum(np.linspace(-20.0, 35.0, 200)) + 350.0  # [deg], both ways, several turns
+    q, qr = np.mod(true, 360.0), np.mod(true + 12.0, 360.0)  # the command starts beyond the wrap
+    q[50] = np.nan
+    entry = {"column": "A_pos", "unit": "deg", "wrap": 360, "factor": -1, "offset": 0.1}
+    columns = parse_columns({"A.q": entry, "A.qr": {**entry, "column": "A_set"}}, "columns")
+    log = bind(Log({"A_pos": q, "A_set": qr}), columns)
+    good = np.isfinite(q)
+    np.testing.assert_allclose(log["A.q"][good], 0.1 - np.radians(true[good]), atol=1e-9)
+    np.testing.assert_allclose(log["A.qr"], 0.1 - np.radians(true + 12.0), atol=1e-9)
+    assert np.isnan(log["A.q"][50])
+    assert any(note.startswith("A.q: unwrapped") and note.endswith("times by 360 deg") for note in log.notes)
+    np.testing.assert_allclose(log.raw("A.q")[good], true[good], atol=1e-7)
+
+
 def test_a_rate_makes_the_clock() -> None:
     log = bind(raw_log(), parse_columns({"t": {"rate": 5000}, "Y.q": "Y_ActPos"}, "columns"))
     np.testing.assert_allclose(log.t, [0.0, 2e-4, 4e-4])
@@ -109,7 +124,7 @@ def test_contract_names() -> None:
         assert not is_contract_name(name)
 
 
-_KEYS = "known: column, factor, offset, rate, unit"
+_KEYS = "known: column, factor, offset, rate, unit, wrap"
 _SIGNALS = "known: a, e, fx, fy, fz, mx, my, mz, q, ql, qr, temperature, u, v"
 
 BAD_MAPPINGS: list[tuple[object, str]] = [
@@ -137,6 +152,14 @@ BAD_MAPPINGS: list[tuple[object, str]] = [
     (
         {"Y.q": {"column": "x", "rate": 10}},
         "columns.Y.q.rate: only t may have a rate, above 0 Hz and instead of a column",
+    ),
+    (
+        {"Y.u": {"column": "x", "wrap": 360}},
+        "columns.Y.u.wrap: only q, qr and ql may wrap, after a range above 0",
+    ),
+    (
+        {"Y.q": {"column": "x", "wrap": -360}},
+        "columns.Y.q.wrap: only q, qr and ql may wrap, after a range above 0",
     ),
     (
         {"t": {"rate": -1}},

@@ -238,7 +238,36 @@ def test_lost_values_and_wrap_around() -> None:
     channels["A.q"] = channels["A.qr"] = np.mod(turns + np.pi, 2 * np.pi) - np.pi
     text = said(look(channels))
     assert "Y.q: stands apart from the rows before and after in 2 rows, first 700" in text
-    assert "A.q: wraps around 4 times, first at row 834; unwrap it before use" in text
+    assert "A.q: wraps around 4 times, first at row 834; give columns.A.q the counter's range" in text
+    assert "`wrap: 6.283185307`, in machine.yaml: then it is unwrapped" in text
+
+
+def test_a_counter_that_wraps_is_told_by_its_range_however_rounded() -> None:
+    turns = 53.4 * np.arange(4000) / 50.0 + 1800.0  # [rev] at 53.4 rev/s, a counter of 2^32 millionths of a turn
+    channels = {"t": np.arange(4000) / 50.0, "S.u": np.sin(turns), "S.q": turns}
+    half = 2.0**31 * 1e-6
+    wrapped = np.mod(turns + half, 2 * half) - half
+    channels["S.q"] = np.array([float(f"{x:.3g}") for x in wrapped])
+    found = inspect(Log(channels), {"S": True}, {"S": Limits(velocity=10.0)})
+    text = said(found)
+    assert "S.q: wraps around 1 times, first at row 326; give columns.S.q the counter's range" in text
+    assert "`wrap: 4294.967296`" in text
+    assert "above the URDF's limit" not in text  # the wraps are why
+
+
+def test_a_position_that_leaps_is_told_from_one_that_moves_fast_and_from_a_gap_of_the_clock() -> None:
+    channels = motion()
+    fast = said(look(channels))
+    assert "leaps" not in fast
+    late = {name: x.copy() for name, x in channels.items()}
+    rows = np.arange(200, 1800, 400) + 30
+    for row in rows:
+        late["Y.q"][row:] += 3.0
+        late["Y.qr"][row:] += 3.0
+    assert "Y.q: leaps in" in said(look(late))
+    for row in rows:
+        late["t"][row:] += 3.0
+    assert "leaps" not in said(look(late))
 
 
 def test_coarse_resolution() -> None:

@@ -5,7 +5,8 @@
 ``raw`` is what the file holds, ``unit`` what it is in, ``factor`` what remains: the torque
 constant and gear of a current, a sign. ``factor`` may name a scalar of the file (``factor:
 gtau``), and ``offset`` is in SI. A clock may come from a rate instead of a column (``t: {rate:
-5000}``).
+5000}``). A position whose counter starts again after a turn, or overflows, is made one course by
+``wrap``, the range of that counter in the unit of the file (``wrap: 360`` of degrees).
 
 The names of the contract: ``t``; ``<axis>.`` q, qr, u, v, a, e, temperature; ``<link>.`` fx fy fz
 mx my mz; IMU ``gx gy gz ax ay az``. Further channels (a feed rate, a program number) may be mapped
@@ -30,6 +31,7 @@ from pinotwin.log import Log, split_unit
 from pinotwin.units import COUNTS, SI_FACTOR, si_factor
 
 AXIS_SIGNALS = ("q", "qr", "ql", "u", "v", "a", "e", "temperature")
+POSITIONS = ("q", "qr", "ql")
 LOAD_SIGNALS = ("fx", "fy", "fz", "mx", "my", "mz")
 IMU_SIGNALS = ("gx", "gy", "gz", "ax", "ay", "az")
 
@@ -48,6 +50,7 @@ class Column:
         factor: remaining factor to SI, or the name of a scalar of the file that holds it.
         offset: added after scaling [SI].
         rate: sampling rate [Hz] of a clock without a column.
+        wrap: range of a counter that starts again, in ``unit``, before ``factor``: it is unwrapped.
     """
 
     column: str | None = None
@@ -55,6 +58,7 @@ class Column:
     factor: float | str = 1.0
     offset: float = 0.0
     rate: float | None = None
+    wrap: float | None = None
 
 
 def is_contract_name(name: str) -> bool:
@@ -101,6 +105,7 @@ def _column(name: str, entry: object, where: str) -> Column:
         factor=_factor(entry, path),
         offset=_number(entry, "offset", path) or 0.0,
         rate=_number(entry, "rate", path),
+        wrap=_number(entry, "wrap", path),
     )
     _check(column, name, path)
     return column
@@ -112,6 +117,8 @@ def _check(column: Column, name: str, path: str) -> None:
         raise MachineError(f"{path}.unit: unknown unit {column.unit!r}; {hint}")
     if column.rate is not None and (name != "t" or column.rate <= 0 or column.column):
         raise MachineError(f"{path}.rate: only t may have a rate, above 0 Hz and instead of a column")
+    if column.wrap is not None and (name.rpartition(".")[2] not in POSITIONS or column.wrap <= 0):
+        raise MachineError(f"{path}.wrap: only q, qr and ql may wrap, after a range above 0")
     if column.rate is None and column.column is None:
         raise MachineError(f"{path}: has no column; add column: <name in the log>")
 
@@ -176,8 +183,15 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
         notes += _contradiction(name, column.unit.strip(), log.units.get(source))
         scale[name] = (_si(unit, name, log) * _scalar(log, column.factor, name), column.offset)
         _refuse_counts(unit, column.factor, name, log)
-        channels[name] = _scaled(log[source], *scale[name])
+        raw = log[source]
+        if column.wrap is not None:
+            raw, times = unwrapped(raw, column.wrap)
+            notes.append(
+                f"{name}: unwrapped {times} times by {column.wrap:.10g} {unit if unit != '1' else ''}".rstrip()
+            )
+        channels[name] = _scaled(raw, *scale[name])
         units[name] = unit
+    _brought_together(channels, columns, scale)
     for held, name, unit in _passing(log, channels, used):
         used.add(held)
         scale[name] = (_si(unit, name, log), 0.0)
@@ -200,6 +214,39 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
 def _scaled(x: Floats, factor: float, offset: float) -> Floats:
     """Return a channel in SI; one that is so already is not copied."""
     return x if (factor, offset) == (1.0, 0.0) else x * factor + offset
+
+
+def unwrapped(x: Floats, wrap: float) -> tuple[Floats, int]:
+    """Return a position without the jumps of a counter that starts again, and how many there were.
+
+    A change by more than half the range from one sample to the next is taken for a jump; so an axis must turn
+    by less between two samples. Missing values stay missing.
+
+    Args:
+        x: as the counter gave it, shape (n,).
+        wrap: range of the counter, in the unit of ``x``.
+    """
+    good = np.isfinite(x)
+    out = x.copy()
+    out[good] = np.unwrap(x[good], period=wrap)
+    turns = np.round((out[good] - x[good]) / wrap)
+    return out, int(np.count_nonzero(np.diff(turns)))
+
+
+def _brought_together(
+    channels: dict[str, Floats], columns: Mapping[str, Column], scale: Mapping[str, tuple[float, float]]
+) -> None:
+    """Move unwrapped commands and load positions by whole turns to where the unwrapped ``<axis>.q`` is."""
+    for name in channels:
+        axis, _, signal = name.rpartition(".")
+        own = columns[name].wrap if name in columns else None
+        if own is None or signal == "q" or f"{axis}.q" not in channels:
+            continue
+        away = channels[f"{axis}.q"] - channels[name]
+        away = away[np.isfinite(away)]
+        period = own * abs(scale[name][0])
+        if len(away):
+            channels[name] = channels[name] + period * round(float(np.median(away)) / period)
 
 
 def _maps_any(log: Log, columns: Mapping[str, Column]) -> bool:

@@ -36,7 +36,9 @@ def inspect(log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | N
     findings += _digit_findings(channels)
     table, cutoff = inspect_axes(*_even(log, axes, ticks))
     findings += axis_findings(log, axes, table, channels, limits or {}, ticks)
-    findings += row_findings(log)
+    rows = list(row_findings(log))
+    torn = {f.channel for f in rows if f.code in ("wraps", "leaps")}
+    findings = [f for f in findings if not (f.code == "speed_limit" and f.channel in torn)] + rows
     findings += [Finding("info", "", note) for note in log.notes]
     findings.sort(key=lambda f: _ORDER[f.severity])
     stamps = log.t[np.isfinite(log.t)] if "t" in log else np.zeros(1)

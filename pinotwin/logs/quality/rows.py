@@ -23,6 +23,8 @@ _MEASURED = 20  # a channel with more distinct values than this is a measurement
 _FEWEST = 4  # measured channels, below which a copied row may be chance
 _SHARE = 0.02  # of the rows, from which copies or sentinels spoil a log as a whole
 _ABOUT = 21  # rows about one that must stand still
+_FEW = 5  # rows over which a rounded position shows which way it moves
+_LEAPS = 3  # of a position, from which they are told
 
 
 def row_findings(log: Log) -> Iterator[Finding]:
@@ -116,17 +118,34 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
             f"{_key(log, apart)}",
             "spikes",
         )
-    turns = _wraps(q)
-    if "t" in log and len(turns):  # across a gap of the clock a position may be anywhere
-        step = np.abs(np.diff(log.t, prepend=log.t[:1]))
-        turns = turns[step[turns] < 5.0 * np.nanmedian(step)]
+    turns = _within_stretches(log, _wraps(q))
     if len(turns):
         yield Finding(
             "warning",
             name,
-            f"wraps around {len(turns)} times, first at row {turns[0]}; unwrap it before use",
+            f"wraps around {len(turns)} times, first at row {turns[0]}; give columns.{name} the counter's range "
+            f"(as in the file), `wrap: {_range(q, turns):.10g}`, in machine.yaml: then it is unwrapped",
             "wraps",
         )
+    rest = np.setdiff1d(_within_stretches(log, _leaps(q)), turns)
+    if len(rest) >= _LEAPS and not apart.any():
+        size = float(np.abs(q[rest] - q[rest - 1]).max())
+        yield Finding(
+            "warning",
+            name,
+            f"leaps in {len(rest)} rows, first {rest[0]}, by up to {size:.4g} (as in the file), and moves on as "
+            "before: rows are missing there or its counter was set anew, and no speed can be had across them; log a "
+            "time channel (then the log is cut there) or without pauses",
+            "leaps",
+        )
+
+
+def _within_stretches(log: Log, rows: Ints) -> Ints:
+    """Return those rows that follow the one before in time: across a gap of the clock a position may be anywhere."""
+    if "t" not in log or not len(rows):
+        return rows
+    step = np.abs(np.diff(log.t, prepend=log.t[:1]))
+    return rows[step[rows] < 5.0 * np.nanmedian(step)]
 
 
 def _effort_sentinel(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
@@ -148,13 +167,59 @@ def _effort_sentinel(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
 
 
 def _wraps(q: Floats) -> Ints:
-    """Return the rows before which a position jumps by its range, against the way it is moving."""
-    step = np.diff(q)
+    """Return the rows before which a position jumps by its range, against the way it is moving.
+
+    The way is that over one row, or over a few where numbers are rounded so that one row shows no motion.
+    """
     span = np.nanmax(q) - np.nanmin(q)
-    before, jump, after = step[:-2], step[1:-1], step[2:]
-    against = (before * after > 0) & (before * jump < 0)
-    small = np.maximum(np.abs(before), np.abs(after)) < 0.2 * span
-    return np.flatnonzero((np.abs(jump) > 0.75 * span) & against & small) + 2
+    rows: list[Ints] = []
+    for k in (1, _FEW):
+        if len(q) < 2 * k + 2:
+            break
+        before = q[k : -k - 1] - q[: -2 * k - 1]
+        jump = q[k + 1 : -k] - q[k : -k - 1]
+        after = q[2 * k + 1 :] - q[k + 1 : -k]
+        against = (before * after > 0) & (before * jump < 0)
+        small = np.maximum(np.abs(before), np.abs(after)) < 0.2 * span
+        rows.append(np.flatnonzero((np.abs(jump) > 0.75 * span) & against & small) + k + 1)
+    return np.unique(np.concatenate(rows)) if rows else np.zeros(0, dtype=int)
+
+
+def _range(q: Floats, turns: Ints) -> float:
+    """Return the range of a counter that wraps before these rows, in the unit of ``q``.
+
+    One that counters have (a turn in degrees, radians, gon or turns; a power of two in decimal units) where one is
+    within 1 %.
+    """
+    inside = (turns >= _FEW + 1) & (turns + _FEW < len(q))
+    rows = turns[inside] if inside.any() else turns[:0]
+    jump = q[turns] - q[turns - 1]
+    if len(rows):
+        motion = (q[rows - 1] - q[rows - 1 - _FEW] + q[rows + _FEW] - q[rows]) / (2 * _FEW)
+        jump = q[rows] - q[rows - 1] - motion
+    found = float(np.abs(jump).max())  # rows lost at a turn make a jump smaller, never larger
+    decimals = 10.0 ** -np.arange(10)
+    usual = np.concatenate(
+        [[360.0, 2.0 * np.pi, 400.0, 1.0, 3.6e5, 1.296e6], 2.0**16 * decimals, 2.0**32 * decimals]
+    )
+    near = usual[np.argmin(np.abs(np.log(usual / found)))]
+    return float(near) if abs(near / found - 1.0) < 0.01 else float(f"{found:.4g}")
+
+
+def _leaps(q: Floats) -> Ints:
+    """Return the rows before which a position that moves steadily is suddenly elsewhere and moves on."""
+    k = _FEW
+    if len(q) < 2 * k + 2:
+        return np.zeros(0, dtype=int)
+    before = q[k : -k - 1] - q[: -2 * k - 1]
+    jump = q[k + 1 : -k] - q[k : -k - 1]
+    after = q[2 * k + 1 :] - q[k + 1 : -k]
+    steady = (before * after > 0) & (
+        np.maximum(np.abs(before), np.abs(after)) < 2.0 * np.minimum(np.abs(before), np.abs(after))
+    )
+    span = np.nanmax(q) - np.nanmin(q)
+    bound = np.maximum(20.0 * np.maximum(np.abs(before), np.abs(after)) / k, 0.01 * span)
+    return np.flatnonzero(steady & (np.abs(jump) > bound)) + k + 1
 
 
 def _shared_state(states: dict[str, Floats], bad: Mask) -> Iterator[Finding]:
