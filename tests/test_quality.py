@@ -243,7 +243,9 @@ def test_lost_values_and_wrap_around() -> None:
 
 
 def test_a_counter_that_wraps_is_told_by_its_range_however_rounded() -> None:
-    turns = 53.4 * np.arange(4000) / 50.0 + 1800.0  # [rev] at 53.4 rev/s, a counter of 2^32 millionths of a turn
+    turns = (
+        53.4 * np.arange(4000) / 50.0 + 1800.0
+    )  # [rev] at 53.4 rev/s, a counter of 2^32 millionths of a turn
     channels = {"t": np.arange(4000) / 50.0, "S.u": np.sin(turns), "S.q": turns}
     half = 2.0**31 * 1e-6
     wrapped = np.mod(turns + half, 2 * half) - half
