@@ -124,7 +124,7 @@ def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
             "warning",
             name,
             f"wraps around {len(turns)} times, first at row {turns[0]}; give columns.{name} the counter's range "
-            f"(as in the file), `wrap: {_range(q, turns):.10g}`, in machine.yaml: then it is unwrapped",
+            f"(as in the file), {_said_range(q, turns)}, in machine.yaml: then it is unwrapped",
             "wraps",
         )
     rest = np.setdiff1d(_within_stretches(log, _leaps(q)), turns)
@@ -169,41 +169,51 @@ def _effort_sentinel(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
 def _wraps(q: Floats) -> Ints:
     """Return the rows before which a position jumps by its range, against the way it is moving.
 
-    The way is that over one row, or over a few where numbers are rounded so that one row shows no motion.
+    The way is that over one row; or over a few, where numbers are rounded so that one row shows no motion, and
+    the jump is the range of a usual counter.
     """
+    rows = _against(q, 1)
+    rounded = np.union1d(rows, _against(q, _FEW))
+    return rounded if len(rounded) and _range(q, rounded)[1] else rows
+
+
+def _against(q: Floats, k: int) -> Ints:
+    """Return the rows before which a position jumps by its range against its motion over k rows before and after."""
+    if len(q) < 2 * k + 2:
+        return np.zeros(0, dtype=int)
+    before, jump, after = _about(q, k)
     span = np.nanmax(q) - np.nanmin(q)
-    rows: list[Ints] = []
-    for k in (1, _FEW):
-        if len(q) < 2 * k + 2:
-            break
-        before = q[k : -k - 1] - q[: -2 * k - 1]
-        jump = q[k + 1 : -k] - q[k : -k - 1]
-        after = q[2 * k + 1 :] - q[k + 1 : -k]
-        against = (before * after > 0) & (before * jump < 0)
-        small = np.maximum(np.abs(before), np.abs(after)) < 0.2 * span
-        rows.append(np.flatnonzero((np.abs(jump) > 0.75 * span) & against & small) + k + 1)
-    return np.unique(np.concatenate(rows)) if rows else np.zeros(0, dtype=int)
+    against = (before * after > 0) & (before * jump < 0)
+    small = np.maximum(np.abs(before), np.abs(after)) < 0.2 * span
+    return np.flatnonzero((np.abs(jump) > 0.75 * span) & against & small) + k + 1
 
 
-def _range(q: Floats, turns: Ints) -> float:
-    """Return the range of a counter that wraps before these rows, in the unit of ``q``.
+def _about(q: Floats, k: int) -> tuple[Floats, Floats, Floats]:
+    """Return the change over the k rows before every row, that from the last one to it, and over the k after it."""
+    return q[k : -k - 1] - q[: -2 * k - 1], q[k + 1 : -k] - q[k : -k - 1], q[2 * k + 1 :] - q[k + 1 : -k]
 
-    One that counters have (a turn in degrees, radians, gon or turns; a power of two in decimal units) where one is
-    within 1 %.
+
+def _range(q: Floats, turns: Ints) -> tuple[float, bool]:
+    """Return the range of a counter that wraps before these rows, in the unit of ``q``, and whether it is a usual one.
+
+    Usual, within 1 %: a turn in degrees, radians, gon, turns or their parts; a power of two in decimal units.
     """
-    inside = (turns >= _FEW + 1) & (turns + _FEW < len(q))
-    rows = turns[inside] if inside.any() else turns[:0]
-    jump = q[turns] - q[turns - 1]
-    if len(rows):
-        motion = (q[rows - 1] - q[rows - 1 - _FEW] + q[rows + _FEW] - q[rows]) / (2 * _FEW)
-        jump = q[rows] - q[rows - 1] - motion
+    inside = turns[(turns >= _FEW + 1) & (turns + _FEW < len(q))]
+    rows = inside if len(inside) else turns
+    jump = q[rows] - q[rows - 1]
+    if len(inside):
+        jump -= (q[rows - 1] - q[rows - 1 - _FEW] + q[rows + _FEW] - q[rows]) / (2 * _FEW)
     found = float(np.abs(jump).max())  # rows lost at a turn make a jump smaller, never larger
     decimals = 10.0 ** -np.arange(10)
-    usual = np.concatenate(
-        [[360.0, 2.0 * np.pi, 400.0, 1.0, 3.6e5, 1.296e6], 2.0**16 * decimals, 2.0**32 * decimals]
-    )
-    near = usual[np.argmin(np.abs(np.log(usual / found)))]
-    return float(near) if abs(near / found - 1.0) < 0.01 else float(f"{found:.4g}")
+    turn = [360.0, 2.0 * np.pi, 2e3 * np.pi, 400.0, 1.0, 3.6e5, 1.296e6]
+    usual = np.concatenate([turn, 2.0**16 * decimals, 2.0**32 * decimals])
+    near = float(usual[np.argmin(np.abs(np.log(usual / found)))])
+    return (near, True) if abs(near / found - 1.0) < 0.01 else (found, False)
+
+
+def _said_range(q: Floats, turns: Ints) -> str:
+    value, usual = _range(q, turns)
+    return f"`wrap: {value:.10g}`" if usual else f"`wrap:` (about {value:.3g})"
 
 
 def _leaps(q: Floats) -> Ints:
@@ -211,9 +221,7 @@ def _leaps(q: Floats) -> Ints:
     k = _FEW
     if len(q) < 2 * k + 2:
         return np.zeros(0, dtype=int)
-    before = q[k : -k - 1] - q[: -2 * k - 1]
-    jump = q[k + 1 : -k] - q[k : -k - 1]
-    after = q[2 * k + 1 :] - q[k + 1 : -k]
+    before, jump, after = _about(q, k)
     steady = (before * after > 0) & (
         np.maximum(np.abs(before), np.abs(after)) < 2.0 * np.minimum(np.abs(before), np.abs(after))
     )
