@@ -12,6 +12,7 @@ from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
+from pinotwin.diagnosis.evidence.habit import habit
 from pinotwin.diagnosis.evidence.held_out import Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import base_of, products
 from pinotwin.diagnosis.rules import RULES
@@ -94,6 +95,46 @@ def test_noise_alone_holds_no_push() -> None:
         rng = np.random.default_rng(seed)
         new, own = rows(rng.normal(size=3000)), rows(rng.normal(size=3000), 3)
         assert episodes(new, new.residual, own.residual, own, {0: 1.0}, 0) is None
+
+
+def test_once_an_axis_is_pushed_a_fainter_push_counts_and_alone_it_does_not() -> None:
+    m, rng = motion(), np.random.default_rng(4)
+    noise = rng.normal(size=len(m))
+    own = rows(rng.normal(size=len(m)), 3)
+    faint, strong = ((m.t >= a) & (m.t < a + 2.0) for a in (20.0, 5.0))
+    for course, count in ((0.6 * faint, 0), (0.6 * faint + 2.0 * strong, 2)):
+        new = rows(noise + course)
+        found = episodes(new, new.residual, own.residual, own, {0: 1.0}, 0)
+        assert (0 if found is None else len(found.episodes)) == count
+
+
+def lacking(seed: int, size: float, course: np.ndarray | float = 0.0) -> Sample:
+    """Rows of a twin that lacks a curve over the position."""
+    m = motion(seed)
+    return rows(
+        size * np.sin(2.0 * m.q[:, 0]) + 0.2 * np.random.default_rng(seed).normal(size=len(m)) + course, seed
+    )
+
+
+def test_what_a_twin_leaves_whenever_it_moves_so_is_its_habit() -> None:
+    new, own = lacking(0, 1.0), lacking(3, 1.0)
+    known = habit(new, own, 0)
+    assert known is not None
+    assert known.left == pytest.approx(0.2 / own.level(0), rel=0.1)
+    assert np.std(known.new) == pytest.approx(0.2, rel=0.1)
+    assert habit(lacking(0, 0.0), lacking(3, 0.0), 0) is None  # noise is none
+    assert habit(lacking(0, -1.0), own, 0) is None  # nor is what the logs in question do not show
+
+
+def test_a_push_below_the_habit_is_found_without_it_and_a_habit_is_no_push() -> None:
+    pushed = (motion().t >= 12.0) & (motion().t < 14.0)
+    own = lacking(3, 1.0)
+    for course, found in ((0.9 * pushed, True), (0.0, False)):
+        new = lacking(0, 1.0, course)
+        known = habit(new, own, 0)
+        assert known is not None
+        assert episodes(new, new.residual, own.residual, own, {0: 1.0}, 0) is None
+        assert (episodes(new, {0: known.new}, {0: known.own}, own, {0: 1.0}, 0) is not None) == found
 
 
 def test_intervals_of_a_share_cover_it() -> None:

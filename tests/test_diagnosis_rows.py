@@ -12,6 +12,7 @@ from pinotwin.diagnosis.data.comparison import _within
 from pinotwin.diagnosis.data.samples import SKIMMED_ROWS, sample
 from pinotwin.diagnosis.others.servo import FEATURES, FEEDBACK, _Law
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.search.shortlist import closes
 from pinotwin.effects.position import Ripple
 from pinotwin.effects.sensing import Delay
 from tests.one_slide import RATE, SECONDS, motion, rows
@@ -42,6 +43,19 @@ def test_changed_feedback_is_told_from_a_law_that_went_along_with_a_load(factor:
 def test_a_delay_moves_all_of_the_effort(span: float, seconds: float, whole: bool) -> None:
     assert Delay("X", span=span).possible(np.array([seconds])) == whole
     assert Delay("X", span=1e-3).possible(np.array([seconds]))
+
+
+@pytest.mark.parametrize("floor", [0.02, 1.0, 50.0])
+def test_what_a_delay_closes_does_not_depend_on_the_unit_of_the_residual(floor: float) -> None:
+    """A span was ranked by seconds over the floor: none but the shortest could be a delay."""
+    m = replace(motion(), model=motion().u)
+    column = Delay("X", span=0.04).columns(m).values[:, 0]
+    s = sample(m, 0.04 * column, RULES.block_time)
+    residual = {0: s.residual[0] / floor}
+    right, short = (closes(s, Delay("X", span=x), residual, {0: floor}) for x in (0.04, 0.01))
+    few = residual[0][s.skimmed(Delay("X", span=0.04))[1][0]]
+    assert right == pytest.approx(float(few @ few), rel=1e-4)
+    assert short == 0.0
 
 
 def test_the_rows_that_are_skimmed_are_rows_of_the_sample() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,26 @@ def twin(data_dir: Path) -> pt.Twin:
     return pt.identify(pt.Machine.load(folder / "machine.yaml"), pt.read(folder / "exciting_traj.csv"))
 
 
-def test_the_error_is_near_the_published_one_without_any_setting(twin: pt.Twin) -> None:
-    assert twin.quality["relative_error"] <= 0.018  # published 1.41 %
+def test_the_error_at_a_corner_of_20_hz_is_near_the_published(data_dir: Path) -> None:
+    """The corner is stated: the effort swings at 15 to 35 Hz, which one corner counts as error and another does not."""
+    machine = pt.Machine.load(data_dir / "franka_panda" / "machine.yaml")
+    machine = replace(machine, data=replace(machine.data, cutoff=20.0))
+    twin = pt.identify(machine, pt.read(data_dir / "franka_panda" / "exciting_traj.csv"), loop=False)
+    assert (
+        twin.quality["relative_error"] <= 0.0155
+    )  # published 1.41 %; 2.18 % with the skips of the logger told wrong
+
+
+def test_the_last_part_of_the_log_is_predicted_without_any_setting(data_dir: Path) -> None:
+    folder = data_dir / "franka_panda"
+    log = pt.read(folder / "exciting_traj.csv")
+    cut = int(0.6 * len(log))
+    twin = pt.identify(pt.Machine.load(folder / "machine.yaml"), log.rows(slice(0, cut)), loop=False)
+    motion = twin.motion(log.rows(slice(cut, len(log))))
+    off = (motion.u - twin.effort(motion))[motion.inside]
+    assert (
+        np.linalg.norm(off) / np.linalg.norm(motion.u[motion.inside]) <= 0.022
+    )  # 3.18 % with the skips told wrong
 
 
 def test_friction_agrees_with_the_published(twin: pt.Twin) -> None:

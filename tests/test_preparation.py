@@ -175,6 +175,32 @@ def test_the_motion_tells_scattered_stamps_from_uneven_sampling(rig: Machine, cl
     assert np.abs(motion.a[rows, 0] - truth).max() < 0.01 * np.ptp(truth) + late
 
 
+SIZE, W = np.array([0.1, 0.02]), 2 * np.pi * np.array([0.5, 1.3])
+"""A motion whose two axes never stand at once [m or rad], [rad/s]."""
+
+
+@pytest.mark.parametrize("held", [2, 4, 5])
+def test_a_skip_after_rows_that_repeat_a_sample_is_as_long_as_the_motion_says(
+    rig: Machine, held: int
+) -> None:
+    """A logger that reads one sample several times and then catches up: five ticks were taken for four."""
+    rng = np.random.default_rng(5)
+    tick, at = np.arange(N), rng.choice(np.arange(100, N - 100, 50), 60, replace=False)
+    for k in at:
+        tick[k : k + held] = tick[k]
+    stamps = (np.arange(N) + 0.2 * rng.uniform(-1.0, 1.0, N)) / RATE
+    x, b = (np.sin(np.outer(tick / RATE, W) + p) @ SIZE + 1e-6 * rng.normal(size=N) for p in (0.0, 1.5))
+    log = {"t": stamps, "X.q": x, "B.q": b, "X.u": 30.0 * x, "B.u": -4.0 * b}
+    motion = prepare(rig, Log(log, "here.csv"), cutoff=50.0)
+    said = " ".join(motion.notes)
+    assert f"{len(at) * (held - 1)} rows repeat a sample" in said
+    assert f"at most {held - 1} in a row" in said
+    assert len(motion) == N
+    rows = inside(motion)[200:-200]
+    truth = -np.sin(np.outer(rows / RATE, W)) @ (SIZE * W**2)
+    assert np.abs(motion.a[rows, 0] - truth).max() < 0.03 * np.ptp(truth)
+
+
 @pytest.mark.parametrize("piece", [15, 20, 22, 26, 32, 40, 60])
 def test_a_scrap_between_two_holes_is_left_out_not_fatal(rig: Machine, piece: int) -> None:
     _, q, _, _ = multisine()

@@ -4,8 +4,9 @@ A controller samples by an even clock. The program that writes the log reads the
 to it: its stamps scatter, a sample that it reads twice stands twice, one that it misses is lost. Then the
 positions advance by whole multiples of ``v T`` whatever the stamps say. A logger that samples by itself at
 uneven times gives positions that are smooth over its stamps. Both are tried, and the clock over which the
-positions are smoother is taken; where neither is, rows are taken as even. Gaps of a sample or two are
-bridged (cubic in positions and commands, linear in all else) and counted; longer ones are left open.
+positions are smoother is taken; where neither is, rows are taken as even. Gaps of a sample or two, and what
+a logger skipped between two stamps, are bridged (cubic in positions and commands, linear in all else) and
+counted; longer ones are left open.
 
 Measured on a libfranka log (Franka Panda, 1 kHz, stamps scattered by 14 %): the positions deviate by 2 µrad
 from a cubic through their neighbours over the clock told from the motion, by 160 to 200 µrad over the stamps.
@@ -34,6 +35,11 @@ _SMOOTHER = 0.5  # ratio of roughness at which one clock is better than another
 _WINDOW = 21  # rows over which the velocity is taken
 _SLOW = 0.05  # of the top speed (all axes together): slower rows do not tell their tick
 _PASSES = 4  # of velocity and ticks
+_SHIFTS = (0.0, 1.0, -1.0, 2.0, -2.0)  # ticks by which a skip is tried longer or shorter
+_STANDS_OUT = (
+    100.0  # times the usual squared roughness of a row, from which a skip may be too long or too short
+)
+_CUBIC = 4  # rows that a cubic passes through whatever they are
 _WHOLE = 0.15  # median distance of the advance from whole ticks, if there is such a clock
 
 
@@ -142,7 +148,32 @@ def _by_motion(t: Floats, q: Floats, index: _Ticks) -> _Ticks | None:
         step = float(np.average(slopes, weights=sizes))
     for part in index.parts:
         at[part][1:][np.diff(at[part]) < 0.25] = np.nan
+        _settle(at[part], q[part])
     return _Ticks(at, index.parts, step)
+
+
+def _settle(at: Floats, q: Floats) -> None:
+    """Move, in place, what follows a skip by a tick or two where that makes the positions (n, k) far smoother.
+
+    A longer skip bends the velocity that it is itself told by: five ticks are taken for four, and stay so.
+    """
+    kept = np.flatnonzero(np.isfinite(at))
+    if len(kept) <= _WINDOW:
+        return
+    usual = float(np.median(np.sum(lagrange_error(at[kept], q[kept]) ** 2, axis=1)))
+    for _ in range(_PASSES):
+        moved = False
+        for k in np.flatnonzero(np.diff(at[kept]) > 1.5):
+            near = kept[max(0, k - 3) : k + 5]
+            later = near > kept[k]
+            shifts = [s for s in _SHIFTS if at[kept[k + 1]] - at[kept[k]] + s > 0.5]
+            rough = [float(np.sum(lagrange_error(at[near] + s * later, q[near]) ** 2)) for s in shifts]
+            best = int(np.argmin(rough)) if len(near) > _CUBIC else 0
+            if rough[0] > _STANDS_OUT * usual and rough[best] < _SMOOTHER**2 * rough[0]:
+                at[kept[k + 1] :] += shifts[best]
+                moved = True
+        if not moved:
+            return
 
 
 def _advance(at: Floats, q: Floats, part: slice, stamped: Floats) -> Floats:
@@ -183,9 +214,10 @@ def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str]) -> Log:
     if not (missing or remade):
         return log
     if missing:
+        longest = max(int(np.diff(x).max(initial=1.0)) - 1 for x in sampled)
         notes.append(
             f"t: {missing} missing samples bridged ({100 * missing / len(log):.2g} % of the rows), "
-            f"at most {BRIDGED} in a row"
+            f"at most {longest} in a row"
         )
     columns: dict[str, list[Floats]] = {name: [] for name in log.channels}
     end = -np.inf

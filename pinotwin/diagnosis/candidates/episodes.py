@@ -50,6 +50,7 @@ class Episodes:
         gain: squared residual that they close, each half of an episode predicted by the other, floor units.
         share: the same over the squared residual of the axis.
         interval: 90 % interval of the share, over stretches of the log drawn with replacement.
+        gains: the gain of every block, shape (K,).
         rows: which rows of the axis lie in an episode, shape (m,).
         places: first row of each episode, and the row after its last.
     """
@@ -59,6 +60,7 @@ class Episodes:
     gain: float
     share: float
     interval: tuple[float, float]
+    gains: Floats
     rows: Mask
     places: Sequence[tuple[int, int]]
 
@@ -92,7 +94,7 @@ def episodes(
     found: list[tuple[int, int]] = []
     while len(found) < MOST:
         gain, a, b = _best(left, t, segment)
-        if gain < rules.push * usual:
+        if gain < (rules.push_also if found else rules.push) * usual:
             break
         a, b = _edges(left, segment, a, b)
         found.append((a, b))
@@ -110,7 +112,8 @@ def episodes(
     gain = float(before.sum() - after.sum())
     listed = [_episode(sample, joint, floor[joint], r, t, segment, a, b) for a, b in sorted(found)]
     share = gain / max(float(r @ r), 1e-300)
-    return Episodes(joint, listed, gain, share, share_interval(before, after), inside, sorted(found))
+    interval = share_interval(before, after)
+    return Episodes(joint, listed, gain, share, interval, before - after, inside, sorted(found))
 
 
 def _time(sample: Sample, joint: int) -> tuple[Floats, Ints]:

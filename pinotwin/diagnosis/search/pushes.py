@@ -15,6 +15,8 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.evidence.bootstrap import share_interval
+from pinotwin.diagnosis.evidence.habit import habit
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.forward import Found
 from pinotwin.diagnosis.search.injections import TRIALS, laid, posterior
@@ -33,22 +35,64 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         rules: thresholds.
     """
     out = []
-    own = None if c.own is None else {j: c.own.residual[j] / c.floor[j] for j in c.own.joints if j in c.floor}
-    left = found.searcher.residual()
     for at, j in enumerate(c.new.joints):
         if not c.gate.admits("external_force", c.machine.names[j]):
             continue
-        if episodes(c.new, {j: left[j]}, own, c.own, c.floor, j, rules) is None:
-            continue  # what comes with the motion accounts for them
-        residual = c.new.residual[j] / c.floor[j]
-        pushed = episodes(c.new, {j: residual}, own, c.own, c.floor, j, rules)
-        if pushed is None or not stands_out(c, pushed, rules):
+        seen = _standing(c, found, j, rules)
+        if seen is None:
             continue
+        pushed = _in_all(c, *seen)
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
         if pushed.gain > rules.push_better * max(before - rest, rival):
             out.append(pushed)
     return out
+
+
+def _standing(c: Comparison, found: Found, joint: int, rules: Rules) -> tuple[Comparison, Episodes] | None:
+    """Return the pushes that stand out on an axis and what they were found on: all that is left, or without the habit.
+
+    What causes that come with the motion account for is none.
+    """
+    left = found.searcher.residual()[joint] * c.floor[joint]
+    for ground in (c, without_habit(c, joint, rules)):
+        if ground is None:
+            continue
+        gone = c.new.residual[joint] - ground.new.residual[joint]
+        if _episodes(ground, left - gone, joint, rules) is None:
+            continue
+        pushed = _episodes(ground, ground.new.residual[joint], joint, rules)
+        if pushed is not None and stands_out(ground, pushed, rules):
+            return ground, pushed
+    return None
+
+
+def without_habit(c: Comparison, joint: int, rules: Rules) -> Comparison | None:
+    """Return the comparison without what the twin leaves of an axis whenever it moves so; None if that is little."""
+    known = None if c.own is None or joint not in c.own.joints else habit(c.new, c.own, joint, rules)
+    if known is None or c.own is None:
+        return None
+    new = replace(c.new, residual={**c.new.residual, joint: known.new})
+    own = replace(c.own, residual={**c.own.residual, joint: known.own})
+    unit = max(known.left, rules.habit_unit)
+    return replace(c, new=new, own=own, floor={**c.floor, joint: unit * c.floor[joint]})
+
+
+def _episodes(c: Comparison, left: Floats, joint: int, rules: Rules) -> Episodes | None:
+    """Return the pushes in what is left of an axis [N or N·m]."""
+    own = None if c.own is None else {j: c.own.residual[j] / c.floor[j] for j in c.own.joints if j in c.floor}
+    return episodes(c.new, {joint: left / c.floor[joint]}, own, c.own, c.floor, joint, rules)
+
+
+def _in_all(c: Comparison, ground: Comparison, pushed: Episodes) -> Episodes:
+    """Return pushes with what they close of all that is left, in its floor's units."""
+    j = pushed.joint
+    unit = (ground.floor[j] / c.floor[j]) ** 2
+    r = c.new.residual[j] / c.floor[j]
+    before, gains = np.bincount(c.new.block[j], r * r, c.new.blocks).astype(float), unit * pushed.gains
+    share = float(gains.sum() / max(before.sum(), 1e-300))
+    interval = share_interval(before, before - gains)
+    return replace(pushed, gain=unit * pushed.gain, share=share, interval=interval, gains=gains)
 
 
 def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
@@ -76,17 +120,17 @@ def _confidence(
     c: Comparison, found: Found, pushed: Episodes, rng: np.random.Generator, rules: Rules
 ) -> float:
     j = pushed.joint
+    seen = _standing(c, found, j, rules)
+    ground = c if seen is None else seen[0]
     course = _course(c, pushed)
     rivals = _rivals(found, j)[:RIVALS]
-    source = c.new if c.own is None else c.own
-    left = found.searcher.residual()[j] * c.floor[j] if c.own is None else c.own.residual[j]
+    anyway = ground.own.residual[j] if ground.own else found.searcher.residual()[j] * c.floor[j]
     wins = 0
     for _ in range(TRIALS):
-        residual = laid(c.new, left, len(course), rng) + course
-        trial = replace(c, new=replace(c.new, residual={**c.new.residual, j: residual}))
-        own = {j: source.residual[j] / c.floor[j]} if c.own is not None else None
-        again = episodes(trial.new, {j: residual / c.floor[j]}, own, c.own, c.floor, j, rules)
-        if again is None or not stands_out(trial, again, rules) or not _same(again, pushed):
+        residual = laid(c.new, anyway, len(course), rng) + course
+        trial = replace(ground, new=replace(ground.new, residual={**ground.new.residual, j: residual}))
+        again = _episodes(trial, residual, j, rules)
+        if again is None or not stands_out(trial, again, rules) or not _same(trial, again, pushed):
             continue
         wins += again.gain > rules.push_better * _closed(trial, rivals)
     return posterior(wins, TRIALS, rules)
@@ -128,10 +172,10 @@ def courses(c: Comparison, causes: Sequence[Scored], pushed: Sequence[Episodes])
     return out
 
 
-def _same(a: Episodes, b: Episodes) -> bool:
-    """Whether two findings lie at the same time for the most part."""
-    both = float(np.sum(a.rows & b.rows))
-    return both > 0.5 * max(float(a.rows.sum()), float(b.rows.sum()))
+def _same(c: Comparison, a: Episodes, b: Episodes) -> bool:
+    """Whether two findings are one course of force for the most part."""
+    x, y = _course(c, a), _course(c, b)
+    return float(x @ y) > 0.5 * max(float(x @ x), float(y @ y))
 
 
 def _rivals(found: Found, joint: int) -> list[Scored]:

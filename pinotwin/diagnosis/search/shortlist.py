@@ -75,7 +75,8 @@ class Shortlist:
         stamp = residual[axis].tobytes() if axis in residual else b""
         if key in self.chosen and self.chosen[key][0] == stamp:
             return self.chosen[key][1]
-        gains = np.array([_closes(sample, effect, residual) for effect in group])
+        floor = searcher.comparison.floor
+        gains = np.array([closes(sample, effect, residual, floor) for effect in group])
         best = [group[k] for k in np.argsort(-gains)[:KEPT]]
         self.chosen[key] = (stamp, best)
         return best
@@ -101,13 +102,15 @@ def _on_one(effect: Effect) -> bool:
     return isinstance(named(effect), AxisEffect)
 
 
-def _closes(sample: Sample, effect: Effect, residual: Mapping[int, Floats]) -> float:
-    """Return how much of the squared residual a plain fit of the effect closes."""
+def closes(
+    sample: Sample, effect: Effect, residual: Mapping[int, Floats], floor: Mapping[int, float]
+) -> float:
+    """Return how much of the squared residual, in units of the floor, a plain fit of the effect closes."""
     columns, rows = sample.skimmed(effect)
     joints = [j for j in columns if j in residual]
     if not joints:
         return 0.0
-    C = np.concatenate([columns[j] for j in joints])
+    C = np.concatenate([columns[j] / floor[j] for j in joints])
     r = np.concatenate([residual[j][rows[j]] for j in joints])
     if not np.isfinite(C).all():
         return 0.0

@@ -1,0 +1,99 @@
+r"""What a twin leaves of its own logs that comes again with the motion: its habit.
+
+A twin that lacks an effect leaves it wherever the motion asks for it, in long stretches that stand as high as a push
+does. What is left of an axis is therefore told first, by functions of its own motion,
+
+    r = sum_k c_k X_k(q, v, m) + rest,      m the model's own effort,
+
+the coefficients held small by a ridge, whose weight is the one that predicts best what was left out: stretches of the
+own logs, each from all others. A habit is used only where it closes enough of them. Beyond what the own logs have
+visited every function stays where it was last. The motion of the other axes has no part in it: with it, a healthy
+robot whose twin knows one log of 12 s "was pushed" where only its posture was new.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.diagnosis.data.samples import Sample
+from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.signals import rms
+
+FOLDS = 8
+"""Stretches of the own logs, each predicted from all others."""
+WEIGHTS = (0.01, 0.1, 1.0)
+"""Weights of the ridge that are tried, of a column's own square."""
+KNOTS = 9
+"""Of the curve over the position."""
+TURNS = 0.02
+"""[of the top speed] Within which dry friction turns round."""
+SLOW = (0.05, 0.2, 0.5)
+"""[of the top speed] Speeds over which friction may fall."""
+
+
+@dataclass(frozen=True, eq=False)
+class Habit:
+    """What is left of one joint with the habit taken off.
+
+    Attributes:
+        new: on the logs in question, shape (m,). own: on the own logs, cross-validated, shape (k,).
+        left: RMS of ``own`` over what it was.
+    """
+
+    new: Floats
+    own: Floats
+    left: float
+
+
+def habit(new: Sample, own: Sample, joint: int, rules: Rules = RULES) -> Habit | None:
+    """Return what is left of a joint without the habit of its twin; None where it has none.
+
+    Args:
+        new: rows of the logs in question.
+        own: of the twin's own logs, with its cross-validated residual.
+        joint: which.
+        rules: thresholds.
+    """
+    r = own.residual[joint]
+    if joint not in new.joints or len(r) < FOLDS * KNOTS:
+        return None
+    here, there = _columns(own, own, joint), _columns(new, own, joint)
+    low, high, mean, scale = here.min(axis=0), here.max(axis=0), here.mean(axis=0), here.std(axis=0) + 1e-9
+    X, Z = (np.column_stack([(np.clip(x, low, high) - mean) / scale, np.ones(len(x))]) for x in (here, there))
+    fold: Ints = np.arange(len(r)) * FOLDS // len(r)
+    tried = [_held_out(X, r, fold, weight) for weight in WEIGHTS]
+    best = int(np.argmin([rms(x) for x in tried]))
+    left = rms(tried[best]) / max(rms(r), 1e-300)
+    rest = new.residual[joint] - Z @ _fit(X, r, WEIGHTS[best])
+    if left > rules.habit or rms(rest) > rms(new.residual[joint]):
+        return None
+    return Habit(rest, tried[best], left)
+
+
+def _held_out(X: Floats, r: Floats, fold: Ints, weight: float) -> Floats:
+    rest = r.copy()
+    for k in range(FOLDS):
+        out = fold == k
+        rest[out] -= X[out] @ _fit(X[~out], r[~out], weight)
+    return rest
+
+
+def _fit(X: Floats, r: Floats, weight: float) -> Floats:
+    return np.asarray(np.linalg.solve(X.T @ X + weight * len(X) * np.eye(X.shape[1]), X.T @ r))
+
+
+def _columns(s: Sample, own: Sample, joint: int) -> Floats:
+    """Return the functions of the motion at the rows of a joint, shape (m, p); knots and speeds are the own logs'."""
+    m, rows, there = s.motion, s.samples(joint), own.samples(joint)
+    q, v = m.q[rows, joint], m.v[rows, joint]
+    effort = np.zeros(len(rows)) if m.model is None else m.model[rows, joint]
+    seen, top = own.motion.q[there, joint], float(np.abs(own.motion.v[there, joint]).max()) + 1e-12
+    knots = np.linspace(seen.min(), seen.max(), KNOTS)
+    hats = np.stack([np.interp(q, knots, e) for e in np.eye(KNOTS)], axis=1)
+    speed, turn = v / top, np.tanh(v / (TURNS * top))
+    falls = [turn * np.exp(-np.abs(speed) / x) for x in SLOW]
+    single = np.stack([*falls, speed * np.abs(speed), effort * turn, np.abs(effort)], axis=1)
+    return np.concatenate([hats, hats * turn[:, None], single], axis=1)
