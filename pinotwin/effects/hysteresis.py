@@ -30,6 +30,8 @@ SHARP = (0.5, 1.0, 2.0)
 """Exponents that are tried."""
 FORGOTTEN = 24.0
 """Distances of sliding one way after which nothing is left of what was before: exp(-24) is 4e-11."""
+BUILT_UP = 1e-10
+"""[per distance] What z still gains when it counts as built up: the numbers above forget as much."""
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
@@ -43,6 +45,8 @@ def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
         h = dx / (parts * x_h) if parts else 0.0
         for _ in range(parts):
             first = _slope(z, h, n)
+            if first < BUILT_UP:  # sliding on, however far, adds nothing
+                break
             second = _slope(z + 0.5 * h * first, h, n)
             third = _slope(z + 0.5 * h * second, h, n)
             last = _slope(z + h * third, h, n)
@@ -54,7 +58,14 @@ def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
 def _slope(z: float, h: float, n: float) -> float:
     """Return dz over dx / x_h: full while the drag lets go, less and less while it builds up."""
-    return 1.0 - abs(z) ** n if z * h > 0.0 else 1.0
+    if z * h <= 0.0:
+        return 1.0
+    size = abs(z)
+    if n == 1.0:
+        return 1.0 - size
+    if n == 2.0:
+        return 1.0 - size * size
+    return 1.0 - (np.sqrt(size) if n == 0.5 else size**n)  # a power costs ten times a root
 
 
 @dataclass(frozen=True)
