@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: on two cores OpenBLAS' own threads make least squares 10 to 200 times slower.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup venv demo test lint bench benchmarks evidence gate fuzz docs clean
+.PHONY: setup venv demo test style lint bench benchmarks evidence gate fuzz docs clean
 
 # Python compiles what it imports; compiling all that is installed beforehand takes longer than the install.
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
@@ -28,14 +28,17 @@ $(VENV)/.usable: pyproject.toml constraints.txt | venv
 demo: $(VENV)/.usable
 	$(BIN)/pinotwin demo
 
-lint: setup
+style: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+lint: style
 	$(BIN)/mypy
 
-# A file stays with one worker, which then makes its fixtures once.
-test: lint
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+# A file stays with one worker, which then makes its fixtures once. Long files come first (tests/conftest.py);
+# the types are a test among them.
+test: style
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # The withheld bench: the table of docs/bench.md. Interrupted, it goes on where it stopped.
 bench: setup
@@ -52,8 +55,9 @@ evidence: setup
 	$(BIN)/python -m benchmarks evidence
 
 # Questions with known answers that the diagnosis must not get wrong: own, foreign and real machines.
+# `make gate GATE=--quick` is the part that .ci/run asks.
 gate: setup
-	$(BIN)/python -m pinotwin.bench gate
+	$(BIN)/python -m pinotwin.bench gate $(GATE)
 
 # 10,000 spoiled files for each of ten readers; hours. The suite reads 40 of each.
 fuzz: setup

@@ -78,9 +78,9 @@ def print_counts(twin: pt.Twin) -> None:
     print(f"  in all {total}   (161)")
 
 
-def main(seconds: float = 20.0) -> dict[str, float]:
+def main(seconds: float = 20.0, unseen_seconds: float = 12.0) -> dict[str, float]:
     """Identify, predict, compare with the source, print the tables."""
-    log, unseen = record(seconds, 1), record(12.0, 2)
+    log, unseen = record(seconds, 1), record(unseen_seconds, 2)
     machine = pt.Machine.load("laser_driller")
     start = time.perf_counter()
     twin = pt.identify(machine, log, validate=unseen)

@@ -61,9 +61,9 @@ def print_sizes(log: pt.Log, found: dict[str, dict[str, float]]) -> None:
         )
 
 
-def main(seconds: float = 25.0) -> dict[str, dict[str, float]]:
+def main(seconds: float = 25.0, unseen_seconds: float = 12.0) -> dict[str, dict[str, float]]:
     """Identify, predict an unseen trajectory from its command alone, print the tables."""
-    log, unseen = record(seconds, 1), record(12.0, 2)
+    log, unseen = record(seconds, 1), record(unseen_seconds, 2)
     twin = pt.identify(pt.Machine.load("trunnion"), log, validate=unseen)
     print("dominant poles      ours               source (Table 4-4)")
     for axis, source in POLES.items():

@@ -10,6 +10,37 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
+FIRST = (
+    "test_docs",  # every kernel is compiled here, once
+    "test_types",  # meanwhile: needs none
+    "test_examples",
+    "test_new",  # needs few
+    "test_blind",
+    "test_each",
+    "test_diagnosis",
+    "test_bench_calibrate",
+    "test_diagnosis_payload",
+    "test_bench_engine",
+    "test_terminal",
+    "test_diagnosis_passive",
+    "test_closed_loop_virtual",
+    "test_effects_listed",
+    "test_examples_numbered",
+    "test_vibration_example",
+    "test_diagnosis_real",
+    "test_vibration_flexible",
+    "test_flexible_twin",
+    "test_imu_batch",
+)
+"""Files that take longest, first: a long one that comes last leaves a core idle. Two cores start with a file each."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files of FIRST first, in that order; the rest stays as it is."""
+    place = {name: k for k, name in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(FIRST)))
+
+
 def _data_root() -> Path:
     return Path(os.environ.get("PINOTWIN_DATA", ROOT.parent / "shared" / "data"))
 

@@ -83,7 +83,8 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
     assert psutil.wait_procs(children, timeout=30.0)[1] == []
 
 
-def test_no_scheduler_is_one_line() -> None:
+def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pinotwin.bench.engine.PATIENCE", "1s")
     with pytest.raises(InputError, match="no Dask scheduler answers"), engine(2, "tcp://127.0.0.1:9"):
         pass
 

@@ -16,7 +16,7 @@ def example(name: str):
 
 
 def test_trunnion(capsys):
-    found = example("trunnion").main(seconds=12.0)
+    found = example("trunnion").main(seconds=8.0, unseen_seconds=8.0)
     text = capsys.readouterr().out
     assert "Table 4-5" in text
     assert "friction" in text
@@ -27,7 +27,7 @@ def test_trunnion(capsys):
 
 
 def test_laser_driller(capsys):
-    means = example("laser_driller").main(seconds=10.0)
+    means = example("laser_driller").main(seconds=10.0, unseen_seconds=8.0)
     text = capsys.readouterr().out
     assert "with coupling" in text
     assert means["fitted"] < 0.04  # 10 s only; with 20 s it is 2.0 % (source 2.38 %)

@@ -20,7 +20,7 @@ PUSH, START, END = 60.0, 2.0, 3.5
 @pytest.fixture(scope="module")
 def pushed() -> tuple[pt.Twin, pt.Log, pt.Log]:
     virtual = VirtualMachine.load(pt.machines()["trunnion"])
-    own, other = (virtual.record(random_trajectory(virtual, 8.0, k), seed=k).to_log() for k in (3, 4))
+    own, other = (virtual.record(random_trajectory(virtual, 6.0, k), seed=k).to_log() for k in (3, 4))
     twin = pt.identify(pt.Machine.load("trunnion"), own, loop=False)
     inside = (other.t > START) & (other.t < END)
     u = other["Y.u"] - PUSH * inside  # the motor need not bring up what is pushed

@@ -16,7 +16,7 @@ from pinotwin.virtual import VirtualMachine, random_trajectory
 @pytest.fixture(scope="module")
 def twin() -> pt.Twin:
     virtual = VirtualMachine.load(pt.machines()["trunnion"])
-    log = virtual.record(random_trajectory(virtual, 8.0, 3), seed=3).to_log()
+    log = virtual.record(random_trajectory(virtual, 6.0, 3), seed=3).to_log()
     return pt.identify(pt.Machine.load("trunnion"), log, loop=False)
 
 

@@ -37,7 +37,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a log of the bundled trunnion and its open-loop twin."""
     folder = tmp_path_factory.mktemp("made")
     log, twin = str(folder / "log.csv"), str(folder / "twin")
-    assert main(["record", "trunnion", "--seconds", "6", "--out", log]) == 0
+    assert main(["record", "trunnion", "--seconds", "4", "--out", log]) == 0
     assert main(["identify", "trunnion", log, "--no-loop", "--out", twin]) == 0
     return folder
 

@@ -38,6 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gate = parts.add_parser(
         "gate", help="a fixed list of questions with known answers; fails if one is wrong"
     )
+    gate.add_argument(
+        "--quick", action="store_true", help="every healthy machine, and the faults that take less than 15 s"
+    )
     gate.add_argument("--workers", type=int, default=2, help="processes (2)")
     gate.add_argument("--data", metavar="DIR", help="real recordings (default $PINOTWIN_DATA)")
     gate.add_argument("--work", metavar="DIR", help="keep twins and foreign cases here")
@@ -88,18 +91,19 @@ def _calibrate(args: argparse.Namespace, words: Sequence[str]) -> int:
 
 def _gate(args: argparse.Namespace) -> int:
     from pinotwin.bench.elsewhere import Elsewhere
-    from pinotwin.bench.gate import CHECKS, Result, run_gate
+    from pinotwin.bench.gate import Result, checks, run_gate
 
     def tell(x: Result) -> None:
         sys.stdout.write(f"{'ok   ' if x.holds else 'WRONG'} {x.seconds:5.1f} s  {x.check} -> {x.said}\n")
         sys.stdout.flush()
 
     start = time.perf_counter()
+    every = checks(args.quick)
     with tempfile.TemporaryDirectory(prefix="pinotwin-gate-") as made:
         work = Path(args.work or made)
         elsewhere = Elsewhere.at_hand(work / "elsewhere", args.data)
-        results = run_gate(work, elsewhere, args.workers, tell)
-    wrong, left = sum(not r.holds for r in results), len(CHECKS) - len(results)
+        results = run_gate(every, work, elsewhere, args.workers, tell)
+    wrong, left = sum(not r.holds for r in results), len(every) - len(results)
     if left:
         tell_left = "the recordings and the other simulator are not at hand (PINOTWIN_DATA)"
         sys.stdout.write(f"{left} checks were left out: {tell_left}\n")

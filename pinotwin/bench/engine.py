@@ -14,6 +14,9 @@ from typing import Any
 
 from pinotwin.errors import InputError
 
+PATIENCE = "10s"
+"""How long a scheduler may take to answer."""
+
 Each = Callable[[Callable[[Any], Any], Sequence[Any], float | None], Iterator[tuple[Any, Any]]]
 """Takes a function, items and a time after which none is begun; yields items with result or exception."""
 
@@ -51,7 +54,7 @@ def engine(workers: int, scheduler: str | None = None, *, apart: bool = False) -
             client = stack.enter_context(Client(stack.enter_context(cluster)))
         else:
             try:
-                client = stack.enter_context(Client(scheduler, timeout="10s"))
+                client = stack.enter_context(Client(scheduler, timeout=PATIENCE))
             except (OSError, ValueError) as error:
                 raise InputError(
                     f"--scheduler: {scheduler}: no Dask scheduler answers ({error}); start one with "

@@ -9,7 +9,7 @@ directions that the data leave open are held at the prior by weak extra rows.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import lsq_linear
+from scipy.optimize import lsq_linear, nnls
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -60,12 +60,20 @@ def _within(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
     fixed = low == high
     out = np.where(fixed, low, 0.0)
     if not fixed.all():
-        found = lsq_linear(
-            A[:, ~fixed],
-            b - A[:, fixed] @ out[fixed],
-            (low[~fixed], high[~fixed]),
-            method="bvls",
-            tol=1e-14,
-        )
-        out[~fixed] = found.x
+        out[~fixed] = _active_set(A[:, ~fixed], b - A[:, fixed] @ out[fixed], low[~fixed], high[~fixed])
     return out
+
+
+def _active_set(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the bounded solution; none of the columns is fixed.
+
+    A column that the data leave open and whose prior is its bound ends a rounding beyond it: scipy's BVLS then divides
+    by the zero that is left of its step. Lawson and Hanson's active set, for bounds from below, has no such step.
+    """
+    try:
+        with np.errstate(divide="raise", invalid="raise"):
+            return lsq_linear(A, b, (low, high), method="bvls", tol=1e-14).x
+    except FloatingPointError:
+        if np.isfinite(low).all() and np.isinf(high).all():
+            return low + nnls(A, b - A @ low)[0]
+        return lsq_linear(A, b, (low, high), method="trf", tol=1e-14).x
