@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import FIRST, ROOT
 
 PACKAGE = ROOT / "pinotwin"
 
@@ -314,3 +314,7 @@ def test_help_needs_no_library() -> None:
     code += "import contextlib, io\nwith contextlib.redirect_stdout(io.StringIO()):\n"
     code += "    try:\n        main(['--help'])\n    except SystemExit:\n        pass"
     assert loaded_by(code) == set()
+
+
+def test_files_that_the_suite_starts_with_are_there() -> None:
+    assert [name for name in FIRST if not (ROOT / "tests" / f"{name}.py").is_file()] == []
