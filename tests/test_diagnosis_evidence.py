@@ -97,12 +97,12 @@ def test_noise_alone_holds_no_push() -> None:
         assert episodes(new, new.residual, own.residual, own, {0: 1.0}, 0) is None
 
 
-def test_once_an_axis_is_pushed_a_fainter_push_counts_and_alone_it_does_not() -> None:
+def test_faint_pushes_count_beside_another_and_one_alone_does_not() -> None:
     m, rng = motion(), np.random.default_rng(4)
     noise = rng.normal(size=len(m))
     own = rows(rng.normal(size=len(m)), 3)
-    faint, strong = ((m.t >= a) & (m.t < a + 2.0) for a in (20.0, 5.0))
-    for course, count in ((0.6 * faint, 0), (0.6 * faint + 2.0 * strong, 2)):
+    faint, other = ((m.t >= a) & (m.t < a + 2.0) for a in (20.0, 5.0))
+    for course, count in ((0.6 * faint, 0), (0.6 * faint + 2.0 * other, 2), (0.6 * faint - 0.7 * other, 2)):
         new = rows(noise + course)
         found = episodes(new, new.residual, own.residual, own, {0: 1.0}, 0)
         assert (0 if found is None else len(found.episodes)) == count

@@ -75,9 +75,9 @@ class Rules:
     habit_unit: float = 0.5
     """[misfits] Unit of a push beside a habit at least: how much of a habit differs from run to run is not known."""
     push: float = 4.0
-    """[of the twin's own largest window] Least squared sum over length of a push."""
+    """[of the twin's own largest window] Least squared sum over length of all pushes on an axis."""
     push_also: float = 2.0
-    """The same of further pushes on an axis that has one: a healthy run of the same robot reaches 1.6."""
+    """The same of each: a healthy run of the same robot reaches 1.6."""
     push_strong: float = 2.2
     """[misfits] Mean force from which a push is named although it lasts a moment; scatter of friction reaches 1.5."""
     push_long: float = 1.5

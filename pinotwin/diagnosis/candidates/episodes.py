@@ -92,14 +92,16 @@ def episodes(
         usual = _typical(r, t, segment)
     left = r.copy()
     found: list[tuple[int, int]] = []
+    far = 0.0
     while len(found) < MOST:
         gain, a, b = _best(left, t, segment)
-        if gain < (rules.push_also if found else rules.push) * usual:
+        if gain < rules.push_also * usual:
             break
+        far += gain
         a, b = _edges(left, segment, a, b)
         found.append((a, b))
         left[a:b] -= left[a:b].mean()
-    if not found:
+    if far < rules.push * usual:
         return None
     inside = np.zeros(len(r), dtype=bool)
     for a, b in found:

@@ -18,9 +18,11 @@ from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.samples import Sample
+from pinotwin.diagnosis.evidence.held_out import SCALED_RIDGE
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found, Step, key, refused, simplest
 from pinotwin.diagnosis.search.scan import Scored, Searcher
+from pinotwin.solve.jackknife import solved
 
 TRIALS, RIVALS = 10, 5
 STRETCH = 1.0
@@ -66,20 +68,40 @@ def same_cause(a: Scored, b: Scored) -> bool:
 
 
 def _trial(c: Comparison, found: Found, cause: Scored, rng: np.random.Generator) -> Comparison:
-    """Return the comparison with what the model leaves anyway laid in another order, and the cause put in."""
+    """Return the comparison with what the model leaves anyway laid in another order, and the cause put in.
+
+    What the twin always lacked of this very cause is taken off every change; it comes with the motion and is not
+    laid elsewhere.
+    """
     left = found.searcher.residual()
-    leaves = {j: left[j] * c.floor[j] for j in left}
-    residual = leaves if c.own is None else c.own.residual
-    new = _with(c.new, residual, cause.table[0], cause, rng)
-    unseen = None if c.unseen is None else _with(c.unseen, residual, cause.table[-1], cause, rng)
+    residual: Mapping[int, Floats] = {j: left[j] * c.floor[j] for j in left}
+    theta = cause.judged.theta
+    if c.own is not None:
+        always = lacked(c, cause)
+        columns = cause.table[1]
+        residual = {j: x - columns[j] @ always if j in columns else x for j, x in c.own.residual.items()}
+        theta = theta + always
+    new = _with(c.new, residual, cause.table[0], theta, rng)
+    unseen = None if c.unseen is None else _with(c.unseen, residual, cause.table[-1], theta, rng)
     return replace(c, new=new, unseen=unseen)
+
+
+def lacked(c: Comparison, cause: Scored) -> Floats:
+    """Return the coefficients of a cause that the twin's own logs ask for already, shape (p,)."""
+    columns, residual = cause.table[1], {} if c.own is None else c.own.residual
+    joints = [j for j in columns if j in residual]
+    if not joints:
+        return np.zeros(len(cause.judged.theta))
+    X = np.concatenate([columns[j] / c.floor[j] for j in joints])
+    r = np.concatenate([residual[j] / c.floor[j] for j in joints])
+    return solved((X.T @ X)[None], (X.T @ r)[None], SCALED_RIDGE)[0]
 
 
 def _with(
     target: Sample,
     residual: Mapping[int, Floats],
     columns: Mapping[int, Floats],
-    cause: Scored,
+    theta: Floats,
     rng: np.random.Generator,
 ) -> Sample:
     out = {}
@@ -87,7 +109,7 @@ def _with(
         n = len(target.residual[j])
         out[j] = laid(target, residual[j], n, rng) if j in residual else np.zeros(n)
         if j in columns:
-            out[j] = out[j] + columns[j] @ cause.judged.theta
+            out[j] = out[j] + columns[j] @ theta
     return replace(target, residual=out)
 
 
