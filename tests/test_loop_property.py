@@ -1,0 +1,16 @@
+"""On random drives and logs a loop is identified that is stable, or what is in the way is said in one line.
+
+``python -m benchmarks stability`` asks 500 of them.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.random_drives import asked
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_random_log_makes_an_unstable_loop_or_an_exception(seed: int) -> None:
+    answer = asked(seed)
+    assert answer.wrong == "", f"{answer.how}: {answer.wrong}"
