@@ -33,7 +33,7 @@ from pinotwin.loop import (
     identify_controller,
     identify_loop,
 )
-from pinotwin.loop.layout import lay_out
+from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -189,7 +189,7 @@ def fit_loops(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None
             data = loop_data(motion, disturbance, name)
             trial = _choose(plant, data, name)
             data, trial = _refined(plant, motion, found, data, trial)
-            model = _refit(data, trial, afresh=True, judged=True)
+            model = _refit(data, trial, _bounds(plant.machine, name), afresh=True, judged=True)
         except DataError as error:
             found.notes.append(f"no closed loop of {name}: {error}")
             continue
@@ -224,7 +224,8 @@ def _refined(
         better = refine(first_part(data), trial, motion, near, explore=turn < EXPLORED)
         change = better.columns(motion) @ better.theta - kept.columns(motion) @ kept.theta
         renewed = replace(data, d=data.d + change[:, None])
-        retried = _refit(first_part(renewed), trial, afresh=turn == EXPLORED - 1)
+        bounds = _bounds(plant.machine, data.axis)
+        retried = _refit(first_part(renewed), trial, bounds, afresh=turn == EXPLORED - 1)
         after = errors(renewed, retried, held_out=True)
         gain = _gain(before, after)
         if gain < 1.0 / NO_WORSE:
@@ -253,7 +254,14 @@ def _keep(found: Loops, old: AxisEffects, new: AxisEffects) -> None:
     found.refined[new.axis] = new
 
 
-def _refit(data: LoopData, near: LoopModel, *, afresh: bool = False, judged: bool = False) -> LoopModel:
+def _bounds(machine: Machine, name: str) -> Bounds | None:
+    """Return the bounds of the search that machine.yaml states for an axis."""
+    return machine.loop[name].bounds or None if name in machine.loop else None
+
+
+def _refit(
+    data: LoopData, near: LoopModel, bounds: Bounds | None, *, afresh: bool = False, judged: bool = False
+) -> LoopModel:
     """Return a loop of the same structure fitted to other data, its search started from ``near``.
 
     Poles that were found beside wrong friction can sit in the wrong basin: ``afresh`` also starts from
@@ -262,7 +270,7 @@ def _refit(data: LoopData, near: LoopModel, *, afresh: bool = False, judged: boo
     starts = np.array([_theta(near)])
     if afresh:
         starts = np.concatenate([starts, starting_points(near.layout, FRESH)])
-    return identify_loop(data, near.structure, starts=starts, judged=judged)
+    return identify_loop(data, near.structure, bounds=bounds, starts=starts, judged=judged)
 
 
 def _theta(model: LoopModel) -> list[float]:
@@ -279,8 +287,8 @@ def _choose(plant: OpenLoop, data: LoopData, name: str) -> LoopModel:
     """Return the loop, of the stated order or of the order that pays, fitted to the first part."""
     given = plant.machine.loop.get(name)
     if given is not None and given.stated:
-        structure = Structure(real_poles=given.real_poles, pole_pairs=given.pole_pairs)
-        return _found(first_part(data), structure)
+        structure = Structure(given.real_poles, given.pole_pairs, given.feedforward_poles, given.numerators)
+        return _found(first_part(data), structure, given.bounds)
     trial = _found(first_part(data), Structure())
     error = _score(data, trial)
     for pairs in range(2, MOST_PAIRS + 1):
@@ -294,10 +302,11 @@ def _choose(plant: OpenLoop, data: LoopData, name: str) -> LoopModel:
     return trial
 
 
-def _found(data: LoopData, structure: Structure) -> LoopModel:
+def _found(data: LoopData, structure: Structure, bounds: Bounds | None = None) -> LoopModel:
     """Return a first loop; few starts will do, for its friction is still to be refined."""
-    layout = lay_out(structure, data.step, (data.d.shape[1], data.outputs.shape[1]))
-    return identify_loop(data, structure, starts=starting_points(layout, BEGINNINGS), judged=False)
+    layout = lay_out(structure, data.step, (data.d.shape[1], data.outputs.shape[1]), bounds)
+    starts = starting_points(layout, BEGINNINGS)
+    return identify_loop(data, structure, bounds=bounds, starts=starts, judged=False)
 
 
 def _score(data: LoopData, model: LoopModel) -> float:

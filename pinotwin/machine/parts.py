@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -74,14 +76,25 @@ class Imu:
 
 @dataclass(frozen=True)
 class LoopShape:
-    """Order of an axis' closed loop (thesis Eq. 4.14): real poles and complex pairs.
+    """An axis' closed loop (thesis Eq. 4.14), the free black box of it.
 
-    ``closed_on`` says which position the controller regulates: of the ``motor`` or, measured by a second
-    encoder (channel ``<axis>.ql``), of the ``load``; ``stated`` whether the order was given.
+    Attributes:
+        real_poles: all real poles, those of the feed-forward included.
+        pole_pairs: complex pairs.
+        feedforward_poles: preassigned poles that make the feed-forward causal [Hz], ``"search"`` for one double
+            pole that is searched, () for none; None for two at the sampling frequency.
+        numerators: ``"exact"``, or ``"source"`` for disturbance numerators without the feed-forward's poles.
+        bounds: of the search, by parameter (``p1``, ``wn1``, ``zeta1``, ``pff``) [Hz] or [-].
+        closed_on: which position the controller regulates: of the ``motor`` or, measured by a second encoder
+            (channel ``<axis>.ql``), of the ``load``.
+        stated: whether anything of the black box was given.
     """
 
     real_poles: int = 3
     pole_pairs: int = 1
+    feedforward_poles: tuple[float, ...] | Literal["search"] | None = None
+    numerators: Literal["exact", "source"] = "exact"
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     closed_on: str = "motor"
     stated: bool = True
 

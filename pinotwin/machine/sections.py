@@ -18,6 +18,8 @@ from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape
 from pinotwin.machine.urdf_check import read_tree
 from pinotwin.machine.yaml_file import check_keys, mapping, number, truth, whole
 
+LOOP_KEYS = ("real_poles", "pole_pairs", "feedforward_poles", "numerators", "bounds", "closed_on")
+
 
 def imus(spec: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
     """Return the inertial sensors, each on a link of the URDF."""
@@ -39,14 +41,20 @@ def loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape
     for name, settings in mapping(spec.get("loop"), "loop.").items():
         check_keys({name: None}, axes, "loop.")
         settings = dict(mapping(settings, f"loop.{name}."))
-        check_keys(settings, ("real_poles", "pole_pairs", "closed_on"), f"loop.{name}.")
+        check_keys(settings, LOOP_KEYS, f"loop.{name}.")
         closed_on = settings.pop("closed_on", "motor")
         if closed_on not in ("motor", "load"):
             raise MachineError(f"loop.{name}.closed_on: expected motor or load, found {closed_on!r}")
-        counts = {k: whole(v, f"loop.{name}.{k}", 0, 20) for k, v in settings.items()}
-        shape = LoopShape(**counts, closed_on=closed_on, stated=bool(counts))
+        given = {k: _loop_setting(k, v, f"loop.{name}.{k}") for k, v in settings.items()}
+        shape = LoopShape(**given, closed_on=closed_on, stated=bool(given))
         if shape.real_poles + shape.pole_pairs < 1:
             raise MachineError(f"loop.{name}: needs at least one pole")
+        ahead = len(shape.feedforward_poles) if isinstance(shape.feedforward_poles, tuple) else 2
+        if shape.real_poles - ahead + 2 * shape.pole_pairs < 2:
+            raise MachineError(
+                f"loop.{name}: {shape.real_poles} real poles, {ahead} of them of the feed-forward, and "
+                f"{shape.pole_pairs} pairs leave fewer than two for plant and feedback"
+            )
         if closed_on == "load" and spec.get("transmission"):
             raise MachineError(
                 f"loop.{name}.closed_on: a loop on the load's encoder behind a transmission of several motors is "
@@ -54,6 +62,31 @@ def loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape
             )
         out[str(name)] = shape
     return out
+
+
+def _loop_setting(key: str, value: Any, where: str) -> Any:
+    """Return one setting of the black box of a loop, checked."""
+    if key in ("real_poles", "pole_pairs"):
+        return whole(value, where, 0, 20)
+    if key == "numerators":
+        if value not in ("exact", "source"):
+            raise MachineError(f"{where}: expected exact or source, found {value!r}")
+        return value
+    if key == "bounds":
+        found = {}
+        for name, ends in mapping(value, f"{where}.").items():
+            if not isinstance(ends, list) or len(ends) != 2:
+                raise MachineError(f"{where}.{name}: expected [lower, upper], found {ends!r}")
+            low, high = (number(x, f"{where}.{name}", positive=True) for x in ends)
+            if not low < high:
+                raise MachineError(f"{where}.{name}: expected [lower, upper], found {ends!r}")
+            found[str(name)] = (low, high)
+        return found
+    if value == "search":
+        return value
+    if not isinstance(value, list):
+        raise MachineError(f"{where}: expected search, or a list of frequencies [Hz], found {value!r}")
+    return tuple(number(x, where, positive=True) for x in value)
 
 
 def columns(spec: Mapping[str, Any], names: tuple[str, ...], model: pin.Model) -> dict[str, Column]:
