@@ -8,6 +8,7 @@ moves to steps, and logs as they come from a shop floor: short, coarse, with hol
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import traceback
 from dataclasses import dataclass
@@ -240,6 +241,8 @@ def _answered(how: str, log: Log, other: Log) -> Answer:
         return Answer(
             how, "no controller", "" if said and how not in WHOLE else "no controller, or nothing said"
         )
+    for servo in twin.servos.values():
+        json.dumps(servo.to_dict(), allow_nan=False)
     for asks in (log, other):
         try:
             said = twin.simulate(Log({k: asks[k] for k in ("t", "X.qr")}, source="command"))

@@ -96,6 +96,13 @@ def test_a_pid_says_the_sum_of_two_gains_where_one_is_small() -> None:
     assert servo.determined() == {"kd": True, "ffv": False, "kd + ffv": True}
 
 
+def test_a_law_without_feed_forward_is_written_too() -> None:
+    servo = Servo.of_cascade(60.0, 5000.0, 50.0, 0.0, 0.0)
+    servo = replace(with_errors(servo, 0.01), other={"kp": 50.0, "rate": 60.0, "weight": float("inf")})
+    written = json.loads(json.dumps(servo.to_dict(), allow_nan=False))
+    assert Servo.from_dict(written).gains == servo.gains
+
+
 def test_what_is_said_is_written_and_read_again() -> None:
     servo = with_errors(cascade(), 0.005)
     written = json.loads(json.dumps(servo.to_dict()))

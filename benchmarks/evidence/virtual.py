@@ -18,7 +18,7 @@ from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.folder import read_folder
 
 LAWS = {"lugre": "LuGre", "gms": "generalised Maxwell slip", "elastoplastic": "elasto-plastic"}
-SEEDS = (50, 51)
+SEEDS = (50, 51, 52, 53, 54)
 SECONDS = 20.0
 
 

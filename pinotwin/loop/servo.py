@@ -225,8 +225,12 @@ class Servo:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         values = asdict(self)
-        values |= {"named": self.named(), "combined": self.combined(), "determined": self.determined()}
-        values["intervals"] = {name: list(ends) for name, ends in self.intervals().items()}
+        values |= {name: _finite(values[name]) for name in ("errors", "other")}
+        values |= {"named": _finite(self.named()), "combined": _finite(self.combined())}
+        values["intervals"] = {
+            k: list(ends) for k, ends in self.intervals().items() if np.isfinite(ends).all()
+        }
+        values["determined"] = self.determined()
         return {**values, "limit": self.limit if math.isfinite(self.limit) else None}
 
     @classmethod
@@ -237,3 +241,8 @@ class Servo:
         values = {name: x for name, x in values.items() if name not in made}
         known = {**values, "gains": tuple(values["gains"]), "notch": tuple(values["notch"])}
         return cls(**{**known, "limit": math.inf if limit is None else float(limit)})
+
+
+def _finite(values: Mapping[str, float]) -> dict[str, float]:
+    """Return what is a number: without feed-forward of the velocity a set-point weight is none."""
+    return {name: x for name, x in values.items() if math.isfinite(x)}
