@@ -60,8 +60,9 @@ USUAL = {
 At 200 Hz a log tells lags of a millisecond and the flanks of a notch badly apart; what it leaves open is
 better usual than anything.
 """
-FORWARD = (0.5, 1.0)
-"""Usual acceleration feed-forward of drives, as a share of the axis' inertia, and its standard deviation.
+FORWARD = (-0.5, 1.5, 0.5)
+"""Acceleration feed-forward that drives have, least and most, as shares of the axis' inertia, and the standard
+deviation of what is beyond; any within is as usual as another.
 
 A slow ramp does not tell it: without this one came out at eight times the inertia, and a faster command threw
 the simulated axis off (random drives of the tests, seed 8).
@@ -335,7 +336,8 @@ class Search:
     def doubt(self, x: Floats, usual: Mapping[str, tuple[float, float]], inertia: float) -> Floats:
         """Return how far shapes and feed-forward are from usual ones, in standard deviations of what drives have."""
         servo = self.servo(x)
-        out = [(servo.gains[5] / inertia - FORWARD[0]) / FORWARD[1]]
+        share, (least, most, beyond) = servo.gains[5] / inertia, FORWARD
+        out = [(share - min(max(share, least), most)) / beyond]
         for name in self.names:
             if name in usual:
                 value = getattr(servo, name) if name in SHAPES else servo.notch[int(name[5:])]
