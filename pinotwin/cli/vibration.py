@@ -104,21 +104,21 @@ def summary(found: Vibration) -> list[str]:
     (f, f_se), (zeta, zeta_se) = found.frequency, found.damping
     lines = [
         f"{found.machine}, {found.joint}: {count}, {len(found.sensors)} IMU(s)",
-        f"{'':<14}{'RMS':>10}{'+- (1 sd)':>12}",
+        f"{'':<14}{'RMS':>10}{'± (1 sd)':>12}",
         f"{'angle':<14}{size[0]:>10.3g}{sd[0]:>12.2g}  deg (above 0.5 Hz: its interval)",
         f"{'velocity':<14}{size[1]:>10.3g}{sd[1]:>12.2g}  deg/s",
         f"{'acceleration':<14}{size[2]:>10.3g}{sd[2]:>12.2g}  deg/s²",
         f"{found.verdict}",
-        f"mode with the motors held: {f:.2f} +- {f_se:.2f} Hz, damping {zeta:.4f} +- {zeta_se:.4f}",
+        f"mode with the motors held: {f:.2f} ± {f_se:.2f} Hz, damping {zeta:.4f} ± {zeta_se:.4f}",
     ]
     for sensor in found.sensors:
         for part in sensor.runs:
             c = part.found.clock
             lines.append(
-                f"{sensor.name}, run {part.run + 1}: offset {c.offset:.6f} +- {c.se_offset:.6f} s, "
-                f"skew {1e6 * c.skew:+.1f} +- {1e6 * c.se_skew:.1f} ppm, gyro scale "
+                f"{sensor.name}, run {part.run + 1}: offset {c.offset:.6f} ± {c.se_offset:.6f} s, "
+                f"skew {1e6 * c.skew:+.1f} ± {1e6 * c.se_skew:.1f} ppm, gyro scale "
                 + " ".join(f"{1e2 * s:+.3f}" for s in part.found.scale)
-                + f" % (+- {1e2 * part.found.scale_se.max():.3f})"
+                + f" % (± {1e2 * part.found.scale_se.max():.3f})"
             )
     for u in found.unused:
         lines.append(

@@ -66,8 +66,8 @@ class RunResult:
         """Return in words what is known of the slow angle; never one number for both bands."""
         sd, size = np.degrees(self.quasi_static_sd), np.degrees(self.quasi_static)
         if 2.0 * sd > size:
-            return f"quasi-static: not observable, +- {2.0 * sd:.2g} deg"
-        return f"quasi-static: {size:.2g} deg RMS +- {2.0 * sd:.2g} deg"
+            return f"quasi-static: not observable, ± {2.0 * sd:.2g} deg"
+        return f"quasi-static: {size:.2g} deg RMS ± {2.0 * sd:.2g} deg"
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from a file cannot become markup.
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -66,7 +67,8 @@ def escape(value: object) -> str:
 
 def paragraph(text: str, style: str = "") -> Html:
     """Return a paragraph; ``style`` is a class of the style sheet (``verdict``, ``lead``)."""
-    return Html(f'<p class="{style}">{escape(text)}</p>' if style else f"<p>{escape(text)}</p>")
+    words = escape(re.sub(r"(?<=\d) %", "\u00a0%", text))  # a line does not break between them
+    return Html(f'<p class="{style}">{words}</p>' if style else f"<p>{words}</p>")
 
 
 def heading(text: str) -> Html:

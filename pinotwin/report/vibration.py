@@ -131,7 +131,7 @@ def _spectrum(found: Vibration) -> go.Figure:
     f, power = welch(v, rate, nperseg=min(len(v), 2048))
     figure = go.Figure(line(f[1:], np.sqrt(power[1:]), "velocity", ACCENT, legend=False))
     mode = found.frequency[0]
-    figure.add_vline(x=mode, line_dash="dot", annotation_text=f"{mode:.1f} Hz")
+    figure.add_vline(x=mode, line={"color": MEASURED, "dash": "dot"}, annotation_text=f"{mode:.1f} Hz")
     figure.update_xaxes(title_text="frequency [Hz]", range=[0, min(0.5 * rate, 6 * mode)])
     figure.update_yaxes(title_text="amplitude density [deg/s/√Hz]", type="log")
     return style(figure, 300, legend=False)
