@@ -173,7 +173,9 @@ def courses(c: Comparison, causes: Sequence[Scored], pushed: Sequence[Episodes])
 
 
 def _same(c: Comparison, a: Episodes, b: Episodes) -> bool:
-    """Whether two findings are one course of force for the most part."""
+    """Whether two findings lie at the same time for the most part, or are one course of force."""
+    if float(np.sum(a.rows & b.rows)) > 0.5 * max(float(a.rows.sum()), float(b.rows.sum())):
+        return True
     x, y = _course(c, a), _course(c, b)
     return float(x @ y) > 0.5 * max(float(x @ x), float(y @ y))
 
