@@ -55,7 +55,7 @@ evidence: setup
 	$(BIN)/python -m benchmarks evidence
 
 # Questions with known answers that the diagnosis must not get wrong: own, foreign and real machines.
-# `make gate GATE=--quick` is the part that .ci/run asks.
+# `make gate GATE=--quick` is a part of them.
 gate: setup
 	$(BIN)/python -m pinotwin.bench gate $(GATE)
 

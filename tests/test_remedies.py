@@ -27,6 +27,7 @@ from pinotwin.logs.check import check
 from pinotwin.logs.columns import AXIS_SIGNALS, Column
 from pinotwin.machine.loading import AXIS_KEYS, KEYS
 from pinotwin.machine.parts import DataSettings
+from pinotwin.machine.sections import LOOP_KEYS
 from tests.rig import YAML, good_log, write_machine
 
 PACKAGE = Path(pt.__file__).parent
@@ -81,7 +82,7 @@ def declared(where: str) -> frozenset[str]:
 @functools.cache
 def keys() -> frozenset[str]:
     """Return every key that machine.yaml may hold: the tables, and what ``check_keys`` is given in the source."""
-    out = {*KEYS, *AXIS_KEYS, *LISTED}
+    out = {*KEYS, *AXIS_KEYS, *LOOP_KEYS, *LISTED}
     for kind in (Column, DataSettings, *EFFECTS.values()):
         out |= {f.metadata.get("yaml", f.name) for f in dataclasses.fields(kind)}
     for path in (PACKAGE / "machine").glob("*.py"):
