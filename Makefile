@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: on two cores OpenBLAS' own threads make least squares 10 to 200 times slower.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup venv demo test style lint bench benchmarks evidence gate fuzz docs clean
+.PHONY: setup venv demo test slow style lint bench benchmarks evidence gate fuzz docs clean
 
 # Python compiles what it imports; compiling all that is installed beforehand takes longer than the install.
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
@@ -38,7 +38,11 @@ lint: style
 # A file stays with one worker, which then makes its fixtures once. Long files come first (tests/conftest.py);
 # the types are a test among them.
 test: style
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
+
+# Examples of whole machines, `--each` and other tests of half a minute: four minutes more.
+slow: setup
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow
 
 # The withheld bench: the table of docs/bench.md. Interrupted, it goes on where it stopped.
 bench: setup

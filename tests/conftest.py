@@ -10,6 +10,18 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
+SLOW = (
+    "test_examples.py",
+    "test_each.py",
+    "test_blind.py::test_two_processes",
+    "test_vibration_flexible.py::test_flexible_plant_and_its_spring",
+    "test_imu_batch.py::test_the_table_of_methods",
+    "test_imu_clock.py::test_offset_and_skew_over_fifty",
+    "test_bench_engine.py::test_an_item_that_always_kills",
+    "test_examples_numbered.py::test_the_notebook_runs",
+)
+"""What `make slow` runs and `make test` does not: a fifth of the time, for which 15 minutes of CI have no room."""
+
 FIRST = (
     "test_docs",  # every kernel is compiled here, once
     "test_types",  # meanwhile: needs none
@@ -38,6 +50,9 @@ FIRST = (
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the files of FIRST first, in that order; the rest stays as it is."""
     place = {name: k for k, name in enumerate(FIRST)}
+    for item in items:
+        if any(part in item.nodeid for part in SLOW):
+            item.add_marker("slow")
     items.sort(key=lambda item: place.get(item.path.stem, len(FIRST)))
 
 
