@@ -21,7 +21,7 @@ def twin(data_dir: Path) -> pt.Twin:
 
 
 def test_the_error_at_a_corner_of_20_hz_is_near_the_published(data_dir: Path) -> None:
-    """The corner is stated: the effort swings at 15 to 35 Hz, which one corner counts as error and another does not."""
+    """The corner is stated: gears ripple at 15 to 60 Hz, which one corner counts as error and another does not."""
     machine = pt.Machine.load(data_dir / "franka_panda" / "machine.yaml")
     machine = replace(machine, data=replace(machine.data, cutoff=20.0))
     twin = pt.identify(machine, pt.read(data_dir / "franka_panda" / "exciting_traj.csv"), loop=False)
