@@ -35,14 +35,16 @@ style: setup
 lint: style
 	$(BIN)/mypy
 
-# A file stays with one worker, which then makes its fixtures once. Long files come first (tests/conftest.py);
-# the types are a test among them.
+# A file stays with one worker, which then makes its fixtures once. Long files come first (tests/conftest.py).
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# The types are a test among them.
 test: style
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
+	$(PYTEST) -m "not slow"
 
 # Examples of whole machines, `--each` and other tests of half a minute: four minutes more.
 slow: setup
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow
+	$(PYTEST) -m slow
 
 # The withheld bench: the table of docs/bench.md. Interrupted, it goes on where it stopped.
 bench: setup

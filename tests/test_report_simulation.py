@@ -82,16 +82,8 @@ def test_names_of_files_are_checked_before_anything_is_simulated(tmp_path: Path,
 
 @pytest.mark.skipif(importlib.util.find_spec("rerun") is not None, reason="Rerun is installed")
 def test_without_rerun_one_line_says_so(tmp_path: Path, capfd) -> None:
-    words = [
-        "simulate",
-        "no_twin",
-        "no.csv",
-        "--out",
-        str(tmp_path / "p.csv"),
-        "--rrd",
-        str(tmp_path / "p.rrd"),
-    ]
-    assert main(words) == 2
+    table, recording = (str(tmp_path / name) for name in ("p.csv", "p.rrd"))
+    assert main(["simulate", "no_twin", "no.csv", "--out", table, "--rrd", recording]) == 2
     said = capfd.readouterr().err
     assert said.count("\n") == 1
     assert "pip install rerun-sdk" in said

@@ -10,7 +10,7 @@ import pytest
 
 from pinotwin.loop import Servo
 from pinotwin.loop.roots import Roots
-from pinotwin.loop.servo import APART
+from pinotwin.loop.servo import DISTANCE
 
 LAG = 4e-4
 
@@ -44,7 +44,7 @@ def with_errors(servo: Servo, error: float) -> Servo:
     A, B = servo.gains[0] / servo.gains[2], servo.gains[1] / servo.gains[2]
     apart = error * np.hypot(2.0 * A * (A - LAG * B), 4.0 * B)
     errors = {"kp": 0.5 * error * A, "rate": 0.5 * error * A, "kv": 50.0, "ffv": 0.005, "ffa": 1.0}
-    return replace(servo, errors={**errors, "kp + rate": error * A, "kp * rate": error * B, APART: apart})
+    return replace(servo, errors={**errors, "kp + rate": error * A, "kp * rate": error * B, DISTANCE: apart})
 
 
 @pytest.mark.parametrize("error", [0.003, 0.02])

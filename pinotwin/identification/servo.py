@@ -22,8 +22,7 @@ from scipy.signal import lfilter
 
 from pinotwin.arrays import Floats
 from pinotwin.loop.roots import Roots
-from pinotwin.loop.servo import APART as APART_SQUARED
-from pinotwin.loop.servo import SHAPES, Servo
+from pinotwin.loop.servo import DISTANCE, SHAPES, Servo
 from pinotwin.simulation import axis_kernel, coupled
 from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.state import Lookup
@@ -102,7 +101,7 @@ ENOUGH = 1e-3
 """The search ends when a step brings less than this share."""
 SIMPLER = 0.97
 """A law with fewer gains is kept if it costs less than this on held-out windows."""
-APART = 0.1
+SPREAD = 0.1
 """Share by which kp and 1/ti of a double root are put apart to begin with."""
 MISSED, FAR = 0.2, 3.0
 """Error of e, as a share of its RMS on windows not fitted, and distance of a shape from usual ones [standard
@@ -565,8 +564,8 @@ def _tied(servo: Servo) -> list[dict[str, float]]:
         kp, rate = named["kp"], named["rate"]
         if not (product > 0.0 and 0.2 < rate / np.sqrt(product) < 5.0):
             continue
-        if abs(kp - rate) < APART * kp:  # a double root: begin on both sides of it
-            kp, rate = kp * (1.0 + APART), rate / (1.0 + APART)
+        if abs(kp - rate) < SPREAD * kp:  # a double root: begin on both sides of it
+            kp, rate = kp * (1.0 + SPREAD), rate / (1.0 + SPREAD)
             found.append((rate, kp, named))
         found.append((kp, rate, named))
     ffv = servo.gains[3] / servo.gains[2] if servo.gains[2] > 0.0 else 1.0
@@ -726,7 +725,7 @@ def _told(servo: Servo) -> dict[str, float]:
     middle = servo.with_rate(roots.rate) or named
     if servo.form == "cascade":  # its weight was imposed
         middle = {k: x for k, x in middle.items() if k != "weight"}
-    both = {"kp + rate": roots.kp + roots.rate, "kp * rate": roots.product, APART_SQUARED: roots.apart}
+    both = {"kp + rate": roots.kp + roots.rate, "kp * rate": roots.product, DISTANCE: roots.apart}
     return {**middle, **both, **out}
 
 
@@ -742,7 +741,7 @@ def doubted(servo: Servo, errors: Mapping[str, float], missed: float) -> dict[st
     if servo.form != "pid":
         moved = _told(replace(servo, velocity_lag=servo.velocity_lag + CLOCK))
     A, B = (abs(servo.gains[i] / servo.gains[2]) if servo.gains[2] != 0.0 else 0.0 for i in (0, 1))
-    size = {**{k: abs(x) for k, x in found.items()}, APART_SQUARED: float(np.hypot(2.0 * A**2, 4.0 * B))}
+    size = {**{k: abs(x) for k, x in found.items()}, DISTANCE: float(np.hypot(2.0 * A**2, 4.0 * B))}
     out = dict(errors)
     for name in errors:
         if name in SHAPES:

@@ -38,7 +38,7 @@ NARROW = 0.10
 """A gain is determined where its 90 % interval reaches no further from it than this share of it: a simulation
 or a new tuning that takes it for the truth is then off by no more than a tenth."""
 SHAPES = ("velocity_lag", "output_lag", "dead")
-APART = "apart"
+DISTANCE = "apart"
 """Name under which the error of what kp and 1/ti are apart is kept, see :class:`pinotwin.loop.roots.Roots`."""
 Form = Literal["general", "cascade", "pid", "proportional"]
 
@@ -58,7 +58,7 @@ class Servo:
             where there is no integral; ``general`` has all six gains free.
         offset: what I holds for ever in the proportional form [N or N·m].
         errors: standard errors by the names of :meth:`named` and :meth:`combined`; those of a cascade with kp and
-            1/ti in the middle between their roots, and as :data:`APART` that of the square of their distance.
+            1/ti in the middle between their roots, and as :data:`DISTANCE` that of the square of their distance.
         other: another cascade that the log speaks for as well, by the same names; empty where there is none.
         step: sampling interval of the log [s].
     """
@@ -158,10 +158,10 @@ class Servo:
 
     def _ends(self) -> list[dict[str, float]]:
         """Return the cascades with the lowest and the highest 1/ti that go with the feedback."""
-        if APART not in self.errors:
+        if DISTANCE not in self.errors:
             return []
         roots, tied = Roots.of(self.gains, self.velocity_lag), self.tied
-        rates = roots.rates(self.cascade()["rate"], TWO_SIDED * self.errors[APART], tied=tied)
+        rates = roots.rates(self.cascade()["rate"], TWO_SIDED * self.errors[DISTANCE], tied=tied)
         return [f for f in map(self.with_rate, rates) if f is not None]
 
     def determined(self) -> dict[str, bool]:

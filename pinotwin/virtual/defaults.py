@@ -110,10 +110,10 @@ def _controller(given: Controller, scale: Scale, friction: Friction) -> Controll
         kv, kp, ki = p + 2.0 * zeta * w, 2.0 * zeta * w * p + w * w, p * w * w
         kp *= scale.inertia
         kd = kv * scale.inertia if given.kv is None else given.kv
-        forward = given.velocity_feedforward * (friction.viscous or 0.0)
         # What a set-point weight below 1 takes away at constant speed, the integral part brings back.
-        carried = (1.0 - given.derivative_weight) * kd * scale.speed
-        forward -= (1.0 - given.derivative_weight) * kd
+        lacking = (1.0 - given.derivative_weight) * kd
+        carried = lacking * scale.speed
+        forward = given.velocity_feedforward * (friction.viscous or 0.0) - lacking
     else:
         w = 2.0 * np.pi * (given.bandwidth or 30.0)
         kv, kp, ki = w, 0.25 * w, w * w / 6.0

@@ -20,7 +20,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.signals import rms
+from pinotwin.signals import hats, rms
 
 FOLDS = 8
 """Stretches of the own logs, each predicted from all others."""
@@ -91,9 +91,9 @@ def _columns(s: Sample, own: Sample, joint: int) -> Floats:
     q, v = m.q[rows, joint], m.v[rows, joint]
     effort = np.zeros(len(rows)) if m.model is None else m.model[rows, joint]
     seen, top = own.motion.q[there, joint], float(np.abs(own.motion.v[there, joint]).max()) + 1e-12
-    knots = np.linspace(seen.min(), seen.max(), KNOTS)
-    hats = np.stack([np.interp(q, knots, e) for e in np.eye(KNOTS)], axis=1)
+    low, high = float(seen.min()), float(seen.max()) + 1e-12
+    place = hats(np.clip(q, low, high), low, high, KNOTS)
     speed, turn = v / top, np.tanh(v / (TURNS * top))
     falls = [turn * np.exp(-np.abs(speed) / x) for x in SLOW]
     single = np.stack([*falls, speed * np.abs(speed), effort * turn, np.abs(effort)], axis=1)
-    return np.concatenate([hats, hats * turn[:, None], single], axis=1)
+    return np.concatenate([place, place * turn[:, None], single], axis=1)
