@@ -17,8 +17,7 @@ Identification, simulation, diagnosis, report and documentation read everything 
   without slow rows). ``machine`` may be a machine or a :class:`pinotwin.effects.tree.Tree` that holds a
   twin's inertias. Every candidate keeps its shapes: ``candidate.shapes()`` bounds a further polish,
   ``candidate.shape_values()`` is where it starts. ``EFFECTS[name].searched`` says how many numbers the
-  search has chosen: its price. ``found.richer()`` are effects to try where this one was found, and
-  ``found.settled()`` is what machine.yaml is to list.
+  search has chosen: its price. ``found.settled()`` is what machine.yaml is to list.
 * ``family.acts``: on the effort, on hidden states, on a sensor, or in the controller's loop. An effect
   of the loop gives columns of the effort that the controller adds; the plant stays what it is.
 * ``contains``: simpler effects that are cases of this one: not asked for beside it. ``imitates``: other

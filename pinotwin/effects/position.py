@@ -29,6 +29,8 @@ PITCHES = 900
 """Most pitches that are tried on one travel."""
 REPEATS = 2.5
 """Times that a ripple must repeat on the travel: a single wave is any smooth course, and a table of it."""
+REPEATS_MODULATED = 4.0
+"""The same of a ripple whose size changes along the travel: three numbers say how, which fit any three waves."""
 KNOTS = 24
 """Knots of a table that is tried on a travel."""
 
@@ -238,12 +240,13 @@ class RippleModulated(AxisEffect):
         return (_pitch_grid(motion.axis(self.axis).q, low, high), eps)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: whole parts of a turn; :meth:`Ripple.richer` tries other pitches."""
+        """See :meth:`Effect.trials`: whole parts of a turn."""
         if not self.rotary or sight.travel < 0.25 * _TURN:
             return ()
         low = max(_pitch_bounds(True, self.shortest, self.longest)[0], 3.0 * sight.pace, 10.0 * sight.noise)
         del motion
-        return self.over([x for x in _TURN / np.arange(1, 101) if low <= x <= sight.travel / REPEATS], ANGLES)
+        longest = sight.travel / REPEATS_MODULATED
+        return self.over([x for x in _TURN / np.arange(1, 101) if low <= x <= longest], ANGLES)
 
     def settled(self) -> Self:
         """See :meth:`Effect.settled`: the pitch is written and searched no more."""
