@@ -15,7 +15,6 @@ from pinotwin.errors import PinotwinError
 from pinotwin.identification.servo import (
     MISSED,
     PLANT,
-    WINDOW,
     AxisProblem,
     Factors,
     Found,
@@ -32,6 +31,8 @@ from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.state import Lookup
 from pinotwin.twin import OpenLoop, Twin
 
+WINDOW = 6.0
+"""Longest window that is simulated at every evaluation [s]."""
 WINDOWS = 4
 """Most windows of a log that the controllers are fitted to."""
 BETTER = 0.9

@@ -1,0 +1,169 @@
+"""How certain the gains and shapes of a controller are, and what the axes of one control tell of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.identification.servo.output_error import CORRELATED, Found, misfit
+from pinotwin.identification.servo.problem import AS_FOUND, PLANT, USUAL, AxisProblem
+from pinotwin.loop.roots import Roots
+from pinotwin.loop.servo import DISTANCE, SHAPES, Servo
+from pinotwin.solve.sandwich import batch_means
+
+ALIKE = 0.2
+"""Standard deviation of the logarithm of a shape among the axes of one control, at least."""
+CLOCK = 1.5e-4
+"""Doubt of when a drive adds up its integral, before or after it is used: half a control period of 2 to 8 kHz [s].
+
+kp and 1/ti are nearly equal roots: 0.5 to 1 % of kv, which is what this makes, are 3 to 5 % of them.
+"""
+LAW_ERROR, FORWARD_ERROR = 1.5, 4.0
+"""Standard error of a feedback gain and of the acceleration's feed-forward, as a share of itself, for each share
+of the tracking error that the law misses on rows not fitted: a notch or a filter that it does not have bends its
+gains, and no scatter of the rows shows that (from machines of another simulator, seeds 430 to 443)."""
+SAME_GAIN = 0.02
+"""Two searches whose kp differ by less found the same."""
+AS_GOOD = 1.1
+"""Cost, over the lowest, up to which another cascade counts as fitting as well.
+
+Far more than the noise of a log would allow: what is wrong with the plant decides between the two as well.
+"""
+WEIGHT = 0.02
+"""Error that a set-point weight may have: on known drives kp and 1/ti were found exchanged at less."""
+PLANT_ERROR = {"inertia": 0.01, "viscous": 0.02, "dry": 0.02, "fading": 0.2}
+"""Standard errors of the identified plant that its gains take up: friction scatters by 1 to 2 % from run to run."""
+
+
+def shared(found: Sequence[Found]) -> list[dict[str, tuple[float, float]]]:
+    """Return usual shapes for every axis: what the other axes show, beside what drives have.
+
+    The axes of one control mostly share its clock, its filters and its kind of current loop. Where an axis'
+    own log tells nothing of a lag, the others' is a better guess than a usual one; where it does, that wins.
+    """
+    logs, told = {}, {}
+    for k, f in enumerate(found):
+        V = np.diag(np.linalg.pinv(f.jacobian.T @ f.jacobian, hermitian=True))
+        rows = len(f.residual) // 2
+        for i, name in enumerate(f.search.names):
+            if name in SHAPES:
+                variance = V[i] * CORRELATED / max(rows, 1) * f.cost / 2.0
+                logs[k, name] = float(np.log(getattr(f.servo, name)))
+                told[k, name] = max(1.0 / max(variance, 1e-12) - 1.0 / USUAL[name][1] ** 2, 0.0)
+    out = []
+    for k in range(len(found)):
+        usual = dict(USUAL)
+        for name in SHAPES:
+            others = [key for key in logs if key[1] == name and key[0] != k]
+            w, x = np.array([told[key] for key in others]), np.array([logs[key] for key in others])
+            if w.sum() <= 0.0:
+                continue
+            mean = float(w @ x / w.sum())
+            width = max(1.0 / w.sum() + float(w @ (x - mean) ** 2 / w.sum()), ALIKE**2)
+            weights = 1.0 / USUAL[name][1] ** 2, 1.0 / width
+            middle = (weights[0] * np.log(USUAL[name][0]) + weights[1] * mean) / sum(weights)
+            usual[name] = (float(np.exp(middle)), float(np.sqrt(1.0 / sum(weights))))
+        out.append(usual)
+    return out
+
+
+def same_gains(a: Servo, b: Servo) -> bool:
+    """Whether two searches ended at one point: kp alike."""
+    x, y = a.cascade()["kp"], b.cascade()["kp"]
+    return abs(x - y) < SAME_GAIN * max(abs(x), abs(y))
+
+
+def spread(p: AxisProblem, found: Found) -> Floats:
+    """Return the covariance of what was searched, shape (k, k).
+
+    From the scores of blocks of rows longer than their memory, the belief in usual shapes, errors of the
+    size that counts as none (:data:`QUIET`; a law is never exact), and what is not known of the plant itself
+    (:data:`PLANT_ERROR`), whose error the gains take up.
+    """
+    n, count = len(found.residual), len(found.x)
+    J, left = found.jacobian[:n], found.residual
+    own = found.jacobian[n:]
+    scores = (J * left[:, None]).reshape(-1, 2, count).sum(axis=1)
+    H = found.jacobian.T @ found.jacobian
+    inverse = np.linalg.pinv(H, hermitian=True)
+    share = CORRELATED / max(n // 2, 1)
+    total = batch_means(H, scores, count, n)[0] + inverse @ (own.T @ own) @ inverse * share + inverse * share
+    measured = misfit(p, found.servo)
+    for name, error in PLANT_ERROR.items():
+        factors = dict(zip(PLANT, AS_FOUND, strict=True)) | {name: 1.0 + error}
+        moved = misfit(p, found.servo, tuple(factors[k] for k in PLANT))  # type: ignore[arg-type]
+        if name not in found.search.names and moved is not None and measured is not None:
+            gain = -inverse @ (J.T @ (moved - measured))
+            total = total + np.outer(gain, gain)
+    return np.asarray(total)
+
+
+def with_errors(p: AxisProblem, found: Found, rival: Found | None, missed: float) -> Servo:
+    """Return the controller with the standard errors of its gains and shapes, and the cascade as good.
+
+    Args:
+        p: the axis.
+        found: its controller.
+        rival: the same form, found from the other side of the double root.
+        missed: error of e on rows not fitted, as a share of its RMS.
+    """
+    servo, cov = found.servo, spread(p, found)
+    names = list(_told(servo))
+
+    def at(x: Floats) -> Floats:
+        told = _told(found.search.servo(x))
+        return np.array([told[name] for name in names])
+
+    G = np.stack([(at(found.x + d) - at(found.x - d)) / 2e-4 for d in 1e-4 * np.eye(len(found.x))], axis=1)
+    errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", G, cov, G), 0.0))
+    told = doubted(servo, dict(zip(names, errors.tolist(), strict=True)), missed)
+    other: dict[str, float] = {}
+    if servo.form == "general" and len(servo.cascades()) == 2:
+        other = servo.cascades()[1]
+    if rival is not None and rival.cost < AS_GOOD * found.cost:
+        other = rival.servo.cascade()
+    if (
+        servo.form == "cascade" and not other
+    ):  # the other way round, with a set-point weight no log tells from 1
+        other = next((f for f in servo.cascades()[1:] if abs(f["weight"] - 1.0) < WEIGHT), {})
+    return replace(servo, errors=told, other=other)
+
+
+def _told(servo: Servo) -> dict[str, float]:
+    """Return the values that get an error: smooth in the gains, a cascade's in the middle between its roots."""
+    named, out = servo.named(), {k: getattr(servo, k) for k in SHAPES}
+    if servo.form == "pid" or not servo.combined():
+        return {**named, **servo.combined(), **out}
+    roots = Roots.of(servo.gains, servo.velocity_lag)
+    middle = servo.with_rate(roots.rate) or named
+    if servo.form == "cascade":  # its weight was imposed
+        middle = {k: x for k, x in middle.items() if k != "weight"}
+    both = {"kp + rate": roots.kp + roots.rate, "kp * rate": roots.product, DISTANCE: roots.apart}
+    return {**middle, **both, **out}
+
+
+def doubted(servo: Servo, errors: Mapping[str, float], missed: float) -> dict[str, float]:
+    """Return standard errors with those of the form of the law: its clock, and what it misses of e.
+
+    Args:
+        servo: the controller.
+        errors: that its rows' scatter makes.
+        missed: error of e on rows not fitted, as a share of its RMS.
+    """
+    found, moved = _told(servo), {}
+    if servo.form != "pid":
+        moved = _told(replace(servo, velocity_lag=servo.velocity_lag + CLOCK))
+    A, B = (abs(servo.gains[i] / servo.gains[2]) if servo.gains[2] != 0.0 else 0.0 for i in (0, 1))
+    size = {**{k: abs(x) for k, x in found.items()}, DISTANCE: float(np.hypot(2.0 * A**2, 4.0 * B))}
+    out = dict(errors)
+    for name in errors:
+        if name in SHAPES:
+            continue
+        share = FORWARD_ERROR if name == "ffa" else LAW_ERROR
+        clock = moved.get(name, found[name]) - found[name]
+        law = share * min(missed, 1.0) * size[name] if np.isfinite(missed) else 0.0
+        out[name] = float(np.sqrt(errors[name] ** 2 + clock**2 + law**2))
+    return out

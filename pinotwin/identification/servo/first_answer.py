@@ -1,0 +1,100 @@
+"""Laws to start from: the gains by least squares, for a few lags and notches.
+
+Effort, error and command are all logged and the law is linear in its gains: its columns through its own filters, on a
+fine clock. Its error carries the encoder's noise and the law is fed back, so that this answer is biased.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+from pinotwin.arrays import Floats
+from pinotwin.identification.servo.output_error import free_gains, misfit
+from pinotwin.identification.servo.problem import FINE, AxisProblem
+from pinotwin.loop.servo import Servo
+from pinotwin.simulation import coupled
+
+NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)
+"""Frequencies at which a notch is looked for [Hz]."""
+NOTCHED = 3
+"""Most places of a notch that are searched: those whose start predicts best."""
+NOTCH = (0.1, 0.6)
+"""Damping ratios of its zeros and poles, to start with."""
+LAGS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
+"""Time constants of the velocity's filter from which the search starts [s]."""
+OUTPUT_LAG, DEAD = 2e-4, 1.2e-4
+"""Lag of the current loop and dead time from which the search starts [s]."""
+
+
+def _columns(p: AxisProblem) -> list[tuple[Floats, Floats]]:
+    """Return e, ∫e, -v, vr, ∫vr, ar on the fine clock, unfiltered, (n, 6), and u of every window."""
+    h, out = p.step / p.substeps, []
+    for s in p.windows:
+        t = p.step * np.arange(s.stop - s.start)
+        fine = np.linspace(0.0, t[-1], (len(t) - 1) * p.substeps + 1)
+        command, position = CubicSpline(t, p.qr[s]), CubicSpline(t, p.q[s])
+        qr = command(fine)
+        e = qr - position(fine)
+        parts = (e, h * np.cumsum(e), -position(fine, 1), command(fine, 1), qr - qr[0], command(fine, 2))
+        out.append((np.stack(parts), p.u[s]))
+    return out
+
+
+def _solved(p: AxisProblem, form: Servo, columns: list[tuple[Floats, Floats]]) -> tuple[float, Servo]:
+    """Return the gains of a form by least squares; each window's constant is projected out."""
+    h = p.step / p.substeps
+    rows, efforts = [], []
+    for fine, u in columns:
+        x = fine.copy()
+        x[2] = _low(x[2], form.velocity_lag, h)
+        if form.notch[0] > 0.0:
+            b = coupled.biquad(form.notch, h)
+            x = lfilter(b[:3], [1.0, b[3], b[4]], x - x[:, :1]) + x[:, :1]
+        if form.output_lag > 0.0:
+            x = _low(x, form.output_lag, h)
+        picked, y = x[:, :: p.substeps][:, p.skip :], u[p.skip :]
+        rows.append(picked - picked.mean(axis=1, keepdims=True))
+        efforts.append(y - y.mean())
+    X, y = np.concatenate(rows, axis=1).T, np.concatenate(efforts)
+    kept = free_gains(form)
+    size = np.maximum(np.sqrt(np.mean(X[:, kept] ** 2, axis=0)), 1e-300)
+    gains = np.zeros(6)
+    gains[kept] = np.linalg.lstsq(X[:, kept] / size, y, rcond=1e-9)[0] / size
+    left = y - X @ gains
+    return float(left @ left), replace(form, gains=tuple(gains.tolist()))
+
+
+def _low(x: Floats, lag: float, h: float) -> Floats:
+    if lag <= 0.02 * h:
+        return x
+    pole = np.exp(-h / lag)
+    return np.asarray(lfilter([1.0 - pole], [1.0, -pole], x - x[..., :1]) + x[..., :1])
+
+
+def proportional(p: AxisProblem, near: Servo) -> Servo:
+    """Return the law without an integral by least squares, with the filters of another."""
+    columns = _columns(p)
+    servo = _solved(p, replace(near, form="proportional"), columns)[1]
+    parts = [u[p.skip :] - np.array(servo.gains) @ x[:, :: p.substeps][:, p.skip :] for x, u in columns]
+    return replace(servo, offset=float(np.mean(np.concatenate(parts))))
+
+
+def starts(p: AxisProblem) -> list[Servo]:
+    """Return laws by least squares that keep the simulated axis on its command.
+
+    One without a notch and one for each place of it; the velocity's filter from a few trials.
+    """
+    columns = _columns(p)
+    found = []
+    for notch in ((0.0, 0.0, 1.0), *((f, *NOTCH) for f in NOTCHES if f < 0.4 / FINE)):
+        forms = [Servo((0.0,) * 6, lag, OUTPUT_LAG, notch, DEAD, step=p.step) for lag in LAGS]
+        servo = min((_solved(p, form, columns) for form in forms), key=lambda x: x[0])[1]
+        r = misfit(p, servo)
+        found.append((np.inf if r is None else float(r @ r), servo))
+    plain, *notched = found
+    likely = sorted(notched, key=lambda x: x[0])[:NOTCHED]
+    return [servo for cost, servo in (plain, *likely) if np.isfinite(cost)]

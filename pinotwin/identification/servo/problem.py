@@ -1,0 +1,140 @@
+"""One axis as its controller is searched: the command, what was measured, and the identified plant, simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.loop.servo import Servo
+from pinotwin.simulation import axis_kernel, coupled
+from pinotwin.simulation.axis_kernel import Axis, Course
+from pinotwin.simulation.state import Lookup
+
+FINE = 5e-4
+"""Clock of the law's columns and of the simulated axis [s], or the log's where that is finer."""
+SKIP = 0.25
+"""Beginning of a window that is not compared: its state was measured, with noise [s]."""
+TRAINED = 2.0 / 3.0
+USUAL = {
+    "velocity_lag": (4e-4, 1.0),
+    "output_lag": (2e-4, 1.0),
+    "dead": (1.2e-4, 1.0),
+    "notch1": (0.1, 0.5),
+    "notch2": (0.6, 0.4),
+}
+"""Usual shapes of drives [s, -] and the standard deviation of their logarithms.
+
+At 200 Hz a log tells lags of a millisecond and the flanks of a notch badly apart; what it leaves open is
+better usual than anything.
+"""
+PLANT = ("inertia", "viscous", "dry", "fading")
+Factors = tuple[float, float, float, float]
+"""On inertia, viscous friction, dry friction at speed, and the part of it that fades with speed."""
+AS_FOUND: Factors = (1.0, 1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class AxisProblem:
+    """One axis alone: its command, what was measured, and what the plant says of it.
+
+    Attributes:
+        step: sampling interval [s].
+        qr: command, shape (n,); likewise its velocity ``vr``.
+        q: measured position that is regulated, shape (n,); likewise its velocity ``v`` (smooth) and the effort ``u``.
+        load: effort that helps the motor: less everything but inertia and own friction, shape (n,).
+        inertia: M_D of the axis.
+        viscous: C of the axis.
+        tables: the axis' own friction.
+        windows: rows to simulate.
+        sizes: RMS of e and u over the windows, shape (2,).
+        noise: share of it below which an error of e and u says nothing, shape (2,).
+        usual: shapes that are usual, see :data:`USUAL`.
+    """
+
+    step: float
+    qr: Floats
+    vr: Floats
+    q: Floats
+    v: Floats
+    u: Floats
+    load: Floats
+    inertia: float
+    viscous: float
+    tables: Lookup
+    windows: tuple[slice, ...]
+    fine: float = FINE
+    sizes: Floats = field(default_factory=lambda: np.ones(2))
+    noise: Floats = field(default_factory=lambda: np.ones(2))
+    usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: USUAL)
+
+    @property
+    def substeps(self) -> int:
+        """Internal steps a sample."""
+        return max(1, int(np.ceil(self.step / self.fine - 1e-9)))
+
+    @property
+    def skip(self) -> int:
+        """Rows at the beginning of a window that are not compared."""
+        return int(SKIP / self.step)
+
+    def within(self, windows: Sequence[slice]) -> AxisProblem:
+        """Return the same axis with other windows."""
+        return replace(self, windows=tuple(windows))
+
+    def response(self, servo: Servo, extra: Factors = AS_FOUND) -> Floats | None:
+        """Return simulated e and u on all windows, shape (rows, 2), or None if the axis runs away.
+
+        Args:
+            servo: the controller.
+            extra: factors on the plant.
+        """
+        if extra != AS_FOUND:
+            return self.with_plant(extra).response(servo)
+        tables = self.tables
+        laws = coupled.servo_arrays([servo], [False], self.step / self.substeps)
+        axis = Axis(
+            self.inertia,
+            self.viscous,
+            laws.gains[0],
+            float(laws.see[0]),
+            float(laws.lag[0]),
+            int(laws.notched[0]),
+            laws.notch[0],
+            int(laws.whole[0]),
+            float(laws.part[0]),
+            float(laws.limit[0]),
+            float(laws.offset[0]),
+        )
+        limit, out = 0.2 * float(np.ptp(self.qr)) + 1e-9, []
+        for s in self.windows:
+            qr, vr, load = (np.ascontiguousarray(x[s]) for x in (self.qr, self.vr, self.load))
+            course = Course(qr, vr, load, self.step, self.substeps, limit)
+            memory = axis_kernel.room(axis.whole, len(tables.slips), tables.give.shape[1])
+            effort = float(np.mean(self.u[s.start : s.start + 3]))
+            start = np.array([self.q[s.start], self.v[s.start], effort])
+            y = np.empty((s.stop - s.start, 2))
+            if axis_kernel.run(axis, tables, course, memory, start, y) >= 0:
+                return None
+            out.append(y[self.skip :])
+        return np.concatenate(out)
+
+    def with_plant(self, factors: Factors) -> AxisProblem:
+        """Return the same axis with inertia, viscous and dry friction multiplied; see :data:`Factors`."""
+        t, (inertia, viscous, dry, fading) = self.tables, factors
+        lasting = t.dry[..., -1:]
+        tables = t._replace(dry=dry * lasting + fading * (t.dry - lasting), slip=dry * t.slip)
+        inertia, viscous = self.inertia * inertia, self.viscous * viscous
+        return replace(self, inertia=inertia, viscous=viscous, tables=tables)
+
+    def split(self) -> tuple[AxisProblem, AxisProblem]:
+        """Return the part that structures are fitted to, and the part that judges them."""
+        cut = max(1, round(TRAINED * len(self.windows)))
+        return self.within(self.windows[:cut]), self.within(self.windows[cut:] or self.windows[-1:])
+
+    def measured(self) -> Floats:
+        """Return e and u on all windows, shape (rows, 2)."""
+        parts = [slice(s.start + self.skip, s.stop) for s in self.windows]
+        return np.concatenate([np.column_stack([(self.qr - self.q)[s], self.u[s]]) for s in parts])

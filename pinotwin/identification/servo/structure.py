@@ -1,0 +1,194 @@
+"""The search for the law of one axis: its notch, its form, and the simplest that predicts unseen windows as well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pinotwin.identification.servo.certainty import same_gains, with_errors
+from pinotwin.identification.servo.first_answer import DEAD, LAGS, NOTCHES, OUTPUT_LAG, proportional, starts
+from pinotwin.identification.servo.output_error import QUIET, Found, misfit, polish
+from pinotwin.identification.servo.problem import AS_FOUND, USUAL, AxisProblem, Factors
+from pinotwin.loop.servo import SHAPES, Servo
+from pinotwin.simulation import coupled
+
+BEYOND = 1.5
+"""Factor by which a notch may end outside of these: further off it stands for a lag, or for nothing."""
+SIMPLER = 0.97
+"""A law with fewer gains is kept if it costs less than this on held-out windows."""
+SPREAD = 0.1
+"""Share by which kp and 1/ti of a double root are put apart to begin with."""
+MISSED, FAR = 0.2, 3.0
+"""Error of e, as a share of its RMS on windows not fitted, and distance of a shape from usual ones [standard
+deviations], beyond which another start is tried."""
+BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)
+"""Of the position loop [Hz], to start from."""
+BRIEF, REPOLISH = 4, 4
+FORMS = ("proportional", "cascade", "pid")
+"""Simpler laws, in the order in which they are preferred."""
+SLOW_INTEGRAL = 1.0
+"""Integral action slower than this is doubted: the law without it is tried [1/s]."""
+CLOSE = 0.005
+"""Error of e, as a share of its RMS, below which no notch is looked for."""
+PAYS = 0.98
+"""A larger structure must bring the held-out error below this share of the smaller one's."""
+
+
+def find(
+    p: AxisProblem,
+    friction: tuple[str, ...] = (),
+    allowed: Callable[[Factors], bool] = lambda factors: True,
+) -> Found | None:
+    """Return the controller of an axis, or None if none keeps it on its command: :func:`look`, :func:`settle`."""
+    found = look(p, friction, allowed)
+    return None if found is None else settle(p, found)
+
+
+def look(
+    p: AxisProblem,
+    friction: tuple[str, ...] = (),
+    allowed: Callable[[Factors], bool] = lambda factors: True,
+) -> Found | None:
+    """Return the form of an axis' controller with gains from its first windows, judged on the others.
+
+    Args:
+        p: the axis.
+        friction: which friction of :data:`PLANT` may be refined beside the controller.
+        allowed: whether such factors leave the plant's own fit as good.
+
+    A notch is looked for where the law without one leaves something of e, and taken where it pays on
+    windows that were not fitted.
+    """
+    train, judge = p.split()
+    begun = starts(train)
+    best = next((f for f in (polish(train, s) for s in begun if s.notch[0] == 0.0) if f is not None), None)
+    notched = [servo for servo in begun if servo.notch[0] > 0.0]
+    if best is not None:  # from here on every signal counts against its own error
+        train, judge = (replace(x, noise=np.maximum(best.errors, QUIET)) for x in (train, judge))
+        best = polish(train, best.servo, steps=BRIEF) or best
+    if best is None or best.errors[0] > CLOSE:
+        brief = [polish(train, servo, steps=BRIEF) for servo in notched]
+        good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:2]
+        long = sorted((polish(train, f.servo) or f for f in good), key=lambda f: f.cost)
+        long = [f for f in long if NOTCHES[0] / BEYOND < f.servo.notch[0] < NOTCHES[-1] * BEYOND]
+        best = better_of(judge, best, long, PAYS)
+    if best is None or doubtful(judge, best):
+        best = better_of(judge, best, afresh(train), PAYS)
+    if best is None:
+        return None
+    factors = AS_FOUND
+    refined = polish(train, best.servo, friction, BRIEF + REPOLISH) if friction else None
+    if refined is not None and better_of(judge, best, [refined], PAYS) is refined and allowed(refined.extra):
+        factors, best = refined.extra, replace(refined, extra=AS_FOUND)
+        train, judge = (x.with_plant(factors) for x in (train, judge))
+    others = [polish(train, servo) for servo in simpler(train, best.servo)]
+    forms = [f for f in others if f is not None]
+    simple = [
+        min(same, key=lambda f: f.cost) for k in FORMS if (same := [f for f in forms if f.servo.form == k])
+    ]
+    best = better_of(judge, best, simple, 1.0 / SIMPLER) or best
+    return replace(best, held_out=errors_of(judge, best), trial=best.servo, factors=factors)
+
+
+def doubtful(judge: AxisProblem, found: Found) -> bool:
+    """Whether an answer is a reason to search again: it misses e, or a shape is far from any that drives have."""
+    odd = found.search.doubt(found.x, judge.usual, judge.inertia)
+    return errors_of(judge, found)[0] > MISSED or bool(np.any(np.abs(odd) > FAR))
+
+
+def afresh(p: AxisProblem) -> list[Found]:
+    """Return answers from usual tunings over the band, the best first: for where least squares start badly.
+
+    Position loops of :data:`BANDWIDTHS` around the axis' inertia, as a cascade and as a PID, with and without
+    feed-forward.
+    """
+    found = []
+    for f in BANDWIDTHS:
+        w, M = 2.0 * np.pi * f, p.inertia
+        for ffv, ffa in ((1.0, M), (0.0, 0.0)):
+            shapes: dict[str, Any] = {
+                "velocity_lag": LAGS[2],
+                "output_lag": OUTPUT_LAG,
+                "dead": DEAD,
+                "step": p.step,
+            }
+            cascade = Servo.of_cascade(0.7 * w, 2.0 * M * w, 0.5 * w, ffv, ffa, **shapes)
+            gains = (2.0 * M * w**2, 0.7 * M * w**3, 2.0 * M * w, 2.0 * M * w * ffv, 0.0, ffa)
+            found += [replace(cascade, form="general"), Servo(gains, **shapes)]
+    brief = [polish(p, servo, steps=BRIEF) for servo in found]
+    good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:3]
+    return sorted((polish(p, f.servo) or f for f in good), key=lambda f: f.cost)
+
+
+def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]] = USUAL) -> Found:
+    """Return the controller with its gains from all windows, its intervals, and the cascade that fits as well.
+
+    Args:
+        p: the axis.
+        found: what :func:`look` returned.
+        usual: shapes to hold on to where the log tells nothing: what the other axes show, say.
+    """
+    p = replace(p.with_plant(found.factors), fine=coupled.LONGEST, noise=found.noise, usual=usual)
+    last = polish(p, found.servo, steps=REPOLISH) or found
+    rival = None
+    if last.servo.form == "cascade":
+        rivals = [polish(p, s) for s in simpler(p, last.servo) if s.form == "cascade"]
+        both = sorted((f for f in [last, *rivals] if f is not None), key=lambda f: f.cost)
+        last, rival = both[0], next((f for f in both[1:] if not same_gains(f.servo, both[0].servo)), None)
+    servo = with_errors(p, last, rival, found.held_out[0])
+    return replace(last, servo=servo, held_out=found.held_out, trial=found.trial, factors=found.factors)
+
+
+def better_of(judge: AxisProblem, best: Found | None, others: Sequence[Found], pays: float) -> Found | None:
+    """Return the first of the others whose held-out error is below this share of the best one's, or that."""
+    for other in others:
+        if best is None or error_of(judge, other) < pays * error_of(judge, best):
+            return other
+    return best
+
+
+def error_of(p: AxisProblem, found: Found) -> float:
+    """Return the error of a controller on a problem's windows: geometric mean of e's and u's."""
+    e, u = errors_of(p, found)
+    return float(np.sqrt(max(e, QUIET) * max(u, QUIET)))
+
+
+def errors_of(p: AxisProblem, found: Found) -> tuple[float, float]:
+    """Return the errors of e and u on a problem's windows, each over its RMS."""
+    r = misfit(p, found.servo, found.extra)
+    if r is None:
+        return np.inf, np.inf
+    e, u = np.sqrt(np.sum(r.reshape(-1, 2) ** 2, axis=0)) * p.noise
+    return float(e), float(u)
+
+
+def simpler(p: AxisProblem, servo: Servo) -> list[Servo]:
+    """Return laws with fewer gains near one with six: the simplest that holds is kept."""
+    g = servo.gains
+    if g[1] < SLOW_INTEGRAL * abs(g[0]):
+        return [proportional(p, servo)]
+    shapes = {k: getattr(servo, k) for k in (*SHAPES, "notch", "step")}
+    found = [Servo.of_cascade(**tied, **shapes) for tied in _tied(servo)]
+    return [*found, replace(servo, form="pid", gains=(*g[:4], 0.0, g[5]))]
+
+
+def _tied(servo: Servo) -> list[dict[str, float]]:
+    """Return cascades of set-point weight 1 near a law, kp and 1/ti either way round.
+
+    What the search finds depends on which of the two is begun as the larger; the data tell, if anything does.
+    """
+    found = []
+    for named in servo.cascades():
+        product = named["kp"] * named["rate"]
+        kp, rate = named["kp"], named["rate"]
+        if not (product > 0.0 and 0.2 < rate / np.sqrt(product) < 5.0):
+            continue
+        if abs(kp - rate) < SPREAD * kp:  # a double root: begin on both sides of it
+            kp, rate = kp * (1.0 + SPREAD), rate / (1.0 + SPREAD)
+            found.append((rate, kp, named))
+        found.append((kp, rate, named))
+    ffv = servo.gains[3] / servo.gains[2] if servo.gains[2] > 0.0 else 1.0
+    return [{"kp": kp, "kv": n["kv"], "rate": r, "ffv": ffv, "ffa": n["ffa"]} for kp, r, n in found]
