@@ -28,6 +28,10 @@ class InputError(PinotwinError):
     """Something that the user gave cannot be used; the message says what and how to mend it."""
 
 
+class OutputError(InputError):
+    """A result cannot be written where it was asked for (full disk, no permission, in use)."""
+
+
 class MachineError(InputError):
     """The URDF or the machine.yaml cannot be used."""
 

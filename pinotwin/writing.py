@@ -17,11 +17,12 @@ import re
 import shutil
 import stat
 import tempfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from pinotwin.errors import InputError
+from pinotwin.errors import OutputError
 
 _EXCHANGE = 2  # RENAME_EXCHANGE of renameat2(2), Linux 3.15: swaps two names in one step
 _AT_CWD = -100
@@ -32,15 +33,15 @@ def check_file(path: str | Path) -> None:
     """Refuse a file that cannot be written, before any work is done for it.
 
     Raises:
-        InputError: with what to do.
+        OutputError: with what to do.
     """
     if not str(path).strip():
-        raise InputError("no name given for an output; give a file")
+        raise OutputError("no name given for an output; give a file")
     target = Path(path)
     if target.is_dir():
-        raise InputError(f"{target}: is a folder; give a file name")
+        raise OutputError(f"{target}: is a folder; give a file name")
     if target.exists() and not (target.is_file() or _is_sink(target)):
-        raise InputError(f"{target}: is no ordinary file; give another name")
+        raise OutputError(f"{target}: is no ordinary file; give another name")
     _check_parent(target)
 
 
@@ -48,13 +49,13 @@ def check_folder(path: str | Path) -> None:
     """Refuse an output folder that cannot be made or filled, before any work is done for it.
 
     Raises:
-        InputError: with what to do.
+        OutputError: with what to do.
     """
     target = Path(path)
     if not str(path).strip():
-        raise InputError("--out: no name given; give a folder")
+        raise OutputError("--out: no name given; give a folder")
     if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file; give a folder for --out")
+        raise OutputError(f"{target}: is a file; give a folder for --out")
     if target.is_dir():
         _try_writing(target, target)
     _check_parent(target)
@@ -79,7 +80,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Missing folders are made.
 
     Raises:
-        InputError: it cannot be written (full disk, no permission); the earlier file is kept.
+        OutputError: it cannot be written (full disk, no permission); the earlier file is kept.
     """
     check_file(path)
     target = Path(path).resolve()  # a symbolic link stays one
@@ -106,7 +107,7 @@ def whole_folder(path: str | Path, replaces: Sequence[str] = ()) -> Iterator[Pat
         replaces: patterns of names that belong to the result: those of an earlier run are not carried over.
 
     Raises:
-        InputError: it cannot be written (full disk, no permission); the earlier folder is kept.
+        OutputError: it cannot be written (full disk, no permission); the earlier folder is kept.
     """
     check_folder(path)
     target = Path(path).resolve()
@@ -119,6 +120,28 @@ def whole_folder(path: str | Path, replaces: Sequence[str] = ()) -> Iterator[Pat
                     _settle(file)
             part.chmod(_mode(target, 0o777))
             _take_place(part, target, replaces)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Make a folder that many results go into, and hold it: the lock ends with the process, however that ends.
+
+    Raises:
+        OutputError: another process holds it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # a file system without locks
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise OutputError(
+                    f"{folder}: another pinotwin is writing here; wait for it, or give another --out"
+                ) from None
+        yield
+    finally:
+        os.close(handle)
 
 
 def _take_place(part: Path, target: Path, replaces: Sequence[str]) -> None:
@@ -222,7 +245,7 @@ def _part(target: Path, *, folder: bool = False) -> Iterator[Path]:
 
 
 def _new(target: Path, folder: bool) -> Path:
-    start = f".{target.name[:_NAME]}."
+    start = f".{_stem(target)}."
     if folder:
         return Path(tempfile.mkdtemp(dir=target.parent, prefix=start, suffix=".part"))
     suffix = f".part{target.suffix}" if len(target.suffix) < 20 else ".part"
@@ -231,9 +254,15 @@ def _new(target: Path, folder: bool) -> Path:
     return Path(name)
 
 
+def _stem(target: Path) -> str:
+    """Return the target's name as its parts have it: two long names of one beginning are told apart."""
+    name = target.name
+    return name if len(name) <= _NAME else f"{name[:_NAME]}-{zlib.crc32(os.fsencode(name)):08x}"
+
+
 def sweep(target: Path) -> None:
     """Remove what killed processes left of this target; put back a folder that was only renamed aside."""
-    pattern = re.compile(rf"\.{re.escape(target.name[:_NAME])}\.\w{{8}}(\.old)?\.part(\.\w+)?")
+    pattern = re.compile(rf"\.{re.escape(_stem(target))}\.\w{{8}}(\.old)?\.part(\.\w+)?")
     for entry in target.parent.iterdir():
         if pattern.fullmatch(entry.name):
             with contextlib.suppress(OSError):
@@ -280,7 +309,7 @@ def _check_parent(target: Path) -> None:
     while not parent.exists() and parent != parent.parent:
         parent = parent.parent
     if not parent.is_dir():
-        raise InputError(f"{target}: {parent} is not a folder; choose another")
+        raise OutputError(f"{target}: {parent} is not a folder; choose another")
     if not _is_sink(target):
         _try_writing(parent, target)
 
@@ -290,7 +319,7 @@ def _try_writing(folder: Path, target: Path) -> None:
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(b"x")
     except OSError as error:
-        raise InputError(
+        raise OutputError(
             f"{target}: folder {folder} cannot be written to: {_why(error)}; choose another"
         ) from None
 
@@ -306,7 +335,7 @@ def _in_one_line(target: Path) -> Iterator[None]:
         if error.filename is not None and not str(error.filename).startswith(str(target.parent)):
             raise  # trouble with another file, which the command line names
         kept = "the earlier one is kept" if target.is_file() or target.is_dir() else "nothing is kept"
-        raise InputError(f"{target}: cannot be written: {_why(error)}; {kept}") from None
+        raise OutputError(f"{target}: cannot be written: {_why(error)}; {kept}") from None
 
 
 def _why(error: OSError) -> str:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import csv
 import ctypes
 import hashlib
 import json
@@ -38,6 +37,7 @@ from tests.rig import good_log, write_log, write_machine
 
 NOBODY = 65534
 SMALL = 2000  # bytes that a full disk still takes
+EACH = ("mon", "tue", "wed")
 
 
 @dataclass(frozen=True)
@@ -58,23 +58,7 @@ def commands() -> Mapping[str, Command]:
         "identify": Command(lambda k: ["identify", "rig", f"{k}.csv", "--no-loop", "--out", "out"], ("out",)),
         "simulate": Command(lambda k: ["simulate", "looped", f"e{k}.csv", "--out", "out.csv"], ("out.csv",)),
         "diagnose": Command(lambda k: ["diagnose", "twin", f"{k}.csv", "--quick", "--out", "out"], ("out",)),
-        "each": Command(
-            lambda k: [
-                *(
-                    "diagnose",
-                    "twin",
-                    "--each",
-                    f"each{k}/log.csv",
-                    "--quick",
-                    "--workers",
-                    "1",
-                    "--out",
-                    "out",
-                ),
-            ],
-            ("out/log", "out/each.json", "out/each.csv"),
-            own=True,
-        ),
+        "each": Command(each_words, ("out",), own=True),
         "force": Command(lambda k: ["force", "twin", f"{k}.csv", "--out", "out.csv"], ("out.csv",)),
         "study": Command(
             lambda k: ["study", "rig", f"{k}.csv", "--only", "amount", "--out", "out"], ("out",)
@@ -111,15 +95,22 @@ def commands() -> Mapping[str, Command]:
     return out
 
 
+def each_words(k: int) -> Sequence[str]:
+    """Return the words of ``--each`` over logs of the same names for both inputs: else it keeps what it has."""
+    logs = [f"each{k}/{name}.csv" for name in EACH]
+    return ["diagnose", "twin", "--each", *logs, "--quick", "--workers", "1", "--out", "out"]
+
+
 def prepared(folder: Path) -> Path:
     """Write the inputs of all commands: a machine, two logs of it, two twins, two logs of the rig with an IMU."""
     write_machine(folder / "rig")
     log = good_log()
     write_log(folder / "0.csv", log)
     write_log(folder / "1.csv", {**log, "X.u": 1.02 * log["X.u"]})
-    for k in "01":  # of the same name: else --each keeps what it has answered
+    for k, stronger in enumerate((1.0, 1.02)):
         (folder / f"each{k}").mkdir()
-        shutil.copy(folder / f"{k}.csv", folder / f"each{k}" / "log.csv")
+        for n, name in enumerate(EACH):
+            write_log(folder / f"each{k}" / f"{name}.csv", {**log, "X.u": (stronger + 0.01 * n) * log["X.u"]})
     ran("identify", "rig", "0.csv", "--no-loop", "--out", "twin", cwd=folder)
     ran("identify", "rig", "1.csv", "--no-loop", "--out", "other", cwd=folder)
     for k in "01":
@@ -185,7 +176,9 @@ def forked(
         os._exit(code)
 
 
-def finished(child: Child, kill_after: float | None = None) -> tuple[int, str]:
+def finished(
+    child: Child, kill_after: float | None = None, how: signal.Signals = signal.SIGKILL
+) -> tuple[int, str]:
     """Return a child's exit code (negative: the signal) and what it said, killed after some seconds [s]."""
     end = None if kill_after is None else time.monotonic() + kill_after
     while True:
@@ -193,7 +186,7 @@ def finished(child: Child, kill_after: float | None = None) -> tuple[int, str]:
         if pid:
             break
         if end is not None and time.monotonic() > end:
-            os.kill(child.pid, signal.SIGKILL)
+            os.kill(child.pid, how)
             end = None
         time.sleep(0.002)
     said = child.errors.read_text(errors="replace")
@@ -216,9 +209,6 @@ def _timeless(file: Path) -> bytes:
     content = file.read_bytes()
     if file.suffix == ".json" and content.endswith(b"}\n"):
         return json.dumps(_without_times(json.loads(content))).encode()
-    if file.name == "each.csv":
-        rows = list(csv.DictReader(content.decode().splitlines()))
-        return json.dumps([{k: v for k, v in row.items() if k != "seconds"} for row in rows]).encode()
     return re.sub(rb"<dt>(made|took)</dt><dd>[^<]*", b"", content)  # of a report
 
 
@@ -268,9 +258,7 @@ class Attack:
 
     def kill(self, rng: random.Random) -> Counter[str]:
         """Kill the command once and say what became of the artefacts."""
-        late = rng.random() < 0.5
-        share = rng.uniform(0.85, 1.05) if late else rng.uniform(0.0, 1.0)
-        code, _ = finished(self.start(1), kill_after=share * self.seconds)
+        code, _ = finished(self.start(1), kill_after=moment(rng) * self.seconds)
         found = Counter(kills=int(code == -signal.SIGKILL), ended=int(code == 0))
         old, new = self.states
         now = state(self.folder, self.artefacts)
@@ -278,7 +266,7 @@ class Attack:
             old = {}
         for artefact in self.artefacts:
             a, b, c = (_of(s, artefact) for s in (old, new, now))
-            found[_verdict(a, b, c)] += 1
+            found[verdict(a, b, c)] += 1
         if now != old:  # the earlier result again
             finished(self.start(0))
         return found
@@ -294,11 +282,7 @@ class Attack:
     def full_disk(self) -> Counter[str]:
         """Run on a disk that is full after a few bytes."""
 
-        def fill() -> None:
-            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-            resource.setrlimit(resource.RLIMIT_FSIZE, (SMALL, SMALL))
-
-        return self._refused(fill)
+        return self._refused(fill_disk)
 
     def forbidden(self) -> Counter[str]:
         """Run as somebody who may not write here (root may write anywhere)."""
@@ -321,17 +305,34 @@ class Attack:
         code, said = finished(self.start(1, before))
         now = state(self.folder, self.artefacts)
         old = {} if self.command.fresh else self.states[0]
-        verdicts = {_verdict(*(_of(one, a) for one in (old, self.states[1], now))) for a in self.artefacts}
+        verdicts = {verdict(*(_of(one, a) for one in (old, self.states[1], now))) for a in self.artefacts}
         kept = verdicts <= {"old kept", "new", "earlier"}
-        one_line = said.count("\n") == 1 and said.startswith("pinotwin: ") and code == 2
-        if not one_line:
-            print(f"exit code {code}: {said[-600:]}")
+        one_line = in_one_line(code, said)
         return Counter(
             refused=1,
             lost=int(not kept),
             litter=len(litter(self.folder)),
             tracebacks=int(not (one_line or (small and code == 0))),
         )
+
+
+def moment(rng: random.Random) -> float:
+    """Return when to kill, as a share of the time that the command takes: half of the times while it ends."""
+    late = rng.random() < 0.5
+    return rng.uniform(0.85, 1.05) if late else rng.uniform(0.0, 1.0)
+
+
+def in_one_line(code: int, said: str) -> bool:
+    """Whether a command was refused as promised; what it said instead is printed."""
+    if code == 2 and said.count("\n") == 1 and said.startswith("pinotwin: "):
+        return True
+    print(f"exit code {code}: {said[-600:]}")
+    return False
+
+
+def fill_disk() -> None:
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (SMALL, SMALL))
 
 
 def owned_by(folder: Path, user: int) -> None:
@@ -350,7 +351,7 @@ def _of(found: Mapping[str, str], artefact: str) -> dict[str, str]:
     return {k: v for k, v in found.items() if k == artefact or k.startswith(f"{artefact}/")}
 
 
-def _verdict(old: Mapping[str, str], new: Mapping[str, str], now: Mapping[str, str]) -> str:
+def verdict(old: Mapping[str, str], new: Mapping[str, str], now: Mapping[str, str]) -> str:
     if now == old:
         return "old kept"
     if now == new:
@@ -360,8 +361,10 @@ def _verdict(old: Mapping[str, str], new: Mapping[str, str], now: Mapping[str, s
 
 def attack(name: str, inputs: Path, count: int, seed: int) -> Counter[str]:
     """Attack one command: kills, a full disk, a forbidden folder; return what happened."""
+    from tests.kills_each import EachAttack
+
     with tempfile.TemporaryDirectory() as folder:
-        one = Attack(name, inputs, Path(folder))
+        one = (EachAttack if name == "each" else Attack)(name, inputs, Path(folder))
         rng = random.Random(f"{seed} {name}")
         found: Counter[str] = Counter()
         for _ in range(count):
@@ -385,7 +388,7 @@ def run() -> int:
     parser.add_argument("--command", nargs="+", choices=list(commands()), default=list(commands()))
     args = parser.parse_args()
     total: Counter[str] = Counter()
-    names = ("kills", "ended", "old kept", "new", "refused", *BAD)
+    names = ("kills", "ended", "old kept", "new", "resumed", "refused", *BAD)
     print(f"{'command':<12}" + "".join(f"{name:>11}" for name in names), flush=True)
     with tempfile.TemporaryDirectory() as folder:
         inputs = prepared(Path(folder))

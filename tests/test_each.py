@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import functools
 import json
 import os
@@ -13,8 +14,10 @@ from pathlib import Path
 import pytest
 
 from pinotwin.bench.engine import engine
-from pinotwin.cli import each
+from pinotwin.cli import each, each_table
 from pinotwin.cli.main import main
+from pinotwin.errors import OutputError
+from pinotwin.writing import alone_in
 from tests.rig import good_log, run, write_log, write_machine
 
 
@@ -95,7 +98,7 @@ def test_the_table_is_also_csv(shop: Path, done: tuple[int, dict]) -> None:
     with (shop / "out" / "each.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == [row["verdict"] for row in done[1]["logs"]]
-    assert tuple(rows[0]) == each.COLUMNS
+    assert tuple(rows[0]) == each_table.COLUMNS
     assert rows[2]["causes"].startswith("X.viscous")
 
 
@@ -106,11 +109,13 @@ def test_a_second_run_works_on_what_is_missing_or_has_changed(
     good = good_log()
     write_log(shop / "tuesday" / "log.csv", {**good, "X.u": 1.0001 * good["X.u"]})
     old = _stamp(shop, "tuesday_log")
+    (shop / "out" / ".wednesday.abcd1234.part").mkdir()  # of a killed run, of a log that is kept
     words = ["--quick", "--workers", "1", "--json", tmp_path / "t.json", "--out", shop / "out"]
     assert run("diagnose", shop / "twin", "--each", *_logs(shop)[:3], *words) == 0
     assert {name: _stamp(shop, name) for name in kept} == kept
     assert _stamp(shop, "tuesday_log") != old
     assert "3 logs (2 of an earlier run): 2 none" in capfd.readouterr().out
+    assert [p.name for p in (shop / "out").iterdir() if p.name.startswith(".")] == []
     table = json.loads((tmp_path / "t.json").read_text())
     assert table["kept_of_an_earlier_run"] == 2
     assert table["logs"][0] == done[1]["logs"][0]
@@ -162,7 +167,7 @@ def test_a_dead_worker_costs_a_retry_and_one_that_always_dies_a_line(tmp_path: P
     one: Callable = functools.partial(each.do_job, work=dies, asked=asked)
     with engine(2, apart=True) as run_all:
         rows = {
-            job.log: each.failed_row(job, row) if isinstance(row, BaseException) else row
+            job.log: each_table.failed(job.log, row) if isinstance(row, BaseException) else row
             for job, row in run_all(one, jobs, None)
         }
     assert {log: row["verdict"] for log, row in rows.items()} == {
@@ -200,6 +205,107 @@ def test_a_folder_stands_for_the_logs_in_it(shop: Path) -> None:
     assert found == ["broken.csv", "own.csv", "wednesday.csv"]
 
 
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pinotwin.bench.engine.engine", lambda *_, **__: engine(1))
+
+
+def _run(tmp_path: Path, work: each.Work, *names: str) -> int:
+    import argparse
+
+    for name in names:
+        (tmp_path / f"{name}.csv").write_text(name)
+    args = argparse.Namespace(
+        subject="emps",
+        logs=[str(tmp_path / f"{name}.csv") for name in names],
+        out=str(tmp_path / "out"),
+        **{"validate": [], "resample": None, "quick": True, "seed": 0, "meshes": None, "json": None},
+        **{"scheduler": None, "workers": None, "fail_on_gap": False},
+    )
+    return each.run_each(args, work)
+
+
+def _table(tmp_path: Path) -> dict[str, str]:
+    rows = json.loads((tmp_path / "out" / "each.json").read_text())["logs"]
+    with (tmp_path / "out" / "each.csv").open() as file:
+        assert [row["verdict"] for row in csv.DictReader(file)] == [row["verdict"] for row in rows]
+    return {Path(row["log"]).stem: row["verdict"] for row in rows}
+
+
+def _found(verdict: str) -> dict:
+    return {"verdict": verdict, "gap": {}, "effects": []}
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_the_table_never_says_more_than_the_folders(tmp_path: Path) -> None:
+    seen = []
+
+    def work(log: str, asked: each.Asked):
+        seen.append(_table(tmp_path))
+        found = _found("none" if len(seen) < 4 else "explained")
+        return found, functools.partial(_filled, json.dumps(found))
+
+    assert _run(tmp_path, work, "a", "b") == 0
+    assert seen == [{"a": "waiting", "b": "waiting"}, {"a": "none", "b": "waiting"}]
+    assert _run(tmp_path, work, "a", "b", "c") == 0
+    assert seen[2:] == [{"a": "none", "b": "none", "c": "waiting"}]
+    (tmp_path / "b.csv").write_text("another night")
+    names = [str(tmp_path / f"{name}.csv") for name in "abc"]
+    assert [each.known_answer(job) is None for job in _jobs(tmp_path, names)] == [False, True, False]
+
+
+def _jobs(tmp_path: Path, logs: list[str]) -> list[each.Job]:
+    import argparse
+
+    asked = each.Asked("emps", (), None, True, 0, None)
+    return each.jobs_of(argparse.Namespace(logs=logs, scheduler=None), asked, tmp_path / "out")
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_full_disk_ends_the_command_and_costs_no_answer(tmp_path: Path) -> None:
+    begun = []
+
+    def work(log: str, asked: each.Asked):
+        begun.append(Path(log).stem)
+        full = begun == ["a", "b"]
+
+        def fill(folder: Path) -> list[str]:
+            if full:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder / "diagnosis.json"))
+            return _filled(json.dumps(_found("none")), folder)
+
+        return _found("none"), fill
+
+    with pytest.raises(OutputError, match=r"out/b: cannot be written: No space left on device; nothing is"):
+        _run(tmp_path, work, "a", "b", "c")
+    assert begun == ["a", "b"]
+    assert _table(tmp_path) == {"a": "none", "b": "waiting", "c": "waiting"}
+    assert _run(tmp_path, work, "a", "b", "c") == 0
+    assert begun == ["a", "b", "b", "c"]
+    assert _table(tmp_path) == dict.fromkeys("abc", "none")
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["a", "b", "c", "each.csv", "each.json"]
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_exit_code_2_has_its_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert _run(tmp_path, fails, "a", "b") == 2
+    table = tmp_path / "out" / "each.csv"
+    assert capfd.readouterr().err == f"pinotwin: 2 of 2 logs could not be diagnosed: see {table}\n"
+
+
+def test_one_folder_is_for_one_command_at_a_time(tmp_path: Path) -> None:
+    with alone_in(tmp_path / "out"), pytest.raises(OutputError, match="another pinotwin is writing here"):
+        _run(tmp_path, fails, "a")
+
+
+def test_a_file_in_the_place_of_an_answer_is_noticed_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "b").write_text("mine")
+    with pytest.raises(OutputError, match="out/b: is a file"):
+        _run(tmp_path, fails, "a", "b")
+    assert not (tmp_path / "out" / "each.json").exists()
+
+
 def fails(log: str, asked: each.Asked):
     raise LookupError(f"{log}: nobody foresaw this")
 
@@ -209,7 +315,7 @@ def test_an_error_that_nobody_foresaw_keeps_its_traceback(tmp_path: Path) -> Non
     job = each.Job("a", tmp_path / "a", "x")
     with engine(1, apart=True) as run_all:
         ((_, error),) = run_all(functools.partial(each.do_job, work=fails, asked=asked), [job], None)
-    row = each.failed_row(job, error)
+    row = each_table.failed(job.log, error)
     assert row["error"] == "LookupError: a: nobody foresaw this"
     assert "in fails" in row["traceback"]
     assert list(tmp_path.iterdir()) == []

@@ -54,7 +54,7 @@ def versions(folder: Path) -> set[str]:
 
 
 def litter(folder: Path) -> list[str]:
-    return sorted(p.name for p in folder.iterdir() if p.name.startswith("."))
+    return sorted(p.name for p in folder.iterdir() if p.name.startswith(".") and ".part" in p.name)
 
 
 def start(tmp_path: Path, first: int) -> subprocess.Popen[str]:

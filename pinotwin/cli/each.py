@@ -3,35 +3,42 @@
 Every log has a folder of its own below ``--out``, written whole or not at all, with a record of what it was
 made of (``made_of.json``). A run that was interrupted, or that is given more logs, works on those without
 such a record only; a log that could not be diagnosed has none, is one line of the table, and is tried again.
+The table is brought up to date after every answer. What cannot be written ends the command: a disk that is full
+would cost the work of all that follow.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import functools
 import hashlib
-import io
 import json
 import os
+import sys
 import time
-import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pinotwin.cli.each_table import (
+    FAILED,
+    Row,
+    answered,
+    document_of,
+    failed,
+    lines_of,
+    waiting,
+    write_table,
+)
 from pinotwin.cli.output import say, write_json
 from pinotwin.cli.progress import progress
-from pinotwin.errors import InputError, PinotwinError
+from pinotwin.errors import InputError, OutputError
 from pinotwin.threads import one_blas_thread
-from pinotwin.writing import whole_folder, write_text
+from pinotwin.writing import alone_in, check_folder, sweep, whole_folder
 
 RECORD = "made_of.json"
-FAILED = "failed"
-COLUMNS = ("log", "verdict", "signal", "gap", "after", "misfit", "causes", "seconds", "folder", "error")
-"""Columns of the table as CSV."""
 ENDINGS = (
     *(".csv", ".tsv", ".dat", ".asc", ".parquet", ".pq", ".mat", ".h5", ".hdf5", ".hdf"),
     *(".mcap", ".npy", ".npz", ".jsonl", ".ndjson", ".db3", ".bag"),
@@ -84,8 +91,6 @@ def run_each(args: argparse.Namespace, work: Work) -> int:
         args: of ``diagnose``.
         work: the diagnosis of one log.
     """
-    from pinotwin.bench.engine import engine
-
     if args.workers is not None and args.workers < 1:
         raise InputError(f"--workers: {args.workers}: must be at least 1")
     started = time.monotonic()
@@ -94,31 +99,49 @@ def run_each(args: argparse.Namespace, work: Work) -> int:
     if args.scheduler is not None:
         asked, out = asked.elsewhere(), out.absolute()
     jobs = jobs_of(args, asked, out)
-    rows = {job.log: row for job in jobs if (row := known_answer(job)) is not None}
-    kept, left = len(rows), [job for job in jobs if job.log not in rows]
-    with progress() as report:
-        report(f"{kept} of {len(jobs)} logs", kept / len(jobs))
-        if left:
-            workers = min(args.workers or os.cpu_count() or 1, len(left))
-            with engine(workers, args.scheduler, apart=True) as each:
-                for job, row in each(functools.partial(do_job, work=work, asked=asked), left, None):
-                    rows[job.log] = failed_row(job, row) if isinstance(row, BaseException) else row
-                    report(f"{len(rows)} of {len(jobs)} logs", len(rows) / len(jobs))
-    table = [rows[job.log] for job in jobs]
-    document = {
-        "subject": args.subject,
-        "counts": dict(Counter(row["verdict"] for row in table)),
-        "kept_of_an_earlier_run": kept,
-        "logs": table,
-    }
-    write_json(out / "each.json", document)
-    write_text(out / "each.csv", _csv(table))
+    for job in jobs:
+        check_folder(job.folder)
+    with alone_in(out):
+        for job in jobs:
+            sweep(job.folder)
+        document = _all_done(jobs, functools.partial(do_job, work=work, asked=asked), args, out)
     if args.json:
         write_json(args.json, document)
-    for line in _lines(table, kept, time.monotonic() - started):
+    table, kept = document["logs"], document["kept_of_an_earlier_run"]
+    for line in lines_of(table, kept, time.monotonic() - started):
         say(line)
     say(f"table written to {out / 'each.csv'} and each.json; a folder for every log beside them")
-    return _code(table, args.fail_on_gap)
+    return _code(table, args.fail_on_gap, out)
+
+
+def _all_done(
+    jobs: Sequence[Job], one: Callable[[Job], dict[str, Any]], args: argparse.Namespace, out: Path
+) -> dict[str, Any]:
+    """Do what is left to do, the table up to date at every moment; return the table as JSON has it."""
+    from pinotwin.bench.engine import engine
+
+    rows = {job.log: row for job in jobs if (row := known_answer(job)) is not None}
+    kept, left = len(rows), [job for job in jobs if job.log not in rows]
+
+    def tabled() -> dict[str, Any]:
+        table = [rows.get(job.log) or waiting(job.log) for job in jobs]
+        document = document_of(args.subject, table, kept)
+        write_table(out, document)
+        return document
+
+    document = tabled()
+    if not left:
+        return document
+    workers = min(args.workers or os.cpu_count() or 1, len(left))
+    with progress() as report, engine(workers, args.scheduler, apart=True) as each:
+        report(f"{kept} of {len(jobs)} logs", kept / len(jobs))
+        for job, row in each(one, left, None):
+            if isinstance(row, OutputError):
+                raise row
+            rows[job.log] = failed(job.log, row) if isinstance(row, BaseException) else row
+            document = tabled()
+            report(f"{len(rows)} of {len(jobs)} logs", len(rows) / len(jobs))
+    return document
 
 
 def jobs_of(args: argparse.Namespace, asked: Asked, out: Path) -> list[Job]:
@@ -191,11 +214,11 @@ def _made_of(asked: Asked) -> str:
             [given] if given.is_dir() else [*given.parent.glob("*.yaml"), *given.parent.glob("*.urdf"), given]
         )
         digest.update(" ".join(_digest(str(path)) for path in sorted(near)).encode())
-    for log in asked.validate:
-        digest.update(_digest(log).encode())
     else:
         digest.update(asked.subject.encode())  # the name of a machine that pinotwin brings
-    digest.update(json.dumps([asked.resample, asked.quick, asked.seed]).encode())
+    for log in asked.validate:
+        digest.update(_digest(log).encode())
+    digest.update(json.dumps([asked.resample, asked.quick, asked.seed, asked.meshes]).encode())
     return digest.hexdigest()
 
 
@@ -218,7 +241,7 @@ def known_answer(job: Job) -> dict[str, Any] | None:
         record = json.loads((job.folder / RECORD).read_text(encoding="utf-8"))
         found = json.loads((job.folder / "diagnosis.json").read_text(encoding="utf-8"))
         if record["made_of"] == job.made_of:
-            return _row(job, found, float(record["seconds"]))
+            return answered(job.log, job.folder, found, float(record["seconds"]))
     except (OSError, ValueError, LookupError, TypeError):
         pass
     return None
@@ -234,97 +257,15 @@ def do_job(job: Job, *, work: Work, asked: Asked) -> dict[str, Any]:
         seconds = time.perf_counter() - start
         record = {"log": job.log, "made_of": job.made_of, "seconds": seconds, "asked": asdict(asked)}
         write_json(folder / RECORD, record)
-    return _row(job, found, seconds)
+    return answered(job.log, job.folder, found, seconds)
 
 
-def _row(job: Job, found: Mapping[str, Any], seconds: float) -> dict[str, Any]:
-    """Return the line of a log: its verdict, the signal that differs most, and the causes."""
-    signals = [(f"{axis}.{name}", gap) for axis, row in found["gap"].items() for name, gap in row.items()]
-    signal, gap = max(signals, key=lambda one: one[1]["nrmse"] or 0.0) if signals else ("", {})
-    return {
-        "log": job.log,
-        "verdict": found["verdict"],
-        "signal": signal,
-        "gap": gap.get("nrmse"),
-        "after": _of_signal(gap, "after"),
-        "misfit": _of_signal(gap, "misfit"),
-        "causes": [
-            {"axis": e["axis"], "effect": e["effect"], "confidence": e["confidence"], "size": e["size"]}
-            for e in found["effects"]
-        ],
-        "gaps": found["gap"],
-        "seconds": round(seconds, 2),
-        "folder": str(job.folder),
-        "error": None,
-    }
-
-
-def _of_signal(gap: Mapping[str, Any], name: str) -> float | None:
-    """Return another RMS of the gap as a share of its signal's, as ``nrmse`` is one."""
-    value, rms, share = gap.get(name), gap.get("rms"), gap.get("nrmse")
-    return value * share / rms if value is not None and rms and share else None
-
-
-def failed_row(job: Job, error: BaseException) -> dict[str, Any]:
-    """Return the line of a log whose diagnosis ended in an error; an unforeseen one keeps its traceback."""
-    blank = dict.fromkeys(("signal", "gap", "after", "misfit", "seconds", "folder"))
-    row: dict[str, Any] = {
-        "log": job.log,
-        "verdict": FAILED,
-        **blank,
-        "causes": [],
-        "gaps": {},
-        "error": str(error),
-    }
-    if isinstance(error, PinotwinError):
-        return row
-    if type(error).__name__ == "KilledWorker":
-        why = "its worker died several times: too little memory (fewer --workers), or a crash on this log"
-        return {**row, "error": why}
-    text = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-    return {**row, "error": text, "traceback": "".join(traceback.format_exception(error))}
-
-
-def _csv(table: Sequence[Mapping[str, Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for row in table:
-        flat = {**row, "causes": _causes(row)}
-        writer.writerow("" if flat[name] is None else flat[name] for name in COLUMNS)
-    return text.getvalue()
-
-
-def _causes(row: Mapping[str, Any]) -> str:
-    return "; ".join(f"{c['axis'] or 'machine'}.{c['effect']} {c['confidence']:.0%}" for c in row["causes"])
-
-
-def _lines(table: Sequence[Mapping[str, Any]], kept: int, seconds: float) -> list[str]:
-    """Return the table as text: one line a log, the counts last."""
-    names = [_shown(row["log"]) for row in table]
-    wide = max(map(len, [*names, "log"]))
-    head = f"{'log':<{wide}}  {'verdict':<16}  {'signal':<8}{'gap':>8}{'after':>8}{'misfit':>8}  causes"
-    lines = [head]
-    for name, row in zip(names, table, strict=True):
-        start = f"{name:<{wide}}  {row['verdict']:<16}  "
-        if row["verdict"] == FAILED:
-            lines.append(f"{start}{row['error']}")
-            continue
-        numbers = "".join(
-            f"{'-' if row[k] is None else format(row[k], '.1%'):>8}" for k in ("gap", "after", "misfit")
+def _code(table: Sequence[Row], fail_on_gap: bool, out: Path) -> int:
+    """Return the exit code; what ends in 2 has its line on stderr, as everywhere."""
+    bad = sum(row["verdict"] == FAILED for row in table)
+    if bad:
+        sys.stderr.write(
+            f"pinotwin: {bad} of {len(table)} logs could not be diagnosed: see {out / 'each.csv'}\n"
         )
-        lines.append(f"{start}{row['signal']:<8}{numbers}  {_causes(row) or '-'}")
-    count = ", ".join(f"{n} {verdict}" for verdict, n in Counter(r["verdict"] for r in table).items())
-    before = f" ({kept} of an earlier run)" if kept else ""
-    return [*lines, f"{len(table)} logs{before}: {count}; {seconds:.0f} s"]
-
-
-def _shown(log: str) -> str:
-    return log if len(log) <= 48 else f"...{log[-45:]}"
-
-
-def _code(table: Sequence[Mapping[str, Any]], fail_on_gap: bool) -> int:
-    verdicts = {row["verdict"] for row in table}
-    if FAILED in verdicts:
         return 2
-    return 1 if fail_on_gap and verdicts != {"none"} else 0
+    return 1 if fail_on_gap and {row["verdict"] for row in table} != {"none"} else 0
