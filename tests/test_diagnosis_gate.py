@@ -125,6 +125,29 @@ def test_a_current_counted_the_other_way_is_said_and_not_explained(twin, other):
     assert "wrong sign" in found.sentence
 
 
+def set_anew(log):
+    """Return the log with a counter that is set anew nine times, by 5 cm forth and back."""
+    rows = np.linspace(0.1, 0.9, 9) * len(log)
+    away = 0.05 * (np.searchsorted(rows, np.arange(len(log)), side="right") % 2)
+    return changed(log, X_q=log["X.q"] + away, X_qr=log["X.qr"] + away)
+
+
+def wrapped(log):
+    """Return the log with a counter of 20 cm that starts again."""
+    return changed(log, X_q=log["X.q"] % 0.2, X_qr=log["X.qr"] % 0.2)
+
+
+@pytest.mark.parametrize(("spoil", "why"), [(set_anew, "leaps in"), (wrapped, "wraps around")])
+def test_of_an_axis_whose_position_leaps_no_cause_is_named(twin, other, spoil, why):
+    """The twin's effort at such a leap is a hundred times the real one: an effort of another scale was named."""
+    found = diagnose(twin, spoil(other), quick=True)
+    assert found.effects == []
+    assert found.possible == []
+    assert found.verdict == "unexplained"
+    assert why in found.remains["X"]
+    assert f"No cause is named on X: it {why}" in found.sentence
+
+
 def test_the_twin_knows_an_effort_that_check_doubts(twin, other, monkeypatch):
     """A push against the motion may look like friction that drives: the twin says whose effort it is."""
     doubted = gate(twin.machine, [changed(other, X_u=-other["X.u"])])

@@ -141,6 +141,20 @@ def test_check_names_the_state_that_bad_rows_share_as_a_key(tmp_path: Path) -> N
     assert "(data: {leave_out: [{feed: 50}]})" in said
 
 
+def test_check_says_every_thing_once(tmp_path: Path) -> None:
+    """What a reader noticed stays one note when rows are left out; a hole is told by its finding alone."""
+    made = log()
+    table = np.column_stack([1e3 * made["X.q"], *(made[k] for k in ("t", "X.u", "B.q", "B.u"))])
+    table[500:520, 0] = np.nan
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="xact [mm],t,X.u,B.q,B.u", comments="")
+    machine = rig(tmp_path, "columns: {X.q: {column: xact}}\ndata: {leave_out: [[2, 3]]}\n")
+    messages = [f.message for f in check(machine, tmp_path / "a.csv").findings]
+    holes = ["20 values missing, first in row 500; the log is cut there"]
+    assert [m for m in messages if "missing" in m and "gaps" not in m] == holes
+    assert "501 rows left out as data.leave_out says" in messages
+    assert sorted(set(messages)) == sorted(messages)
+
+
 def test_settings_survive_a_save(tmp_path: Path) -> None:
     more = "data: {resample: 100, leave_out: {b.csv: [[1, 2], {feed: 50}]}, order: 2}\nloop: {X: {closed_on: load}}\n"
     machine = rig(tmp_path, more)

@@ -136,7 +136,7 @@ def without(log: Log, leave_out: Sequence[LeftOut]) -> Log:
         return log
     note = f"{int(out.sum())} rows left out as data.leave_out says"
     kept = log.rows(~out)
-    return kept.with_channels(kept.channels, [*log.notes, note])
+    return kept.with_channels(kept.channels, [note])
 
 
 def _rows_with(log: Log, channel: str, value: float) -> Mask:

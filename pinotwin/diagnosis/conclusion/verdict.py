@@ -79,7 +79,7 @@ def judge(
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
     maybe = [f"Possible, not sure: {'; '.join(_said(e) for e in possible)}"] if possible else []
     sentence = ". ".join([*_sentence(c, verdict, effects, judged, patterns), *maybe, *runs, *_unjudged(c)])
-    return Judgement(verdict, sentence, unexplained, {**patterns, **c.gate.silent}, notes)
+    return Judgement(verdict, sentence, unexplained, {**patterns, **c.gate.nameless, **c.gate.silent}, notes)
 
 
 def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
@@ -108,11 +108,17 @@ def _note(axis: str, g: Gap) -> str:
 def _unjudged(c: Comparison) -> list[str]:
     """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
     out = [f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in c.gate.silent.items()]
-    if c.gate.effects:
-        names = list(dict.fromkeys(name for row in c.gate.effects.values() for name in row))
-        axes = "" if set(c.gate.effects) == set(c.machine.axes) else f" on {', '.join(c.gate.effects)}"
+    out += [f"No cause is named on {axis}: it {_short(why)}" for axis, why in c.gate.nameless.items()]
+    barred = {axis: row for axis, row in c.gate.effects.items() if axis not in c.gate.nameless}
+    if barred:
+        names = list(dict.fromkeys(name for row in barred.values() for name in row))
+        axes = "" if set(barred) == set(c.machine.axes) else f" on {', '.join(barred)}"
         out.append(f"These logs cannot show {', '.join(names)}{axes}")
     return out
+
+
+def _short(why: str) -> str:
+    return why.partition("; ")[0].partition(": ")[0]
 
 
 def _sentence(

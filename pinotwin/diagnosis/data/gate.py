@@ -2,7 +2,8 @@
 
 An effect that rate, resolution or the meaning of a channel cannot show is not looked for: at 10 samples a
 second no vibration is seen, on steps of 1 mm no presliding. An axis whose effort is not an effort (a magnitude,
-noise, of the wrong sign), or whose position is a sentinel for much of the time, is not judged at all.
+noise, of the wrong sign), or whose position is a sentinel for much of the time, is not judged at all. Of one whose
+position leaps no cause is named: the speed there is none, and the effort asked for it is a hundred times the real one.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.effects import EFFECTS
 from pinotwin.log import Log
 from pinotwin.logs.check import doubts
 from pinotwin.logs.quality import Finding
@@ -25,6 +27,7 @@ INSTANTS = ("presliding", "backlash", "drive_flexibility", "joint_flexibility", 
 """Effects that happen between two samples of a slow log."""
 MICRONS = ("presliding", "backlash", "encoder_error", "hysteresis")
 """Effects within few steps of an encoder."""
+EVERY = tuple(EFFECTS)
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ BARS: Mapping[str, Bar] = {
     "effort_sign": Bar(axis=True),
     "effort_exchanged": Bar(axis=True),
     "sentinel": Bar(axis=True, channel="q"),
+    "leaps": Bar(EVERY, ("servo", "tracking"), channel="q"),
+    "wraps": Bar(EVERY, ("servo", "tracking"), channel="q"),
 }
 """Code of a finding -> what it rules out on its axis, or on all where it is about the whole log."""
 
@@ -84,6 +89,11 @@ class Gate:
         return axis not in self.silent and question not in self.questions.get(axis, {})
 
     @property
+    def nameless(self) -> Mapping[str, str]:
+        """Axis of which no cause is named at all -> why."""
+        return {a: next(iter(row.values())) for a, row in self.effects.items() if set(row) >= set(EVERY)}
+
+    @property
     def warnings(self) -> list[str]:
         """The doubts, and what is not looked for because of them."""
         return [*self.doubts, *self.unasked]
@@ -93,6 +103,8 @@ class Gate:
         """What is not looked for, one sentence for the axes that share it."""
         same: dict[tuple[str, ...], list[str]] = {}
         for axis, row in self.effects.items():
+            if axis in self.nameless:
+                continue
             same.setdefault(tuple(sorted(row)), []).append(axis)
         out = [
             f"{', '.join(axes)}: not looked for, these logs cannot show it: {', '.join(what)}"
@@ -101,6 +113,7 @@ class Gate:
         servo = [axis for axis, row in self.questions.items() if row]
         if servo:
             out.append(f"{', '.join(servo)}: nothing is said of controller and tracking error")
+        out += [f"{axis}: no cause is named" for axis in self.nameless]
         return [*out, *(f"{axis}: not judged" for axis in self.silent)]
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from pinotwin.logs.quality.values import quantisation_step, saturated_rows, sign
 from pinotwin.signals import Clock, clock
 
 _COARSE = 500  # steps over the range
+_HOLES = re.compile(r": (\d+) missing (?:or infinite )?values, first in ")  # a reader's note
 _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
@@ -39,7 +41,7 @@ def inspect(log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | N
     rows = list(row_findings(log))
     torn = {f.channel for f in rows if f.code in ("wraps", "leaps")}
     findings = [f for f in findings if not (f.code == "speed_limit" and f.channel in torn)] + rows
-    findings += [Finding("info", "", note) for note in log.notes]
+    findings += [Finding("info", "", note) for note in _untold(log.notes, findings)]
     findings.sort(key=lambda f: _ORDER[f.severity])
     stamps = log.t[np.isfinite(log.t)] if "t" in log else np.zeros(1)
     return Quality(
@@ -52,6 +54,15 @@ def inspect(log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | N
         axes=table,
         findings=tuple(findings),
     )
+
+
+def _untold(notes: Iterable[str], findings: Iterable[Finding]) -> Iterator[str]:
+    """Yield what the reader noticed but for the holes that findings tell of, under the names of the contract."""
+    told = {f.message.split()[0] for f in findings if f.code in ("missing", "clock_holes")}
+    for note in dict.fromkeys(notes):
+        holes = _HOLES.search(note)
+        if holes is None or holes[1] not in told:
+            yield note
 
 
 def _even(
