@@ -80,7 +80,10 @@ def commands() -> Mapping[str, Command]:
             ],
             ("out.csv", "out.html"),
         ),
-        "orientation": Command(lambda k: ["orientation", f"i{k}.csv", "--out", "out.csv"], ("out.csv",)),
+        "orientation": Command(
+            lambda k: ["orientation", f"i{k}.csv", "--out", "out.csv", "--report", "out.html"],
+            ("out.csv", "out.html"),
+        ),
         "record": Command(
             lambda k: ["record", "emps", "--seconds", "3", "--seed", str(k), "--out", "out.csv"], ("out.csv",)
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from pinotwin.imu.orientation import orientation
 from pinotwin.log import Log
 from pinotwin.logs.write import write_log
 from pinotwin.reconstruction.orientation import orientation_of_log
+from pinotwin.report.orientation import roll_pitch_heading
 from tests.test_imu_orientation import swing
+from tests.test_report import read
 
 NAMES = ("gx", "gy", "gz", "ax", "ay", "az")
 
@@ -62,6 +65,32 @@ def test_the_command(tmp_path, capsys) -> None:
     q = np.stack([table[k] for k in ("qw", "qx", "qy", "qz")], axis=1)
     assert rms_error(q, truth) < 2e-3
     assert json.loads(facts.read_text())["rows"] == len(truth)
+
+
+def test_the_page_tells_the_angles_and_how_far_two_methods_agree(tmp_path) -> None:
+    """A sensor rolled by 20 and pitched by -10 deg, then turned by 90 about the vertical."""
+    t = np.arange(4000) / 200.0
+    rate = np.where((t > 5.0) & (t < 10.0), np.pi / 10.0, 0.0)
+    pose = rot.multiply(rot.exp(np.radians([0.0, -10.0, 0.0])), rot.exp(np.radians([20.0, 0.0, 0.0])))
+    q = np.stack([rot.multiply(rot.exp(np.array([0.0, 0.0, x])), pose) for x in np.cumsum(rate) / 200.0])
+    up = np.tile([0.0, 0.0, 1.0], (len(t), 1))
+    readings = np.hstack([rot.rotate(rot.conjugate(q), x) for x in (rate[:, None] * up, 9.81 * up)])
+    write_log(tmp_path / "imu.csv", {"t": t, **dict(zip(NAMES, readings.T, strict=True))})
+    words = ["orientation", str(tmp_path / "imu.csv"), "--out", str(tmp_path / "o.csv")]
+    assert main([*words, "--report", str(tmp_path / "o.pdf")]) == 2
+    assert main([*words, "--report", str(tmp_path / "o.html")]) == 0
+    page = (tmp_path / "o.html").read_text()
+    found = read(page)
+    assert all(x.startswith(("#", "data:", "o.csv")) for x in found.loaded)
+    assert 'href="o.csv"' in page
+    low, high = (float(x) for x in re.search(r"inclined by ([\d.]+) to ([\d.]+)°", page).groups())
+    assert low == pytest.approx(22.27, abs=0.05)
+    assert high == pytest.approx(22.27, abs=0.05)
+    angles = roll_pitch_heading(orientation_of_log(pt.read(tmp_path / "imu.csv")).q)
+    np.testing.assert_allclose(angles[-1], [20.0, -10.0, 90.0], atol=0.1)
+    rows = {row[0]: row[1] for row in found.rows if len(row) == 3}
+    assert float(rows["inclination, against the other method"].split("°")[0]) < 0.2
+    assert float(rows["mean horizontal acceleration, as a tilt"].rstrip("°")) < 0.02
 
 
 def test_a_clock_that_restarts_and_a_long_hole_are_refused_in_one_line(tmp_path) -> None:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinotwin.cli.inputs import read_logs
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.output import add_common, beside, check_page, say, write_json
+from pinotwin.writing import write_text
+
+if TYPE_CHECKING:
+    from pinotwin.imu.orientation import Method
+    from pinotwin.log import Log
+    from pinotwin.reconstruction.orientation import Orientation
 
 _METHODS = ("offline", "vqf", "smoother", "ekf")
 
@@ -21,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="offline",
         help="offline: smoother over the whole record (default); vqf; smoother or ekf: adaptive Kalman filter",
     )
+    parser.add_argument("--report", metavar="FILE", help="also write a page: angles over time (.html)")
     add_common(parser, out="orientation over time (.csv or .parquet)", required=True, file=True)
 
 
@@ -32,10 +40,13 @@ def run(args: argparse.Namespace) -> int:
 
     if not str(args.out).endswith((".csv", ".parquet")):
         raise InputError(f"--out: {args.out}: a log ends in .csv or .parquet")
+    check_page(args.report)
     (log,) = read_logs([args.log])
     found = orientation_of_log(log, args.method)
     write_log(args.out, found.channels())
     low, high = (float(np.degrees(x)) for x in (found.inclination.min(), found.inclination.max()))
+    if args.report:
+        _write_page(args, log, found)
     if args.json:
         facts = {
             "log": log.source,
@@ -49,4 +60,17 @@ def run(args: argparse.Namespace) -> int:
     holes = f", {100 * found.missing:.2g} % interpolated over holes" if found.missing else ""
     say(f"{log.source}: {len(found.t)} rows at {found.rate:.4g} Hz{holes}")
     say(f"inclination of the sensor's z axis: {low:.2f} to {high:.2f} deg; quaternions written to {args.out}")
+    if args.report:
+        say(f"page written to {args.report}")
     return 0
+
+
+def _write_page(args: argparse.Namespace, log: Log, found: Orientation) -> None:
+    """Write the page; a second method of another kind on the same log tells how far they agree."""
+    from pinotwin.reconstruction.orientation import orientation_of_log
+    from pinotwin.report.orientation import orientation_report
+
+    other: Method = "offline" if args.method == "vqf" else "vqf"
+    files = [(beside(args.out, args.report), "quaternions and inclination over time, SI")]
+    page = orientation_report(found, log, args.method, (other, orientation_of_log(log, other)), files)
+    write_text(args.report, page)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pinotwin.arrays import plain
+from pinotwin.errors import InputError
 from pinotwin.writing import check_file, check_folder, write_text
 
 
@@ -42,6 +43,17 @@ def check_outputs(args: argparse.Namespace) -> None:
             check_file(value)
     if isinstance(getattr(args, "out", None), str):
         (check_file if getattr(args, "out_is_file", False) else check_folder)(args.out)
+
+
+def check_page(path: str | None) -> None:
+    """Refuse a page of another ending than a browser knows."""
+    if path is not None and Path(path).suffix not in (".html", ".htm"):
+        raise InputError(f"--report: {Path(path).name}: a page is written as .html")
+
+
+def beside(path: str, page: str) -> str:
+    """Return the link from a page to a file."""
+    return Path(os.path.relpath(path, Path(page).resolve().parent)).as_posix()
 
 
 def write_json(path: str | Path, value: Any) -> None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import io
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.output import add_common, columns, say, write_json
+from pinotwin.cli.output import add_common, beside, check_page, columns, say, write_json
 from pinotwin.writing import write_text
 
 if TYPE_CHECKING:
@@ -82,8 +81,7 @@ def _check(args: argparse.Namespace) -> None:
     from pinotwin.errors import InputError
     from pinotwin.viewer.rerun import require
 
-    if args.report is not None and Path(args.report).suffix not in (".html", ".htm"):
-        raise InputError(f"--report: {Path(args.report).name}: a page is written as .html")
+    check_page(args.report)
     if args.rrd is not None:
         if Path(args.rrd).suffix != ".rrd":
             raise InputError(f"--rrd: {Path(args.rrd).name}: a recording for Rerun is written as .rrd")
@@ -96,8 +94,7 @@ def _extras(args: argparse.Namespace, twin: Twin, log: Log, predicted: Log, form
     if args.report is not None:
         from pinotwin.report.simulation import simulation_report
 
-        beside = os.path.relpath(args.out, Path(args.report).resolve().parent)
-        files = [(Path(beside).as_posix(), "the prediction, SI")]
+        files = [(beside(args.out, args.report), "the prediction, SI")]
         write_text(args.report, simulation_report(twin, log, predicted, form, files))
         said.append(f"page written to {args.report}")
     if args.rrd is not None:

@@ -26,6 +26,8 @@ class Orientation:
         inclination: angle between the sensor's z axis and the vertical [rad], (n,).
         rate: sampling rate [Hz].
         missing: share of the samples that were interpolated over holes in the log.
+        force: specific force along the sensor's axes [m/s²], (n, 3).
+        remade: whether the clock was uneven and the log was interpolated to an even one.
     """
 
     t: Floats
@@ -33,6 +35,8 @@ class Orientation:
     inclination: Floats
     rate: float
     missing: float
+    force: Floats
+    remade: bool
 
     def channels(self) -> dict[str, Floats]:
         """Return ``t, qw, qx, qy, qz, inclination``."""
@@ -64,7 +68,8 @@ def orientation_of_log(log: Log, method: Method = "offline") -> Orientation:
     if gaps.max() > max(1.0, _HOLE * step):
         at = float(run.t[int(np.argmax(gaps))])
         raise LogError(f"{log.source}: a hole of {gaps.max():.3g} s after {at:g} s; cut the log there")
-    if np.ptp(gaps) < 0.01 * step:
+    remade = bool(np.ptp(gaps) >= 0.01 * step)
+    if not remade:
         t, gyr, acc, missing = run.t, run.gyr, run.acc, 0.0
         q = orientation(gyr, acc, 1.0 / step, method)
     else:
@@ -74,4 +79,4 @@ def orientation_of_log(log: Log, method: Method = "offline") -> Orientation:
         missing = float(np.mean(gaps[k - 1] > _HOLE * step))
         q = orientation(gyr, acc, 1.0 / step, method, rule="coning")
     up = rot.to_matrix(q)[:, 2, 2]
-    return Orientation(t, q, np.arccos(np.clip(up, -1.0, 1.0)), 1.0 / step, missing)
+    return Orientation(t, q, np.arccos(np.clip(up, -1.0, 1.0)), 1.0 / step, missing, acc, remade)
