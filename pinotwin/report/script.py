@@ -49,7 +49,25 @@ document.getElementById("theme").addEventListener("click", () => {
   redraw();
 });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
-window.addEventListener("beforeprint", () => everyPlot(box => {if (!box.dataset.drawn) draw(box)}));
+/* Paper is white and has a width of its own (A4 within its margins, at the zoom of the style sheet): all plots are
+   drawn for it, none higher than a page, and for the window again afterwards. */
+let worn;
+window.addEventListener("beforeprint", () => {
+  worn = document.documentElement.dataset.theme;
+  document.documentElement.dataset.theme = "light";
+  document.body.classList.add("paper");
+  everyPlot(box => {
+    draw(box);
+    const height = Math.min(0.85 * box.layout.height, 1450);
+    window.Plotly.relayout(box, {width: box.clientWidth, height});
+  });
+});
+window.addEventListener("afterprint", () => {
+  if (worn) document.documentElement.dataset.theme = worn;
+  else delete document.documentElement.dataset.theme;
+  document.body.classList.remove("paper");
+  redraw();
+});
 
 document.querySelectorAll(".tabs").forEach(tabs => {
   const heads = tabs.querySelectorAll(":scope > .heads > button");

@@ -118,6 +118,7 @@ padding:.12rem 0;text-align:right;white-space:normal}td>b{white-space:normal}
 flex:0 0 38%}
 .card.scroll>table:not(.parameters) td:empty{display:none}}
 @page{size:A4;margin:12mm}
+.paper main{width:1130px;max-width:none;padding:0}.paper .tabs>.panel[hidden]{display:block}
 @media print{.bar{display:none}body{background:#fff;font-size:15px}main{max-width:none;zoom:.62;padding:0}
 details:not(.big)>*{display:block}
 details:not(.big)::details-content{content-visibility:visible;display:block}
