@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +11,8 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
+from pinotwin.report import identification_report
+from pinotwin.viewer import browser
 
 # Published Coulomb friction [N·m], RA-L 2019, by classical least squares.
 PUBLISHED = (0.2450, 0.1523, 0.1827, 0.3591, 0.2669, 0.1658, 0.2109)
@@ -53,3 +57,17 @@ def test_what_was_done_to_the_clock_is_said(twin: pt.Twin) -> None:
     said = " ".join(twin.quality["preparation"])
     assert "the motion shows a clock of 999.8 Hz below" in said
     assert "missing samples bridged" in said
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(browser() is None, reason="no Chromium on this machine")
+def test_a_page_of_seven_axes_fits_on_twelve_sheets(twin: pt.Twin, data_dir: Path, tmp_path: Path) -> None:
+    """Printed from a dark screen of a phone's width: plots are drawn for the paper, none higher than a sheet."""
+    page = identification_report(twin, pt.read(data_dir / "franka_panda" / "exciting_traj.csv"), [])
+    path, pdf = tmp_path / "page.html", tmp_path / "page.pdf"
+    path.write_text(page.replace("<html", '<html data-theme="dark"', 1), encoding="utf-8")
+    words = ["--headless", "--no-sandbox", "--window-size=500,900", "--virtual-time-budget=8000"]
+    command = [str(browser()), *words, f"--print-to-pdf={pdf}", path.as_uri()]
+    subprocess.run(command, check=True, timeout=60, capture_output=True)
+    content = pdf.read_bytes()
+    assert 6 <= len(re.findall(rb"/Type ?/Page\b(?!s)", content)) <= 12

@@ -58,7 +58,9 @@ window.addEventListener("beforeprint", () => {
   document.body.classList.add("paper");
   everyPlot(box => {
     draw(box);
-    const height = Math.min(0.85 * box.layout.height, 1450);
+    const tall = box.layout.height, height = Math.min((tall > 900 ? 0.56 : 0.68) * tall, 1450);
+    box.dataset.held = box.style.cssText;
+    box.style.minHeight = box.style.height = height + "px";
     window.Plotly.relayout(box, {width: box.clientWidth, height});
   });
 });
@@ -66,7 +68,10 @@ window.addEventListener("afterprint", () => {
   if (worn) document.documentElement.dataset.theme = worn;
   else delete document.documentElement.dataset.theme;
   document.body.classList.remove("paper");
-  redraw();
+  everyPlot(box => {
+    box.style.cssText = box.dataset.held;
+    draw(box);
+  });
 });
 
 document.querySelectorAll(".tabs").forEach(tabs => {

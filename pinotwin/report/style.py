@@ -118,12 +118,17 @@ padding:.12rem 0;text-align:right;white-space:normal}td>b{white-space:normal}
 flex:0 0 38%}
 .card.scroll>table:not(.parameters) td:empty{display:none}}
 @page{size:A4;margin:12mm}
-.paper main{width:1130px;max-width:none;padding:0}.paper .tabs>.panel[hidden]{display:block}
+.paper main{width:1130px;max-width:none;padding:0}.paper td,.paper th{padding-top:.16rem;padding-bottom:.16rem}
+.paper .tabs>.panel,.paper .tabs>.panel[hidden]{display:grid;grid-template-columns:1fr 1fr;gap:.8rem;
+margin-bottom:.8rem}
+.paper .tabs>.panel>*{grid-column:1/-1;margin:0}.paper .tabs>.panel>.pair{display:contents}
+.paper .tabs>.panel>figure:not(:first-child),.paper .tabs>.panel>figure:nth-last-child(2):first-child{grid-column:auto}
+.paper .panel .pair>figure{margin:0}
 @media print{.bar{display:none}body{background:#fff;font-size:15px}main{max-width:none;zoom:.62;padding:0}
 details:not(.big)>*{display:block}
 details:not(.big)::details-content{content-visibility:visible;display:block}
 figure.machine{max-width:560px}section{margin-top:1.6rem}h2,h3,.tabs .heads{break-after:avoid}
 .card,tr,.tile{break-inside:avoid}.card.scroll{break-inside:auto}section{break-inside:auto}
-figure,.tile{break-inside:avoid}.tabs>.panel[hidden]{display:block}.tabs>.heads{display:none}
+figure,.tile{break-inside:avoid}.tabs>.heads{display:none}
 button.fold{display:none}}
 """
