@@ -68,7 +68,7 @@ def main(seconds: float = 20.0, repeats: int = 4, effects: Machine | None = None
             f"without deflection {DEG * u.gyro_rigid:.3f}, noise {DEG * u.gyro_noise:.3f}"
         )
 
-    rigid = identify(rig, logs[0], loop=False, consistent=False)
+    rigid = identify(rig.with_rigid_joints(), logs[0], loop=False, consistent=False)
     flexible = identify_flexible(rig, logs[0], one)
     effort = [{n: q["rms"] for n, q in t.quality["axes"].items()} for t in (rigid, flexible.twin)]
     print("Table 7-2, effort error        Y [N]   A [N·m]      source: Y [N]   A [N·m]")

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pinotwin.analysis.deflection import PassiveSpring, load_on, springs
 from pinotwin.diagnosis.apply import extended
-from pinotwin.diagnosis.data.deflection import PassiveSpring, load_on, springs
 from pinotwin.diagnosis.others.vibration import look_at_vibration, unused
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.log import Log

@@ -6,6 +6,7 @@ CAD errors, controllers, encoders and noise of their own, which share neither co
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,9 +23,18 @@ SEEDS = (50, 51, 52, 53, 54)
 SECONDS = 20.0
 
 
-def measure(name: str, published: float) -> list[Figure]:
+Record = Callable[[VirtualMachine, int], pt.Log]
+"""Make the log of a seed that a twin is identified on."""
+
+
+def recorded(virtual: VirtualMachine, seed: int) -> pt.Log:
+    """Return the servo log of a random trajectory."""
+    return virtual.record(random_trajectory(virtual, SECONDS, seed), seed=seed).to_log()
+
+
+def measure(name: str, published: float, record: Record = recorded) -> list[Figure]:
     """Return the errors of e and u over all axes, by friction law and over all laws."""
-    rows = {law: [_errors(_virtual(name, law), seed) for seed in SEEDS] for law in LAWS}
+    rows = {law: [_errors(_virtual(name, law), seed, record) for seed in SEEDS] for law in LAWS}
     out = [_figure("all", "every law and seed", [x for r in rows.values() for x in r], published)]
     for law, found in rows.items():
         out.append(_figure(law, LAWS[law], found, published))
@@ -45,12 +55,9 @@ def _virtual(name: str, law: str) -> VirtualMachine:
     return VirtualMachine.build(replace(folder, truth=replace(folder.truth, axes=axes)))
 
 
-def _errors(virtual: VirtualMachine, seed: int) -> dict:  # type: ignore[type-arg]
-    log, unseen = (
-        virtual.record(random_trajectory(virtual, SECONDS, path), seed=path).to_log()
-        for path in (seed, 1000 + seed)
-    )
-    twin = pt.identify(pt.Machine.load(virtual.name), log)
+def _errors(virtual: VirtualMachine, seed: int, record: Record) -> dict:  # type: ignore[type-arg]
+    unseen = recorded(virtual, 1000 + seed)
+    twin = pt.identify(pt.Machine.load(virtual.name), record(virtual, seed))
     command = unseen.with_channels({k: unseen[k] for k in unseen.channels if k == "t" or k.endswith(".qr")})
     return compare(twin.machine, unseen, twin.simulate(command))
 

@@ -121,8 +121,6 @@ def close_loops(
         if judged["use"] == "coupled" and error is not None and not asked:
             refined = judged["held_out"]["coupled"] < error
             closed = _linearised(closed.plant if refined else plant, found.servos, motion)
-        if machine.passive:  # the rows of a passive joint were not compared: see identification.flexible
-            judged["use"] = "black"
     return replace(
         closed,
         servos=found.servos,

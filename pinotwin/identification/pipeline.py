@@ -9,16 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from pinotwin.analysis.deflection import bends
 from pinotwin.analysis.disturbance import diagonal
 from pinotwin.errors import DataError
+from pinotwin.identification.bending import Bent, bent
 from pinotwin.identification.judge import judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
 from pinotwin.identification.plant import Plant, fit_plant
 from pinotwin.identification.springs import find_springs
-from pinotwin.identification.table import at_bounds, parameter_table
+from pinotwin.identification.table import at_bounds, open_loop
 from pinotwin.log import Log
+from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
@@ -65,56 +68,66 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     tell = report or _silent
     tell("preparing the log", 0.02)
     machine, logs = as_machine(machine).require_physical(), as_logs(log)
-    machine = _as_logged(machine, logs, resample)
-    prepared = functools.partial(prepare, log=logs, cutoff=cutoff, decimate=decimate)
+    machine, given = _as_logged(machine, logs, resample), logs
     tell("fitting the plant", 0.1)
+    bending = bent(machine, logs) if bends(machine, _named(machine, logs)) else None
+    logs = logs if bending is None else list(bending.logs)
+    prepared = functools.partial(prepare, log=logs, cutoff=cutoff, decimate=decimate)
     machine, motion, fit, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
     tell("judging the plant", 0.4)
     settings = _settings(machine, motion)
-    later = None if validate is None else prepare(machine, as_logs(validate, "validate"), **settings)
-    plant = _open_loop(machine, fit)
+    later = None if validate is None else prepare(machine, _unseen(validate, bending), **settings)
+    plant = open_loop(machine, fit)
     quality = judge(machine, motion, fit, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
-    plant, springs_found = _completed(plant, motion, springs)
+    plant, springs_found = _completed(plant, motion, springs, bending)
     closed = ClosedLoops(plant)
     if loop and motion.qr is not None:
         closed = close_loops(plant, motion, logs, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
-    quality["warnings"] = [*warnings(quality, machine), *closed.warnings]
+    said = [] if bending is None else bending.warnings
+    quality["warnings"] = [*said, *warnings(quality, machine), *closed.warnings]
     return closed.twin(
         quality={**quality, "springs": springs_found, **closed.quality},
-        data=[_provenance(item, motion) for item in logs],
+        data=[_provenance(item, motion) for item in given],
         settings=settings,
         groups=fit.fit.group_names(),
         misfit=misfit_of(closed.plant, motion),
     )
 
 
-def _open_loop(machine: Machine, fit: Plant) -> OpenLoop:
-    return OpenLoop(
-        machine=machine,
-        effects=fit.effects,
-        theta=fit.theta,
-        covariance=fit.fit.covariance,
-        parameters=parameter_table(machine, fit),
-        pi=fit.pi,
-    )
-
-
-def _completed(plant: OpenLoop, motion: Motion, springs: bool) -> tuple[OpenLoop, dict[str, Any]]:
+def _completed(
+    plant: OpenLoop, motion: Motion, springs: bool, bending: Bent | None
+) -> tuple[OpenLoop, dict[str, Any]]:
     """Return the plant with the springs of its passive joints, if asked for, and its diagonal; and their fit.
 
     The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
     is why the plant is not asked for consistent inertias before.
     """
-    plant, rows = find_springs(plant, motion) if springs else (plant, {})
+    rows: dict[str, Any] = {}
+    if bending is not None:
+        plant = bending.completed(plant)
+    else:
+        plant, rows = find_springs(plant, motion) if springs else (plant, {})
     return replace(plant, diagonal=diagonal(plant, motion)), rows
 
 
+def _unseen(validate: LogLike | Sequence[LogLike], bending: Bent | None) -> list[Log]:
+    """Return the logs to judge on, their passive joints bent as those of the others were."""
+    logs = as_logs(validate, "validate")
+    return logs if bending is None else bending.also(logs)
+
+
 def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) -> Machine:
-    """Return the machine as its logs show it: on the clock asked for, joints that nothing measured locked."""
+    """Return the machine as its logs show it: on the clock asked for, joints without spring or measurement locked."""
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
-    seen = all(_sees_passive(machine, item) for item in logs)
+    named = _named(machine, logs)
+    seen = all(_sees_passive(machine, item) for item in named) or bends(machine, named)
     return machine if seen else machine.with_rigid_joints()
+
+
+def _named(machine: Machine, logs: Sequence[Log]) -> list[Log]:
+    """Return the logs in the names of the contract; as they are of a machine without passive joints."""
+    return [bind(log, machine.columns) for log in logs] if machine.passive else list(logs)
 
 
 def _with_leads(

@@ -48,6 +48,24 @@ def find_springs(plant: OpenLoop, motion: Motion) -> tuple[OpenLoop, dict[str, A
     return plant, rows
 
 
+def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float]) -> OpenLoop:
+    """Return the plant with a spring that was not found in a joint's own row, and CAD for what no motor sees.
+
+    Its mode is that of the motors' rows; its stiffness is as doubtful as the CAD's inertia.
+
+    Args:
+        plant: the motors' rows fitted with the vibration.
+        joint: the passive one.
+        spring: stiffness and damping [N·m/rad or N/m, N·m·s/rad or N·s/m].
+    """
+    mean, precision = _prior(plant)
+    k = len(mean) - 2
+    cov = np.zeros_like(precision)
+    cov[:k, :k] = np.linalg.inv(precision[:k, :k])
+    cov[k:, k:] = np.diag((_DOUBT * np.array(spring)) ** 2)
+    return _updated(plant, joint, np.append(mean[:k], spring), cov)
+
+
 @dataclass(frozen=True)
 class _Row:
     """The joint's own row, band-passed: columns (n, b + 2), and the prior."""

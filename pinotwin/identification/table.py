@@ -30,6 +30,18 @@ def parameter_table(machine: Machine, plant: Plant) -> tuple[Parameter, ...]:
     return tuple(rows)
 
 
+def open_loop(machine: Machine, fit: Plant) -> OpenLoop:
+    """Return what a fit found of a machine."""
+    return OpenLoop(
+        machine=machine,
+        effects=fit.effects,
+        theta=fit.theta,
+        covariance=fit.fit.covariance,
+        parameters=parameter_table(machine, fit),
+        pi=fit.pi,
+    )
+
+
 def _linear_rows(key: str, effect: Effect, where: slice, plant: Plant) -> list[Parameter]:
     fit = plant.fit
     error = fit.standard_errors[where]

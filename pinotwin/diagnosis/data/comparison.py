@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from pinotwin.analysis.deflection import bent, with_deflections
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.data.deflection import bent, with_deflections
 from pinotwin.diagnosis.data.gate import Gate, confirmed, gate
 from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample

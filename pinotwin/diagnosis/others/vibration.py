@@ -1,6 +1,6 @@
 """The gap of the vibration of passive joints, where the logs hold it: the twin's springs against the log.
 
-What the axes' motion does to a passive joint is known (:mod:`pinotwin.diagnosis.data.deflection`); its own
+What the axes' motion does to a passive joint is known (:mod:`pinotwin.analysis.deflection`); its own
 stiffness and damping are what can have changed of it. They are fitted anew, and judged on logs, or
 every other part of them, that were not fitted. Only the band of the vibration counts: no IMU knows the
 slow angle.
@@ -15,9 +15,9 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import least_squares
 
+from pinotwin.analysis.deflection import Load, PassiveSpring, is_measured, load_on, springs
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.conclusion.where import Cell, bins, concentrated
-from pinotwin.diagnosis.data.deflection import Load, PassiveSpring, is_measured, load_on, springs
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.injections import posterior

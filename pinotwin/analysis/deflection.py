@@ -6,8 +6,8 @@ With the posture nearly that of the undeflected machine, a passive joint is a mo
 
 The mean inertia makes the mode, and what the posture adds to it goes with the load. A twin that was
 identified with its springs is diagnosed with the joints bent so, or as they were measured. Of a machine whose logs do
-not hold its passive joints, the base is bent as its spring has it: stiffness and damping start at those of machine.yaml
-and are moved to where the motors' own rows leave least.
+not hold its passive joints, they are bent as its spring has it: stiffness and damping start at those of machine.yaml
+and are moved to where the motors' own rows leave least (:class:`Bending`).
 """
 
 from __future__ import annotations
@@ -137,6 +137,63 @@ ROWS = 4000
 """Rows of a log that a spring is moved by."""
 
 
+@dataclass(frozen=True)
+class Bending:
+    """How the passive joints of a machine bend along logs that do not hold them.
+
+    Attributes:
+        machine: with stiffness and damping of its passive joints in machine.yaml.
+        beta: base parameters that drive the joints, shape (b,).
+        springs: as they were moved.
+    """
+
+    machine: Machine
+    beta: Floats
+    springs: tuple[PassiveSpring, ...]
+
+    @classmethod
+    def stated(cls, machine: Machine) -> Bending:
+        """Return that of the CAD's bodies and of the springs in machine.yaml."""
+        springs = [
+            PassiveSpring(p.name, p.index, float(p.stiffness or 0.0), float(p.damping or 0.0))
+            for p in machine.passive.values()
+        ]
+        return cls(machine, machine.base.from_standard(parameters(machine.model)), tuple(springs))
+
+    def moved(self, motion: Motion) -> Bending:
+        """Return the same with the springs where the motors' rows, fitted by all that is linear, leave least.
+
+        Args:
+            motion: without the joints; its effort may lack what friction and tables take of it.
+        """
+        return replace(self, springs=tuple(_moved(self.machine, self.beta, motion, self.springs)))
+
+    def bend(self, log: Log, motion: Motion) -> Log:
+        """Return a log with the velocity of the joints.
+
+        Args:
+            log: in the names of the contract.
+            motion: of the axes along it.
+        """
+        channels = dict(log.channels)
+        for spring in self.springs:
+            v = _load(self.machine, self.beta, motion, spring.index).response(spring)[1]
+            channels[f"{spring.name}.v"] = np.interp(log.t, motion.t, v)
+        return log.with_channels(channels)
+
+
+def bends(machine: Machine, logs: Sequence[Log]) -> bool:
+    """Whether springs of machine.yaml must stand for passive joints that no log holds.
+
+    Args:
+        machine: with or without passive joints.
+        logs: in the names of the contract.
+    """
+    parts = machine.passive.values()
+    held = any(f"{p.name}.{x}" in log for p in parts for log in logs for x in "qv")
+    return bool(parts) and all(p.stiffness for p in parts) and not held and bool(logs)
+
+
 def with_deflections(machine: Machine, logs: Sequence[Log]) -> list[Log]:
     """Return the logs of a machine with the velocity of its passive joints, as its springs have it.
 
@@ -146,27 +203,11 @@ def with_deflections(machine: Machine, logs: Sequence[Log]) -> list[Log]:
         machine: with stiffness and damping of its passive joints in machine.yaml.
         logs: in the names of the contract.
     """
-    parts = [p for p in machine.passive.values() if p.stiffness]
-    unseen = [p for p in parts if not any(f"{p.name}.{x}" in log for log in logs for x in "qv")]
-    if len(unseen) != len(machine.passive) or not unseen or not logs:
+    if not bends(machine, logs):
         return list(logs)
     motions = [prepare(machine, log, decimate=1) for log in logs]
-    beta = machine.base.from_standard(parameters(machine.model))
-    springs = [
-        PassiveSpring(p.name, p.index, float(p.stiffness or 0.0), float(p.damping or 0.0)) for p in unseen
-    ]
-    springs = _moved(machine, beta, motions[0], springs)
-    return [_bent_log(machine, beta, log, m, springs) for log, m in zip(logs, motions, strict=True)]
-
-
-def _bent_log(
-    machine: Machine, beta: Floats, log: Log, motion: Motion, springs: Sequence[PassiveSpring]
-) -> Log:
-    channels = dict(log.channels)
-    for spring in springs:
-        v = _load(machine, beta, motion, spring.index).response(spring)[1]
-        channels[f"{spring.name}.v"] = np.interp(log.t, motion.t, v)
-    return log.with_channels(channels)
+    bending = Bending.stated(machine).moved(motions[0])
+    return [bending.bend(log, m) for log, m in zip(logs, motions, strict=True)]
 
 
 def _moved(
