@@ -19,7 +19,7 @@ from pinotwin.loop import Controller, LoopModel, Servo, close, couple
 from pinotwin.motion import Motion
 from pinotwin.simulation import coupled, coupled_kernel, kernel
 from pinotwin.simulation.blocks import lay_blocks
-from pinotwin.simulation.command import Request, motor_coordinates, request
+from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.state import Command, Record
 from pinotwin.threads import one_blas_thread
@@ -353,7 +353,7 @@ def _run(
     out = Record(q, e, u, v, a, d)
     state = plant.state(len(blocks.A))
     arrays = plant.arrays()
-    kernel.settle(*arrays, blocks, command, state)
+    kernel.settle(*arrays, blocks, beginning(command), state)
     row, joint = kernel.run(*arrays, blocks, command, state, out)
     _on_command(twin, asked, plant, row, joint)
     return Response(asked, twin.machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ())
@@ -389,7 +389,7 @@ def _run_coupled(
     command = Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
     out = coupled.records(n, nv, full)
     state = coupled.state(laws, plant.tape.size, plant.tape.start, tables)
-    coupled_kernel.settle(parts, tables, laws, command, state)
+    coupled_kernel.settle(parts, tables, laws, beginning(command), state)
     row, joint = coupled_kernel.run(parts, tables, laws, command, state, out)
     _on_command(twin, asked, plant, row, joint)
     M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
