@@ -32,6 +32,16 @@ def _npy(x: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
+def _locked_npz() -> bytes:
+    """A damaged flag says that a member is encrypted."""
+    buffer = io.BytesIO()
+    np.savez(buffer, t=np.arange(3.0))
+    content = bytearray(buffer.getvalue())
+    for mark, at in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        content[content.index(mark) + at] |= 1
+    return bytes(content)
+
+
 def _mat(**variables: object) -> bytes:
     buffer = io.BytesIO()
     scipy.io.savemat(buffer, variables)
@@ -64,6 +74,11 @@ def _mcap(encoding: str, data: bytes, messages: int = 2) -> bytes:
 
 
 CASES: list[tuple[str, bytes, str]] = [
+    (
+        "locked.npz",
+        _locked_npz(),
+        "is damaged or cut off (File 't.npy' is encrypted, password required for extraction); save or copy it again",
+    ),
     ("empty.csv", b"", "is empty; record or export it again"),
     ("blank.csv", b"\n \n\n", "holds no lines of data; record or export it again"),
     ("comments.csv", b"# a\n# b\n", "holds no lines of data; record or export it again"),

@@ -143,6 +143,7 @@ def test_noise_is_no_axis() -> None:
     log = Log({f"x[{i}]": rng.normal(size=400) for i in range(6)}, "x.txt")
     guesses = guess_columns(log, AXES, rate=250.0)
     assert [g.channel for g in guesses.found] == ["t"]
+    assert any("no column found; add them under `columns`. Not used: x[0], x[1]" in q for q in guesses.open)
 
 
 def test_a_log_without_a_clock_asks_for_the_rate(servo: dict[str, np.ndarray]) -> None:

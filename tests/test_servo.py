@@ -9,9 +9,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
-from pinotwin.identification.coupled import axis_problem, command_velocity, own_friction
+from pinotwin.identification.coupled import axis_problem, choice, command_velocity, own_friction
 from pinotwin.identification.servo import AxisProblem, afresh, doubtful, find
 from pinotwin.log import Log
+from pinotwin.logs.columns import parse_columns
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Controller, Servo, close, command_rates, couple, margins
 from pinotwin.simulation import feedforward, simulate
@@ -390,3 +391,19 @@ def test_the_effort_ahead_of_time_is_that_of_axes_that_follow_their_command():
     for name in ("A", "C"):
         x, y = ahead[f"{name}.u"], said[f"{name}.u"]
         assert np.sqrt(np.mean((x - y) ** 2) / np.mean(y**2)) < 0.05, name
+
+
+def test_the_form_is_chosen_on_a_log_under_the_names_of_its_controller():
+    """A log of another time column than t, in ms, ended `identify` after its work was done."""
+    names = [f"{axis}.{k}" for axis in "YAC" for k in ("qr", "q", "u")]
+    own = {"t": {"column": "Zeit", "unit": "ms"}} | {k: {"column": f"kanal {k}"} for k in names}
+    machine = replace(plain_machine("trunnion"), columns=parse_columns(own, "columns"))
+    twin = replace(known_twin(machine), servos={"Y": cascade()})
+    command = smooth_command(machine, 3.0, 250.0)
+    said = twin.simulate(command, controller="grey")
+    log = Log({**command.channels, **{k: said[k] for k in names if not k.endswith("qr")}})
+    raw = Log({"Zeit": 1e3 * log.t} | {f"kanal {k}": log[k] for k in names})
+    found = choice(twin, raw, ("grey",))
+    assert found["to"] == pytest.approx(log.t[-1])
+    assert found["tracking"] == pytest.approx(choice(twin, log, ("grey",))["tracking"])
+    assert found["use"] == "grey"

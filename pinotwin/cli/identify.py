@@ -86,7 +86,7 @@ def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
     for log in logs:
         for finding in doubts(machine, log):
             if finding.severity == "warning":
-                yield f"note: {log.source}: {finding.channel}: {finding.message}"
+                yield f"note: {log.source}: {str(finding).removeprefix('warning: ')}"
 
 
 def summary(twin: Twin) -> list[str]:

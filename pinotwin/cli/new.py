@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         rate=args.rate,
         meshes=args.meshes,
     )
-    for line in summary(start, log.notes if log else ()):
+    for line in summary(start, log.notes if log else (), args.log or "LOG"):
         say(line)
     if args.json:
         write_json(args.json, as_dict(start))
@@ -90,8 +90,8 @@ def _numbers(given: Sequence[str], option: str, count: int) -> dict[str, list[fl
     return out
 
 
-def summary(start: Start, notes: Sequence[str]) -> list[str]:
-    """Return what was assumed, what was guessed and why, and what is open."""
+def summary(start: Start, notes: Sequence[str], log: str = "LOG") -> list[str]:
+    """Return what was assumed, what was guessed and why, what is open, and the command to go on with."""
     lines = [f"machine {start.machine.name}: axes {', '.join(start.machine.axes)}"]
     lines += [f"  {text}" for text in start.said]
     lines += [f"log: {note}" for note in notes]
@@ -102,7 +102,7 @@ def summary(start: Start, notes: Sequence[str]) -> list[str]:
             lines.append(f"channels named as they should be: {shown}")
         lines += [f"guess: {g.channel} = {g.column or f'{g.rate:g} Hz'}: {g.reason}" for g in guesses.found]
         lines += [f"open: {question}" for question in guesses.open]
-    return [*lines, f"written to {start.folder}; next: pinotwin check {start.folder} LOG"]
+    return [*lines, f"written to {start.folder}; next: pinotwin check {start.folder} {log}"]
 
 
 def as_dict(start: Start) -> dict[str, object]:

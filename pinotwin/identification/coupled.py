@@ -265,11 +265,11 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
 
     Args:
         trial: the plant with controllers and loops that have not seen the end of the log.
-        log: a log of the machine, with commands.
+        log: a log of the machine, with commands; raw or in the names of the contract.
         tried: the forms.
     """
     usual = "black" if trial.machine.passive else "coupled"
-    part, start = _end(log)
+    part, start = _end(bind(log, trial.machine.columns))
     both = {form: forecast_errors(trial, part, start, form) for form in tried}
     errors = {form: 0.5 * (e + u) for form, (e, u) in both.items()}
     best = min(errors, key=lambda form: errors[form] / (1.0 if form == usual else BETTER))
@@ -282,11 +282,11 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _end(log: Log) -> tuple[Log, int]:
-    """Return the last third of a log with some seconds before it, and the row where it begins."""
+    """Return the last third of a bound log with some seconds before it, and the row where it begins."""
     t = log.t
     length = min((t[-1] - t[0]) / 3.0, JUDGED)
     first = int(np.searchsorted(t, t[-1] - length - LEAD))
-    part = Log({name: x[first:] for name, x in log.channels.items()}, source=log.source)
+    part = log.rows(slice(first, None))
     return part, int(np.searchsorted(part.t, t[-1] - length))
 
 

@@ -325,10 +325,13 @@ def _position(table: _Table, axis: str) -> Floats | None:
 
 
 def _missing(table: _Table) -> list[str]:
-    """Say which signals of the axes that the log holds were not found."""
+    """Say which signals of the axes were not found, and of which axes nothing was."""
     lacking: dict[str, list[str]] = {"q": [], "u": [], "qr": []}
+    unknown: list[str] = []
     for axis in table.axes:
         held = {s for s in lacking if f"{axis}.{s}" in table.taken or f"{axis}.{s}" in table.named}
+        if not held:
+            unknown.append(axis)
         for signal in lacking if held else ():
             if signal not in held:
                 lacking[signal].append(f"{axis}.{signal}")
@@ -337,7 +340,14 @@ def _missing(table: _Table) -> list[str]:
         "u": "no column found for the effort; without it nothing of the axis is identified",
         "qr": "no command found; the plant is still identified, the closed loop is not",
     }
-    return [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
+    said = [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
+    if unknown:
+        free = table.free()
+        held_by_log = ", ".join(free[:8]) + (" ..." if len(free) > 8 else "")
+        said.append(
+            f"{', '.join(unknown)}: no column found; add them under `columns`. Not used: {held_by_log}"
+        )
+    return said
 
 
 def _quoted(text: str) -> str:

@@ -23,7 +23,7 @@ _BROKEN = (
     tokenize.TokenError,
     MemoryError,
     OverflowError,
-    NotImplementedError,
+    RuntimeError,  # an encrypted member; what is not implemented
     struct.error,
     OSError,
     EOFError,

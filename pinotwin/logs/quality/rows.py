@@ -63,13 +63,19 @@ def row_findings(log: Log) -> Iterator[Finding]:
 
 
 def _at_rest(measured: dict[str, Floats]) -> Mask:
-    """Return the rows about which no position moves: what an encoder says there, it may say again."""
+    """Return the rows where nothing moves, or is told to: what an encoder says there, it may say again."""
     rest = np.ones(len(next(iter(measured.values()))), dtype=bool)
     for name, x in measured.items():
         if name.endswith(".q"):
-            span = maximum_filter1d(x, _ABOUT) - minimum_filter1d(x, _ABOUT)
-            rest &= span <= 3.0 * (quantisation_step(x) or 0.0) + 1e-12
+            stands = _span(x) <= 3.0 * (quantisation_step(x) or 0.0) + 1e-12
+            command = measured.get(f"{name}r")
+            rest &= stands if command is None else stands | (_span(command) == 0.0)
     return rest
+
+
+def _span(x: Floats) -> Floats:
+    """Return the range of a channel about every row."""
+    return np.asarray(maximum_filter1d(x, _ABOUT) - minimum_filter1d(x, _ABOUT))
 
 
 def _key(log: Log, rows: Mask, most: int = 4) -> str:
