@@ -31,8 +31,8 @@ REPEATS = 2.5
 """Times that a ripple must repeat on the travel: a single wave is any smooth course, and a table of it."""
 REPEATS_MODULATED = 4.0
 """The same of a ripple whose size changes along the travel: three numbers say how, which fit any three waves."""
-KNOTS = 24
-"""Knots of a table that is tried on a travel."""
+KNOTS = (6, 10, 16, 24)
+"""Knots of the tables that are tried on a travel: a short log passes each of many too seldom to tell its height."""
 
 
 @dataclass(frozen=True)
@@ -306,9 +306,10 @@ class PositionTable(AxisEffect):
         return dataclasses.replace(self, endless=tree.endless(self.axis))
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: one smooth table over the travel."""
+        """See :meth:`Effect.trials`: tables over the travel, coarse ones and a fine one."""
         del motion
-        return (dataclasses.replace(self, spacing=min(sight.travel, _TURN) / (KNOTS - 1)),)
+        travel = min(sight.travel, _TURN)
+        return tuple(dataclasses.replace(self, spacing=travel / (count - 1)) for count in KNOTS)
 
     def fitted_to(self, motion: Motion) -> Self:
         """See :meth:`Effect.fitted_to`: lay the knots over the travel of this motion."""

@@ -95,11 +95,11 @@ def search(
         if not fit:
             break
         winner = simplest(fit, searcher, rules)
-        steps.append(Step(winner, [r for r in ranked if r is not winner], searcher))
+        steps.append(Step(winner, [r for r in one_each(ranked) if key(r) != key(winner)], searcher))
         if not isinstance(winner.effect, Pattern):
             steps = _without_superfluous(comparison, steps, rules)
         searcher = Searcher(comparison, [s.chosen for s in steps])
-    return Found(steps, last, ranked, first, searcher)
+    return Found(steps, last, one_each(ranked), first, searcher)
 
 
 def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
@@ -139,18 +139,30 @@ POLISHED, NEAR = 6, 0.5
 
 
 def rank(searcher: Searcher, tables: Sequence[tuple[Effect, Table]]) -> list[Scored]:
-    """Return the best candidate of every name and axis, shapes polished, best first."""
-    best: dict[tuple[str, str | None], Scored] = {}
+    """Return the best candidate of every name, axis and number of coefficients, shapes polished, best first.
+
+    A table of few points may stand where a finer one, which closes more, is told too badly by a short log.
+    """
+    best: dict[tuple[str, str | None, int], Scored] = {}
     for effect, table in tables:
         one = searcher.score(effect, table)
-        group = (named(effect).name, effect.axis)
-        fits = one is not None and one.gain > 0.0 and allowed(one, searcher.comparison)
-        if one is not None and fits and (group not in best or one.gain > best[group].gain):
+        if one is None or one.gain <= 0.0 or not allowed(one, searcher.comparison):
+            continue
+        group = (*key(one), one.numbers)
+        if group not in best or one.gain > best[group].gain:
             best[group] = one
     ranked = sorted(best.values(), key=lambda s: -s.gain)
-    top = [searcher.polished(s) if s.gain > NEAR * ranked[0].gain else s for s in ranked[:POLISHED]]
-    top = [t if allowed(t, searcher.comparison) else s for t, s in zip(top, ranked, strict=False)]
-    return sorted([*top, *ranked[POLISHED:]], key=lambda s: -s.gain)
+    near = [s for s in one_each(ranked)[:POLISHED] if s.gain > NEAR * ranked[0].gain]
+    better = {id(s): t for s in near if allowed(t := searcher.polished(s), searcher.comparison)}
+    return sorted((better.get(id(s), s) for s in ranked), key=lambda s: -s.gain)
+
+
+def one_each(ranked: Sequence[Scored]) -> list[Scored]:
+    """Return the first candidate of every name and axis."""
+    first: dict[tuple[str, str | None], Scored] = {}
+    for one in ranked:
+        first.setdefault(key(one), one)
+    return list(first.values())
 
 
 def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scored:

@@ -2,7 +2,8 @@
 
 An effect with a searched shape comes in hundreds of instances. A plain fit to the residual as it stands,
 without the model's own columns beside it, ranks the instances of one name on one axis well; the best few
-are then scored on unseen rows.
+are then scored on unseen rows. More coefficients always fit better, so that tables of several sizes are not ranked
+against each other here.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from pinotwin.effects import Effect
 from pinotwin.effects.effect import AxisEffect
 
 KEPT = 2
-"""Instances of one name on one axis that are scored on unseen rows."""
+"""Instances of one name on one axis, of each number of coefficients, that are scored on unseen rows."""
 CLOSE = 24
 """Instances in all, the best of those, whose columns are computed at the log's own rate."""
 
@@ -76,10 +77,15 @@ class Shortlist:
         if key in self.chosen and self.chosen[key][0] == stamp:
             return self.chosen[key][1]
         floor = searcher.comparison.floor
-        gains = np.array([closes(sample, effect, residual, floor) for effect in group])
-        best = [group[k] for k in np.argsort(-gains)[:KEPT]]
-        self.chosen[key] = (stamp, best)
-        return best
+        fits = [closes(sample, effect, residual, floor) for effect in group]
+        best: dict[int, list[Effect]] = defaultdict(list)
+        for k in sorted(range(len(group)), key=lambda k: -fits[k][0]):
+            alike = best[fits[k][1]]
+            if len(alike) < KEPT:
+                alike.append(group[k])
+        chosen = [effect for alike in best.values() for effect in alike]
+        self.chosen[key] = (stamp, chosen)
+        return chosen
 
 
 def quiet_joints(searcher: Searcher, rules: Rules) -> set[int]:
@@ -104,19 +110,19 @@ def _on_one(effect: Effect) -> bool:
 
 def closes(
     sample: Sample, effect: Effect, residual: Mapping[int, Floats], floor: Mapping[int, float]
-) -> float:
-    """Return how much of the squared residual, in units of the floor, a plain fit of the effect closes."""
+) -> tuple[float, int]:
+    """Return how much of the squared residual, in units of the floor, a plain fit closes with how many coefficients."""
     columns, rows = sample.skimmed(effect)
     joints = [j for j in columns if j in residual]
     if not joints:
-        return 0.0
+        return 0.0, 0
     C = np.concatenate([columns[j] / floor[j] for j in joints])
     r = np.concatenate([residual[j][rows[j]] for j in joints])
     if not np.isfinite(C).all():
-        return 0.0
+        return 0.0, C.shape[1]
     g = C.T @ r
     N = C.T @ C
     scale = np.sqrt(np.maximum(np.diag(N), 1e-300))
     N = N / np.outer(scale, scale) + 1e-6 * np.eye(len(N))
     theta = np.linalg.solve(N, g / scale) / scale
-    return float(g @ theta) if effect.possible(theta) else 0.0
+    return (float(g @ theta) if effect.possible(theta) else 0.0), C.shape[1]
