@@ -119,8 +119,16 @@ def test_the_size_of_an_effort_is_no_effort(twin, other):
     assert found.gap["X"]["u"].rms > 0.0
 
 
-def test_a_current_counted_the_other_way_is_said_and_not_explained(twin, other):
-    found = diagnose(twin, changed(other, X_u=-other["X.u"]), quick=True)
+def test_a_current_counted_the_other_way_is_a_factor_below_zero(twin, other):
+    found = diagnose(twin, changed(other, X_u=-0.9 * other["X.u"]), quick=True)
+    assert [(e.effect, e.axis) for e in found.effects] == [("effort_scale", "X")]
+    assert found.effects[0].theta["share"] == pytest.approx(-1.9, abs=0.01)
+    assert "factor 1 -> -0.90" in found.sentence
+    assert any("wrong sign" in w for w in found.warnings)
+
+
+def test_without_a_twin_a_current_counted_the_other_way_is_not_judged(machine, other):
+    found = diagnose(machine, changed(other, X_u=-other["X.u"]), quick=True)
     assert found.effects == []
     assert "wrong sign" in found.sentence
 

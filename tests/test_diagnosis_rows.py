@@ -52,7 +52,7 @@ def test_what_a_delay_closes_does_not_depend_on_the_unit_of_the_residual(floor: 
     column = Delay("X", span=0.04).columns(m).values[:, 0]
     s = sample(m, 0.04 * column, RULES.block_time)
     residual = {0: s.residual[0] / floor}
-    right, short = (closes(s, Delay("X", span=x), residual, {0: floor}) for x in (0.04, 0.01))
+    right, short = (closes(s, Delay("X", span=x), residual, {0: floor})[0] for x in (0.04, 0.01))
     few = residual[0][s.skimmed(Delay("X", span=0.04))[1][0]]
     assert right == pytest.approx(float(few @ few), rel=1e-4)
     assert short == 0.0

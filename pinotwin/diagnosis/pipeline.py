@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import search
 from pinotwin.diagnosis.search.injections import confidences, pairs_alike
-from pinotwin.diagnosis.search.pushes import courses, push_confidences, pushes
+from pinotwin.diagnosis.search.pushes import courses, only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import Effect
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -82,12 +82,15 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell("candidates", 0.15)
     measured = second_encoders(c, np.random.default_rng([seed, 4]))
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
-    whole, found, pushed, rest = _searched(c, shown, leave_out, rules, tell, most=1 if quick else None)
+    s = _searched(c, shown, leave_out, rules, tell, quick=quick)
     tell("how sure", 0.8)
-    rng = np.random.default_rng([seed, 1])
-    sure_pushes = push_confidences(c, whole, pushed, np.random.default_rng([seed, 5]), rules)
-    whole_logs, c = c, rest
-    sure = [rules.quick_confidence] * len(found.steps) if quick else confidences(c, found, rng, rules=rules)
+    sure = _sure(s, seed, rules, quick=quick)
+    if s.asks_pushes and not s.pushed and min(sure, default=1.0) < rules.named:
+        s = _beside_pushes(s, only_sure(c, s.found, sure, rules), shown, rules, quick=quick)
+        sure = _sure(s, seed, rules, quick=quick) if s.pushed else sure
+    found, pushed = s.found, s.pushed
+    sure_pushes = push_confidences(c, s.whole, pushed, np.random.default_rng([seed, 5]), rules)
+    whole_logs, c = c, s.rest
     named = [*effects_named(c, found, sure), *pushes_named(c, pushed, sure_pushes)]
     named = with_encoders(named, measured, leave_out)
     if closed_loop:
@@ -142,28 +145,58 @@ def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagn
     return replace(d, gap=gap, shrink=shrink, where=[*d.where, *v.where], advice=[*d.advice, *advice])
 
 
+@dataclass(frozen=True, eq=False)
+class _Searched:
+    """What was found.
+
+    Attributes:
+        whole: the search on all rows. found: that beside the pushes.
+        pushed: pushes from outside.
+        compared: what the first search compared. rest: what the second did.
+        asks_pushes: whether pushes are looked for.
+    """
+
+    whole: Search
+    found: Search
+    pushed: Sequence[Episodes]
+    compared: Comparison
+    rest: Comparison
+    asks_pushes: bool
+
+
 def _searched(
-    c: Comparison,
-    every: Sequence[Effect],
-    leave_out: Sequence[str],
-    rules: Rules,
-    tell: Tell,
-    *,
-    most: int | None,
-) -> tuple[Search, Search, list[Episodes], Comparison]:
-    """Return the search on all rows, that beside the pushes, the pushes from outside, and what the second compared.
+    c: Comparison, every: Sequence[Effect], leave_out: Sequence[str], rules: Rules, tell: Tell, *, quick: bool
+) -> _Searched:
+    """Return the causes that come with the motion and the pushes from outside.
 
     Pushes stand against causes that return with the motion on the same axis: whichever closes more. Their
     rows are then left out, and the search goes on without them.
     """
+    most = 1 if quick else None
     found = search(c, every, rules=rules, most=most, tell=lambda s, x: tell(s, 0.2 + 0.5 * x))
-    if "external_force" in leave_out or not c.change:
-        return found, found, [], c
-    pushed = pushes(c, found, rules)
+    asks = c.change and "external_force" not in leave_out
+    s = _Searched(found, found, (), c, c, asks)
+    return _beside_pushes(s, found, every, rules, quick=quick) if asks else s
+
+
+def _beside_pushes(
+    s: _Searched, whole: Search, every: Sequence[Effect], rules: Rules, *, quick: bool
+) -> _Searched:
+    """Return what was found with the pushes that a search on all rows leaves, and the causes beside them."""
+    c = s.compared
+    pushed = pushes(c, whole, rules)
     if not pushed:
-        return found, found, [], c
+        return s
     rest = without_pushes(c, {p.joint: p.rows for p in pushed})
-    return found, search(rest, every, rules=rules, most=most), pushed, rest
+    beside = search(rest, every, rules=rules, most=1 if quick else None)
+    return replace(s, whole=whole, found=beside, pushed=pushed, rest=rest)
+
+
+def _sure(s: _Searched, seed: int, rules: Rules, *, quick: bool) -> list[float]:
+    """Return the confidence of every cause that comes with the motion."""
+    if quick:
+        return [rules.quick_confidence] * len(s.found.steps)
+    return confidences(s.rest, s.found, np.random.default_rng([seed, 1]), rules=rules)
 
 
 def tried(c: Comparison, leave_out: Sequence[str] = ()) -> list[Effect]:

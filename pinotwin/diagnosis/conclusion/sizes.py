@@ -28,7 +28,7 @@ WORDS = {
     "load_friction.mu": "friction per load",
     "hysteresis.k": "drag of the loop",
     "offset.f0": "constant effort",
-    "effort_scale.share": "scale error of the effort",
+    "effort_scale.factor": "logged effort over the model's",
     "delay.seconds": "delay",
     "backlash.share": "share of the load behind the play",
     "drive_flexibility.share": "share of the inertia behind the spring",
@@ -54,10 +54,11 @@ FEW = 4
 
 
 def told(sizes: Sequence[Size]) -> list[Size]:
-    """Return the numbers that a person reads: amplitudes instead of sine and cosine, ends instead of knots.
+    """Return the numbers that a person reads: amplitudes instead of sine and cosine, ends instead of knots, factors.
 
     The interval of an amplitude is that of its parts, propagated to first order.
     """
+    sizes = [_factor(s) if s.name == "effort_scale.share" else s for s in sizes]
     waves = [s for s in sizes if _wave(s.name)]
     if waves and len(waves) % 2 == 0:
         pairs = zip(waves[::2], waves[1::2], strict=True)
@@ -65,6 +66,18 @@ def told(sizes: Sequence[Size]) -> list[Size]:
     if len(sizes) > FEW and len({s.unit for s in sizes}) == 1:
         return [_extreme(sizes, high=True), _extreme(sizes, high=False)]
     return list(sizes)
+
+
+def _factor(share: Size) -> Size:
+    """Return the factor on an effort from its error; below zero the effort has the other sign."""
+    low, high = share.interval
+    return replace(
+        share,
+        name="effort_scale.factor",
+        before=1.0 + share.before,
+        after=1.0 + share.after,
+        interval=(1.0 + low, 1.0 + high),
+    )
 
 
 def _wave(name: str) -> re.Match[str] | None:

@@ -72,12 +72,14 @@ class Gate:
         effects: axis -> effect that is not looked for -> why.
         questions: axis -> question that is not put -> why.
         silent: axis of which nothing is said -> why.
+        turned: axes whose effort seems to have the other sign.
     """
 
     doubts: tuple[str, ...] = ()
     effects: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     questions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     silent: Mapping[str, str] = field(default_factory=dict)
+    turned: frozenset[str] = frozenset()
 
     def admits(self, effect: str, axis: str | None) -> bool:
         """Whether an effect is looked for on an axis."""
@@ -138,7 +140,8 @@ def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
                 questions.setdefault(axis, {}).update(dict.fromkeys(bar.questions, finding.message))
             if bar.axis:
                 silent.setdefault(axis, f"{finding.channel} {finding.message}")
-    return Gate(_said(found, len(logs)), effects, questions, silent)
+    turned = [a for _, f in found if f.code == "effort_sign" for a in _axes(machine, f, "")]
+    return Gate(_said(found, len(logs)), effects, questions, silent, frozenset(turned))
 
 
 def _axes(machine: Machine, finding: Finding, channel: str) -> list[str]:
@@ -172,8 +175,8 @@ _KNOWN = 0.3
 def confirmed(gate: Gate, machine: Machine, measured: Floats, said: Floats, rows: Mask) -> Gate:
     """Return the gate of a change, with axes judged whose effort the twin knows as it was measured.
 
-    A fault may turn what looks like friction round; an effort that was logged with another sign, or of
-    another axis, or beside a position that is none, no longer goes with the twin's.
+    A fault may turn what looks like friction round; an effort of another axis, or beside a position that is none,
+    no longer goes with the twin's. One that goes against it is that effort with the other sign: a scale below zero.
 
     Args:
         gate: as ``check`` has it.
@@ -188,6 +191,7 @@ def confirmed(gate: Gate, machine: Machine, measured: Floats, said: Floats, rows
         use = rows[:, j] & np.isfinite(measured[:, j])
         x, y = measured[use, j], said[use, j]
         alive = use.sum() > 3 and np.ptp(x) > 0.0 and np.ptp(y) > 0.0
-        if alive and np.corrcoef(x, y)[0, 1] > _KNOWN:
+        along = float(np.corrcoef(x, y)[0, 1]) if alive else 0.0
+        if along > _KNOWN or (along < -_KNOWN and axis in gate.turned):
             del silent[axis]
     return replace(gate, silent=silent)

@@ -238,6 +238,8 @@ def allowed(one: Scored, comparison: Comparison) -> bool:
         return False
     for k, c in enumerate(one.effect.coefficients()):
         value = before[k] + one.judged.theta[k]
+        if comparison.change and one.effect.logged_effort:
+            continue  # a drive may log its effort with the other sign
         if value < c.lower - 2.0 * error[k] or (bounded and value > c.upper + 2.0 * error[k]):
             return False
     return one.effect.possible(one.judged.theta)

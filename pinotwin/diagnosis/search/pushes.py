@@ -49,6 +49,24 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
     return out
 
 
+def only_sure(c: Comparison, found: Found, sure: Sequence[float], rules: Rules) -> Found:
+    """Return a search with the causes that are sure: the others account for nothing, and are rivals of a push.
+
+    Pushes that lie where the motion happens to ask for it look like a cause with a memory, which trials do not confirm.
+
+    Args:
+        c: what was compared.
+        found: the search.
+        sure: the confidence of every cause.
+        rules: thresholds.
+    """
+    kept = [s for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
+    doubted = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x < rules.named]
+    first = found.steps[0].rivals if found.steps else ()
+    searcher = Searcher(c, [s.chosen for s in kept])
+    return replace(found, steps=kept, left=[*doubted, *first, *found.left], searcher=searcher)
+
+
 def _standing(c: Comparison, found: Found, joint: int, rules: Rules) -> tuple[Comparison, Episodes] | None:
     """Return the pushes that stand out on an axis and what they were found on: all that is left, or without the habit.
 
