@@ -15,7 +15,7 @@ from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.forward import Found, search
 from pinotwin.diagnosis.search.injections import confidences, lacked
-from pinotwin.diagnosis.search.pushes import push_confidences, pushes
+from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import EFFECTS
 from pinotwin.identification import identify
@@ -103,6 +103,19 @@ def test_a_push_that_stands_out_is_named_and_sure_and_no_other(twin: Twin) -> No
         assert len(named) == (size > RULES.push_strong)
         sure = push_confidences(pushed, nothing, named, np.random.default_rng(0), RULES)
         assert all(x > 0.9 for x in sure)
+
+
+def test_a_cause_that_is_not_sure_hides_no_push_and_stays_its_rival(twin: Twin, worn: Log) -> None:
+    c = compare(twin, [worn], [])
+    found = search(c, [EFFECTS["viscous"].on(c.machine, "X")])
+    (step,) = found.steps
+    assert only_sure(c, found, [0.9], RULES).steps == [step]
+    doubted = only_sure(c, found, [0.2], RULES)
+    assert doubted.steps == []
+    assert doubted.left[0] is step.chosen
+    left, first = doubted.searcher.residual()[0], found.first.residual()[0]
+    assert left == pytest.approx(first)
+    assert pushes(c, doubted, RULES) == []
 
 
 def test_a_cause_that_the_twin_always_lacked_in_part_is_as_sure_as_another(twin: Twin) -> None:
