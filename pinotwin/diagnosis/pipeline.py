@@ -84,10 +84,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
     s = _searched(c, shown, leave_out, rules, tell, quick=quick)
     tell("how sure", 0.8)
-    sure = _sure(s, seed, rules, quick=quick)
-    if s.asks_pushes and not s.pushed and min(sure, default=1.0) < rules.named:
-        s = _beside_pushes(s, only_sure(c, s.found, sure, rules), shown, rules, quick=quick)
-        sure = _sure(s, seed, rules, quick=quick) if s.pushed else sure
+    s, sure = _confirmed(s, shown, seed, rules, quick=quick)
     found, pushed = s.found, s.pushed
     sure_pushes = push_confidences(c, s.whole, pushed, np.random.default_rng([seed, 5]), rules)
     whole_logs, c = c, s.rest
@@ -190,6 +187,17 @@ def _beside_pushes(
     rest = without_pushes(c, {p.joint: p.rows for p in pushed})
     beside = search(rest, every, rules=rules, most=1 if quick else None)
     return replace(s, whole=whole, found=beside, pushed=pushed, rest=rest)
+
+
+def _confirmed(
+    s: _Searched, every: Sequence[Effect], seed: int, rules: Rules, *, quick: bool
+) -> tuple[_Searched, list[float]]:
+    """Return how sure each cause is, and what was found; a cause that trials do not confirm hides no push."""
+    sure = _sure(s, seed, rules, quick=quick)
+    if not s.asks_pushes or s.pushed or min(sure, default=1.0) >= rules.named:
+        return s, sure
+    again = _beside_pushes(s, only_sure(s.compared, s.found, sure, rules), every, rules, quick=quick)
+    return again, _sure(again, seed, rules, quick=quick) if again.pushed else sure
 
 
 def _sure(s: _Searched, seed: int, rules: Rules, *, quick: bool) -> list[float]:

@@ -94,7 +94,7 @@ def search(
         last = next(((r, refused(r, searcher, rules)) for r in ranked if key(r) not in taken), None)
         if not fit:
             break
-        winner = simplest(fit, searcher, rules)
+        winner = simplest(_richest(fit), searcher, rules)
         steps.append(Step(winner, [r for r in one_each(ranked) if key(r) != key(winner)], searcher))
         if not isinstance(winner.effect, Pattern):
             steps = _without_superfluous(comparison, steps, rules)
@@ -115,6 +115,14 @@ def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
     kin = any(name in e.imitates or name in e.contains for e in same)
     least = rules.second_share_kin if kin else rules.second_share
     return one.gain < least * first.power({one.joint: one.table[0][one.joint]})
+
+
+def _richest(fit: Sequence[Scored]) -> list[Scored]:
+    """Return the candidate with most numbers of every name and axis: few points stand in for many told too badly."""
+    most: dict[tuple[str, str | None], int] = {}
+    for one in fit:
+        most[key(one)] = max(one.numbers, most.get(key(one), 0))
+    return [one for one in fit if one.numbers == most[key(one)]]
 
 
 def key(one: Scored) -> tuple[str, str | None]:
