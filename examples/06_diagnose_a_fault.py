@@ -8,11 +8,10 @@ You see "Has changed: X viscous b" from what to what (about four times), with ga
 from __future__ import annotations
 
 import pinotwin as pt
-from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 
-def main(seconds: float = 12.0, quick: bool = True) -> Diagnosis:
+def main(seconds: float = 12.0, quick: bool = True) -> pt.Diagnosis:
     """Return the diagnosis of two repeats with a fault, against a twin of the healthy drive."""
     folder = pt.machines()["emps"]
     healthy, worn = VirtualMachine.load(folder), VirtualMachine.load(folder, inject=["viscous:X=0.8"])

@@ -14,11 +14,10 @@ import argparse
 
 import numpy as np
 
+import pinotwin as pt
 from pinotwin.analysis.modal import modes
-from pinotwin.identification import identify
 from pinotwin.imu.reconstruct import high_passed
-from pinotwin.machine import Machine
-from pinotwin.reconstruction import Settings, Vibration, identify_flexible, reconstruct_vibration
+from pinotwin.reconstruction import Settings, identify_flexible
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
 from pinotwin.virtual.trajectories import random_trajectory
@@ -36,7 +35,7 @@ def record(seconds: float, repeats: int):
     return [r.to_log() for r in runs], imus, truth, vm.tables().springs[0, :2]
 
 
-def errors(found: Vibration, truth: np.ndarray) -> tuple[float, float, float]:
+def errors(found: pt.Vibration, truth: np.ndarray) -> tuple[float, float, float]:
     """RMS against the truth: angle above 0.5 Hz [deg], velocity [deg/s], acceleration [deg/s²]."""
     m = found.motion
     fast = [high_passed(m.t, q, 0.5) for q in (m.q, truth[0])]
@@ -45,12 +44,12 @@ def errors(found: Vibration, truth: np.ndarray) -> tuple[float, float, float]:
     return angle, velocity, acceleration
 
 
-def main(seconds: float = 20.0, repeats: int = 4, effects: Machine | None = None) -> dict:
+def main(seconds: float = 20.0, repeats: int = 4, effects: pt.Machine | None = None) -> dict:
     """Reconstruct, identify, and print beside the source's tables; return the figures."""
-    rig = effects or Machine.load("flexure_rig")
+    rig = effects or pt.Machine.load("flexure_rig")
     logs, imus, truth, (k_true, c_true) = record(seconds, repeats)
-    one = reconstruct_vibration(rig, logs[0], imus[0][0], settings=Settings(methods=False))
-    both = reconstruct_vibration(rig, logs, *imus)
+    one = pt.reconstruct_vibration(rig, logs[0], imus[0][0], settings=Settings(methods=False))
+    both = pt.reconstruct_vibration(rig, logs, *imus)
     differ = {m.method: DEG * m.differ for m in both.methods}
     rows = {"1 run, 1 IMU": errors(one, truth), f"{repeats} runs, 2 IMUs": errors(both, truth)}
 
@@ -68,7 +67,7 @@ def main(seconds: float = 20.0, repeats: int = 4, effects: Machine | None = None
             f"without deflection {DEG * u.gyro_rigid:.3f}, noise {DEG * u.gyro_noise:.3f}"
         )
 
-    rigid = identify(rig.with_rigid_joints(), logs[0], loop=False, consistent=False)
+    rigid = pt.identify(rig.with_rigid_joints(), logs[0], loop=False, consistent=False)
     flexible = identify_flexible(rig, logs[0], one)
     effort = [{n: q["rms"] for n, q in t.quality["axes"].items()} for t in (rigid, flexible.twin)]
     print("Table 7-2, effort error        Y [N]   A [N·m]      source: Y [N]   A [N·m]")

@@ -13,14 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+import pinotwin as pt
 from pinotwin.analysis.modal import servo_modes
-from pinotwin.identification import identify
-from pinotwin.log import Log
-from pinotwin.machine import Machine
-from pinotwin.reconstruction import Settings, reconstruct_vibration, with_vibration
+from pinotwin.reconstruction import Settings, with_vibration
 from pinotwin.report import identification_report
-from pinotwin.simulation import compare, wide_loops
-from pinotwin.twin import Twin
+from pinotwin.simulation import wide_loops
+from pinotwin.simulation.score import compare as compared
 from pinotwin.virtual import VirtualMachine, rig_moves
 from pinotwin.virtual.imu import record_imu
 from pinotwin.virtual.trajectories import random_trajectory
@@ -28,13 +26,13 @@ from pinotwin.virtual.trajectories import random_trajectory
 SOURCE = {"Table 7-4": (6.19, 3.89, 4.19, 2.03), "Table C-2": (5.52, 6.63, 6.00, 4.02)}
 
 
-def four(twin: Twin, log: Log, predicted: Log) -> list[float]:
+def four(twin: pt.Twin, log: pt.Log, predicted: pt.Log) -> list[float]:
     """Normalised RMS errors of Y and A [%]: e, u; e, u."""
-    score = compare(twin.machine, log, predicted)
+    score = compared(twin.machine, log, predicted)
     return [100 * score[axis][signal]["nrmse"] for axis in "YA" for signal in "eu"]
 
 
-def after_hit(log: Log, predicted: Log) -> list[float]:
+def after_hit(log: pt.Log, predicted: pt.Log) -> list[float]:
     """Errors of the response to a pulse over its RMS [%], from the state before it: e, u of Y, A."""
     every, out = round((len(predicted) - 1) / (len(log) - 1)), []
     before, after = abs(log.t - rig_moves.HIT + 0.05) < 0.05, log.t >= rig_moves.HIT
@@ -47,23 +45,23 @@ def after_hit(log: Log, predicted: Log) -> list[float]:
     return out
 
 
-def hammer(vm: VirtualMachine, twin: Twin, tilt: float, side: float) -> list[float]:
+def hammer(vm: VirtualMachine, twin: pt.Twin, tilt: float, side: float) -> list[float]:
     """Hit one side of the tilted table, 5 ms and 500 N; errors of the predicted response [%]."""
     path, pulse = rig_moves.tilted(vm, tilt), rig_moves.hit(tilt, side)
     measured = vm.record(path, seed=3, external=[pulse]).to_log()
-    return after_hit(measured, twin.simulate(Log(rig_moves.hammer_command(vm, path, pulse))))
+    return after_hit(measured, twin.simulate(pt.Log(rig_moves.hammer_command(vm, path, pulse))))
 
 
-def main(seconds: float = 20.0, report: str = "", rig: Machine | None = None) -> dict:
+def main(seconds: float = 20.0, report: str = "", rig: pt.Machine | None = None) -> dict:
     """Identify, simulate, print beside the source's tables; return the figures."""
-    rig, vm = rig or Machine.load("flexure_rig"), VirtualMachine.load("urdf/flexure_rig")
+    rig, vm = rig or pt.Machine.load("flexure_rig"), VirtualMachine.load("urdf/flexure_rig")
     run = vm.record(random_trajectory(vm, seconds, 11), seed=1, truth_rate=2000.0)
     log, imu = run.to_log(), record_imu(run.truth, "C_link", vm.truth.seed, 1)
-    seen = reconstruct_vibration(rig, log, imu, settings=Settings(methods=False))
+    seen = pt.reconstruct_vibration(rig, log, imu, settings=Settings(methods=False))
     train = with_vibration(log, seen, row=True)
     unseen = random_trajectory(vm, seconds, 12, rig_moves.limits_c1(vm))
     other, fig = (vm.record(x, seed=2).to_log() for x in (unseen, rig_moves.zones(vm)))
-    twin = identify(rig, train)
+    twin = pt.identify(rig, train)
 
     print("Normalised RMS error [%], command alone       e_Y    u_Y    e_A    u_A   mean")
     rows = {(table, "source"): list(x) for table, x in SOURCE.items()}

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 import pinotwin as pt
-from pinotwin.analysis.decomposition import decompose
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 SOURCE = {"Y": {"e": 0.0712, "u": 0.0512}, "A": {"e": 0.0615, "u": 0.0263}}  # Table 4-5
@@ -83,7 +82,7 @@ def main(seconds: float = 25.0, unseen_seconds: float = 12.0) -> dict[str, dict[
     print_sizes(unseen, found)
     window = (3.0, 5.3)
     print("\nshares of the tracking error, 3 to 5.3 s (Fig. 4-16)")
-    for row in decompose(twin, unseen, window).table():
+    for row in pt.decompose(twin, unseen, window).table():
         print(f"{row['axis']}  {row['cause']:<22}{row['share']:7.1%}")
     return found
 

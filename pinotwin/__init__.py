@@ -1,15 +1,16 @@
 """pinotwin: from a URDF and a log to a model that says where reality differs, and why.
 
     import pinotwin as pt
-    twin = pt.identify("trunnion", "log.csv")        # a machine and its log(s)
-    predicted = twin.simulate("other.csv")           # from the command alone
-    found = pt.diagnose(twin, "today.csv")           # where, why, how far it shrinks
+    machine = pt.Machine.load("trunnion")            # a bundled machine; or your folder, YAML or URDF
+    twin = pt.identify(machine, pt.read("log.csv"))
+    predicted = twin.simulate(pt.read("other.csv"))  # from the command alone
+    found = pt.diagnose(twin, pt.read("today.csv"))  # where, why, how far it shrinks
 
 Wherever a log, a machine or a twin is asked for, the name of its file or folder will do.
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
-Verbs:     new  read  check  identify  simulate  diagnose  compare  decompose  export_twin  reconstruct_vibration
-           prepare  resample  machines
+Verbs:     new  read  check  identify  diagnose  compare  decompose  export_twin  reconstruct_vibration  prepare
+           resample  machines; of their own: Machine.load .save  Twin.load .simulate .save  Diagnosis.apply
 Table:     EFFECTS (every effect by name)
 Errors:    PinotwinError > InputError > LogError, MachineError, DataError, TwinError
 
@@ -53,7 +54,6 @@ _HOME = {
     "read": "pinotwin.logs.files",
     "reconstruct_vibration": "pinotwin.reconstruction",
     "resample": "pinotwin.logs.quality",
-    "simulate": "pinotwin.simulation",
 }
 
 if TYPE_CHECKING:
@@ -84,7 +84,6 @@ if TYPE_CHECKING:
     from pinotwin.reconstruction import Vibration as Vibration
     from pinotwin.reconstruction import reconstruct_vibration as reconstruct_vibration
     from pinotwin.scaffold import new as new
-    from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin
 
 

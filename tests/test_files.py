@@ -384,3 +384,12 @@ def test_a_csv_of_numpy_comes_back() -> None:
     path = fresh("run.txt")
     path.write_text(buffer.getvalue())
     assert_channels(read(path), ["t", "q", "u"], table)
+
+
+def test_two_exports_of_one_recording_share_their_clock_whatever_its_name(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("Time [ms],Xact,state\n0,1.5,3\n2,1.25,3\n4,1,3\n")
+    (tmp_path / "y.csv").write_text("Time [ms],Yact,state\n0,7,1\n2,8,1\n4,9,2\n")
+    log = read_argument(f"{tmp_path / 'x.csv'}+{tmp_path / 'y.csv'}")
+    assert list(log.channels) == ["Time", "Xact", "x.state", "Yact", "y.state"]
+    assert log.units["Time"] == "ms"
+    assert "Time is the same in all joined files and kept once" in log.notes

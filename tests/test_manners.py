@@ -14,6 +14,7 @@ from pinotwin.cli.main import COMMANDS, EXAMPLES, main
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.result import Gap
 from pinotwin.logs.prepare import prepare
+from tests.conftest import ROOT
 from tests.simulated import known_twin, plain_machine, smooth_command
 
 pandas = pytest.importorskip("pandas")
@@ -38,7 +39,7 @@ def test_paths_do_wherever_objects_do(folder):
     machine, twin, log = folder / "machine", folder / "twin", folder / "log.csv"
     assert pt.check(machine, log).ok
     assert len(pt.prepare(str(machine), [str(log)])) > 1000
-    assert pt.simulate(twin, log)["X.q"].shape == pt.read(log).t.shape
+    assert pt.Twin.load(twin).simulate(log)["X.q"].shape == pt.read(log).t.shape
     assert pt.decompose(twin, log).axes == ("X",)
     found = pt.identify(machine, str(log), validate=log, loop=False)
     again = pt.identify(pt.Machine.load(machine), pt.read(log), loop=False)
@@ -47,8 +48,8 @@ def test_paths_do_wherever_objects_do(folder):
 
 def test_a_table_will_do_as_a_log(folder):
     table = pandas.read_csv(folder / "log.csv")
-    found = pt.simulate(folder / "twin", table)
-    np.testing.assert_array_equal(found["X.q"], pt.simulate(folder / "twin", folder / "log.csv")["X.q"])
+    twin = pt.Twin.load(folder / "twin")
+    np.testing.assert_array_equal(twin.simulate(table)["X.q"], twin.simulate(folder / "log.csv")["X.q"])
 
 
 @pytest.mark.parametrize(
@@ -56,7 +57,7 @@ def test_a_table_will_do_as_a_log(folder):
     [
         (lambda: pt.identify(3, "log.csv"), "machine: expected a Machine, its folder, .* not int"),
         (lambda: pt.identify("emps", 3), "log: expected a Log, a file name or a pandas DataFrame, not int"),
-        (lambda: pt.simulate({}, "log.csv"), "twin: expected a Twin or its folder, not dict"),
+        (lambda: pt.decompose({}, "log.csv"), "twin: expected a Twin or its folder, not dict"),
         (lambda: pt.identify("emps", "absent.csv"), "absent.csv"),
         (lambda: pt.check("emps", [1.0]), "not list"),
         (lambda: pt.export_twin(None, "c", "x.c"), "twin: expected a Twin or its folder, not NoneType"),
@@ -159,3 +160,20 @@ def test_every_command_has_a_description_an_example_and_defaults(command, capsys
     assert max(map(len, text.splitlines())) <= 80
     assert "(None)" not in text
     assert "(False)" not in text
+
+
+def test_docs_and_examples_take_public_names_through_the_front_door():
+    """One way for one thing: what `pt.` has is not imported from inside."""
+    places = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "examples").glob("*.[pi]*")]
+    texts = {p: p.read_text() for p in places}
+    inside = [
+        (path.name, name)
+        for path, text in texts.items()
+        for line in re.findall(r"from pinotwin[.\w]* import ([\w, ]+)", text)
+        for name in line.split(", ")
+        if name in dir(pt)
+    ]
+    assert inside == []
+    assert [
+        p.name for p, text in texts.items() if re.search(r"pt\.(identify|diagnose|check)\(\"", text)
+    ] == []

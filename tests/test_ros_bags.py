@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,17 @@ def test_a_damaged_bag_is_one_line(tmp_path: Path, log: dict[str, np.ndarray], s
             said.append(str(error))
     assert said
     assert all("\n" not in text for text in said)
+
+
+def test_an_empty_message_is_one_line(tmp_path: Path, log: dict[str, np.ndarray]) -> None:
+    bag = write_bag(tmp_path / "bag", log, storage="sqlite3")
+    with sqlite3.connect(next(bag.glob("*.db3"))) as base:
+        base.executescript(
+            "CREATE TABLE m AS SELECT * FROM messages; DROP TABLE messages; ALTER TABLE m RENAME TO messages;"
+            "UPDATE messages SET data = NULL WHERE id = 5"
+        )
+    with pytest.raises(LogError, match="is damaged or cut off"):
+        read(bag)
 
 
 def test_a_bag_without_numbers_names_its_topics(tmp_path: Path) -> None:

@@ -343,10 +343,8 @@ def _missing(table: _Table) -> list[str]:
     said = [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
     if unknown:
         free = table.free()
-        held_by_log = ", ".join(free[:8]) + (" ..." if len(free) > 8 else "")
-        said.append(
-            f"{', '.join(unknown)}: no column found; add them under `columns`. Not used: {held_by_log}"
-        )
+        unused = f". Not used: {', '.join(free[:8])}{' ...' if len(free) > 8 else ''}" if free else ""
+        said.append(f"{', '.join(unknown)}: no column found; add them under `columns`{unused}")
     return said
 
 

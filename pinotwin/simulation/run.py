@@ -23,7 +23,6 @@ from pinotwin.simulation.command import Request, beginning, motor_coordinates, r
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.state import Command, Record
 from pinotwin.threads import one_blas_thread
-from pinotwin.twin.twin import TwinLike, as_twin
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
@@ -70,9 +69,7 @@ class Response:
     notes: tuple[str, ...]
 
 
-def simulate(
-    twin: TwinLike, log: LogLike, *, step: float | None = None, controller: Loops | None = None
-) -> Log:
+def simulate(twin: Twin, log: LogLike, *, step: float | None = None, controller: Loops | None = None) -> Log:
     """Return position, tracking error and effort that the machine will show for a command.
 
     Args:
@@ -97,7 +94,6 @@ def simulate(
         TwinError: the twin has no closed loop.
         DataError: the simulated machine leaves its command.
     """
-    twin = as_twin(twin)
     found = respond(twin, as_log(log), step=step, controller=controller, full=bool(twin.machine.passive))
     asked, machine = found.request, twin.machine
     q, e, u = motor_coordinates(machine, *(asked.at_stamps(x) for x in (found.q, found.e, found.u)))

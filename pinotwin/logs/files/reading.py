@@ -170,7 +170,7 @@ def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
     """Join logs of equal length side by side.
 
     A name that occurs in several files gets the file's stem in front (``pos_data.Joint_1``); a
-    clock ``t`` that all files share, number for number, is kept once.
+    clock that all files share, number for number, whatever its name, is kept once.
 
     Raises:
         LogError: the lengths differ, or two files have one stem and share names.
@@ -182,25 +182,30 @@ def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
     notes = [f"{log.source}: {note}" for log in logs for note in log.notes]
     shared = _shared_clock(logs)
     if shared:
-        notes.append("t is the same in all joined files and kept once")
-    channels: dict[str, Floats] = {"t": logs[0].t} if shared else {}
+        notes.append(f"{shared} is the same in all joined files and kept once")
+    channels: dict[str, Floats] = {shared: logs[0][shared]} if shared else {}
     counts = Counter(name for log in logs for name in {*log.channels, *log.scalars})
     scalars: dict[str, float] = {}
-    units: dict[str, str] = {"t": logs[0].units["t"]} if shared and "t" in logs[0].units else {}
+    units: dict[str, str] = {k: u for k, u in logs[0].units.items() if k == shared}
     for log, stem in zip(logs, stems, strict=True):
         rename = {name: f"{stem}.{name}" if counts[name] > 1 else name for name in counts}
         for name, x in log.channels.items():
-            if name == "t" and shared:
+            if name == shared:
                 continue
             if rename[name] in channels:
                 raise LogError(f"{log.source}: {rename[name]!r} is in another joined file as well")
             channels[rename[name]] = x
         scalars.update({rename[name]: value for name, value in log.scalars.items()})
-        units.update({rename[k]: u for k, u in log.units.items() if not (k == "t" and shared)})
+        units.update({rename[k]: u for k, u in log.units.items() if k != shared})
     return Log(channels, "+".join(lengths), scalars, tuple(notes), units)
 
 
-def _shared_clock(logs: Sequence[Log]) -> bool:
-    if not all("t" in log for log in logs):
-        return False
-    return all(np.array_equal(logs[0].t, log.t, equal_nan=True) for log in logs)
+def _shared_clock(logs: Sequence[Log]) -> str | None:
+    """Return the name of the channel that all logs have, that only rises, and that is the same in all of them."""
+    common = [name for name in logs[0].channels if all(name in log for log in logs)]
+    for name in sorted(common, key=lambda k: k != "t"):
+        x = logs[0][name]
+        rises = name == "t" or (len(x) > 1 and bool(np.all(np.diff(x) > 0.0)))
+        if rises and all(np.array_equal(x, log[name], equal_nan=True) for log in logs):
+            return name
+    return None

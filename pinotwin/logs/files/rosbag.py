@@ -47,6 +47,7 @@ _BROKEN = (
     OSError,
     EOFError,
     ValueError,
+    TypeError,  # a message that is not there
     KeyError,
     IndexError,
     AssertionError,

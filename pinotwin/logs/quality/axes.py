@@ -117,7 +117,7 @@ def axis_findings(
     for name in axes:
         if name not in table:
             hint = nearest(f"{name}.q", log.channels)
-            remedy = f"map it under columns in machine.yaml; {hint}"
+            remedy = f"map it under columns in machine.yaml, or take the axis out of axes; {hint}"
             yield Finding("error", name, f"no position {name}.q; {remedy}", "position_missing")
             continue
         axis = table[name]
