@@ -12,6 +12,7 @@ from scipy.signal import lsim
 from pinotwin.dynamics.batch import inverse
 from pinotwin.effects import EFFECTS, LISTED, Tree
 from pinotwin.errors import DataError, MachineError
+from pinotwin.machine import Machine
 from pinotwin.machine.yaml_file import make_effects
 from pinotwin.motion import Motion
 from tests.motions import multisine
@@ -46,6 +47,17 @@ def test_presliding_and_play_need_rate_and_resolution(motion):
     assert found("drive_flexibility", "Y", slow) == ()
     noisy = motion.q + 1e-3 * np.random.default_rng(1).standard_normal(motion.q.shape)
     assert found("presliding", "Y", dataclasses.replace(motion, q=noisy)) == ()
+
+
+def test_a_wrist_couples_axes_that_a_gear_can_reach():
+    """On an arm of seven axes one cause was a gear between the first and the last but one."""
+    arm = Tree.of(Machine.load("tx40"))
+    assert arm.apart("J5", "J6") == arm.apart("J6", "J5") == 1
+    w, t, use = np.arange(1.0, 7.0), 0.01 * np.arange(800)[:, None], np.ones((800, 6), dtype=bool)
+    q, v, a = np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)
+    swings = Motion(arm.names, arm.rotary, t[:, 0], q, v, a, v, (slice(0, 800),), 0.01, use)
+    partners = {e.partner for e in EFFECTS["wrist_coupling"].candidates(arm, "J6", swings)}
+    assert partners == {"J4", "J5"}
 
 
 def test_a_stribeck_curve_needs_slow_rows(motion):

@@ -207,6 +207,7 @@ def test_many_numbers_become_a_few() -> None:
         ("position_table.lowest of 9 points", 0.0),
     ]
     assert times_text(Size("viscous.b", 51.2, 297.0, "N·s/m", (290.0, 300.0))) == "× 5.8"
+    assert times_text(Size("coulomb.c", 1.0, 1.996, "N·m", (1.9, 2.1))) == "+100 %"
     assert times_text(Size("viscous.b", 100.0, 80.0, "N·s/m", (70.0, 90.0))) == "-20 %"
 
 

@@ -18,8 +18,16 @@ from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect, Paired
 from pinotwin.effects.family import BODY, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
-from pinotwin.effects.tree import HasTree, others
+from pinotwin.effects.tree import HasTree, Tree, others
 from pinotwin.motion import Motion
+
+REACH = 2
+"""Joints along the arm over which a motor is geared to two of them: the three of a wrist."""
+
+
+def _reach(tree: Tree, a: str, b: str) -> bool:
+    apart = tree.apart(a, b)
+    return apart is not None and apart <= REACH
 
 
 @dataclass(frozen=True)
@@ -60,9 +68,10 @@ class WristCoupling(Paired):
 
     @classmethod
     def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Effect, ...]:
-        """See :meth:`Effect.candidates`: with every other rotary axis, where both move."""
-        turns = dict(zip(machine.names, machine.rotary, strict=True))
-        partners = [x for x in others(tuple(machine.names), axis) if turns[x] and turns[axis]]
+        """See :meth:`Effect.candidates`: with rotary axes so near that a gear can reach, where both move."""
+        tree = Tree.of(machine)
+        turns = dict(zip(tree.names, tree.rotary, strict=True))
+        partners = [x for x in others(tree.names, axis) if turns[x] and turns[axis] and _reach(tree, axis, x)]
         if not Sight.of(motion, axis).moves:
             return ()
         return tuple(cls(axis, True, partner=x) for x in partners if Sight.of(motion, x).moves)

@@ -70,6 +70,12 @@ class Tree:
         span = self.model.upperPositionLimit[k] - self.model.lowerPositionLimit[k]
         return bool(self.rotary[k] and span > ENDLESS)
 
+    def apart(self, a: str, b: str) -> int | None:
+        """Return how many joints one axis is further out than another that carries it; None if neither does."""
+        inner, outer = sorted((self.joint(a), self.joint(b)))
+        path = list(self.model.supports[outer])
+        return len(path) - 1 - path.index(inner) if inner in path else None
+
 
 def others(names: Sequence[str], axis: str) -> tuple[str, ...]:
     """Return the names but one."""

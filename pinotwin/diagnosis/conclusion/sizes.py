@@ -124,7 +124,8 @@ def times_text(size: Size) -> str:
     ratio = size.after / size.before
     if ratio >= 2.0:
         return f"× {ratio:.2g}"
-    return f"{100.0 * (ratio - 1.0):+.2g} %" if ratio > 0.0 else ""
+    per_cent = 100.0 * (ratio - 1.0)
+    return f"{per_cent:{'+.0f' if abs(per_cent) >= 10.0 else '+.2g'}} %" if ratio > 0.0 else ""
 
 
 def first_text(found: Found) -> str:
