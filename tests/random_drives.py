@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline
 import pinotwin as pt
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
+from pinotwin.logs.columns import Column
 from pinotwin.machine import Machine
 
 SPOILED = ("none", "none", "none", "none", "hole", "nan", "jitter", "backwards", "scale", "late", "still")
@@ -227,9 +228,16 @@ def asked(seed: int) -> Answer:
         return Answer(how, "wrong", traceback.format_exc())
 
 
+def _as_exported(log: Log) -> tuple[Machine, Log]:
+    """Return the log with a clock as controllers export it, in ms and of another name, and the machine that says so."""
+    columns = {"t": Column("Time", unit="ms")}
+    channels = {("Time" if k == "t" else k): (1e3 * x if k == "t" else x) for k, x in log.channels.items()}
+    return dataclasses.replace(machine(), columns=columns), Log(channels, source=log.source)
+
+
 def _answered(how: str, log: Log, other: Log) -> Answer:
     try:
-        twin = pt.identify(machine(), log)
+        twin = pt.identify(*_as_exported(log))
     except PinotwinError as error:
         wrong = "" if how == "still" and "no usable row" in str(error) else f"identify refused: {error}"
         return Answer(how, "identify refused", wrong if how in (*WHOLE, "still") else "")

@@ -38,6 +38,9 @@ def measure(name: str, published: float, record: Record = recorded) -> list[Figu
     out = [_figure("all", "every law and seed", [x for r in rows.values() for x in r], published)]
     for law, found in rows.items():
         out.append(_figure(law, LAWS[law], found, published))
+    floors = [_floor(_virtual(name, law), seed) for law in LAWS for seed in SEEDS]
+    what = "two runs of the true machine on the unseen command, other noise and scatter of friction"
+    out.append(Figure("floor", what, float(np.median(floors)), low=min(floors), high=max(floors)))
     every = [row for r in rows.values() for row in r]
     for axis in every[0]:
         for signal in "eu":
@@ -53,6 +56,20 @@ def _virtual(name: str, law: str) -> VirtualMachine:
     folder = read_folder(bundled_path(name))
     axes = {k: replace(a, friction=replace(a.friction, kind=law)) for k, a in folder.truth.axes.items()}
     return VirtualMachine.build(replace(folder, truth=replace(folder.truth, axes=axes)))
+
+
+def _floor(virtual: VirtualMachine, seed: int) -> float:
+    """Return by how much two runs of the true machine differ, mean of e and u of all axes [%]."""
+    path = random_trajectory(virtual, SECONDS, 1000 + seed)
+    first, other = (virtual.record(path, seed=s).to_log() for s in (1000 + seed, 2000 + seed))
+    off = compare(pt.Machine.load(virtual.name), first, _said(other))
+    return 100.0 * float(np.mean([row[s]["nrmse"] for row in off.values() for s in "eu"]))
+
+
+def _said(log: pt.Log) -> pt.Log:
+    """Return a log with the tracking errors that a prediction has."""
+    axes = [name.removesuffix(".qr") for name in log.channels if name.endswith(".qr")]
+    return log.with_channels({**log.channels, **{f"{a}.e": log[f"{a}.qr"] - log[f"{a}.q"] for a in axes}})
 
 
 def _errors(virtual: VirtualMachine, seed: int, record: Record) -> dict:  # type: ignore[type-arg]

@@ -9,6 +9,7 @@ from plotly.subplots import make_subplots
 from pinotwin.analysis.modal import modes
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
+from pinotwin.logs.columns import bind
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Html, Plot, heading, paragraph, table
 from pinotwin.report.closed_loop_plots import measured_signals, scale_of
@@ -29,6 +30,7 @@ def flexible_blocks(twin: Twin, log: Log) -> list[Block]:
     found = [name for name in twin.machine.passive if f"{name}.spring" in twin.keys]
     if not found or not twin.loops:
         return []
+    log = bind(log, twin.machine.columns)
     try:
         black = twin.simulate(log)
     except PinotwinError as error:
