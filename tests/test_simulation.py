@@ -13,7 +13,6 @@ from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.simulation import respond, simulate
 from pinotwin.simulation.command import beginning
-from pinotwin.simulation.state import Command
 from tests.simulated import Integrator, known_twin, plain_machine, smooth_command
 
 LINK = {"trunnion": "C_link", "laser_driller": "C_link", "flexure_rig": "C_link"}
@@ -280,8 +279,8 @@ def test_a_machine_begins_as_its_command_can_have_come_in() -> None:
     move = 0.05 * (1.0 - np.cos(3.0 * t)), 0.15 * np.sin(3.0 * t)
     step = 0.2 * t + np.where(t > 0.0, 1e-4, 0.0), np.where(t > 0.0, 0.2, 0.3)
     qr, vr = (np.stack(x, axis=1) for x in zip(cut, move, step, strict=True))
-    began = beginning(Command(qr, vr, np.zeros((1, 3)), h, 4, np.ones(3)))
-    a = (6.0 * (began.qr[1] - began.qr[0]) / h - 4.0 * began.vr[0] - 2.0 * began.vr[1]) / h
-    np.testing.assert_allclose(began.qr[0], qr[0])
-    np.testing.assert_allclose(began.vr[0], [vr[0, 0], 0.0, 0.2], atol=1e-9)
+    q0, v0 = beginning(qr, vr, h)
+    a = (6.0 * (q0[1] - q0[0]) / h - 4.0 * v0[0] - 2.0 * v0[1]) / h
+    np.testing.assert_allclose(q0[0], qr[0])
+    np.testing.assert_allclose(v0[0], [vr[0, 0], 0.0, 0.2], atol=1e-9)
     np.testing.assert_allclose(a, [-0.9 * np.sin(1.0), 0.0, 0.0], atol=2e-3)

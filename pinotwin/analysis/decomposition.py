@@ -22,6 +22,7 @@ from pinotwin.analysis.disturbance import CAUSES, split
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.simulation.command import beginning
 from pinotwin.simulation.run import Loops, as_motion, respond
 from pinotwin.threads import one_blas_thread
 from pinotwin.twin.twin import TwinLike, as_twin
@@ -116,23 +117,28 @@ def decompose(
     parts["other"] = parts["other"] + rest if "other" in parts else rest
     rows = _rows(asked.t, asked.source, window)
     axes = tuple(name for name in twin.machine.axes if name in found.loops)
+    begun = beginning(asked.qr, asked.vr, asked.step)[1][0]
     disturbances: dict[str, dict[str, Floats]] = {}
     errors: dict[str, dict[str, Floats]] = {}
     for name in axes:
         i = twin.machine.axes[name].index
         own = {c: parts[c][:, i] for c in CAUSES if c in parts and np.any(parts[c][:, i])}
-        made = _errors(found.loops[name], asked.qr[:, i], asked.vr[:, i], own, asked.step)
+        made = _errors(found.loops[name], asked.qr[:, i], asked.vr[:, i], own, asked.step, begun[i])
         disturbances[name] = {c: asked.at_stamps(x)[rows] for c, x in own.items()}
         errors[name] = {c: asked.at_stamps(x)[rows] for c, x in made.items()}
     return Decomposition(asked.t[rows], axes, disturbances, errors, found.notes)
 
 
 def _errors(
-    loop: LoopModel, qr: Floats, vr: Floats, parts: Mapping[str, Floats], step: float
+    loop: LoopModel, qr: Floats, vr: Floats, parts: Mapping[str, Floats], step: float, begun: float
 ) -> dict[str, Floats]:
-    """Return the tracking error that the command and each part of the disturbance make."""
+    """Return the tracking error that the command and each part of the disturbance make.
+
+    The simulation begins with the velocity ``begun``, and so does the part of the command.
+    """
     none = np.zeros_like(qr)
-    out = {COMMAND: loop.simulate(qr, none, vr=vr, step=step)[:, 0]}
+    first = loop.modal(step).equilibrium(np.array([0.0, begun]))
+    out = {COMMAND: loop.simulate(qr, none, first, vr=vr, step=step)[:, 0]}
     for cause, d in parts.items():
         out[cause] = loop.simulate(none, d, vr=none, ar=none, step=step)[:, 0]
     return out

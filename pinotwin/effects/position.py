@@ -283,6 +283,7 @@ class PositionTable(AxisEffect):
     colour: ClassVar[str] = "#9c755f"
     contains: ClassVar[tuple[str, ...]] = ("offset",)
     imitates: ClassVar[tuple[str, ...]] = ("ripple", "ripple_modulated", "spring", "geometric_error")
+    searched: ClassVar[int] = 1  # how many knots
     held: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("position",)
     depends: ClassVar[Depends] = "position"

@@ -21,7 +21,6 @@ from pinotwin.logs.columns import LOAD_SIGNALS, Column, bind
 from pinotwin.loop import command_rates
 from pinotwin.machine import Machine
 from pinotwin.signals import segments
-from pinotwin.simulation.state import Command
 
 FEWEST = 8
 """Rows below which there is nothing to simulate."""
@@ -218,15 +217,17 @@ def _is_load(channel: str) -> bool:
     return channel.rsplit(".", 1)[-1] in LOAD_SIGNALS
 
 
-def beginning(command: Command) -> Command:
-    """Return two rows that a machine begins with: those of the command, unless it cannot have come in so.
+def beginning(qr: Floats, vr: Floats, step: float) -> tuple[Floats, Floats]:
+    """Return position and velocity of the two rows that a machine begins with, shape (2, nv) each.
+
+    They are those of the command (``qr``, ``vr``, shape (n, nv)), unless it cannot have come in so.
 
     A simulation begins in equilibrium with velocity and acceleration of the command, as a log that was cut out of a
     motion does. An axis that stands has no acceleration yet, whatever the first move asks for, and one whose command
     begins with a step had the velocity of the rows after it: wound up for the step's acceleration, the integral of a
     PID held 28 kN for a machine of 0.7 kN.
     """
-    h, qr, vr = command.step, command.qr[: START + 1], command.vr
+    h, qr = step, qr[: START + 1]
     first = (6.0 * (qr[1] - qr[0]) / h - 4.0 * vr[0] - 2.0 * vr[1]) / h
     slopes = np.diff(qr, axis=0)[1:] / h
     later = np.diff(slopes, axis=0) / h
@@ -235,5 +236,4 @@ def beginning(command: Command) -> Command:
     a = np.where(steps, np.median(later, axis=0), first)
     stands = np.abs(v) <= STANDS * np.abs(vr).max(axis=0)
     v, a = np.where(stands, 0.0, v), np.where(stands, 0.0, a)
-    rows = np.stack([qr[0], qr[0] + h * v + 0.5 * h * h * a]), np.stack([v, v + h * a])
-    return command._replace(qr=rows[0], vr=rows[1])
+    return np.stack([qr[0], qr[0] + h * v + 0.5 * h * h * a]), np.stack([v, v + h * a])

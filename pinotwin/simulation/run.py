@@ -349,7 +349,7 @@ def _run(
     out = Record(q, e, u, v, a, d)
     state = plant.state(len(blocks.A))
     arrays = plant.arrays()
-    kernel.settle(*arrays, blocks, beginning(command), state)
+    kernel.settle(*arrays, blocks, _begun(command), state)
     row, joint = kernel.run(*arrays, blocks, command, state, out)
     _on_command(twin, asked, plant, row, joint)
     return Response(asked, twin.machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ())
@@ -362,6 +362,11 @@ def _on_command(twin: Twin, asked: Request, plant: Plant, row: int, joint: int) 
             f"axis {twin.machine.names[joint]}: tracking error beyond {plant.limit[joint]:.3g}; the twin's "
             "loop and plant do not fit together, identify it again, or give a shorter step"
         )
+
+
+def _begun(command: Command) -> Command:
+    qr, vr = beginning(command.qr, command.vr, command.step)
+    return command._replace(qr=qr, vr=vr)
 
 
 def _run_coupled(
@@ -385,7 +390,7 @@ def _run_coupled(
     command = Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
     out = coupled.records(n, nv, full)
     state = coupled.state(laws, plant.tape.size, plant.tape.start, tables)
-    coupled_kernel.settle(parts, tables, laws, beginning(command), state)
+    coupled_kernel.settle(parts, tables, laws, _begun(command), state)
     row, joint = coupled_kernel.run(parts, tables, laws, command, state, out)
     _on_command(twin, asked, plant, row, joint)
     M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
