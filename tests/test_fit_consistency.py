@@ -174,3 +174,25 @@ def test_shapes_that_do_not_fit_are_refused():
         consistent(Evidence.of(fit, beta[1:]), bodies)
     with pytest.raises(DataError, match="ten parameters"):
         consistent(Evidence.of(fit, beta), Bodies(bodies.P, bodies.pi0, (np.arange(9),)))
+
+
+def test_a_compromise_with_thousands_of_deviations_to_close_is_found():
+    """A rotor inertia a little below zero, thousands of standard deviations: a foreign log with hum."""
+    rng = np.random.default_rng(3)
+    pi0 = np.zeros(22)
+    for body, mass in ((0, 224.0), (10, 135.0)):
+        pi0[body : body + 10] = [mass, 1.37, 3.16, -2.35, 3.6, 0.0, 4.8, 0.0, 0.0, 5.4]
+    P = np.zeros((4, 22))
+    P[[0, 1, 2, 3], [20, 0, 21, 10]] = 1.0
+    sizes = np.array([0.6, 5.25, 35.0, 345.0, 0.1, 0.5, 0.4, 0.4, 6.9, 35.0, 26.5, 23.0])
+    factor = np.linalg.qr(rng.standard_normal((12, 12)))[0] * sizes
+    theta = np.array([-3.33, 224.7, 0.115, 122.3, 413.0, 96.2, -63.9, 46.2, 168.6, 58.2, 26.1, -26.0])
+    lower = np.full(12, -np.inf)
+    lower[[4, 5, 8, 9]] = 0.0
+    bodies = Bodies(P, pi0, (np.arange(10), np.arange(10, 20)), np.array([20, 21]))
+    out = consistent(Evidence(factor, factor @ theta, theta, np.arange(4), lower, 12653.0), bodies)
+    assert out.moved
+    assert 0.0 <= out.pi[20] < 1e-3
+    assert_allclose(out.theta[1:], theta[1:], rtol=0.05)
+    unseen = np.r_[1:10, 11:20]
+    assert_allclose(out.pi[unseen], pi0[unseen], atol=1e-6)

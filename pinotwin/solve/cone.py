@@ -17,6 +17,12 @@ from pinotwin.arrays import Floats, Ints, Mask
 TOLERANCES = (1e-10, 1e-8, 1e-6)
 """The tightest first: weakly seen bodies can leave a problem too stiff for it."""
 SOLVED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
+TOO_STIFF = (
+    clarabel.SolverStatus.InsufficientProgress,
+    clarabel.SolverStatus.MaxIterations,
+    clarabel.SolverStatus.NumericalError,
+)
+"""Ends that a looser tolerance may help."""
 UPPER = tuple((i, j) for j in range(4) for i in range(j + 1))
 """Upper triangle of a 4 by 4 matrix, column by column, as Clarabel stacks it."""
 
@@ -116,24 +122,30 @@ def best(
         offset: shape (k,).
         slack: smallest values of u, -inf for free, shape (n,).
         eps: weight of the prior.
+
+    Offset and u are counted in units of the offset's length: a residual of thousands of standard deviations
+    beside steps of d near 1 kept Clarabel from its end.
     """
     A, b, cones = cone.rows()
+    unit = float(np.linalg.norm(offset)) or 1.0
     k, width = model.shape
     count = A.shape[1]
     bound = np.flatnonzero(np.isfinite(slack))
     below = np.zeros((len(bound), width))
     below[np.arange(len(bound)), count + bound] = -1.0
-    left = np.concatenate([model, np.pad(A, ((0, 0), (0, width - count))), below])
+    scaled = np.concatenate([model[:, :count] / unit, model[:, count:]], axis=1)
+    left = np.concatenate([scaled, np.pad(A, ((0, 0), (0, width - count))), below])
     rows = np.concatenate([left, np.eye(len(left), k) * -1.0], axis=1)
-    quadratic = np.diag(np.concatenate([np.full(width, eps), np.ones(k)]))
+    prior = np.concatenate([np.full(count, eps / unit**2), np.full(width - count, eps)])
+    quadratic = np.diag(np.concatenate([prior, np.ones(k)]))
     x = _solve(
         quadratic,
         np.zeros(width + k),
         rows,
-        np.concatenate([offset, b, -slack[bound]]),
+        np.concatenate([offset / unit, b, -slack[bound] / unit]),
         [clarabel.ZeroConeT(k), *cones, clarabel.NonnegativeConeT(len(bound))],
     )
-    return None if x is None else (cone.parameters(x[:count]), x[count:width])
+    return None if x is None else (cone.parameters(x[:count]), unit * x[count:width])
 
 
 def _solve(Q: Floats, q: Floats, A: Floats, b: Floats, cones: list[clarabel.SupportedConeT]) -> Floats | None:
@@ -147,6 +159,6 @@ def _solve(Q: Floats, q: Floats, A: Floats, b: Floats, cones: list[clarabel.Supp
         found = solver.solve()
         if found.status in SOLVED:
             return np.array(found.x)
-        if found.status != clarabel.SolverStatus.InsufficientProgress:
+        if found.status not in TOO_STIFF:
             return None
     return None

@@ -139,6 +139,8 @@ def _compromise(cone: Cone, P: Floats, evidence: Evidence, eps: float) -> tuple[
     pi, u = found
     theta = evidence.theta.copy()
     theta[beta] = P @ pi
+    nearest = nearest_with(cone, P, theta[beta])  # the prior is too faint above to hold what P does not see
+    pi = pi if nearest is None else nearest
     theta[others] = np.maximum(start + unit * u, evidence.lower[others])
     return pi, theta
 
