@@ -30,7 +30,7 @@ PITCHES = 900
 REPEATS = 2.5
 """Times that a ripple must repeat on the travel: a single wave is any smooth course, and a table of it."""
 REPEATS_MODULATED = 4.0
-"""The same of a ripple whose size changes along the travel: three numbers say how, which fit any three waves."""
+"""The same of a ripple whose size changes, along the travel or with speed: what says how fits any three waves."""
 KNOTS = (6, 10, 16, 24)
 """Knots of the tables that are tried on a travel: a short log passes each of many too seldom to tell its height."""
 

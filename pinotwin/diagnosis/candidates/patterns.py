@@ -16,7 +16,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.effects.effect import AxisEffect, Coefficient, Depends, Effect, Shape
 from pinotwin.effects.family import LOAD
-from pinotwin.effects.position import Ripple
+from pinotwin.effects.position import REPEATS_MODULATED, Ripple
 from pinotwin.motion import AxisMotion
 
 
@@ -145,18 +145,21 @@ def patterns(comparison: Comparison) -> Iterator[Effect]:
         rows = comparison.new.samples(j)
         q, v, t = motion.q[rows, j], motion.v[rows, j], motion.t[rows]
         low, high = np.quantile(v, [0.005, 0.995])
-        span = float(np.ptp(q))
-        if span <= 0.0:
+        travel, duration = float(np.ptp(q)), float(np.ptp(t))
+        if travel <= 0.0:
             continue
-        longest = float(np.ptp(t))
-        for f in np.arange(1.0, min(25.0, 0.4 / motion.step), 0.6 / max(longest, 1.0)):  # below half the rate
+        for f in np.arange(
+            1.0, min(25.0, 0.4 / motion.step), 0.6 / max(duration, 1.0)
+        ):  # below half the rate
             yield Hum(axis.name, axis.rotary, frequency=float(f))
         yield SpeedCurve(axis.name, axis.rotary, knots=tuple(np.linspace(low, high, 9).tolist()))
         knots = tuple(np.linspace(q.min(), q.max(), 7).tolist())
         yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots)
         yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots, dry=True)
         tried = Ripple.candidates(comparison.machine, axis.name, motion)
+        longest = travel / REPEATS_MODULATED
         for ripple in tried:
             pitch = float(ripple.shape_values()[0]) if ripple.shape_values() else 0.0
-            if pitch > 0.0:
-                yield SpeedRipple(axis.name, axis.rotary, pitch=pitch, low=0.5 * pitch, high=2.0 * pitch)
+            if 0.0 < pitch <= longest:
+                bounds = {"low": 0.5 * pitch, "high": min(2.0 * pitch, longest)}
+                yield SpeedRipple(axis.name, axis.rotary, pitch=pitch, **bounds)
