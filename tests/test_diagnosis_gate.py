@@ -85,6 +85,12 @@ def test_what_happens_between_two_samples_is_not_looked_for(machine, log):
     assert any("10 Hz" in text for text in found.warnings)
 
 
+def test_no_cause_is_named_on_an_axis_in_another_unit_or_one_that_fell(machine, log):
+    found = gate(machine, [changed(log, X_q=1000.0 * log["X.q"])])
+    assert found.nameless.keys() == {"X"}
+    assert not found.asks("tracking", "X")
+
+
 def test_one_coarse_log_among_good_ones_bars_and_is_named(machine, log):
     found = gate(machine, [log, slow(log)])
     assert not found.admits("presliding", "X")

@@ -38,12 +38,14 @@ class Bar:
         effects: names that are not looked for. questions: that are not put.
         axis: whether nothing at all is said of the axis.
         channel: ending of the channel that the finding must be about; "" for any.
+        everywhere: whether it spoils the other axes too, whose inertia and gravity go with that position.
     """
 
     effects: tuple[str, ...] = ()
     questions: tuple[Question, ...] = ()
     axis: bool = False
     channel: str = ""
+    everywhere: bool = False
 
 
 BARS: Mapping[str, Bar] = {
@@ -59,6 +61,7 @@ BARS: Mapping[str, Bar] = {
     "sentinel": Bar(axis=True, channel="q"),
     "leaps": Bar(EVERY, ("servo", "tracking"), channel="q"),
     "wraps": Bar(EVERY, ("servo", "tracking"), channel="q"),
+    "position_unit": Bar(EVERY, ("servo", "tracking"), channel="q", everywhere=True),
 }
 """Code of a finding -> what it rules out on its axis, or on all where it is about the whole log."""
 
@@ -132,7 +135,7 @@ def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
     silent: dict[str, str] = {}
     for _, finding in found:
         bar = BARS.get(finding.code)
-        for axis in () if bar is None else _axes(machine, finding, bar.channel):
+        for axis in () if bar is None else _barred(machine, finding, bar):
             assert bar is not None
             if bar.effects:
                 effects.setdefault(axis, {}).update(dict.fromkeys(bar.effects, finding.message))
@@ -142,6 +145,12 @@ def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
                 silent.setdefault(axis, f"{finding.channel} {finding.message}")
     turned = [a for _, f in found if f.code == "effort_sign" for a in _axes(machine, f, "")]
     return Gate(_said(found, len(logs)), effects, questions, silent, frozenset(turned))
+
+
+def _barred(machine: Machine, finding: Finding, bar: Bar) -> list[str]:
+    """Return the axes that a finding rules something out on."""
+    about = _axes(machine, finding, bar.channel)
+    return list(machine.axes) if about and bar.everywhere else about
 
 
 def _axes(machine: Machine, finding: Finding, channel: str) -> list[str]:
