@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 
 from pinotwin.diagnosis import diagnose
+from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.data.samples import sample
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.search.duel import duel
 from pinotwin.diagnosis.search.forward import Found, search
-from pinotwin.diagnosis.search.injections import confidences, lacked
+from pinotwin.diagnosis.search.injections import confidences
 from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
+from pinotwin.diagnosis.search.trials import lacked
 from pinotwin.effects import EFFECTS
 from pinotwin.identification import identify
 from pinotwin.log import Log
@@ -134,6 +137,26 @@ def test_a_cause_that_the_twin_always_lacked_in_part_is_as_sure_as_another(twin:
     assert step.chosen.judged.theta[0] == pytest.approx(dose, rel=0.05)
     assert lacked(c, step.chosen)[0] == pytest.approx(0.9 * dose, rel=0.05)
     assert confidences(c, found, np.random.default_rng(0))[0] > 0.9
+
+
+@pytest.mark.parametrize("true", ["quadratic_drag", "viscous_thermal"])
+def test_of_two_relatives_the_one_is_taken_that_explains_what_the_other_closes(twin: Twin, true: str) -> None:
+    c = compare(twin, [record(4)], [])
+    assert c.own is not None
+    effects = {name: EFFECTS[name].on(c.machine, "X") for name in ("quadratic_drag", "viscous_thermal")}
+    column = c.new.columns(effects[true])[0][:, -1]
+    put = 3.0 * c.floor[0] / np.sqrt(np.mean(column**2)) * column
+    noise = c.floor[0] * np.random.default_rng(0).normal(size=len(column))
+    searcher = Searcher(with_residual(c, put + noise))
+    simple, rich = (searcher.score(effects[name]) for name in ("quadratic_drag", "viscous_thermal"))
+    assert simple is not None
+    assert rich is not None
+    held = duel(
+        simple, [simple, dataclasses.replace(rich, gain=max(rich.gain, 1.01 * simple.gain))], c, RULES
+    )
+    assert held is not None
+    assert named(held.won_by(simple, rich).effect).name == true
+    assert named(held.again(simple, [rich]).effect).name == true
 
 
 def test_a_load_behind_a_spring_is_no_more_than_its_axis(machine: Machine) -> None:

@@ -60,6 +60,9 @@ class Rules:
     """The same where it is a relative of the best, or an effect beside a pattern of few numbers."""
     as_good_curve: float = 0.6
     """The same for an effect beside a pattern that is a free curve."""
+    outdone: float = 3.0
+    """[standard deviations of trials] So far must the gain of a richer relative lie off what the simpler one would have
+    left to it. Viscous friction that falls with time on Panda, joint 6, lies 8 off quadratic drag."""
     second_share: float = 0.1
     """[of the squared gap] Least that a further cause closes on an axis that has one: less is its form."""
     second_share_kin: float = 0.3

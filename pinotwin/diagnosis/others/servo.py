@@ -22,7 +22,8 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.others.limits import exceeded, reached
 from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.diagnosis.search.injections import posterior, shuffled
+from pinotwin.diagnosis.search.injections import posterior
+from pinotwin.diagnosis.search.trials import shuffled
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each

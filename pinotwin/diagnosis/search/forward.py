@@ -20,6 +20,7 @@ from pinotwin.diagnosis.evidence.bodies import possible
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.search.duel import Duel, duel
 from pinotwin.diagnosis.search.scan import Scored, Searcher, Table
 from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.effects import Effect
@@ -34,11 +35,13 @@ class Step:
         chosen: what was taken in.
         rivals: the other best candidates of that turn, one a name and axis, best first.
         searcher: the ground on which the turn was made.
+        duel: trials against a relative with more numbers, if one closed more.
     """
 
     chosen: Scored
     rivals: Sequence[Scored]
     searcher: Searcher = field(repr=False)
+    duel: Duel | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +97,12 @@ def search(
         last = next(((r, refused(r, searcher, rules)) for r in ranked if key(r) not in taken), None)
         if not fit:
             break
-        winner = simplest(_richest(fit), searcher, rules)
-        steps.append(Step(winner, [r for r in one_each(ranked) if key(r) != key(winner)], searcher))
+        able = _richest(fit)
+        winner = simplest(able, searcher, rules)
+        held = duel(winner, able, comparison, rules)
+        winner = winner if held is None else held.won_by(held.simpler, held.richer)
+        rivals = [r for r in one_each(ranked) if key(r) != key(winner)]
+        steps.append(Step(winner, rivals, searcher, held))
         if not isinstance(winner.effect, Pattern):
             steps = _without_superfluous(comparison, steps, rules)
         searcher = Searcher(comparison, [s.chosen for s in steps])

@@ -1,0 +1,110 @@
+"""A cause with few numbers against a relative with more: which of the two would have left what was seen.
+
+The simpler one is taken although the richer closes a little more, for that may bend itself to what the twin never had.
+Whether it does, trials tell (parametric bootstrap cross-fitting, Wagenmakers et al. 2004,
+doi:10.1016/j.jmp.2003.11.004): each of the two is put in turn into the twin's own residual, and both are fitted. What
+the richer one closes more is then known under either, and the simpler one is given up only where its own trials never
+come near what was seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.candidates.catalogue import named
+from pinotwin.diagnosis.candidates.patterns import Pattern
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.rules import Rules
+from pinotwin.diagnosis.search.scan import Scored, Searcher
+from pinotwin.diagnosis.search.trials import trial
+
+TRIALS = 10
+"""With each of the two put in."""
+LEAST_SPREAD = 0.01
+"""Of the logarithm of the ratio: trials that agree better tell no more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Duel:
+    """Two relatives, and the ratios of their gains where either is the truth.
+
+    Attributes:
+        simpler: closes a little less with fewer numbers. richer: the other.
+        under_simpler: logarithm of the richer one's gain over the simpler one's in trials with the simpler put in.
+        under_richer: the same with the richer put in.
+        outdone: see :class:`pinotwin.diagnosis.rules.Rules`.
+    """
+
+    simpler: Scored
+    richer: Scored
+    under_simpler: Floats
+    under_richer: Floats
+    outdone: float
+
+    def won_by(self, simpler: Scored, richer: Scored) -> Scored:
+        """Return which of the two, as scored on some logs, would have left what is seen there."""
+        if min(simpler.gain, richer.gain) <= 0.0:
+            return simpler
+        seen = float(np.log(richer.gain / simpler.gain))
+        far = _distance(seen, self.under_simpler)
+        return richer if far > self.outdone and _distance(seen, self.under_richer) < 0.5 * far else simpler
+
+    def again(self, simplest: Scored, fit: Sequence[Scored]) -> Scored:
+        """Return what is chosen on other logs where the simplest candidate is this: the same question, put again."""
+        if _key(simplest) != _key(self.simpler):
+            return simplest
+        return next((self.won_by(simplest, one) for one in fit if _key(one) == _key(self.richer)), simplest)
+
+
+def duel(winner: Scored, fit: Sequence[Scored], comparison: Comparison, rules: Rules) -> Duel | None:
+    """Return the trials of the winner against the relative that closes most; None if there is none that closes more.
+
+    Args:
+        winner: the simplest of those that close as much as the best.
+        fit: candidates that were not refused.
+        comparison: what is compared; a machine without own logs has no residual of its own to try on.
+        rules: thresholds.
+    """
+    rivals = [one for one in fit if _relative(one, winner)]
+    if comparison.own is None or not rivals:
+        return None
+    rival = max(rivals, key=lambda one: one.gain)
+    rng = np.random.default_rng(0)
+    under = [_ratios(comparison, put, winner, rival, rng) for put in (winner, rival)]
+    return Duel(winner, rival, under[0], under[1], rules.outdone)
+
+
+def _key(one: Scored) -> tuple[str, str | None]:
+    effect = named(one.effect)
+    return effect.name, effect.axis
+
+
+def _relative(one: Scored, winner: Scored) -> bool:
+    """Whether a candidate closes more than the winner, acts on the same joint, is like it, and no larger form of it."""
+    if isinstance(one.effect, Pattern) or one.joint != winner.joint or one.gain <= winner.gain:
+        return False
+    a, b = named(one.effect), named(winner.effect)
+    like = b.name in a.imitates or a.name in b.imitates
+    return like and a.name != b.name and b.name not in a.contains
+
+
+def _ratios(c: Comparison, put: Scored, winner: Scored, rival: Scored, rng: np.random.Generator) -> Floats:
+    """Return the logarithm of the rival's gain over the winner's in trials with one of them put in."""
+    out = []
+    for _ in range(TRIALS):
+        searcher = Searcher(trial(c, {}, put, rng))
+        a, b = (searcher.score(one.effect, one.table) for one in (winner, rival))
+        if a is not None and b is not None and min(a.gain, b.gain) > 0.0:
+            out.append(float(np.log(b.gain / a.gain)))
+    return np.asarray(out)
+
+
+def _distance(seen: float, ratios: Floats) -> float:
+    """Return how many standard deviations a ratio lies off those of the trials; none where trials tell nothing."""
+    if len(ratios) < TRIALS // 2:
+        return 0.0
+    return float(abs(seen - ratios.mean()) / max(ratios.std(ddof=1), LEAST_SPREAD))
