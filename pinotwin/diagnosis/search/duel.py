@@ -55,9 +55,9 @@ class Duel:
 
     def again(self, simplest: Scored, fit: Sequence[Scored]) -> Scored:
         """Return what is chosen on other logs where the simplest candidate is this: the same question, put again."""
-        if _key(simplest) != _key(self.simpler):
+        if simplest.key != self.simpler.key:
             return simplest
-        return next((self.won_by(simplest, one) for one in fit if _key(one) == _key(self.richer)), simplest)
+        return next((self.won_by(simplest, one) for one in fit if one.key == self.richer.key), simplest)
 
 
 def duel(winner: Scored, fit: Sequence[Scored], comparison: Comparison, rules: Rules) -> Duel | None:
@@ -76,11 +76,6 @@ def duel(winner: Scored, fit: Sequence[Scored], comparison: Comparison, rules: R
     rng = np.random.default_rng(0)
     under = [_ratios(comparison, put, winner, rival, rng) for put in (winner, rival)]
     return Duel(winner, rival, under[0], under[1], rules.outdone)
-
-
-def _key(one: Scored) -> tuple[str, str | None]:
-    effect = named(one.effect)
-    return effect.name, effect.axis
 
 
 def _relative(one: Scored, winner: Scored) -> bool:

@@ -88,20 +88,20 @@ def search(
         if tell:
             tell("searching for causes", len(steps) / (len(steps) + 2.0))
         ranked = rank(searcher, shortlist.of(searcher))
-        taken = {key(s.chosen) for s in steps}
+        taken = {s.chosen.key for s in steps}
         fit = [
             r
             for r in ranked
-            if key(r) not in taken and not refused(r, searcher, rules) and not _a_trace(r, steps, rules)
+            if r.key not in taken and not refused(r, searcher, rules) and not _a_trace(r, steps, rules)
         ]
-        last = next(((r, refused(r, searcher, rules)) for r in ranked if key(r) not in taken), None)
+        last = next(((r, refused(r, searcher, rules)) for r in ranked if r.key not in taken), None)
         if not fit:
             break
         able = _richest(fit)
         winner = simplest(able, searcher, rules)
         held = duel(winner, able, comparison, rules)
         winner = winner if held is None else held.won_by(held.simpler, held.richer)
-        rivals = [r for r in one_each(ranked) if key(r) != key(winner)]
+        rivals = [r for r in one_each(ranked) if r.key != winner.key]
         steps.append(Step(winner, rivals, searcher, held))
         if not isinstance(winner.effect, Pattern):
             steps = _without_superfluous(comparison, steps, rules)
@@ -128,14 +128,8 @@ def _richest(fit: Sequence[Scored]) -> list[Scored]:
     """Return the candidate with most numbers of every name and axis: few points stand in for many told too badly."""
     most: dict[tuple[str, str | None], int] = {}
     for one in fit:
-        most[key(one)] = max(one.numbers, most.get(key(one), 0))
-    return [one for one in fit if one.numbers == most[key(one)]]
-
-
-def key(one: Scored) -> tuple[str, str | None]:
-    """Return the name of a candidate's effect and its axis."""
-    effect = named(one.effect)
-    return effect.name, effect.axis
+        most[one.key] = max(one.numbers, most.get(one.key, 0))
+    return [one for one in fit if one.numbers == most[one.key]]
 
 
 def _without_superfluous(comparison: Comparison, steps: Sequence[Step], rules: Rules) -> list[Step]:
@@ -163,7 +157,7 @@ def rank(searcher: Searcher, tables: Sequence[tuple[Effect, Table]]) -> list[Sco
         one = searcher.score(effect, table)
         if one is None or one.gain <= 0.0 or not allowed(one, searcher.comparison):
             continue
-        group = (*key(one), one.numbers)
+        group = (*one.key, one.numbers)
         if group not in best or one.gain > best[group].gain:
             best[group] = one
     ranked = sorted(best.values(), key=lambda s: -s.gain)
@@ -176,7 +170,7 @@ def one_each(ranked: Sequence[Scored]) -> list[Scored]:
     """Return the first candidate of every name and axis."""
     first: dict[tuple[str, str | None], Scored] = {}
     for one in ranked:
-        first.setdefault(key(one), one)
+        first.setdefault(one.key, one)
     return list(first.values())
 
 

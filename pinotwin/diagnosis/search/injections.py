@@ -16,7 +16,7 @@ from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.diagnosis.search.forward import Found, Step, key, refused, simplest
+from pinotwin.diagnosis.search.forward import Found, Step, refused, simplest
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import trial
 
@@ -59,7 +59,7 @@ def same_cause(a: Scored, b: Scored) -> bool:
     """Whether two candidates are one cause as far as any motion can tell."""
     one, other = named(a.effect), named(b.effect)
     alike = other.name in one.inseparable or one.name in other.inseparable
-    return key(a) == key(b) or (alike and one.axis == other.axis)
+    return a.key == b.key or (alike and one.axis == other.axis)
 
 
 def pairs_alike(steps: Sequence[Step], share: float = 0.9) -> list[tuple[str, str]]:

@@ -43,6 +43,12 @@ class Scored:
     order: int = 0
 
     @property
+    def key(self) -> tuple[str, str | None]:
+        """Name of its effect and its axis."""
+        effect = named(self.effect)
+        return effect.name, effect.axis
+
+    @property
     def numbers(self) -> int:
         """How many numbers it has: coefficients, and shapes that were searched."""
         return len(self.judged.theta) + type(self.effect).searched
