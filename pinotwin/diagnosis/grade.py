@@ -69,8 +69,7 @@ def grade(
     quiet, own = _positive(noise), _known(misfit)
     if not _known(rms) or not (quiet or own):
         return "not judged"
-    n = float(noise or 0.0) if quiet else 0.0
-    level = math.hypot(n, float(misfit or 0.0)) if own else n
+    n, level = (float(noise or 0.0) if quiet else 0.0), left_anyway(noise, misfit)
     if quiet and rms <= rules.odd * n:
         return "agrees"
     if own and rms <= rules.odd * level:
@@ -84,6 +83,12 @@ def grade(
         return "above misfit" if rms <= rules.open_change * level else "not explained"
     large = size is not None and rms > rules.open_structure * size
     return "not explained" if large or after is not None else "not judged"
+
+
+def left_anyway(noise: float | None, misfit: float | None) -> float:
+    """Return the level that a gap is held against: noise and misfit together, those of the two that are known."""
+    quiet, own = _positive(noise), _known(misfit)
+    return math.hypot(float(noise or 0.0) if quiet else 0.0, float(misfit or 0.0) if own else 0.0)
 
 
 def _whole(after: float, level: float, share: float, *, own: bool, rules: Rules) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.grade import left_anyway
 from pinotwin.diagnosis.result import Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
@@ -88,14 +89,14 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     Of a machine it is held against the variation of the effort: a weight that is carried tells nothing of a model.
     """
     if c.change and np.isfinite(g.misfit):
-        return g.after > rules.open_change * g.misfit
+        return g.after > rules.open_change * left_anyway(g.noise, g.misfit)
     j = c.machine.names.index(axis)
     size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
     return g.after > rules.open_structure * size
 
 
 def _odd(g: Gap, rules: Rules) -> bool:
-    return bool(np.isfinite(g.misfit) and g.after > rules.odd * g.misfit)
+    return bool(np.isfinite(g.misfit) and g.after > rules.odd * left_anyway(g.noise, g.misfit))
 
 
 def _note(axis: str, g: Gap) -> str:
