@@ -28,7 +28,10 @@ from pinotwin.motion import Motion
 FORGOTTEN = 24.0
 """Time constants after which a vibration is gone: exp(-24) is 4e-11."""
 LOAD = 0.65
-"""Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it."""
+"""Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it, and where it
+changes with the posture."""
+LEAST_LOAD = 0.05
+"""[of the mean inertia] What stays behind the spring in every posture."""
 MODES = 15
 """Frequencies of a mode that are tried."""
 LOWEST_MODE = 8.0
@@ -113,6 +116,16 @@ def _carried(
     return out
 
 
+def _posture(own: Floats) -> Floats:
+    """Return the mean inertia behind the spring over that of every row, shape (n,).
+
+    Of an axis' inertia (n,) the motor's part, ahead of the spring, does not change with the posture.
+    """
+    mean = float(np.mean(own))
+    behind = np.maximum(own - (1.0 - LOAD) * mean, LEAST_LOAD * mean)
+    return LOAD * mean / behind
+
+
 @dataclass(frozen=True)
 class _Flexible(Effect):
     """A load behind a spring and a damper: tau = share [sprung(load; frequency, damping) - load].
@@ -161,7 +174,7 @@ class _Flexible(Effect):
         joint = motion.index(self.axis)
         load = channel(self, motion, "rigid")[:, joint]  # all the spring carries: gravity and coupling too
         own = inertia(self, motion, joint)
-        ratio, w = float(np.mean(own)) / own, 2.0 * np.pi * self.frequency
+        ratio, w = _posture(own), 2.0 * np.pi * self.frequency
         out = np.zeros(len(load))
         for part in motion.segments:
             if part.stop > part.start:
