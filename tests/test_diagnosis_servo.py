@@ -67,3 +67,15 @@ def test_what_a_named_cause_puts_into_the_reading_is_no_change_of_the_law(twin, 
     assert c.new.motion.ar is not None
     assert servo_changes(c, (), courses={0: 60.0 * c.new.motion.ar[:, 0]}) == []
     assert servo_changes(c, (), courses={0: -60.0 * c.new.motion.ar[:, 0]}) != []
+
+
+def test_an_axis_that_cannot_follow_has_met_a_limit_and_a_command_in_another_unit_has_not(twin, urdf_dir):
+    log = record(urdf_dir, 8, 11)
+    weak = 0.4 * np.abs(log["X.u"]).max()
+    left_behind = Log({**log.channels, "X.qr": 3.0 * log["X.qr"], "X.u": np.clip(log["X.u"], -weak, weak)})
+    c = compare(twin, [left_behind], [])
+    assert set(c.gate.strays) == {"X"}
+    assert [x.effect for x in servo_changes(c, ())] == ["saturation"]
+    millimetres = compare(twin, [Log({**log.channels, "X.qr": 1000.0 * log["X.qr"]})], [])
+    assert set(millimetres.gate.strays) == {"X"}
+    assert servo_changes(millimetres, ()) == []

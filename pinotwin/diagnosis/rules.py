@@ -117,6 +117,9 @@ class Rules:
     """The same for the feedback gains."""
     left_behind: float = 5.0
     """[of the own tracking error] From here an axis runs off its command."""
+    less_than_before: float = 0.9
+    """[of the own largest effort] An axis that does not go with its command at all has met a limit only if its effort
+    stays below this: else its command may be in another unit."""
     at_limit: float = 5.0
     """[of the own share of time] How much longer the effort rests at its largest size at a limit."""
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pinotwin.analysis.deflection import bent, with_deflections
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.data.gate import Gate, confirmed, gate
+from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, run_away
 from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.rules import RULES
@@ -159,6 +159,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         m = new.motion
         asked = confirmed(asked, twin.machine, m.u, twin.effort(m), m.use)
     if own is not None:
+        asked = run_away(asked, own.motion)
         new, strangers = _met(new, own)
         asked = replace(asked, doubts=(*asked.doubts, *strangers))
     judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)

@@ -20,6 +20,7 @@ from pinotwin.log import Log
 from pinotwin.logs.check import doubts
 from pinotwin.logs.quality import Finding
 from pinotwin.machine import Machine
+from pinotwin.motion import Motion
 
 Question = Literal["servo", "tracking"]
 
@@ -76,6 +77,7 @@ class Gate:
         questions: axis -> question that is not put -> why.
         silent: axis of which nothing is said -> why.
         turned: axes whose effort seems to have the other sign.
+        strays: axis whose position does not go with its command -> why.
     """
 
     doubts: tuple[str, ...] = ()
@@ -83,6 +85,7 @@ class Gate:
     questions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     silent: Mapping[str, str] = field(default_factory=dict)
     turned: frozenset[str] = frozenset()
+    strays: Mapping[str, str] = field(default_factory=dict)
 
     def admits(self, effect: str, axis: str | None) -> bool:
         """Whether an effect is looked for on an axis."""
@@ -144,7 +147,8 @@ def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
             if bar.axis:
                 silent.setdefault(axis, f"{finding.channel} {finding.message}")
     turned = [a for _, f in found if f.code == "effort_sign" for a in _axes(machine, f, "")]
-    return Gate(_said(found, len(logs)), effects, questions, silent, frozenset(turned))
+    strays = {a: f.message for _, f in found if f.code == "command_disagrees" for a in _axes(machine, f, "")}
+    return Gate(_said(found, len(logs)), effects, questions, silent, frozenset(turned), strays)
 
 
 def _barred(machine: Machine, finding: Finding, bar: Bar) -> list[str]:
@@ -175,6 +179,29 @@ def _said(found: Sequence[tuple[Log, Finding]], count: int) -> tuple[str, ...]:
         text = f"{f.channel}: {f.message}" if f.channel else f.message
         of.setdefault(text, []).append(log.source or "log")
     return tuple(t if len(who) == count else f"{', '.join(who)}: {t}" for t, who in of.items())
+
+
+_FOLLOWS = 0.5
+"""[of the position's variation] Tracking error up to which position and command agree, as ``check`` has it."""
+
+
+def run_away(gate: Gate, own: Motion) -> Gate:
+    """Return the gate of a change, with the servo judged of axes that kept to their command on the twin's own logs.
+
+    The columns are then right, and an axis that no longer follows is what has changed.
+
+    Args:
+        gate: as ``check`` has it.
+        own: motion of the twin's own logs.
+    """
+    if own.qr is None:
+        return gate
+    questions = {axis: dict(row) for axis, row in gate.questions.items()}
+    for axis, why in gate.strays.items():
+        j = own.index(axis)
+        if np.std(own.error[:, j]) < _FOLLOWS * np.std(own.q[:, j]):
+            questions[axis] = {q: x for q, x in questions.get(axis, {}).items() if x != why}
+    return replace(gate, questions=questions)
 
 
 _KNOWN = 0.3

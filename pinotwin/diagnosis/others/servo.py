@@ -175,6 +175,8 @@ def _law_change(
         return None
     if found.effect == "saturation":
         return _saturation(c, joint, axis, rules)
+    if axis in c.gate.strays:
+        return None
     factor, error = new.factor(new.left(gains), gains, found.names)
     interval = (factor - 1.645 * error, factor + 1.645 * error)
     share = 1.0 - (found.left / found.level) ** 2
@@ -194,23 +196,30 @@ def _saturation(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChan
     """Return a limit where no gains bring the law back and the effort rests at its largest, or the axis runs off."""
     assert c.own is not None
     new, own = c.new.motion, c.own.motion
-    top = _rests([new], [own], joint, rules)
+    strays = axis in c.gate.strays
+    top = _rests([new], [own], joint, rules, strays=strays)
     if top is None or exceeded(_logged(c, axis), top):
         return None
-    again = [_rests(part, [own], joint, rules) is not None for part in _without_stretches(new)]
+    again = [_rests(part, [own], joint, rules, strays=strays) is not None for part in _without_stretches(new)]
     return _limit(axis, new.rotary[joint], top, 1.0, posterior(sum(again), len(again), rules))
 
 
-def _rests(new: Sequence[Motion], own: Sequence[Motion], joint: int, rules: Rules) -> float | None:
-    """Return the largest effort, where it rests there longer than on the own logs or the axis runs off; else None."""
+def _rests(
+    new: Sequence[Motion], own: Sequence[Motion], joint: int, rules: Rules, *, strays: bool
+) -> float | None:
+    """Return the largest effort, where it rests there longer than on the own logs or the axis runs off; else None.
+
+    Of an axis whose position does not go with its command, which may be a command in another unit, the effort must
+    also stay below what it was on the own logs.
+    """
     errors = [
         rms(np.concatenate([m.error[:, joint] for m in part if m.qr is not None])) for part in (new, own)
     ]
     sizes = [np.abs(np.nan_to_num(np.concatenate([m.u[:, joint] for m in part]))) for part in (new, own)]
     rests = [float(np.mean(x > 0.97 * np.quantile(x, 0.999))) for x in sizes]
-    if errors[0] < rules.left_behind * errors[1] and rests[0] < rules.at_limit * rests[1]:
-        return None
-    return float(np.quantile(sizes[0], 0.999))
+    top, before = (float(np.quantile(x, 0.999)) for x in sizes)
+    off = errors[0] >= rules.left_behind * errors[1] and (top < rules.less_than_before * before or not strays)
+    return top if off or rests[0] >= rules.at_limit * rests[1] else None
 
 
 def _logged(c: Comparison, axis: str) -> list[Floats]:
