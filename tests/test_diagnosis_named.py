@@ -159,6 +159,17 @@ def test_of_two_relatives_the_one_is_taken_that_explains_what_the_other_closes(t
     assert named(held.again(simple, [rich]).effect).name == true
 
 
+def test_no_trial_decides_between_frictions_that_differ_at_reversals_alone(twin: Twin) -> None:
+    c = compare(twin, [record(4)], [])
+    hard, soft = (EFFECTS[name].on(c.machine, "X") for name in ("coulomb", "hysteresis"))
+    column = c.new.columns(hard)[0][:, 0]
+    searcher = Searcher(with_residual(c, 3.0 * c.floor[0] * column))
+    one, other = searcher.score(hard), searcher.score(soft)
+    assert one is not None
+    assert other is not None
+    assert duel(one, [one, dataclasses.replace(other, gain=1.05 * one.gain)], c, RULES) is None
+
+
 def test_a_load_behind_a_spring_is_no_more_than_its_axis(machine: Machine) -> None:
     c = compare(machine, [record(4)], [])
     searcher = Searcher(c)

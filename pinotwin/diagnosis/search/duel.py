@@ -4,7 +4,8 @@ The simpler one is taken although the richer closes a little more, for that may 
 Whether it does, trials tell (parametric bootstrap cross-fitting, Wagenmakers et al. 2004,
 doi:10.1016/j.jmp.2003.11.004): each of the two is put in turn into the twin's own residual, and both are fitted. What
 the richer one closes more is then known under either, and the simpler one is given up only where its own trials never
-come near what was seen.
+come near what was seen. Two that both jump at reversals (Coulomb friction, hysteresis) differ there alone, at rows
+where no log knows the direction as well as a trial does: of these the simpler one stands.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import trial
+from pinotwin.effects.family import FRICTION
 
 TRIALS = 10
 """With each of the two put in."""
@@ -84,7 +86,8 @@ def _relative(one: Scored, winner: Scored) -> bool:
         return False
     a, b = named(one.effect), named(winner.effect)
     like = b.name in a.imitates or a.name in b.imitates
-    return like and a.name != b.name and b.name not in a.contains
+    jump = all(e.family is FRICTION and e.sharp for e in (a, b))
+    return like and not jump and a.name != b.name and b.name not in a.contains
 
 
 def _ratios(c: Comparison, put: Scored, winner: Scored, rival: Scored, rng: np.random.Generator) -> Floats:
