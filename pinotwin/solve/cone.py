@@ -112,7 +112,7 @@ def nearest_with(cone: Cone, P: Floats, beta: Floats) -> Floats | None:
 
 
 def best(
-    cone: Cone, model: Floats, offset: Floats, slack: Floats, eps: float
+    cone: Cone, model: Floats, offset: Floats, slack: Floats, eps: float, unit: float = 1.0
 ) -> tuple[Floats, Floats] | None:
     """Return pi and u that minimise || M (d, u) - offset ||^2 + eps || (d, u) ||^2, u >= slack.
 
@@ -122,12 +122,10 @@ def best(
         offset: shape (k,).
         slack: smallest values of u, -inf for free, shape (n,).
         eps: weight of the prior.
-
-    Offset and u are counted in units of the offset's length: a residual of thousands of standard deviations
-    beside steps of d near 1 kept Clarabel from its end.
+        unit: in which offset and u are counted. A residual of thousands of standard deviations beside steps of d near
+            1 keeps Clarabel from its end; counted in its own length it does not, but the prior is then lost.
     """
     A, b, cones = cone.rows()
-    unit = float(np.linalg.norm(offset)) or 1.0
     k, width = model.shape
     count = A.shape[1]
     bound = np.flatnonzero(np.isfinite(slack))

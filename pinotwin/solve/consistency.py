@@ -24,6 +24,9 @@ from pinotwin.solve.result import LinearFit
 MARGIN = 1e-6
 """Smallest eigenvalue asked of a body's scaled pseudo-inertia (whose trace is near 2)."""
 
+SHARES = (1.0, 0.99, 0.9, 0.5)
+"""Of the way from a compromise to the nearest parameters of the same beta that are tried."""
+
 
 @dataclass(frozen=True)
 class Bodies:
@@ -111,15 +114,16 @@ def consistent(
     pi = nearest_with(cone, bodies.P, theta[evidence.beta]) if inside else None
     moved = pi is None
     if pi is None:
-        pi, theta = _compromise(cone, bodies.P, evidence, eps)
+        pi, theta, stiff = _compromise(cone, bodies.P, evidence, eps)
+        pi = _nearer(pi, theta[evidence.beta], cone, bodies, size) if stiff else pi
     pairs = zip(bodies.bodies, size, strict=True)
     smallest = np.array([s.smallest(pi[index]) for index, s in pairs])
     ratio = _cost_ratio(evidence, theta) if moved else 1.0
     return ConsistentFit(pi, theta, moved, ratio, smallest)
 
 
-def _compromise(cone: Cone, P: Floats, evidence: Evidence, eps: float) -> tuple[Floats, Floats]:
-    """Return pi and theta where the constraints must move theta."""
+def _compromise(cone: Cone, P: Floats, evidence: Evidence, eps: float) -> tuple[Floats, Floats, bool]:
+    """Return pi and theta where the constraints must move theta, and whether the prior was too faint to hold pi."""
     R, beta = evidence.factor, evidence.beta
     others = np.setdiff1d(np.arange(R.shape[1]), beta)
     length = np.linalg.norm(R[:, others], axis=0)
@@ -131,6 +135,9 @@ def _compromise(cone: Cone, P: Floats, evidence: Evidence, eps: float) -> tuple[
     offset = evidence.right - R[:, beta] @ (P @ cone.pi0) - R[:, others] @ start
     slack = (evidence.lower[others] - start) / unit
     found = best(cone, model, offset, slack, eps)
+    stiff = found is None
+    if stiff:
+        found = best(cone, model, offset, slack, eps, unit=float(np.linalg.norm(offset)) or 1.0)
     if found is None:
         raise DataError(
             "no physically consistent parameters found near the data: check the masses and "
@@ -139,10 +146,27 @@ def _compromise(cone: Cone, P: Floats, evidence: Evidence, eps: float) -> tuple[
     pi, u = found
     theta = evidence.theta.copy()
     theta[beta] = P @ pi
-    nearest = nearest_with(cone, P, theta[beta])  # the prior is too faint above to hold what P does not see
-    pi = pi if nearest is None else nearest
     theta[others] = np.maximum(start + unit * u, evidence.lower[others])
-    return pi, theta
+    return pi, theta, stiff
+
+
+def _nearer(pi: Floats, beta: Floats, cone: Cone, bodies: Bodies, size: tuple[Size, ...]) -> Floats:
+    """Return parameters of the same beta as near the prior as bodies can be.
+
+    Where constraints bind, the nearest may lie a rounding error outside them; what lies between it and the compromise
+    has the same beta and is the more inside.
+    """
+    nearest = nearest_with(cone, bodies.P, beta)
+    if nearest is None:
+        return pi
+    for share in SHARES:
+        between = share * nearest + (1.0 - share) * pi
+        if all(
+            s.smallest(between[index]) >= 0.5 * margin
+            for s, index, margin in zip(size, bodies.bodies, cone.margins, strict=True)
+        ):
+            return between
+    return pi
 
 
 def _cone(bodies: Bodies, size: tuple[Size, ...], margin: float) -> Cone:
