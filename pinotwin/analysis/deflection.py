@@ -182,6 +182,11 @@ class Bending:
         return log.with_channels(channels)
 
 
+def holds(log: Log, joint: str) -> bool:
+    """Whether a log in the names of the contract holds a passive joint's position or velocity."""
+    return f"{joint}.q" in log or f"{joint}.v" in log
+
+
 def bends(machine: Machine, logs: Sequence[Log]) -> bool:
     """Whether springs of machine.yaml must stand for passive joints that no log holds.
 
@@ -190,7 +195,7 @@ def bends(machine: Machine, logs: Sequence[Log]) -> bool:
         logs: in the names of the contract.
     """
     parts = machine.passive.values()
-    held = any(f"{p.name}.{x}" in log for p in parts for log in logs for x in "qv")
+    held = any(holds(log, p.name) for p in parts for log in logs)
     return bool(parts) and all(p.stiffness for p in parts) and not held and bool(logs)
 
 

@@ -68,9 +68,9 @@ def run(args: argparse.Namespace) -> int:
 def _write_page(args: argparse.Namespace, log: Log, found: Orientation) -> None:
     """Write the page; a second method of another kind on the same log tells how far they agree."""
     from pinotwin.reconstruction.orientation import orientation_of_log
-    from pinotwin.report.orientation import orientation_report
+    from pinotwin.report.orientation import orientation_page
 
     other: Method = "offline" if args.method == "vqf" else "vqf"
     files = [(beside(args.out, args.report), "quaternions and inclination over time, SI")]
-    page = orientation_report(found, log, args.method, (other, orientation_of_log(log, other)), files)
-    write_text(args.report, page)
+    page = orientation_page(found, log, args.method, (other, orientation_of_log(log, other)), files)
+    write_text(args.report, page.html())

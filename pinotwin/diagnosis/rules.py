@@ -63,6 +63,10 @@ class Rules:
     outdone: float = 3.0
     """[standard deviations of trials] So far must the gain of a richer relative lie off what the simpler one would have
     left to it. Viscous friction that falls with time on Panda, joint 6, lies 8 off quadratic drag."""
+    nearer: float = 0.5
+    """[of that distance] Most that it may lie off what the richer one's own trials leave."""
+    least_spread: float = 0.01
+    """[of the logarithm of the gains' ratio] Trials that agree better tell no more."""
     second_share: float = 0.1
     """[of the squared gap] Least that a further cause closes on an axis that has one: less is its form."""
     second_share_kin: float = 0.3

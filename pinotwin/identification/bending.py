@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinotwin.analysis.deflection import Bending, PassiveSpring
+from pinotwin.analysis.deflection import Bending, PassiveSpring, holds
 from pinotwin.arrays import Floats
 from pinotwin.identification.plant import fit_plant
 from pinotwin.identification.springs import keep_spring
@@ -44,7 +44,7 @@ class Bent:
         """Return other logs of the machine, bent in the same way where they do not hold the joints."""
         out = []
         for log in (bind(x, self.bending.machine.columns) for x in logs):
-            held = any(f"{spring.name}.{x}" in log for spring in self.bending.springs for x in "qv")
+            held = any(holds(log, spring.name) for spring in self.bending.springs)
             out.append(log if held else self.bending.bend(log, _motion(self.bending.machine, log)))
         return out
 

@@ -37,14 +37,14 @@ _STEEP = 80.0  # deg of pitch, from which roll and heading are no longer told ap
 _G = 9.81
 
 
-def orientation_report(
+def orientation_page(
     found: Orientation,
     log: Log,
     method: str,
     other: tuple[str, Orientation],
     files: Sequence[tuple[str, str]] = (),
-) -> str:
-    """Return a self-contained HTML page about an orientation.
+) -> Page:
+    """Return the page about an orientation.
 
     Args:
         found: over the log.
@@ -53,17 +53,6 @@ def orientation_report(
         other: another method, and what it finds.
         files: name and content of what lies beside the page, to link to.
     """
-    return orientation_page(found, log, method, other, files).html()
-
-
-def orientation_page(
-    found: Orientation,
-    log: Log,
-    method: str,
-    other: tuple[str, Orientation],
-    files: Sequence[tuple[str, str]] = (),
-) -> Page:
-    """Return the same report as a :class:`Page`."""
     said = f"{len(found.t)} rows at {found.rate:.4g} Hz · {METHODS[method]}"
     page = Page("Orientation of an IMU", f"{display.elided(log.source)} · {said}")
     angles = roll_pitch_heading(found.q)

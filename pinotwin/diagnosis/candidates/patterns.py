@@ -148,9 +148,8 @@ def patterns(comparison: Comparison) -> Iterator[Effect]:
         travel, duration = float(np.ptp(q)), float(np.ptp(t))
         if travel <= 0.0:
             continue
-        for f in np.arange(
-            1.0, min(25.0, 0.4 / motion.step), 0.6 / max(duration, 1.0)
-        ):  # below half the rate
+        highest = min(25.0, 0.4 / motion.step)  # below half the rate
+        for f in np.arange(1.0, highest, 0.6 / max(duration, 1.0)):
             yield Hum(axis.name, axis.rotary, frequency=float(f))
         yield SpeedCurve(axis.name, axis.rotary, knots=tuple(np.linspace(low, high, 9).tolist()))
         knots = tuple(np.linspace(q.min(), q.max(), 7).tolist())

@@ -19,6 +19,7 @@ from pinotwin.effects import EFFECTS
 from pinotwin.log import Log
 from pinotwin.logs.check import doubts
 from pinotwin.logs.quality import Finding
+from pinotwin.logs.quality.axes import FOLLOWS
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 
@@ -181,10 +182,6 @@ def _said(found: Sequence[tuple[Log, Finding]], count: int) -> tuple[str, ...]:
     return tuple(t if len(who) == count else f"{', '.join(who)}: {t}" for t, who in of.items())
 
 
-_FOLLOWS = 0.5
-"""[of the position's variation] Tracking error up to which position and command agree, as ``check`` has it."""
-
-
 def run_away(gate: Gate, own: Motion) -> Gate:
     """Return the gate of a change, with the servo judged of axes that kept to their command on the twin's own logs.
 
@@ -199,7 +196,7 @@ def run_away(gate: Gate, own: Motion) -> Gate:
     questions = {axis: dict(row) for axis, row in gate.questions.items()}
     for axis, why in gate.strays.items():
         j = own.index(axis)
-        if np.std(own.error[:, j]) < _FOLLOWS * np.std(own.q[:, j]):
+        if np.std(own.error[:, j]) < FOLLOWS * np.std(own.q[:, j]):
             questions[axis] = {q: x for q, x in questions.get(axis, {}).items() if x != why}
     return replace(gate, questions=questions)
 

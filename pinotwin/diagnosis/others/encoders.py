@@ -27,6 +27,7 @@ from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.injections import posterior
+from pinotwin.diagnosis.search.trials import TRIALS
 from pinotwin.motion import Motion
 from pinotwin.signals import low_pass, roughness
 from pinotwin.solve.jackknife import jackknife
@@ -316,9 +317,6 @@ def _chosen(
         if _sure(best, new, own, fit, chosen) > np.sqrt(rules.strength_structure):
             steps[best] = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
     return chosen, steps
-
-
-TRIALS = 10
 
 
 def _confidences(

@@ -23,7 +23,7 @@ from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.others.limits import exceeded, reached
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.injections import posterior
-from pinotwin.diagnosis.search.trials import shuffled
+from pinotwin.diagnosis.search.trials import TRIALS, shuffled
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
@@ -59,9 +59,6 @@ class ServoChange:
     share: float
     gap: tuple[float, float]
     confidence: float = 0.0
-
-
-TRIALS = 10
 
 
 def servo_changes(

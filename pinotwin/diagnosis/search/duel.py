@@ -21,13 +21,8 @@ from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.scan import Scored, Searcher
-from pinotwin.diagnosis.search.trials import trial
+from pinotwin.diagnosis.search.trials import TRIALS, trial
 from pinotwin.effects.family import FRICTION
-
-TRIALS = 10
-"""With each of the two put in."""
-LEAST_SPREAD = 0.01
-"""Of the logarithm of the ratio: trials that agree better tell no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,22 +33,22 @@ class Duel:
         simpler: closes a little less with fewer numbers. richer: the other.
         under_simpler: logarithm of the richer one's gain over the simpler one's in trials with the simpler put in.
         under_richer: the same with the richer put in.
-        outdone: see :class:`pinotwin.diagnosis.rules.Rules`.
+        rules: thresholds.
     """
 
     simpler: Scored
     richer: Scored
     under_simpler: Floats
     under_richer: Floats
-    outdone: float
+    rules: Rules
 
     def won_by(self, simpler: Scored, richer: Scored) -> Scored:
         """Return which of the two, as scored on some logs, would have left what is seen there."""
         if min(simpler.gain, richer.gain) <= 0.0:
             return simpler
         seen = float(np.log(richer.gain / simpler.gain))
-        far = _distance(seen, self.under_simpler)
-        return richer if far > self.outdone and _distance(seen, self.under_richer) < 0.5 * far else simpler
+        far, near = (_distance(seen, x, self.rules) for x in (self.under_simpler, self.under_richer))
+        return richer if far > self.rules.outdone and near < self.rules.nearer * far else simpler
 
     def again(self, simplest: Scored, fit: Sequence[Scored]) -> Scored:
         """Return what is chosen on other logs where the simplest candidate is this: the same question, put again."""
@@ -77,7 +72,7 @@ def duel(winner: Scored, fit: Sequence[Scored], comparison: Comparison, rules: R
     rival = max(rivals, key=lambda one: one.gain)
     rng = np.random.default_rng(0)
     under = [_ratios(comparison, put, winner, rival, rng) for put in (winner, rival)]
-    return Duel(winner, rival, under[0], under[1], rules.outdone)
+    return Duel(winner, rival, under[0], under[1], rules)
 
 
 def _relative(one: Scored, winner: Scored) -> bool:
@@ -101,8 +96,8 @@ def _ratios(c: Comparison, put: Scored, winner: Scored, rival: Scored, rng: np.r
     return np.asarray(out)
 
 
-def _distance(seen: float, ratios: Floats) -> float:
+def _distance(seen: float, ratios: Floats, rules: Rules) -> float:
     """Return how many standard deviations a ratio lies off those of the trials; none where trials tell nothing."""
     if len(ratios) < TRIALS // 2:
         return 0.0
-    return float(abs(seen - ratios.mean()) / max(ratios.std(ddof=1), LEAST_SPREAD))
+    return float(abs(seen - ratios.mean()) / max(ratios.std(ddof=1), rules.least_spread))

@@ -18,9 +18,9 @@ from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found, Step, refused, simplest
 from pinotwin.diagnosis.search.scan import Scored, Searcher
-from pinotwin.diagnosis.search.trials import trial
+from pinotwin.diagnosis.search.trials import TRIALS, trial
 
-TRIALS, RIVALS = 10, 5
+RIVALS = 5
 
 
 def confidences(

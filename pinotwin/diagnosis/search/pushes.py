@@ -19,9 +19,9 @@ from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.evidence.habit import habit
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.forward import Found
-from pinotwin.diagnosis.search.injections import TRIALS, posterior
+from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.scan import Scored, Searcher
-from pinotwin.diagnosis.search.trials import laid
+from pinotwin.diagnosis.search.trials import TRIALS, laid
 
 RIVALS = 3
 """Causes that come with the motion that a push is held against in each trial."""

@@ -32,6 +32,8 @@ _GAIN = 0.05  # fall of the residual's power below which a lead is not worth tel
 _SAME = 0.99  # share of equal numbers that no two measurements have while they change
 _LEVELS = 100  # distinct values below which numbers may well be equal
 _FAR = {False: 50.0, True: 500.0}  # m, rad
+FOLLOWS = 0.5
+"""[of the position's variation] Tracking error up to which command and position agree."""
 
 
 def inspect_axes(
@@ -235,7 +237,7 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
                 f"holds the same numbers as {name}.qr: a command was logged twice; map the measured position",
                 "command_is_position",
             )
-        if both.any() and np.std((q - command)[both]) > 0.5 * np.std(q[both]) > 0:
+        if both.any() and np.std((q - command)[both]) > FOLLOWS * np.std(q[both]) > 0:
             yield Finding(
                 "warning",
                 f"{name}.qr",
