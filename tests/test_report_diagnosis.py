@@ -107,6 +107,15 @@ def test_the_headline_names_cause_axis_size_and_data() -> None:
     assert not any("stay without a cause" in line for line in headline(EXPLAINED))
 
 
+def test_a_tracking_error_without_a_cause_is_told_only_where_no_cause_is_named() -> None:
+    own = Gap(rms=1.0, nrmse=0.1, noise=0.5, after=1.0, misfit=1.0)
+    off = Gap(rms=9e-6, nrmse=0.1, noise=math.nan, after=9e-6, misfit=1e-6)
+    gap = {axis: {"u": own, "e": off} for axis in ("Y", "A")}
+    limited = replace(found("saturation", "A"), shrink={})
+    said = headline(diagnosis("explained", gap=gap, effects=[limited], situation="change"))
+    assert any(line.startswith("The tracking error of Y is predicted worse") for line in said)
+
+
 def test_one_grade_in_card_plot_text_and_json() -> None:
     for given in (diagnosis(), EXPLAINED, PARTLY, UNEXPLAINED):
         page = diagnosis_report(given)

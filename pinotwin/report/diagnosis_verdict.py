@@ -113,11 +113,13 @@ def _stays(d: Diagnosis) -> list[str]:
 
 
 def _errors(d: Diagnosis) -> list[str]:
-    """Return which tracking errors differ although the verdict is on the efforts."""
+    """Return which tracking errors differ although the verdict is on the efforts, and no cause is named there."""
+    told = {e.axis for e in d.effects}
     axes = [
         a
         for a, row in d.gap.items()
         if "e" in row
+        and a not in told
         and d.grade(a, "e") == "not explained"
         and d.grade(a, "u") in ("agrees", "within misfit")
     ]
