@@ -5,18 +5,21 @@ stays the CAD's. What drives the joint is the same lambda that its acceleration 
 deflection that came of lambda_0 it comes out as lambda² / lambda_0, so that the mean of both is nearly right at once,
 where putting the one in the place of the other would swing for ever. Springs are moved twice, at first beside dry
 friction by sign, then with friction and tables of a first plant taken off the effort: on the virtual rig the
-deflection is 27 % off after the first and 8 % after the second.
+deflection is 27 % off after the first and 8 % after the second. A twin's own springs bend any
+later log (:mod:`pinotwin.analysis.deflection`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
-from pinotwin.analysis.deflection import Bending, PassiveSpring, holds
+from pinotwin.analysis.deflection import PassiveSpring, load_of
 from pinotwin.arrays import Floats
+from pinotwin.dynamics.parameters import parameters
 from pinotwin.identification.plant import fit_plant
 from pinotwin.identification.springs import keep_spring
 from pinotwin.identification.table import open_loop
@@ -31,50 +34,99 @@ SURE = 0.25
 """Standard error over size below which a base parameter is taken from the first plant; else the CAD's stays."""
 FELT = 1e-9
 """Share of the largest column below which a motor does not feel a parameter while the joints stand."""
+STIFFER, DAMPED = (0.4, 2.5), (0.2, 5.0)
+"""Factors on the stiffness and damping of machine.yaml within which a spring is looked for."""
+ROWS = 4000
+"""Rows of a log that a spring is moved by."""
 
 
 @dataclass(frozen=True)
-class Bent:
-    """Logs of which the passive joints are bent, and how."""
+class Bending:
+    """How the passive joints of a machine bend along logs that do not hold them.
 
-    bending: Bending
-    logs: tuple[Log, ...]
+    Attributes:
+        machine: with stiffness and damping of its passive joints in machine.yaml.
+        beta: base parameters that drive the joints, shape (b,).
+        springs: as they were moved.
+    """
 
-    def also(self, logs: Sequence[Log]) -> list[Log]:
-        """Return other logs of the machine, bent in the same way where they do not hold the joints."""
-        out = []
-        for log in (bind(x, self.bending.machine.columns) for x in logs):
-            held = any(holds(log, spring.name) for spring in self.bending.springs)
-            out.append(log if held else self.bending.bend(log, _motion(self.bending.machine, log)))
-        return out
+    machine: Machine
+    beta: Floats
+    springs: tuple[PassiveSpring, ...]
+
+    @classmethod
+    def stated(cls, machine: Machine) -> Bending:
+        """Return that of the CAD's bodies and of the springs in machine.yaml."""
+        springs = [
+            PassiveSpring(p.name, p.index, float(p.stiffness or 0.0), float(p.damping or 0.0))
+            for p in machine.passive.values()
+        ]
+        return cls(machine, machine.base.from_standard(parameters(machine.model)), tuple(springs))
+
+    def moved(self, motion: Motion) -> Bending:
+        """Return the same with the springs where the motors' rows, fitted by all that is linear, leave least.
+
+        Args:
+            motion: without the joints; its effort may lack what friction and tables take of it.
+        """
+        return replace(self, springs=tuple(_moved(self.machine, self.beta, motion, self.springs)))
+
+    def bend(self, log: Log) -> Log:
+        """Return a log with the velocity of the joints; one that holds a joint as it is."""
+        log = bind(log, self.machine.columns)
+        if any(holds(log, spring.name) for spring in self.springs):
+            return log
+        motion = _motion(self.machine, log)
+        channels = dict(log.channels)
+        for spring in self.springs:
+            v = load_of(self.machine, self.beta, motion, spring.index).response(spring)[1]
+            channels[f"{spring.name}.v"] = np.interp(log.t, motion.t, v)
+        return log.with_channels(channels)
 
     def completed(self, plant: OpenLoop) -> OpenLoop:
         """Return the plant with the springs by which its logs were bent."""
-        for spring in self.bending.springs:
+        for spring in self.springs:
             plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping))
         return plant
 
     @property
     def warnings(self) -> list[str]:
         """What a user must know of joints that nothing measured."""
-        return [_said(self.bending.machine, spring) for spring in self.bending.springs]
+        return [_said(self.machine, spring) for spring in self.springs]
 
 
-def bent(machine: Machine, logs: Sequence[Log]) -> Bent:
-    """Return the logs of a machine with the velocity of its passive joints, which none of them holds.
+def holds(log: Log, joint: str) -> bool:
+    """Whether a log in the names of the contract holds a passive joint's position or velocity."""
+    return f"{joint}.q" in log or f"{joint}.v" in log
+
+
+def bends(machine: Machine, logs: Sequence[Log]) -> bool:
+    """Whether springs of machine.yaml must stand for passive joints that no log holds."""
+    parts = machine.passive.values()
+    held = any(holds(bind(log, machine.columns), p.name) for p in parts for log in logs)
+    return bool(parts) and all(p.stiffness for p in parts) and not held and bool(logs)
+
+
+def find_bending(machine: Machine, logs: Sequence[Log]) -> Bending | None:
+    """Return how passive joints bend that no log of the machine holds; None where there are none.
 
     Args:
         machine: with stiffness and damping of its passive joints in machine.yaml.
         logs: to identify it on.
     """
-    logs = [bind(log, machine.columns) for log in logs]
-    motions = [_motion(machine, log) for log in logs]
-    first = Bending.stated(machine).moved(motions[0])
-    shaken = [first.bend(*pair) for pair in zip(logs, motions, strict=True)]
+    if not bends(machine, logs):
+        return None
+    motion = _motion(machine, logs[0])
+    first = Bending.stated(machine).moved(motion)
+    shaken = [first.bend(log) for log in logs]
     plant = open_loop(machine, fit_plant(machine, prepare(machine, shaken), consistent_inertia=False))
-    rest = replace(motions[0], u=motions[0].u - _friction(plant, _motion(machine, shaken[0])))
-    second = replace(first, beta=_beta(plant, first.beta, motions[0])).moved(rest)
-    return Bent(second, tuple(second.bend(*pair) for pair in zip(logs, motions, strict=True)))
+    rest = replace(motion, u=motion.u - _friction(plant, _motion(machine, shaken[0])))
+    return replace(first, beta=_beta(plant, first.beta, motion)).moved(rest)
+
+
+def bend_all(bending: Bending | None, logs: Iterable[Log]) -> list[Log]:
+    """Return logs with the velocity of the joints that bend; as they are where none does."""
+    return list(logs) if bending is None else [bending.bend(log) for log in logs]
 
 
 def _motion(machine: Machine, log: Log) -> Motion:
@@ -105,6 +157,50 @@ def _friction(plant: OpenLoop, motion: Motion) -> Floats:
     bodies = {"rigid_body", *(f"{name}.spring" for name in plant.machine.passive)}
     parts = plant.parts(motion)
     return np.sum([x for key, x in parts.items() if key not in bodies], axis=0) + np.zeros_like(motion.u)
+
+
+def _moved(
+    machine: Machine, beta: Floats, motion: Motion, springs: Sequence[PassiveSpring]
+) -> list[PassiveSpring]:
+    """Return the springs where the motors' rows, fitted by all that is linear, leave least."""
+    loads = [load_of(machine, beta, motion, s.index) for s in springs]
+    inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
+    rows = inside[:: max(1, len(inside) // ROWS)]
+    motors = [a.index for a in machine.axes.values() if np.isfinite(motion.u[rows, a.index]).all()]
+    motors = [j for j in motors if np.ptp(motion.u[rows, j]) > 0.0 and np.ptp(motion.v[rows, j]) > 0.0]
+
+    def at(x: Floats) -> list[PassiveSpring]:
+        k, c = np.exp(x[: len(springs)]), np.exp(x[len(springs) :])
+        return [
+            replace(s, stiffness=s.stiffness * a, damping=s.damping * b)
+            for s, a, b in zip(springs, k, c, strict=True)
+        ]
+
+    def left(x: Floats) -> Floats:
+        q, v, a = (y[rows].copy() for y in (motion.q, motion.v, motion.a))
+        for spring, load in zip(at(x), loads, strict=True):
+            q[:, spring.index], v[:, spring.index], a[:, spring.index] = (
+                y[rows] for y in load.response(spring)
+            )
+        W = machine.base.regressor(machine.model, q, v, a)
+        parts, efforts = [], []
+        for j in motors:
+            own = np.stack([v[:, j], np.sign(v[:, j]), np.ones(len(rows))], axis=1)
+            block = np.zeros((len(rows), 3 * len(motors)))
+            block[:, 3 * motors.index(j) : 3 * motors.index(j) + 3] = own
+            size = float(np.std(motion.u[rows, j]))
+            parts.append(np.hstack([W[:, j], block]) / size)
+            efforts.append(motion.u[rows, j] / size)
+        X, y = np.concatenate(parts), np.concatenate(efforts)
+        scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+        return np.asarray(y - X @ (np.linalg.lstsq(X / scale, y, rcond=1e-9)[0] / scale))
+
+    n = len(springs)
+    bounds = np.log([*[STIFFER] * n, *[DAMPED] * n]).T
+    if not motors:
+        return list(springs)
+    found = least_squares(left, np.zeros(2 * n), bounds=(bounds[0], bounds[1]), diff_step=0.02, max_nfev=12)
+    return at(found.x)
 
 
 def _said(machine: Machine, spring: PassiveSpring) -> str:

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.analysis.deflection import bends
 from pinotwin.analysis.disturbance import diagonal
 from pinotwin.errors import DataError
-from pinotwin.identification.bending import Bent, bent
+from pinotwin.identification.bending import Bending, bend_all, bends, find_bending, holds
 from pinotwin.identification.judge import judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
@@ -70,13 +69,17 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     machine, logs = as_machine(machine).require_physical(), as_logs(log)
     machine, given = _as_logged(machine, logs, resample), logs
     tell("fitting the plant", 0.1)
-    bending = bent(machine, logs) if bends(machine, _named(machine, logs)) else None
-    logs = logs if bending is None else list(bending.logs)
+    bending = find_bending(machine, logs)
+    logs = bend_all(bending, logs)
     prepared = functools.partial(prepare, log=logs, cutoff=cutoff, decimate=decimate)
     machine, motion, fit, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
     tell("judging the plant", 0.4)
     settings = _settings(machine, motion)
-    later = None if validate is None else prepare(machine, _unseen(validate, bending), **settings)
+    later = (
+        None
+        if validate is None
+        else prepare(machine, bend_all(bending, as_logs(validate, "validate")), **settings)
+    )
     plant = open_loop(machine, fit)
     quality = judge(machine, motion, fit, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
     plant, springs_found = _completed(plant, motion, springs, bending)
@@ -95,7 +98,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
 
 
 def _completed(
-    plant: OpenLoop, motion: Motion, springs: bool, bending: Bent | None
+    plant: OpenLoop, motion: Motion, springs: bool, bending: Bending | None
 ) -> tuple[OpenLoop, dict[str, Any]]:
     """Return the plant with the springs of its passive joints, if asked for, and its diagonal; and their fit.
 
@@ -110,24 +113,12 @@ def _completed(
     return replace(plant, diagonal=diagonal(plant, motion)), rows
 
 
-def _unseen(validate: LogLike | Sequence[LogLike], bending: Bent | None) -> list[Log]:
-    """Return the logs to judge on, their passive joints bent as those of the others were."""
-    logs = as_logs(validate, "validate")
-    return logs if bending is None else bending.also(logs)
-
-
 def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) -> Machine:
     """Return the machine as its logs show it: on the clock asked for, joints without spring or measurement locked."""
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
-    named = _named(machine, logs)
-    seen = all(_sees_passive(machine, item) for item in named) or bends(machine, named)
+    seen = bends(machine, logs) or all(_sees_passive(machine, bind(log, machine.columns)) for log in logs)
     return machine if seen else machine.with_rigid_joints()
-
-
-def _named(machine: Machine, logs: Sequence[Log]) -> list[Log]:
-    """Return the logs in the names of the contract; as they are of a machine without passive joints."""
-    return [bind(log, machine.columns) for log in logs] if machine.passive else list(logs)
 
 
 def _with_leads(
@@ -173,7 +164,7 @@ def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
 
 def _sees_passive(machine: Machine, log: Log) -> bool:
     """Whether the vibration of every passive joint was measured (see ``pinotwin vibration``)."""
-    return all(f"{name}.v" in log or f"{name}.q" in log for name in machine.passive)
+    return all(holds(log, name) for name in machine.passive)
 
 
 def _silent(stage: str, done: float) -> None:

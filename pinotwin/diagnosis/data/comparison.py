@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinotwin.analysis.deflection import bent, with_deflections
+from pinotwin.analysis.deflection import bent
 from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, run_away
 from pinotwin.diagnosis.data.runs import Apart, apart
@@ -24,6 +24,7 @@ from pinotwin.effects.family import FRICTION
 from pinotwin.effects.scene import told
 from pinotwin.errors import DataError
 from pinotwin.identification import identify
+from pinotwin.identification.bending import bend_all, find_bending
 from pinotwin.identification.misfit import own_residual
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
@@ -128,7 +129,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     block, count = RULES.block_time, len(logs)
     bent_logs = [*logs, *validation]
     if isinstance(subject, Machine):
-        bent_logs = with_deflections(subject, bent_logs)
+        bent_logs = bend_all(find_bending(subject, logs), bent_logs)
         twin = _base(subject, logs, bent_logs[:count])
     else:
         twin = subject
