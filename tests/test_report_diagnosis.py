@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import base64
+import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pinotwin.cli.diagnose import gap_lines
+from pinotwin.arrays import plain
+from pinotwin.cli.diagnose import cause_lines, gap_lines
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.conclusion.sizes import times_text, told
 from pinotwin.diagnosis.conclusion.where import telling
@@ -218,6 +220,19 @@ def test_many_numbers_become_a_few() -> None:
     assert times_text(Size("viscous.b", 51.2, 297.0, "N·s/m", (290.0, 300.0))) == "× 5.8"
     assert times_text(Size("coulomb.c", 1.0, 1.996, "N·m", (1.9, 2.1))) == "+100 %"
     assert times_text(Size("viscous.b", 100.0, 80.0, "N·s/m", (70.0, 90.0))) == "-20 %"
+
+
+def test_an_effort_that_had_no_limit_is_told_as_none_and_the_json_is_strict() -> None:
+    limit = Size("saturation.limit", math.inf, 3.2, "N·m", (3.1, math.inf))
+    limited = diagnosis("explained", effects=[replace(found("saturation", "A"), size=[limit])])
+    (line,) = [x for x in cause_lines(limited) if "limit" in x]
+    assert line.split("limit ")[1] == "none -> 3.2 N·m (90 %: 3.1 and more)"
+    page = diagnosis_report(limited)
+    rows = read(page).rows
+    assert ["none", "3.2 N·m", "3.1 and more"] in [row[2:5] for row in rows]
+    assert not any("inf" in cell.split() for row in rows for cell in row)
+    text = json.dumps(plain(limited.to_dict()), allow_nan=False)
+    assert json.loads(text)["effects"][0]["size"]["before"] is None
 
 
 def test_names_are_escaped_and_alternatives_shown() -> None:

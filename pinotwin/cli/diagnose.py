@@ -226,13 +226,12 @@ def _with_unit(x: float, scale: Scale) -> str:
 
 def cause_lines(found: Diagnosis) -> list[str]:
     """Return every cause, named or possible, with its size, its confidence and what else it could be."""
-    from pinotwin.diagnosis.conclusion.sizes import size_text, times_text, told
+    from pinotwin.diagnosis.conclusion.sizes import interval_text, size_text, times_text, told
 
     lines = []
     for e in (*found.effects, *found.possible):
         sizes = [
-            f"{size_text(s)} (90 %: {s.interval[0]:.4g} to {s.interval[1]:.4g}{_factor(times_text(s))})"
-            for s in told(e.size)[:3]
+            f"{size_text(s)} (90 %: {interval_text(s)}{_factor(times_text(s))})" for s in told(e.size)[:3]
         ]
         word = "possible" if e in found.possible else "effect"
         lines.append(f"{word}: {e.axis or 'machine'}.{e.effect}, confidence {e.confidence:.0%}")

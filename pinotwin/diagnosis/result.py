@@ -93,7 +93,8 @@ class Size:
 
     Attributes:
         name: of the number, e.g. ``viscous.b``.
-        before: what the model held; 0 for what it did not have, NaN where it is no number of the model.
+        before: what the model held; 0 for what it did not have (inf for a limit), NaN where it is no number of
+            the model.
         after: what these logs ask for.
         unit: of both.
         interval: 90 % interval of ``after``.

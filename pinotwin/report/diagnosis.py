@@ -7,9 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pinotwin.diagnosis.conclusion.sizes import name_words, times_text, told
+from pinotwin.diagnosis.conclusion.sizes import (
+    before_text,
+    interval_text,
+    name_words,
+    now_text,
+    times_text,
+    told,
+)
 from pinotwin.diagnosis.conclusion.where import telling
-from pinotwin.diagnosis.result import Diagnosis, Found, Size
+from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.effects import EFFECTS
 from pinotwin.log import Log
 from pinotwin.report import display
@@ -157,27 +164,16 @@ def _changes(e: Found) -> list[list[object]]:
         return [[name, "", "", "", "", "", sure]]
     rows: list[list[object]] = []
     for k, s in enumerate(sizes):
-        low, high = s.interval
-        before = "–" if s.before != s.before else "none" if s.before == 0.0 else _number(s, s.before)
-        interval = f"{_digits(low)} to {_digits(high)}" if low == low and high == high else "–"
         row: list[object] = [
             name if k == 0 else "",
             name_words(s),
-            before,
-            _number(s, s.after),
-            interval,
+            before_text(s),
+            now_text(s),
+            interval_text(s),
             times_text(s),
         ]
         rows.append([*row, sure if k == 0 else ""])
     return rows
-
-
-def _number(s: Size, x: float) -> str:
-    return _digits(x) if s.unit == "-" else f"{_digits(x)} {s.unit}"
-
-
-def _digits(x: float) -> str:
-    return f"{x:.4g}"
 
 
 def _sure(confidence: float) -> str:
@@ -272,20 +268,11 @@ def _numbers(d: Diagnosis, e: Found) -> list[Block]:
     """Return every number of a cause that has more than the answer shows, folded away."""
     if len(e.size) <= 1:
         return []
-    rows = [
-        [
-            s.name,
-            "–" if s.before != s.before else _digits(s.before),
-            _digits(s.after),
-            f"{_digits(s.interval[0])} to {_digits(s.interval[1])}",
-            s.unit,
-        ]
-        for s in e.size[:MANY]
-    ]
+    rows = [[s.name, before_text(s), now_text(s), interval_text(s)] for s in e.size[:MANY]]
     more = f"; the first {MANY}, all are in diagnosis.json" if len(e.size) > MANY else ""
     title = f"{on_axis(e.effect, e.axis)}: {len(e.size)} numbers{more}"
     shapes = ", ".join(f"{k} = {v:.4g}" for k, v in e.shape.items()) if len(e.shape) <= MANY else ""
-    inside = table(("number", "before", "now", "90 % interval", "unit"), rows, numeric=(1, 2, 3)).text
+    inside = table(("number", "before", "now", "90 % interval"), rows, numeric=(1, 2, 3)).text
     form = paragraph(f"Form (SI): {shapes}.").text if shapes else ""
     return [Html(f"<details><summary>{escape(title)}</summary>{form}{inside}</details>")]
 

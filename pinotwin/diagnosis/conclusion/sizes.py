@@ -109,12 +109,35 @@ def name_words(size: Size) -> str:
 
 
 def size_text(size: Size) -> str:
-    """Return a size in words: from what to what where the model held a number."""
+    """Return a size in words: from what to what where the model held a number, or an effort had no limit."""
     name = size.name.rpartition(".")[2]
-    unit = "" if size.unit == "-" else f" {size.unit}"
-    if np.isfinite(size.before) and size.before != 0.0:
-        return f"{name} {size.before:.4g} -> {size.after:.4g}{unit}"
-    return f"{name} {size.after:.4g}{unit}"
+    if np.isnan(size.before) or size.before == 0.0:
+        return f"{name} {now_text(size)}"
+    return f"{name} {f'{size.before:.4g}' if np.isfinite(size.before) else 'none'} -> {now_text(size)}"
+
+
+def now_text(size: Size) -> str:
+    """Return what these logs ask for, with its unit."""
+    return _with_unit(size.after, size.unit)
+
+
+def before_text(size: Size) -> str:
+    """Return what the model held, with its unit; a dash for what is no number of the model."""
+    if np.isnan(size.before):
+        return "–"
+    return "none" if np.isinf(size.before) or size.before == 0.0 else _with_unit(size.before, size.unit)
+
+
+def _with_unit(x: float, unit: str) -> str:
+    return f"{x:.4g}" if unit == "-" else f"{x:.4g} {unit}"
+
+
+def interval_text(size: Size) -> str:
+    """Return the 90 % interval; a dash for none."""
+    low, high = size.interval
+    if np.isnan(low) or np.isnan(high):
+        return "–"
+    return f"{low:.4g} to {high:.4g}" if np.isfinite(high) else f"{low:.4g} and more"
 
 
 def times_text(size: Size) -> str:
