@@ -77,7 +77,7 @@ def test_a_log_that_holds_the_vibration_is_left_as_it_is(rig):
     log = recorded.to_log()
     measured = log.with_channels({**log.channels, "delta.v": recorded.truth.joint("delta")[1]})
     bending = find_bending(rig, [log])
-    assert bend_all(bending, [measured])[0] is measured
+    np.testing.assert_array_equal(bend_all(bending, [measured])[0]["delta.v"], measured["delta.v"])
     assert np.isfinite(bend_all(bending, [log])[0]["delta.v"]).all()
     assert find_bending(rig, [measured]) is None
     assert find_bending(Machine.load("trunnion"), [log]) is None

@@ -75,7 +75,7 @@ def swing(seconds: float = 40.0, rate: float = 200.0) -> tuple[np.ndarray, np.nd
     t = np.arange(0, seconds, 1 / rate)
     w = np.stack([np.sin(1.1 * t), 0.8 * np.sin(0.7 * t + 1), np.cos(0.5 * t)], axis=1)
     w[t < 2.0] = 0.0
-    q = rot.strapdown(w, 1 / rate)
+    q = rot.chain(rot.increments(w, 1 / rate))
     acc = rot.rotate(rot.conjugate(q), np.tile([0, 0, 9.81], (len(t), 1)))
     mean = np.vstack([w[:1], rot.increments(w, 1 / rate) * rate])  # over the step that ends there
     gyr = mean + np.array([5e-3, -3e-3, 2e-3]) + 1e-3 * rng.normal(size=w.shape)

@@ -30,7 +30,7 @@ def coning(t: np.ndarray, half_angle: float, rate: float) -> tuple[np.ndarray, n
 def coning_error(rule: str, h: float) -> float:
     t = np.arange(0.0, 2.0, h)
     q, w = coning(t, 0.1, 2 * np.pi * 10)
-    estimate = rot.strapdown(w, h, q[0], rule)
+    estimate = rot.chain(rot.increments(w, h, rule), q[0])
     return float(np.linalg.norm(rot.log(rot.multiply(estimate, rot.conjugate(q))), axis=1)[-1])
 
 
@@ -44,7 +44,7 @@ def test_strapdown_follows_the_closed_form_coning_motion_to_fourth_order() -> No
 
 def test_constant_rate_is_integrated_exactly() -> None:
     w = np.array([1.0, -2.0, 3.0])
-    q = rot.strapdown(np.tile(w, (1001, 1)), 0.01, rule="hold")
+    q = rot.chain(rot.increments(np.tile(w, (1001, 1)), 0.01, "hold"))
     truth = Rotation.from_rotvec(w * 10.0).as_matrix()
     np.testing.assert_allclose(rot.to_matrix(q[-1]), truth, atol=1e-12)
 

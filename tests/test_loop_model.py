@@ -120,19 +120,6 @@ def test_discrete_equivalent_is_exact(hold):
         assert np.max(np.abs(y - found)) < 1e-9 * np.max(np.abs(y))
 
 
-def test_dense_form_is_the_modal_form():
-    rng = np.random.default_rng(4)
-    modal = random_model(rng, shape=(2, 3)).modal()
-    A, B0, B1, C, D = modal.dense()
-    x, now, then = (
-        rng.standard_normal((len(modal.A), 2)),
-        rng.standard_normal(3),
-        rng.standard_normal(3),
-    )
-    assert np.allclose(A @ x.ravel() + B0 @ now + B1 @ then, modal.advance(x, now, then).ravel())
-    assert np.allclose(C @ x.ravel() + D @ now, modal.output(x, now))
-
-
 def test_derivatives_of_the_outputs_are_exact():
     """q' and q'' of Eq. 4.12 without numerical differentiation, against fine differences."""
     rng = np.random.default_rng(5)

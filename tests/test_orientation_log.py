@@ -127,7 +127,7 @@ def test_filters_take_instantaneous_rates_for_what_they_are() -> None:
     w = np.stack(
         [0.5 * np.sin(3.0 * t) + 0.01 * np.sin(125.0 * t), 0.4 * np.cos(2.0 * t), 0.3 * np.sin(t)], axis=1
     )
-    q = rot.strapdown(w, 1 / 400.0)
+    q = rot.chain(rot.increments(w, 1 / 400.0))
     acc = rot.rotate(rot.conjugate(q), np.tile([0, 0, 9.81], (len(t), 1)))
     for method in ("ekf", "smoother", "vqf", "offline"):
         late, right = (

@@ -286,7 +286,7 @@ def test_plots_are_drawn_in_a_browser(tmp_path: Path) -> None:
     """The page unpacks plotly by itself and draws: a page with a plot differs from one without."""
     Image = pytest.importorskip("PIL.Image")
 
-    from pinotwin.viewer.screenshot import screenshot
+    from tests.screenshot import screenshot
 
     path, png = tmp_path / "page.html", tmp_path / "page.png"
     y = np.sin(np.linspace(0, 9, 200))

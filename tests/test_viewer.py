@@ -16,7 +16,6 @@ from pinotwin.errors import DataError, InputError, MachineError
 from pinotwin.machine import Machine
 from pinotwin.viewer import (
     Scene,
-    browser,
     colour,
     configuration,
     draw,
@@ -26,11 +25,11 @@ from pinotwin.viewer import (
     play,
     save_html,
     scene,
-    screenshot,
     show,
     visual_model,
 )
 from pinotwin.viewer.stage import ASPECT, FIELD_OF_VIEW, aim, corners
+from tests.screenshot import browser, screenshot
 
 ROTARY = {"Y": False, "A": True, "C": True}
 NAMES = ["laser_driller", "trunnion", "flexure_rig", "emps", "tx40"]

@@ -84,7 +84,7 @@ def diagonal(plant: OpenLoop, motion: Motion) -> dict[str, Floats]:
     """
     q = np.concatenate([motion.q[s] for s in motion.segments])
     postures = halton(POSTURES, q.min(axis=0), q.max(axis=0))
-    M = _mean_inertia(plant, postures)
+    M = mean_inertia(plant, postures)
     inertia = np.diag(M).copy()
     viscous, stiffness = np.zeros(plant.machine.nv), np.zeros(plant.machine.nv)
     for effect, theta in _effects(plant):
@@ -118,12 +118,7 @@ def _ground(machine: Machine, M: Floats) -> Floats:
     return out
 
 
-def diagonal_inertia(plant: OpenLoop, postures: Floats) -> Floats:
-    """Return the mean of the diagonal of M(q) over postures of shape (k, nv), shape (nv,)."""
-    return np.diag(_mean_inertia(plant, postures)).copy()
-
-
-def _mean_inertia(plant: OpenLoop, postures: Floats) -> Floats:
+def mean_inertia(plant: OpenLoop, postures: Floats) -> Floats:
     """Return the mean of M(q) over postures, shape (nv, nv)."""
     zero = np.zeros_like(postures)
     held = _rigid_effort(plant, postures, zero, zero)
@@ -252,27 +247,8 @@ def _total(arrays: Iterable[Floats]) -> Floats:
 
 
 def halton(count: int, lower: Floats, upper: Floats) -> Floats:
-    """Return the first points of a Halton sequence in a box, shape (count, nv) (Halton 1960)."""
-    out = np.empty((count, len(lower)))
-    for j, base in enumerate(_primes(len(lower))):
-        out[:, j] = [_radical_inverse(k, base) for k in range(1, count + 1)]
-    return np.asarray(lower) + out * (np.asarray(upper) - np.asarray(lower))
+    """Return the first points of a Halton sequence in a box, shape (count, nv), without its corner (Halton 1960)."""
+    from scipy.stats.qmc import Halton  # half a second, which simulating does not need
 
-
-def _radical_inverse(k: int, base: int) -> float:
-    out, scale = 0.0, 1.0
-    while k:
-        k, digit = divmod(k, base)
-        scale /= base
-        out += digit * scale
-    return out
-
-
-def _primes(count: int) -> list[int]:
-    found: list[int] = []
-    k = 2
-    while len(found) < count:
-        if all(k % p for p in found):
-            found.append(k)
-        k += 1
-    return found
+    points = Halton(len(lower), scramble=False).fast_forward(1).random(count)
+    return np.asarray(lower) + points * (np.asarray(upper) - np.asarray(lower))

@@ -74,11 +74,6 @@ class Modes:
     def __getitem__(self, k: int) -> Mode:
         return self.modes[k]
 
-    @property
-    def frequencies(self) -> Floats:
-        """Natural frequencies [Hz]."""
-        return np.array([m.frequency for m in self.modes])
-
 
 def modes(
     machine: Machine | Twin,

@@ -275,15 +275,6 @@ class Effect(abc.ABC):
         """Return the effect at every combination of shape values, one grid a shape."""
         return tuple(self.shaped([float(x) for x in values]) for values in itertools.product(*grids))
 
-    def warm_up(self, motion: Motion) -> float:
-        """Return for how long a stretch's columns depend on what came before it [s].
-
-        Zero for an effect without states, and for dry friction once the axis moves; inf where the
-        beginning is never forgotten (an integral, a time since switching on).
-        """
-        del motion
-        return 0.0
-
     def possible(self, theta: Floats) -> bool:
         """Whether coefficients, shape (p,), and shapes can belong to one such effect; bounds are judged apart."""
         del theta

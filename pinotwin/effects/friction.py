@@ -359,11 +359,6 @@ class ViscousThermal(AxisEffect):
         length_of = float(motion.t[-1] - motion.t[0]) if len(motion) else 0.0
         return self.over([tau for tau in WARMING if tau < 2.0 * length_of])
 
-    def warm_up(self, motion: Motion) -> float:
-        """See :meth:`Effect.warm_up`: it counts from the start of the log."""
-        del motion
-        return np.inf
-
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
         return (motion.v * -np.expm1(-_since_start(motion.t) / self.warming))[:, None]

@@ -28,10 +28,8 @@ LONG = np.geomspace(0.005, 0.5, 8)
 """Distances of build-up that are tried, as shares of the travel."""
 SHARP = (0.5, 1.0, 2.0)
 """Exponents that are tried."""
-FORGOTTEN = 24.0
-"""Distances of sliding one way after which nothing is left of what was before: exp(-24) is 4e-11."""
 BUILT_UP = 1e-10
-"""[per distance] What z still gains when it counts as built up: the numbers above forget as much."""
+"""[per distance] What z still gains when it counts as built up."""
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
@@ -127,19 +125,6 @@ class Hysteresis(AxisEffect):
         distances, sharp = self.grid(motion)
         least = max(0.25 * sight.pace, 10.0 * sight.noise)
         return self.over([x for x in distances if x >= least], sharp)
-
-    def warm_up(self, motion: Motion) -> float:
-        """See :meth:`Effect.warm_up`: until one long slide has wiped out the strokes before it."""
-        assert self.x_h is not None
-        worst = 0.0
-        own = motion.axis(self.axis)
-        for part in own.segments:
-            q = own.q[part]
-            turns = np.flatnonzero(np.diff(np.sign(np.diff(q))) != 0) + 1
-            ends = np.concatenate([[0], turns, [len(q) - 1]])
-            reached = np.flatnonzero(np.abs(np.diff(q[ends])) > FORGOTTEN * self.x_h)
-            worst = max(worst, float(ends[reached[0] + 1]) * own.step if len(reached) else np.inf)
-        return worst
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""

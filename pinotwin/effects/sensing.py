@@ -71,11 +71,6 @@ class Delay(Effect):
         """See :meth:`Effect.shapes`."""
         return (Shape("span", "s", -0.06, 0.06, log=False),)
 
-    def warm_up(self, motion: Motion) -> float:
-        """See :meth:`Effect.warm_up`."""
-        del motion
-        return abs(self.span)
-
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """See :meth:`Effect.trials`: delays of a tenth of a sample at least."""
         del motion

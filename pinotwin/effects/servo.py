@@ -95,11 +95,6 @@ class LoopGain(Effect):
         del sight
         return () if motion.qr is None else (self,)
 
-    def warm_up(self, motion: Motion) -> float:
-        """See :meth:`Effect.warm_up`: the integral never forgets."""
-        del motion
-        return np.inf
-
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`; the integral starts at zero in every stretch."""
         _, vr, _ = _command(self, motion)

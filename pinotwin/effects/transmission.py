@@ -25,8 +25,6 @@ from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import length
 from pinotwin.motion import Motion
 
-FORGOTTEN = 24.0
-"""Time constants after which a vibration is gone: exp(-24) is 4e-11."""
 LOAD = 0.65
 """Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it, and where it
 changes with the posture."""
@@ -163,11 +161,6 @@ class _Flexible(Effect):
         if sight.fastest_mode < LOWEST_MODE:
             return ()
         return self.over(np.geomspace(LOWEST_MODE, max(sight.fastest_mode, 16.0), MODES), DAMPING)
-
-    def warm_up(self, motion: Motion) -> float:
-        """See :meth:`Effect.warm_up`: until the mode has died away to 1e-9 and less."""
-        del motion
-        return FORGOTTEN / (self.damping * 2.0 * np.pi * self.frequency)
 
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""
@@ -307,11 +300,6 @@ class Backlash(Effect):
         gaps = [g for g in self._usual() * FINE_GAPS if 2.0 * sight.noise < g < 0.05 * sight.travel]
         bodies = [replace(self, load=x) for x in (LOADS if self.rotary else LOADS[:1])]
         return tuple(e.shaped((g, f, z)) for e in bodies for g in gaps for f, z in FACES)
-
-    def warm_up(self, motion: Motion) -> float:
-        """See :meth:`Effect.warm_up`: until the load has settled on a face, which a reversal may delay."""
-        del motion
-        return 4.0 * FORGOTTEN / (self.damping * 2.0 * np.pi * self.frequency)
 
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""

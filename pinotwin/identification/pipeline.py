@@ -66,31 +66,27 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the log", 0.02)
-    machine, logs = as_machine(machine).require_physical(), as_logs(log)
-    machine, given = _as_logged(machine, logs, resample), logs
+    machine = _as_logged(as_machine(machine).require_physical(), logs := as_logs(log), resample)
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs)
-    logs = bend_all(bending, logs)
-    prepared = functools.partial(prepare, log=logs, cutoff=cutoff, decimate=decimate)
+    bent = bend_all(bending, logs)
+    prepared = functools.partial(prepare, log=bent, cutoff=cutoff, decimate=decimate)
     machine, motion, fit, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
     tell("judging the plant", 0.4)
     settings = _settings(machine, motion)
-    later = (
-        None
-        if validate is None
-        else prepare(machine, bend_all(bending, as_logs(validate, "validate")), **settings)
-    )
+    unseen = [] if validate is None else bend_all(bending, as_logs(validate, "validate"))
+    later = prepare(machine, unseen, **settings) if unseen else None
     plant = open_loop(machine, fit)
     quality = judge(machine, motion, fit, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
     plant, springs_found = _completed(plant, motion, springs, bending)
     closed = ClosedLoops(plant)
     if loop and motion.qr is not None:
-        closed = close_loops(plant, motion, logs, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
-    said = [] if bending is None else bending.warnings
+        closed = close_loops(plant, motion, bent, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
+    said = bending.warnings if bending else []
     quality["warnings"] = [*said, *warnings(quality, machine), *closed.warnings]
     return closed.twin(
         quality={**quality, "springs": springs_found, **closed.quality},
-        data=[_provenance(item, motion) for item in given],
+        data=[_provenance(item, motion) for item in logs],
         settings=settings,
         groups=fit.fit.group_names(),
         misfit=misfit_of(closed.plant, motion),

@@ -134,23 +134,6 @@ def increments(gyr: Floats, step: Floats | float, rule: Rule = "coning") -> Floa
     return phi + h**2 / 12.0 * np.cross(a, b)
 
 
-def strapdown(
-    gyr: Floats, step: Floats | float, start: Floats | None = None, rule: Rule = "coning"
-) -> Floats:
-    """Integrate angular rate into orientation; exact for a rate that follows the rule.
-
-    Args:
-        gyr: angular rate in the sensor frame [rad/s], shape (n, 3).
-        step: sampling intervals [s], one for all or shape (n - 1,).
-        start: first quaternion (4,); identity by default.
-        rule: see :func:`increments`.
-
-    Returns:
-        Quaternions, shape (n, 4).
-    """
-    return chain(increments(gyr, step, rule), start)
-
-
 def chain(phi: Floats, start: Floats | None = None) -> Floats:
     """Return the quaternions (n, 4) reached by the rotation vectors of steps (n - 1, 3)."""
     first = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else np.asarray(start, dtype=float)

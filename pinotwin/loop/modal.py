@@ -63,17 +63,6 @@ class ModalStep:
         """Number of inputs."""
         return self.D.shape[1]
 
-    def dense(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Return A (2k, 2k), B0 and B1 (2k, m), C (ny, 2k), D (ny, m) as plain matrices."""
-        k = len(self.A)
-        A = np.zeros((2 * k, 2 * k))
-        B0, B1 = np.zeros((2 * k, self.inputs)), np.zeros((2 * k, self.inputs))
-        for b in range(k):
-            rows = slice(2 * b, 2 * b + 2)
-            A[rows, rows] = self.A[b]
-            B0[rows, self.input[b]], B1[rows, self.input[b]] = self.B0[b], self.B1[b]
-        return A, B0, B1, self.C.reshape(len(self.C), -1), self.D
-
     def equilibrium(self, w: Floats) -> Floats:
         """Return the states at rest under constant inputs ``w``, shape (k, 2)."""
         x = np.zeros((len(self.A), 2))
@@ -91,9 +80,9 @@ class ModalStep:
         moved = np.einsum("kij,kj->ki", self.A, x)
         return moved + self.B0 * now[self.input, None] + self.B1 * then[self.input, None]
 
-    def output(self, x: Floats, w: Floats, ar: float = 0.0) -> Floats:
-        """Return the outputs at states ``x``, shape (ny,)."""
-        return np.einsum("yki,ki->y", self.C, x) + self.D @ w + self.Da * ar
+    def output(self, x: Floats, w: Floats) -> Floats:
+        """Return the outputs at states ``x`` without the command's acceleration, shape (ny,)."""
+        return np.einsum("yki,ki->y", self.C, x) + self.D @ w
 
     def derivative(self, order: int = 1) -> tuple[Floats, Floats, Floats, Floats]:
         """Return C, D, E and F of the outputs' first or second derivative.

@@ -40,7 +40,7 @@ def effect_colour(key: str) -> str:
     return _EFFECTS.get(name, _OTHERS[sum(map(ord, name)) % len(_OTHERS)])
 
 
-def style(figure: go.Figure, height: int, *, legend: bool = True, gap: int = 8) -> go.Figure:
+def style(figure: go.Figure, height: int, *, legend: bool = True) -> go.Figure:
     """Give a figure the look of the page."""
     figure.update_layout(
         template="none",
@@ -66,7 +66,7 @@ def style(figure: go.Figure, height: int, *, legend: bool = True, gap: int = 8) 
         zeroline=False,
         ticks="",
         automargin=True,
-        title_standoff=gap,
+        title_standoff=8,
         title_font={"size": 12.5},
     )
     figure.update_yaxes(
@@ -74,7 +74,7 @@ def style(figure: go.Figure, height: int, *, legend: bool = True, gap: int = 8) 
         zeroline=True,
         ticks="",
         automargin=True,
-        title_standoff=gap,
+        title_standoff=8,
         title_font={"size": 12.5},
     )
     return figure
@@ -103,25 +103,15 @@ def line(
     )
 
 
-def dots(
-    x: Floats,
-    y: Floats,
-    name: str,
-    colour: str = MEASURED,
-    *,
-    size: float = 3.5,
-    opacity: float = 0.4,
-    legend: bool = True,
-) -> go.Scatter:
+def dots(x: Floats, y: Floats, name: str, colour: str = MEASURED) -> go.Scatter:
     """Return a cloud of points."""
     return go.Scatter(
         x=x.astype(np.float32),
         y=y.astype(np.float32),
         name=name,
         mode="markers",
-        showlegend=legend,
         hoverinfo="skip",
-        marker={"color": colour, "size": size, "opacity": opacity, "line": {"width": 0}},
+        marker={"color": colour, "size": 3.5, "opacity": 0.4, "line": {"width": 0}},
     )
 
 

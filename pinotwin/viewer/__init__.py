@@ -3,12 +3,10 @@
 from pinotwin.viewer.play import Live, play, save_html, show
 from pinotwin.viewer.posture import configuration, joint_kinds, parse_posture
 from pinotwin.viewer.scene import Scene, colour, draw, missing_meshes, scene, visual_model
-from pinotwin.viewer.screenshot import browser, screenshot
 
 __all__ = [
     "Live",
     "Scene",
-    "browser",
     "colour",
     "configuration",
     "draw",
@@ -18,7 +16,6 @@ __all__ = [
     "play",
     "save_html",
     "scene",
-    "screenshot",
     "show",
     "visual_model",
 ]
