@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: on two cores OpenBLAS' own threads make least squares 10 to 200 times slower.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup venv demo test slow style lint bench benchmarks evidence gate fuzz docs clean
+.PHONY: setup venv demo test slow style lint bench benchmarks evidence gate fuzz kills docs clean
 
 # Python compiles what it imports; compiling all that is installed beforehand takes longer than the install.
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt

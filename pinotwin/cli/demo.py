@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import multiprocessing
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -63,15 +67,16 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out or "out/demo")
     out.mkdir(parents=True, exist_ok=True)
     done: list[dict[str, Any]] = []
-    for told, words in _commands(out):
-        say("")
-        if told:
-            say(f"# {told}")
-        say(f"$ pinotwin {' '.join(words)}")
-        code = main(words)
-        done.append({"command": ["pinotwin", *words], "exit_code": code})
-        if code != 0:
-            break
+    with _compiling():
+        for told, words in _commands(out):
+            say("")
+            if told:
+                say(f"# {told}")
+            say(f"$ pinotwin {' '.join(words)}")
+            code = main(words)
+            done.append({"command": ["pinotwin", *words], "exit_code": code})
+            if code != 0:
+                break
     if args.json:
         write_json(args.json, {"commands": done})
     if done[-1]["exit_code"] == 0:
@@ -91,6 +96,45 @@ def _commands(out: Path) -> list[tuple[str, list[str]]]:
     else:
         say("the real EMPS log is not at hand; set PINOTWIN_DATA to its folder to see it identified")
     return chain
+
+
+@contextmanager
+def _compiling() -> Iterator[None]:
+    """Compile on another core meanwhile what `identify` needs only once the plant is fitted."""
+    helper = multiprocessing.get_context("spawn").Process(target=compile_steppers, daemon=True)
+    helper.start()
+    try:
+        yield
+    finally:
+        helper.kill()
+        helper.join()
+
+
+def compile_steppers() -> None:
+    """Compile what closed loops are stepped with, which numba keeps on the disk: half a minute, once.
+
+    The bodies of a machine as drawn are held at rest for some samples, by transfer functions and by controllers.
+    """
+    import numpy as np
+
+    from pinotwin.dynamics.parameters import parameters
+    from pinotwin.errors import PinotwinError
+    from pinotwin.log import Log
+    from pinotwin.loop import Controller, Servo
+    from pinotwin.machine import Machine
+    from pinotwin.twin import Twin
+
+    machine = Machine.load("trunnion")
+    for name in machine.axes:
+        machine = machine.with_effects(name, ())
+    pi, ones = parameters(machine.model), np.ones(machine.nv)
+    theta = machine.base.from_standard(pi)
+    diagonal = {"inertia": ones, "viscous": ones, "stiffness": 0.0 * ones}
+    twin = Twin(machine, machine.effects, theta, np.diag(0.0 * theta), (), pi, diagonal=diagonal)
+    log = Log({"t": np.linspace(0.0, 0.02, 21), **{f"{name}.qr": np.zeros(21) for name in machine.axes}})
+    for law in (Servo((1e4, 1e4, 1e3, 0.0, 0.0, 0.0)), Controller("p_pi", kp=10.0, kv=100.0)):
+        with contextlib.suppress(PinotwinError):  # compiled all the same
+            twin.simulate(log, controller=dict.fromkeys(machine.axes, law))
 
 
 def data_folder() -> Path:
