@@ -46,8 +46,10 @@ class Rules:
     strength_structure: float = 12.0
     """The same for what a machine lacks."""
     size_structure: float = 0.015
-    """[of the effort's variation] Least that a cause closes of its axis' effort, RMS; healthy foreign machines
-    reach 0.009."""
+    """[of the effort's variation] Least that what a machine lacks closes of its axis' effort, RMS; healthy foreign
+    machines reach 0.009."""
+    size_change: float = 0.005
+    """The same for a change, whose twin knows its misfit: for so little nobody stops a machine."""
     excess: float = 0.9
     """[squared misfit per row] Least that a change closes: nothing smaller than the misfit itself is named. Another
     run of the same LWR4 reaches 0.79, faults that raise its residual by half 1.1."""

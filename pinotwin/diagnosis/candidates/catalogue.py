@@ -10,7 +10,9 @@ import numpy as np
 
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.effects import EFFECTS, Coefficient, Columns, Effect, Shape
+from pinotwin.effects.family import FRICTION
 from pinotwin.effects.tree import Tree
+from pinotwin.machine import Axis
 from pinotwin.motion import Motion
 
 APART = ("rigid_body", "external_force", "spring")
@@ -27,7 +29,8 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
     """Yield every effect worth trying on every axis.
 
     Effects of the controller are not among them: they leave the plant as it is. A body is tried at the
-    last link first and then at those before it.
+    last link first and then at those before it. Friction that a machine lists is not missing in it: its law was
+    fitted to these very logs, and a second one beside it would only be a better form of the first.
     """
     machine, motion = comparison.machine, comparison.new.motion
     tree = Tree(comparison.twin.model, machine.names, machine.rotary)
@@ -37,10 +40,16 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
         if name in SAME and SAME[name] not in leave_out:
             continue
         for axis in machine.axes.values():
-            if axis.index in comparison.new.joints:
+            if axis.index in comparison.new.joints and not _listed(kind, axis, comparison):
                 beside = [EFFECTS[x].on(tree, axis.name) for x in BESIDE.get(name, ())]
                 for effect in kind.candidates(tree, axis.name, motion):
                     yield Joined(axis.name, (*beside, effect)) if beside else effect
+
+
+def _listed(kind: type[Effect], axis: Axis, comparison: Comparison) -> bool:
+    """Whether a machine has this friction on an axis already."""
+    has = any(e.name == kind.name for e in axis.effects)
+    return has and kind.family is FRICTION and not comparison.change
 
 
 @dataclass(frozen=True)
