@@ -47,14 +47,15 @@ def reached(motions: Sequence[Motion], joint: int) -> Limit | None:
         motions: prepared logs.
         joint: column of the drive.
     """
-    if not motions or any(m.qr is None for m in motions):
+    if not motions or any(m.vr is None for m in motions):
         return None
     efforts = [m.u[:, joint] for m in motions]
     if not all(np.isfinite(u).any() for u in efforts):
         return None
-    rough = [roughness([u[np.isfinite(u)]]) for u in efforts]
+    noise = float(np.mean([_noise(m, u) for m, u in zip(motions, efforts, strict=True)]))
     going = [_moving(m, joint) for m in motions]
-    near = [at_limit(u, r, m.step) & x for m, u, r, x in zip(motions, efforts, rough, going, strict=True)]
+    low = lowest(efforts, noise)
+    near = [rests(u, low, m.step) & x for m, u, x in zip(motions, efforts, going, strict=True)]
     after = [followed(x, round(AFTER / m.step)) for m, x in zip(motions, near, strict=True)]
     at, late = np.concatenate(near), np.concatenate(after)
     size = np.abs(np.nan_to_num(np.concatenate(efforts)))
@@ -64,8 +65,8 @@ def reached(motions: Sequence[Motion], joint: int) -> Limit | None:
         return None
     worst = rms(e[late]) / max(rms(e[~late]), 1e-300)
     level = float(np.median(size[at]))
-    over, spike = _plateau(size[np.concatenate(going)], level, float(np.mean(rough)))
-    flat = float(np.std(size[at])) < FLAT * float(np.mean(rough))
+    over, spike = _plateau(size[np.concatenate(going)], level, noise)
+    flat = float(np.std(size[at])) < FLAT * noise
     clear = worst > WORSE or (spike > SPIKE and flat and worst > LEFT_BEHIND)
     if over > OVER * share or not clear:
         return None
@@ -86,14 +87,17 @@ def exceeded(efforts: Sequence[Floats], level: float) -> bool:
     return False
 
 
+def _noise(m: Motion, u: Floats) -> float:
+    """Return the noise of an effort; of a filtered one at the rows that are fitted: from row to row it is smooth."""
+    parts = [u[s][:: m.decimation] for s in m.segments]
+    return roughness([x[np.isfinite(x)] for x in parts])
+
+
 def _moving(m: Motion, joint: int) -> Mask:
     """Return where an axis or its command moves: an effort that rests while both stand holds a weight."""
-    assert m.qr is not None
-    out = np.zeros(len(m.t), dtype=bool)
-    for q in (m.q, m.qr):
-        v = np.abs(np.gradient(q[:, joint], m.step))
-        out |= v > STANDING * v.max(initial=0.0)
-    return out
+    assert m.vr is not None
+    speeds = [np.abs(np.nan_to_num(v[:, joint])) for v in (m.v, m.vr)]
+    return np.logical_or.reduce([v > STANDING * v.max(initial=0.0) for v in speeds])
 
 
 def _error(m: Motion, joint: int) -> Floats:
@@ -116,22 +120,31 @@ def followed(mask: Mask, samples: int) -> Mask:
     return out
 
 
-def at_limit(u: Floats, noise: float, step: float) -> Mask:
-    """Return where an effort rests near the largest size it has, for a while.
+def lowest(efforts: Sequence[Floats], noise: float) -> float:
+    """Return the least size of an effort that is near the largest that it rests at, in all logs together [N or N·m].
 
     A drive at its limit does not rest at its very largest reading: noise and the current loop overshoot
     it. The level is the size that is met most often among the largest fifth.
 
     Args:
-        u: effort [N or N·m], shape (n,).
-        noise: standard deviation of its noise.
-        step: sampling interval [s].
+        efforts: of one axis, one per log, each of shape (n,) [N or N·m].
+        noise: standard deviation of their noise.
     """
-    size = np.abs(np.nan_to_num(u))
+    size = np.abs(np.nan_to_num(np.concatenate(efforts)))
     top = float(size.max(initial=0.0))
     counts, edges = np.histogram(size, np.linspace(0.8 * top, top * (1.0 + 1e-12) + 1e-300, 21))
-    level = float(edges[int(np.argmax(counts))])
-    near = size >= level - 5.0 * noise - 0.005 * top
+    return float(edges[int(np.argmax(counts))]) - 5.0 * noise - 0.005 * top
+
+
+def rests(u: Floats, low: float, step: float) -> Mask:
+    """Return where an effort stays at a size or beyond for a while.
+
+    Args:
+        u: effort [N or N·m], shape (n,).
+        low: that size.
+        step: sampling interval [s].
+    """
+    near = np.abs(np.nan_to_num(u)) >= low
     ends = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
     out = np.zeros(len(u), dtype=bool)
     for a, b in zip(ends[::2], ends[1::2], strict=True):

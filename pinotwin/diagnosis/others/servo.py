@@ -139,7 +139,7 @@ def _decided(new: _Law, gains: Floats, held: float, rules: Rules) -> _Decided | 
     if level < max(rules.law_worse * held, rules.law_level * new.size):
         return None
     left = new.refitted(plain, FORWARD)
-    if 1.0 - (left / level) ** 2 > rules.law_forward:
+    if level**2 - left**2 > rules.law_forward * (level**2 - held**2):
         return _Decided("feedforward", FORWARD, level, left)
     left = new.refitted(plain, FEEDBACK)
     if new.scaled(gains) < rules.law_scaled * left:
