@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.identification.plant import fit_options
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
-from pinotwin.solve.crossval import fold_order, held_out
+from pinotwin.solve.crossval import HeldOut, fold_order, held_out
 from pinotwin.solve.linear import linear
 from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop, Twin
@@ -23,6 +24,10 @@ from pinotwin.twin.misfit import Misfit
 FOLDS = 5
 MOST_ROWS = 60_000
 """Rows of the own logs that are kept: two minutes at 500 Hz say what a twin leaves."""
+UNSURE = 1.0
+"""[of the noise's variance] Variance of a prediction from which a held-out row tells nothing of the model."""
+LEAST = 0.1
+"""[of a joint's rows] That must be left once those are out."""
 _PIECES = 12
 _BANDS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 
@@ -49,8 +54,25 @@ def misfit_of(plant: OpenLoop, motion: Motion) -> Misfit | None:
     moved = plant.theta - linear(problem, options).theta
     theta = held.theta + moved
     fold = _fold_of_rows(problem, rows, len(motion))
+    motion = _foreseen(motion, problem, rows, held)
     residual = _residual(plant, motion, theta, fold)
     return Misfit(motion, fold, theta, _summary(motion, residual))
+
+
+def _foreseen(motion: Motion, problem: Problem, rows: Rows, held: HeldOut) -> Motion:
+    """Return the motion without the rows of a joint that the other parts of the logs say nothing of.
+
+    Where one part alone goes to a place that a table knows by its own knots, what the others predict there is no
+    misfit. A joint of which little else is left keeps its rows.
+    """
+    unsure, use = held.unsure(problem) > UNSURE, motion.use.copy()
+    sample = _samples(problem, rows)
+    for joint, part in problem.slices.items():
+        if np.mean(unsure[part]) > 1.0 - LEAST:
+            continue
+        for k in sample[part][unsure[part]]:
+            use[max(k - motion.decimation + 1, 0) : k + 1, joint] = False
+    return replace(motion, use=use)
 
 
 def own_residual(twin: Twin) -> Floats:

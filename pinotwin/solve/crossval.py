@@ -19,6 +19,9 @@ from pinotwin.solve.linear import Options, Reduced, linear, reduce, solve
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.tsqr import r_factor
 
+RIDGE = 1e-6
+"""Of what all rows tell of a column: what is called of one that the fitted rows do not hold."""
+
 
 @dataclass(frozen=True)
 class HeldOut:
@@ -30,6 +33,9 @@ class HeldOut:
         nrmse_std: the same divided by the effort's standard deviation.
         theta: coefficients of each fold, shape (folds, p).
         error: prediction error of every row, shape (rows,).
+        sigma: noise level of every axis with which the rows were weighted, shape (axes,).
+        factors: R of the weighted rows that each fold was fitted to, shape (folds, p, p).
+        fold: of every row, shape (rows,).
     """
 
     rms: Floats
@@ -37,6 +43,29 @@ class HeldOut:
     nrmse_std: Floats
     theta: Floats
     error: Floats
+    sigma: Floats
+    factors: Floats
+    fold: Ints
+
+    def unsure(self, problem: Problem) -> Floats:
+        """Return the variance of each row's prediction over that of the noise, shape (rows,).
+
+        Of a regular fit it is a few parameters over the number of rows. Beyond one the rows that were fitted tell
+        less of a prediction than the noise does: of a table's knots that only this fold visits they tell nothing.
+
+        Args:
+            problem: whose rows these are.
+        """
+        out = np.empty(len(problem.y))
+        N = np.einsum("kab,kac->kbc", self.factors, self.factors)
+        size = np.sqrt(np.maximum(np.diagonal(N, axis1=1, axis2=2).max(axis=0), 1e-300))
+        weight = 1.0 / self.sigma[problem.axis_place]
+        for k, each in enumerate(N):
+            rows = self.fold == k
+            x = problem.W[rows] * weight[rows, None] / size
+            scaled = each / np.outer(size, size) + RIDGE * np.eye(len(size))
+            out[rows] = np.einsum("np,np->n", x, np.linalg.solve(scaled, x.T).T)
+        return out
 
 
 def held_out(
@@ -65,14 +94,17 @@ def held_out(
     pieces = [problem.rows((order >= a) & (order < b)) for a, b in pairwise(cuts)]
     factors = [reduce(piece) for piece in pieces]
     theta = np.empty((folds, problem.parameters))
-    error = np.empty(len(problem.y))
+    held = np.empty((folds, problem.parameters, problem.parameters))
+    error, fold = np.empty(len(problem.y)), np.empty(len(problem.y), dtype=np.intp)
     for k, (a, b) in enumerate(pairwise(edges)):
         outside = (cuts[1:] <= a - guard) | (cuts[:-1] >= b + guard)
         chosen = [(p, f) for p, f, use in zip(pieces, factors, outside, strict=True) if use]
-        theta[k] = solve(_merge(problem, chosen), options).theta
+        found = solve(_merge(problem, chosen), options)
+        theta[k], held[k] = found.theta, found.factor
         inside = (order >= a) & (order < b)
-        error[inside] = problem.y[inside] - problem.W[inside] @ theta[k]
-    return _judge(problem, theta, error)
+        error[inside], fold[inside] = problem.y[inside] - problem.W[inside] @ theta[k], k
+    sigma = np.asarray(options.sigma, dtype=float)
+    return HeldOut(*_sizes(problem, error), theta, error, sigma, held, fold)
 
 
 def fold_order(problem: Problem) -> tuple[Ints, int]:
@@ -95,12 +127,12 @@ def _merge(problem: Problem, chosen: Iterable[tuple[Problem, Reduced]]) -> Reduc
     return Reduced(factors, tuple(rows.values()))
 
 
-def _judge(problem: Problem, theta: Floats, error: Floats) -> HeldOut:
-    """Return the error's size per axis."""
+def _sizes(problem: Problem, error: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the error's RMS of every axis, over the effort's RMS, and over its standard deviation."""
     parts = list(problem.slices.values())
     rms = np.array([np.sqrt(np.mean(error[s] ** 2)) for s in parts])
     size = np.array([np.sqrt(np.mean(problem.y[s] ** 2)) for s in parts])
     spread = np.array([np.std(problem.y[s]) for s in parts])
     ratio = np.divide(rms, size, out=np.full(len(parts), np.inf), where=size > 0)
     ratio_std = np.divide(rms, spread, out=np.full(len(parts), np.inf), where=spread > 0)
-    return HeldOut(rms, ratio, ratio_std, theta, error)
+    return rms, ratio, ratio_std

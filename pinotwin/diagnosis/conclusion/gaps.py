@@ -9,6 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.result import Gap, Traces
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.scan import Searcher
@@ -36,7 +37,7 @@ def gap_table(
     first, last = (s.alone_by_joint[0].sum(axis=0) for s in (found.first, found.searcher))
     out = {}
     for at, j in enumerate(c.new.joints):
-        rows = motion.moving(j)
+        rows = judged_rows(motion, j)
         level = rms(residual[rows, j])
         left = min(float(last[at] / max(first[at], 1e-300)), 1.0) * (1.0 - pushed.get(j, 0.0))
         effort = rms(motion.u[rows, j])
@@ -48,7 +49,7 @@ def gap_table(
         }
     for axis in c.gate.silent:
         j = motion.index(axis)
-        rows = motion.moving(j)
+        rows = judged_rows(motion, j)
         if axis not in out and rows.any():
             level = rms(residual[rows, j])
             out[axis] = {"u": Gap(level, level / max(rms(motion.u[rows, j]), 1e-300), float("nan"), level)}
@@ -79,7 +80,7 @@ def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
 
 def _difference(a: Motion, b: Motion, joint: int) -> float:
     n = min(len(a), len(b))
-    rows = a.moving(joint)[:n] & b.moving(joint)[:n]
+    rows = judged_rows(a, joint)[:n] & judged_rows(b, joint)[:n]
     if not rows.any():
         return 0.0
     return rms((a.u[:n, joint] - b.u[:n, joint])[rows]) / np.sqrt(2.0)

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.identification.assemble import Rows, choose_rows, thin
@@ -173,22 +173,41 @@ def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
 
 
 def _sliding(motion: Motion, rows: Rows) -> Rows:
-    """Return the rows without those at which a joint's command has stood for a while and the joint but trembles.
-
-    The first moments are kept: an axis that settles slides, slowly, as dry friction is seen best.
-    """
-    if motion.vr is None:
-        return rows
+    """Return the rows on which joints slide, all of a joint that never does."""
     kept = []
     for j, mask in zip(rows.joints, rows.kept, strict=True):
-        v, asked = np.abs(motion.v[:, j]), np.abs(motion.vr[:, j])
-        goes = asked >= RULES.standing * _top(asked)
-        at = np.arange(len(v))
-        since = (at - np.maximum.accumulate(np.where(goes, at, 0))) * motion.step
-        trembles = (since > RULES.settles) & (v < RULES.trembling * _top(v))
-        left = mask & ~trembles[rows.sample]
+        left = mask & sliding(motion, j)[rows.sample]
         kept.append(left if left.any() else mask)
     return replace(rows, kept=tuple(kept))
+
+
+def sliding(motion: Motion, joint: int) -> Mask:
+    """Return where a joint slides: not where its command has stood for a while and the joint but trembles, shape (n,).
+
+    The first moments are counted: an axis that settles slides, slowly, as dry friction is seen best. Before the first
+    move of a stretch nothing settles.
+    """
+    if motion.vr is None:
+        return np.ones(len(motion), dtype=bool)
+    v, asked = np.abs(motion.v[:, joint]), np.abs(motion.vr[:, joint])
+    goes = asked >= RULES.standing * _top(asked)
+    since = np.zeros(len(v))
+    for s in motion.segments:
+        since[s] = motion.step * _since(goes[s])
+    return np.asarray((since <= RULES.settles) | (v >= RULES.trembling * _top(v)))
+
+
+def judged_rows(motion: Motion, joint: int) -> Mask:
+    """Return the rows of a prepared log on which a gap is stated: in motion, with an effort, sliding, shape (n,)."""
+    moving = motion.moving(joint)
+    left = moving & sliding(motion, joint)
+    return left if left.any() else moving
+
+
+def _since(goes: Mask) -> Floats:
+    """Return how many samples ago a command last went, without end before it first does, shape (n,)."""
+    at = np.arange(len(goes), dtype=float)
+    return at - np.maximum.accumulate(np.where(goes, at, -np.inf))
 
 
 def _top(x: Floats) -> float:
