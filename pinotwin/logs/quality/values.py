@@ -40,7 +40,7 @@ def significant_digits(x: Floats) -> int | None:
     A fixed step is no such rounding: the step must be finer where the numbers are smaller.
     """
     values = np.unique(np.abs(x[np.isfinite(x)][:_MOST]))
-    values = values[values > 0]
+    values = values[values > 1e-290]  # what has died away has no digits left
     if len(values) < 10:
         return None
     decade = np.floor(np.log10(values * (1 + _FLOAT)))
