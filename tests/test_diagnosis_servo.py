@@ -79,3 +79,25 @@ def test_an_axis_that_cannot_follow_has_met_a_limit_and_a_command_in_another_uni
     millimetres = compare(twin, [Log({**log.channels, "X.qr": 1000.0 * log["X.qr"]})], [])
     assert set(millimetres.gate.strays) == {"X"}
     assert servo_changes(millimetres, ()) == []
+
+
+@pytest.mark.parametrize("times", [1.0, 1.1])
+def test_a_feed_forward_is_told_by_what_it_closes_beyond_what_the_law_leaves_anyway(twin, urdf_dir, times):
+    """What the law leaves of the own logs, no feed-forward closes: of a small change it is a tenth."""
+    log = record(urdf_dir, 8, 11)
+    a = np.gradient(np.gradient(log["X.qr"], log.t), log.t)
+    fed = log["X.u"] + (times - 1.0) * 95.0 * a
+    found = servo_changes(compare(twin, [Log({**log.channels, "X.u": fed}, source="fed.csv")], []), ())
+    assert [x.effect for x in found] == ([] if times == 1.0 else ["feedforward"])
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_a_drive_at_its_limit_is_found_in_one_run_and_in_repeats(machine, urdf_dir, runs):
+    """From the end of one log to the beginning of the next a position jumps: no axis is at rest beside that."""
+    weak = [record(urdf_dir, 8, 20 + k, "saturation:X=0.5") for k in range(runs)]
+    found = servo_changes(compare(machine, weak, []), ())
+    assert [x.effect for x in found] == ["saturation"]
+    assert found[0].confidence > 0.9
+    top = np.quantile(np.abs(weak[0]["X.u"]), 0.98)
+    assert found[0].after == pytest.approx(top, rel=0.02)
+    assert servo_changes(compare(machine, [record(urdf_dir, 8, 20 + k) for k in range(runs)], []), ()) == []

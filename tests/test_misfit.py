@@ -10,6 +10,8 @@ import pytest
 import pinotwin as pt
 from pinotwin.cli.identify import summary
 from pinotwin.identification.misfit import correlation_time, own_residual
+from pinotwin.solve.crossval import held_out
+from pinotwin.solve.problem import AxisRows, Problem
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 
@@ -48,6 +50,29 @@ def test_identify_prints_rows_in_motion_and_at_rest_apart(twin: pt.Twin) -> None
         assert f"{own['moving']:.3g} {own['unit']}" in line
         assert line.endswith(f"{own['resting']:.3g} {own['unit']}" if own["resting"] is not None else "-")
     assert max(len(line) for line in lines if not line.startswith("note: ")) <= 80
+
+
+def test_a_place_that_one_part_alone_visits_is_no_misfit() -> None:
+    """Of two knots one is seen all along, the other in the last fifth only: nothing foretells what stands there."""
+    n = 500
+    late = np.arange(n) >= 400
+    W = np.stack([~late, late], axis=1).astype(float)
+    y = W @ [1.0, 30.0] + 0.1 * np.random.default_rng(1).normal(size=n)
+    problem = Problem.stack([AxisRows(W, y, np.arange(n))], ["early", "late"])
+    held = held_out(problem)
+    unsure = held.unsure(problem)
+    assert unsure[~late].max() < 0.02
+    assert unsure[late].min() > 100.0
+    assert np.abs(held.error[late]).min() > 20.0
+
+
+def test_the_misfit_of_a_table_is_that_of_the_places_that_are_foretold(twin: pt.Twin) -> None:
+    assert twin.misfit is not None
+    motion, residual = twin.misfit.motion, np.abs(np.nan_to_num(own_residual(twin)))
+    left = motion.inside & ~motion.use[:, 0]
+    assert left.any()
+    assert residual[left, 0].max() > 3.0 * residual[motion.inside & motion.use[:, 0], 0].std()
+    assert twin.misfit.summary["Y"]["resting"] is None
 
 
 def test_correlation_time_of_a_known_process() -> None:

@@ -54,9 +54,9 @@ def misfit_of(plant: OpenLoop, motion: Motion) -> Misfit | None:
     moved = plant.theta - linear(problem, options).theta
     theta = held.theta + moved
     fold = _fold_of_rows(problem, rows, len(motion))
-    motion = _foreseen(motion, problem, rows, held)
+    foreseen = _foreseen(motion, problem, rows, held)
     residual = _residual(plant, motion, theta, fold)
-    return Misfit(motion, fold, theta, _summary(motion, residual))
+    return Misfit(foreseen, fold, theta, _summary(foreseen, residual, ~motion.use))
 
 
 def _foreseen(motion: Motion, problem: Problem, rows: Rows, held: HeldOut) -> Motion:
@@ -122,20 +122,26 @@ def _shortened(motion: Motion) -> Motion:
     return Motion.join([motion.cut(int(s), int(s) + size) for s in starts])
 
 
-def _summary(motion: Motion, residual: Floats) -> dict[str, Any]:
-    """Return axis -> size of the residual in every regime, its spectrum and correlation time."""
+def _summary(motion: Motion, residual: Floats, resting: Mask) -> dict[str, Any]:
+    """Return axis -> size of the residual in every regime, its spectrum and correlation time.
+
+    Args:
+        motion: the own logs with the rows in use.
+        residual: shape (n, nv).
+        resting: rows at rest, which are in no use, shape (n, nv).
+    """
     out: dict[str, Any] = {}
     for j, name in enumerate(motion.names):
         usable = motion.inside & np.isfinite(residual[:, j])
         moving = usable & motion.use[:, j]
         if moving.sum() < 10:
             continue
-        r = np.nan_to_num(residual[:, j])
+        r, still = np.nan_to_num(residual[:, j]), usable & resting[:, j]
         out[name] = {
             "unit": "N·m" if motion.rotary[j] else "N",
             "rms": rms(r[usable]),
             "moving": rms(r[moving]),
-            "resting": rms(r[usable & ~motion.use[:, j]]) if (usable & ~motion.use[:, j]).any() else None,
+            "resting": rms(r[still]) if still.any() else None,
             "by_speed": _by(np.abs(motion.v[:, j]), r, moving),
             "by_acceleration": _by(np.abs(motion.a[:, j]), r, moving),
             "by_position": _by(motion.q[:, j], r, moving),

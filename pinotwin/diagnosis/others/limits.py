@@ -16,7 +16,7 @@ WORSE = 8.0  # tracking error there over the error elsewhere: hard acceleration 
 OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
 SPIKE = 40.0  # density of sizes at the limit over that below it, if it is FLAT and the error LEFT_BEHIND
 LEFT_BEHIND = 1.3  # the tracking error there over that elsewhere then
-FLAT = 1.1  # spread of the effort there over its roughness then: steady acceleration leaves 1.4 to 2.8
+FLAT = 1.1  # spread of the effort there over its noise then (medians): steady acceleration leaves 1.4 to 2.8
 STANDING = 0.01  # of the top speed: below it an axis stands
 OVER_LEVEL = 1.05  # of a limit: what a log may show above it, its current loop's overshoot
 HOLD = 0.02  # [s] an effort must rest at its largest size to be at a drive's limit
@@ -66,7 +66,7 @@ def reached(motions: Sequence[Motion], joint: int) -> Limit | None:
     worst = rms(e[late]) / max(rms(e[~late]), 1e-300)
     level = float(np.median(size[at]))
     over, spike = _plateau(size[np.concatenate(going)], level, noise)
-    flat = float(np.std(size[at])) < FLAT * noise
+    flat = 1.4826 * float(np.median(np.abs(size[at] - level))) < FLAT * noise
     clear = worst > WORSE or (spike > SPIKE and flat and worst > LEFT_BEHIND)
     if over > OVER * share or not clear:
         return None
