@@ -13,7 +13,6 @@ from pinotwin.dynamics import (
     parameters,
     regressor,
 )
-from pinotwin.errors import MachineError
 from tests.dynamics_models import PANDA, UR10, driller, motion, random_tree, robot
 
 DRILLER = {
@@ -129,35 +128,6 @@ def test_distal_parameters_regroup_into_proximal_ones():
     base = base_parameters(robot(UR10))
     kept = np.array(parameter_names(robot(UR10)))[base.independent]
     assert not any(name.startswith(("m_", "mz_wrist_2")) for name in kept)
-
-
-def test_keep():
-    model = driller()
-    base = base_parameters(model, keep=["m_C", "m_X"])
-    names = parameter_names(model)
-    kept = [names[k] for k in base.independent]
-    assert "m_C" in kept
-    assert "m_X" in kept
-    assert "Ja_X" not in kept
-    assert len(base) == 14
-    check_identities(model, base, np.random.default_rng(0))
-
-
-@pytest.mark.parametrize(
-    ("keep", "text"),
-    [
-        (["m_D"], "cannot keep 'm_D': no such parameter; did you mean 'm_"),
-        (
-            ["mz_X"],
-            "cannot keep 'mz_X': it has no effect on any joint effort; take it out of `keep`",
-        ),
-        (["Izz_C", "Ja_C"], "cannot keep 'Ja_C': it is a sum of the others kept"),
-    ],
-)
-def test_keep_errors(keep, text):
-    with pytest.raises(MachineError) as error:
-        base_parameters(driller(), keep=keep)
-    assert str(error.value).startswith(text)
 
 
 def test_angles_written_with_four_decimals_do_not_add_parameters():

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
 from pinotwin.identification.coupled import axis_problem, choice, command_velocity, own_friction
-from pinotwin.identification.servo import AxisProblem, afresh, doubtful, find
+from pinotwin.identification.servo import AxisProblem, Found, afresh, doubtful, look, settle
 from pinotwin.log import Log
 from pinotwin.logs.columns import parse_columns
 from pinotwin.logs.prepare import prepare
@@ -25,6 +25,11 @@ from tests.simulated import known_twin, plain_machine, smooth_command
 from tests.slide import slide
 
 M, B = 40.0, 60.0
+
+
+def find(p: AxisProblem, friction=(), allowed=lambda factors: True) -> Found | None:
+    found = look(p, friction, allowed)
+    return None if found is None else settle(p, found)
 
 
 def cascade(kp=60.0, kv=5000.0, rate=40.0, ffv=0.93, ffa=30.0, **shapes) -> Servo:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.rules import RULES
 
 Grade = Literal[
     "agrees",
@@ -54,7 +54,6 @@ def grade(
     after: float | None = None,
     *,
     size: float | None = None,
-    rules: Rules = RULES,
 ) -> Grade:
     """Return the grade of one axis and signal.
 
@@ -64,24 +63,23 @@ def grade(
         noise: scatter of repeats, or the assumed noise [same]; None, NaN or 0 when not known.
         after: gap with the named causes modelled [same]; None where no cause is named for it.
         size: RMS of the signal itself [same]; a machine without a twin is held against it.
-        rules: the verdict's thresholds.
     """
     quiet, own = _positive(noise), _known(misfit)
     if not _known(rms) or not (quiet or own):
         return "not judged"
     n, level = (float(noise or 0.0) if quiet else 0.0), left_anyway(noise, misfit)
-    if quiet and rms <= rules.odd * n:
+    if quiet and rms <= RULES.odd * n:
         return "agrees"
-    if own and rms <= rules.odd * level:
+    if own and rms <= RULES.odd * level:
         return "within misfit"
     share = explained(rms, level, after)
-    if after is not None and _whole(after, level, share, own=own, rules=rules):
+    if after is not None and _whole(after, level, share, own=own):
         return "gap explained"
-    if share >= rules.explained_part:
+    if share >= RULES.explained_part:
         return "partly explained"
     if own:
-        return "above misfit" if rms <= rules.open_change * level else "not explained"
-    large = size is not None and rms > rules.open_structure * size
+        return "above misfit" if rms <= RULES.open_change * level else "not explained"
+    large = size is not None and rms > RULES.open_structure * size
     return "not explained" if large or after is not None else "not judged"
 
 
@@ -91,10 +89,10 @@ def left_anyway(noise: float | None, misfit: float | None) -> float:
     return math.hypot(float(noise or 0.0) if quiet else 0.0, float(misfit or 0.0) if own else 0.0)
 
 
-def _whole(after: float, level: float, share: float, *, own: bool, rules: Rules) -> bool:
+def _whole(after: float, level: float, share: float, *, own: bool) -> bool:
     """Whether what stays of a gap is no more than what is left anyway."""
-    return after <= rules.open_change * level and share >= (
-        rules.explained_known if own else rules.explained_unknown
+    return after <= RULES.open_change * level and share >= (
+        RULES.explained_known if own else RULES.explained_unknown
     )
 
 

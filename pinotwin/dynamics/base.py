@@ -36,11 +36,13 @@ from pinotwin.dynamics.parameters import (
     parameter_units,
 )
 from pinotwin.dynamics.regressor import regressor
-from pinotwin.errors import MachineError, nearest
 
 # Order within a body: tensor (Iyy before Ixx, so that sums read Iyy - Ixx), first moments, mass.
 _BODY_ORDER = (0, 1, 2, 3, 6, 4, 5, 7, 8, 9)
 _CLEAN = 1e-10  # scaled coefficients below this are rounding
+TOLERANCE = 1e-5
+"""A column counts as a combination of others if all but this fraction of it is one: forgives angles written as
+1.5708; far below what any log can tell."""
 
 
 @dataclass(frozen=True)
@@ -76,34 +78,21 @@ class BaseParameters:
         return regressor(model, q, v, a, self.independent)
 
 
-def base_parameters(
-    model: pin.Model, *, keep: Sequence[str] = (), seed: int = 0, tolerance: float = 1e-5
-) -> BaseParameters:
+def base_parameters(model: pin.Model, *, seed: int = 0) -> BaseParameters:
     """Return the base parameters of a model.
 
     Args:
         model: the machine; only its geometry matters, not its inertias.
-        keep: names of standard parameters that shall be independent, e.g. ``("m_Z",)``.
         seed: of the random motions; the result does not depend on it.
-        tolerance: a column counts as a combination of others if all but this fraction of it is one.
-            1e-5 forgives angles written as 1.5708; far below what any log can tell.
-
-    Raises:
-        MachineError: a name in ``keep`` is unknown, without effect, or a sum of others in ``keep``.
     """
     names = parameter_names(model)
-    first = [_index(name, names) for name in keep]
     W = _random_regressor(model, np.random.default_rng(seed))
     norms = np.linalg.norm(W, axis=0)
     alive = norms > 1e-12 * norms.max(initial=1e-300)
     priority = _priority(model)
-    order = [k for k in [*first, *(k for k in priority if k not in first)] if alive[k]]
+    order = [k for k in priority if alive[k]]
     scaled = W / np.where(alive, norms, 1.0)
-    kept, K, level = _regroup(scaled, order, tolerance)
-    for name, k in zip(keep, first, strict=True):
-        if k not in kept:
-            why = "is a sum of the others kept" if alive[k] else "has no effect on any joint effort"
-            raise MachineError(f"cannot keep {name!r}: it {why}; take it out of `keep`")
+    kept, K, level = _regroup(scaled, order, TOLERANCE)
     joint_by_joint = np.argsort([priority.index(k) for k in kept])
     chosen = np.array(kept, dtype=np.intp)[joint_by_joint]
     K = K[joint_by_joint] * (np.where(alive, norms, 0.0) / norms[chosen][:, None])
@@ -117,12 +106,6 @@ def base_parameters(
         tuple(units[k] for k in chosen),
         tuple(name for name, used in zip(names, alive, strict=True) if not used),
     )
-
-
-def _index(name: str, names: Sequence[str]) -> int:
-    if name not in names:
-        raise MachineError(f"cannot keep {name!r}: no such parameter; {nearest(name, names)}")
-    return names.index(name)
 
 
 def _random_regressor(model: pin.Model, rng: np.random.Generator) -> Floats:

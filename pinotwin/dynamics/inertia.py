@@ -42,18 +42,17 @@ def pseudo_inertia(pi_body: Floats) -> Floats:
     return np.tensordot(body, PSEUDO_INERTIA, axes=1)
 
 
-def consistent(pi_body: Floats, *, margin: float = 0.0) -> bool:
+def consistent(pi_body: Floats) -> bool:
     """Return whether the parameters can belong to a body: pseudo-inertia positive definite.
 
     The test is made on the matrix scaled to a unit diagonal, so that it does not depend on units.
 
     Args:
         pi_body: ten inertial parameters about the joint frame, shape (10,).
-        margin: the smallest eigenvalue of the scaled matrix must exceed this (0: just definite).
     """
     J = pseudo_inertia(pi_body)
     diagonal = np.diag(J)
     if not (np.all(np.isfinite(J)) and np.all(diagonal > 0.0)):
         return False
     scale = 1.0 / np.sqrt(diagonal)
-    return bool(np.linalg.eigvalsh(J * np.outer(scale, scale))[0] > margin)
+    return bool(np.linalg.eigvalsh(J * np.outer(scale, scale))[0] > 0.0)

@@ -226,11 +226,12 @@ def _both_signs(j: int, speeds: Floats, values: Floats) -> tuple[int, list[float
     return (j, *_thin(x, y))
 
 
-def sweep(
-    machine: Machine, travel: Floats, speed: Floats, seconds: float = 6.0, rate: float = 500.0
-) -> Motion:
+STEP = 0.002  # of the sweep [s]
+
+
+def sweep(machine: Machine, travel: Floats, speed: Floats, seconds: float = 6.0) -> Motion:
     """Return a smooth motion of all axes over much of the range: where a file is compared with the twin."""
-    t = np.arange(0.0, seconds, 1.0 / rate)[:, None]
+    t = np.arange(0.0, seconds, STEP)[:, None]
     middle, half = 0.5 * (travel[0] + travel[1]), 0.4 * (travel[1] - travel[0])
     w = 2.0 * np.pi * (0.31 + 0.043 * np.arange(machine.nv))
     size = np.minimum(half, 0.5 * speed / w)
@@ -245,7 +246,7 @@ def sweep(
         a=-size * w**2 * np.sin(w * t),
         u=np.zeros_like(q),
         segments=(slice(0, len(t)),),
-        step=1.0 / rate,
+        step=STEP,
         use=np.ones(q.shape, dtype=bool),
         source="sweep",
     )

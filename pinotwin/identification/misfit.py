@@ -14,7 +14,7 @@ from pinotwin.errors import DataError
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.identification.plant import fit_options
 from pinotwin.motion import Motion
-from pinotwin.signals import rms
+from pinotwin.signals import autocorrelation, rms
 from pinotwin.solve.crossval import HeldOut, fold_order, held_out
 from pinotwin.solve.linear import linear
 from pinotwin.solve.problem import Problem
@@ -151,24 +151,21 @@ def _summary(motion: Motion, residual: Floats, resting: Mask) -> dict[str, Any]:
     return out
 
 
-def _by(x: Floats, r: Floats, rows: Mask, count: int = 6) -> dict[str, list[float]]:
-    """Return the RMS of ``r`` in ``count`` bins of equal population of ``x``."""
-    edges = np.quantile(x[rows], np.linspace(0.0, 1.0, count + 1))
-    at = np.clip(np.searchsorted(edges, x[rows], side="right") - 1, 0, count - 1)
-    power = np.bincount(at, r[rows] ** 2, count) / np.maximum(np.bincount(at, minlength=count), 1)
+def _by(x: Floats, r: Floats, rows: Mask) -> dict[str, list[float]]:
+    """Return the RMS of ``r`` in six bins of equal population of ``x``."""
+    edges = np.quantile(x[rows], np.linspace(0.0, 1.0, 7))
+    at = np.clip(np.searchsorted(edges, x[rows], side="right") - 1, 0, 5)
+    power = np.bincount(at, r[rows] ** 2, 6) / np.maximum(np.bincount(at, minlength=6), 1)
     return {"edges": edges.tolist(), "rms": np.sqrt(power).tolist()}
 
 
 def correlation_time(r: Floats, segments: Sequence[slice], step: float) -> float:
     """Return the integral time of the autocorrelation of a residual up to its first zero [s]."""
     longest = max(segments, key=lambda s: s.stop - s.start)
-    x = r[longest] - r[longest].mean()
-    n = len(x)
-    spectrum = np.abs(np.fft.rfft(x, 2 * n)) ** 2
-    c = np.fft.irfft(spectrum)[: n // 2]
-    if c[0] <= 0.0:
+    x = r[longest]
+    if not np.ptp(x) > 0.0:
         return step
-    c = c / c[0]
+    c = autocorrelation(x, max(len(x) // 2 - 1, 0))
     below = np.flatnonzero(c <= 0.0)
     return float(step * (0.5 + c[1 : int(below[0]) if len(below) else len(c)].sum()))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,20 +53,16 @@ class Plant:
     motion: Motion
 
 
-def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = True, every: int = 1) -> Plant:
+def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = True) -> Plant:
     """Identify the open-loop dynamics of a machine from one motion.
 
     Args:
         machine: what is believed.
         motion: prepared log(s).
         consistent_inertia: require inertias that a real body could have.
-        every: use one row in so many, without a filter: for a first look.
     """
     effects = tuple(effect.fitted_to(motion) for effect in machine.effects)
     rows = choose_rows(motion)
-    if every > 1:
-        picked = np.arange(len(rows.sample)) % every == 0
-        rows = replace(rows, kept=tuple(kept & picked for kept in rows.kept))
     motion, (fit, effects, errors, bounds) = _settled(machine, motion, effects, rows)
     pi0 = parameters(machine.model)
     if consistent_inertia:

@@ -22,6 +22,15 @@ from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
 from pinotwin.solve.sandwich import sandwich
 
+LAG = 100
+"""Samples over which residuals are correlated, for the standard errors."""
+MINIMUM = 0.02
+"""RMS of the vectors that counts as excitation."""
+SPREAD = 0.05
+"""Least ratio of the second to the first singular value of the vectors."""
+SCALE, BIAS = 5e-3, 0.02
+"""Prior standard deviations of a gyro's scale errors [-] and biases [rad/s]."""
+
 
 @dataclass(frozen=True)
 class RotationFit:
@@ -51,10 +60,6 @@ def fit_rotation(
     x: Floats,
     y: Floats,
     gravity: tuple[Floats, Floats] | None = None,
-    *,
-    lag: int = 100,
-    minimum: float = 0.02,
-    spread: float = 0.05,
 ) -> RotationFit:
     """Return the proper rotation with y = R x in the least-squares sense (Wahba's problem).
 
@@ -62,9 +67,6 @@ def fit_rotation(
         x: vectors in the first frame, e.g. rates [rad/s], (n, 3).
         y: the same vectors in the second frame, (n, 3).
         gravity: a direction in both frames, (n, 3) or (3,) each, used where ``x`` spans only one.
-        lag: samples over which residuals are correlated, for the standard errors.
-        minimum: RMS of ``x`` that counts as excitation.
-        spread: least ratio of the second to the first singular value of ``x``.
 
     Raises:
         DataError: nothing turns, or one axis only and gravity does not help.
@@ -73,27 +75,25 @@ def fit_rotation(
     if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3:
         raise DataError(f"an alignment needs vectors of equal shape (n, 3), not {x.shape}, {y.shape}")
     values = np.linalg.svd(x, compute_uv=False) / np.sqrt(len(x))
-    if values[0] < minimum:
+    if values[0] < MINIMUM:
         raise DataError(
             f"the link turns with {np.degrees(values[0]):.2g} deg/s RMS only: too little to align "
             "an IMU; move a rotary axis in the log"
         )
     ratio, helped = float(values[1] / values[0]), False
-    if ratio < spread:
-        x, y = _with_gravity(x, y, gravity, spread)
+    if ratio < SPREAD:
+        x, y = _with_gravity(x, y, gravity)
         helped = True
     R = rot.nearest_rotation(y.T @ x)
     turned = x @ R.T
     e = y - turned
     J = rot.skew(turned)  # d y / d e = -[R x]; rows of every sample
     information = np.einsum("nki,nkj->ij", J, J)
-    cov = sandwich(-np.einsum("nki,nk->ni", J, e), information, lag)
+    cov = sandwich(-np.einsum("nki,nk->ni", J, e), information, LAG)
     return RotationFit(R, cov, float(np.sqrt(np.mean(np.sum(e**2, axis=1)))), ratio, helped)
 
 
-def _with_gravity(
-    x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None, spread: float
-) -> tuple[Floats, Floats]:
+def _with_gravity(x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
     """Return the vectors with gravity, as strong as the rates, appended."""
     message = "only one rotation axis (or parallel ones) turns in this log"
     if gravity is None:
@@ -103,7 +103,7 @@ def _with_gravity(
     gx, gy = (size * g / np.linalg.norm(g, axis=1, keepdims=True) for g in (gx, gy))
     both = np.vstack([x, gx])
     values = np.linalg.svd(both, compute_uv=False)
-    if values[1] < spread * values[0]:
+    if values[1] < SPREAD * values[0]:
         raise DataError(
             f"{message} and gravity is parallel to it, so the turn around it cannot be found; "
             "move a second, non-parallel axis"
@@ -112,7 +112,7 @@ def _with_gravity(
 
 
 def inertial_alignment(
-    w_machine: Floats, w_earth: Floats, gravity_machine: Floats | None = None, *, lag: int = 100
+    w_machine: Floats, w_earth: Floats, gravity_machine: Floats | None = None
 ) -> RotationFit:
     """Return R_G/M (Eq. 6.12-6.19).
 
@@ -120,13 +120,12 @@ def inertial_alignment(
         w_machine: the link's angular velocity by the encoders, machine frame [rad/s], (n, 3).
         w_earth: the IMU's angular velocity in its own earth frame (z up) [rad/s], (n, 3).
         gravity_machine: the upward direction in the machine frame, (3,), for logs with one axis.
-        lag: samples over which residuals are correlated.
     """
     up = None if gravity_machine is None else (gravity_machine, np.array([0.0, 0.0, 1.0]))
-    return fit_rotation(w_machine, w_earth, up, lag=lag)
+    return fit_rotation(w_machine, w_earth, up)
 
 
-def mounting(q: Floats, R_GM: Floats, R_link: Floats, *, lag: int = 100) -> RotationFit:
+def mounting(q: Floats, R_GM: Floats, R_link: Floats) -> RotationFit:
     """Return R_S/T (Eq. 6.20-6.25) as the mean over the samples.
 
     Args:
@@ -134,12 +133,11 @@ def mounting(q: Floats, R_GM: Floats, R_link: Floats, *, lag: int = 100) -> Rota
         R_GM: inertial alignment, machine to the IMU's earth frame, (3, 3).
         R_link: orientation of the link from the encoders, columns are its axes in the machine frame
             (the transpose of the thesis' R_T/M), (n, 3, 3).
-        lag: samples over which residuals are correlated.
     """
     each = np.swapaxes(rot.to_matrix(q), 1, 2) @ R_GM @ R_link
     mean = rot.nearest_rotation(each.mean(axis=0))
     e = rot.log(rot.from_matrix(each @ mean.T))
-    cov = sandwich(e, len(e) * np.eye(3), lag)
+    cov = sandwich(e, len(e) * np.eye(3), LAG)
     return RotationFit(mean, cov, float(np.sqrt(np.mean(np.sum(e**2, axis=1)))), 1.0)
 
 
@@ -147,10 +145,6 @@ def mounting_from_rates(
     w_link: Floats,
     gyr: Floats,
     gravity: tuple[Floats, Floats] | None = None,
-    *,
-    scale: float = 5e-3,
-    bias: float = 0.02,
-    lag: int = 100,
 ) -> RotationFit:
     """Return R_S/T from rates in the link frame, the gyro's scale and bias estimated beside it.
 
@@ -162,16 +156,13 @@ def mounting_from_rates(
         w_link: the link's angular velocity from the encoders in the link frame [rad/s], (n, 3).
         gyr: the gyro on the same clock [rad/s], (n, 3).
         gravity: the upward direction in the link and specific force in the sensor, for one axis.
-        scale: prior standard deviation of the scale errors [-].
-        bias: prior standard deviation of the biases [rad/s].
-        lag: samples over which residuals are correlated.
     """
     centred = (
         gyr - np.median(gyr[np.linalg.norm(w_link, axis=1) < 1e-3], axis=0, keepdims=True)
         if np.any(np.linalg.norm(w_link, axis=1) < 1e-3)
         else gyr
     )
-    fit = fit_rotation(w_link, centred, gravity, lag=lag)
+    fit = fit_rotation(w_link, centred, gravity)
     if fit.gravity:
         return fit
     R, s, b = fit.R, np.zeros(3), np.zeros(3)
@@ -187,9 +178,9 @@ def mounting_from_rates(
             axis=2,
         )
         noise = np.mean(e**2)
-        prior = noise * np.repeat([0.0, scale**-2, bias**-2], 3)
+        prior = noise * np.repeat([0.0, SCALE**-2, BIAS**-2], 3)
         A = np.einsum("nki,nkj->ij", J, J) + np.diag(prior)
         dx = np.linalg.solve(A, np.einsum("nki,nk->i", J, e) - prior * np.r_[np.zeros(3), s, b])
         R, s, b = rot.to_matrix(rot.exp(dx[:3])) @ R, s + dx[3:6], b + dx[6:]
-    cov = sandwich(np.einsum("nki,nk->ni", J, e), A, lag)[:3, :3]
+    cov = sandwich(np.einsum("nki,nk->ni", J, e), A, LAG)[:3, :3]
     return RotationFit(R, cov, float(np.sqrt(3.0 * np.mean(e**2))), fit.spread)

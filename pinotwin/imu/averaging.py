@@ -1,4 +1,4 @@
-"""Several runs of one command: the source's plain mean, and the mean weighted by information.
+"""Several runs of one command: the mean weighted by information.
 
 The plain mean of n runs lowers white noise by sqrt(n) (thesis Eq. 6.11 and Table 6-5) but not what
 each run has of its own, such as a scale error. With a standard deviation s_r per run and a scatter
@@ -25,22 +25,11 @@ class Combined:
         mean: (n, ...).
         sd: standard deviation of the mean, same shape.
         spread: standard deviation between runs (one number per channel): the noise ceiling.
-        weights: share of every run, (runs, ...).
     """
 
     mean: Floats
     sd: Floats
     spread: Floats
-    weights: Floats
-
-
-def average(runs: Sequence[Floats]) -> Combined:
-    """Return the plain mean of runs (n, ...) on one clock, as in the source."""
-    x = _stacked(runs)
-    spread = x.std(axis=0, ddof=1)
-    level = np.sqrt(np.mean(spread**2, axis=0))
-    weights = np.full((len(x), *x.shape[2:]), 1.0 / len(x))
-    return Combined(x.mean(axis=0), spread / np.sqrt(len(x)), np.asarray(level), weights)
 
 
 def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> Combined:
@@ -67,7 +56,7 @@ def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> Combined:
     mean = np.sum(share[:, None] * x, axis=0)
     spread = np.sqrt(np.mean((x - mean) ** 2, axis=(0, 1)) * len(x) / (len(x) - 1))
     sd_mean = np.broadcast_to(1.0 / np.sqrt(w.sum(axis=0)), mean.shape)
-    return Combined(mean, np.array(sd_mean), np.asarray(spread), share)
+    return Combined(mean, np.array(sd_mean), np.asarray(spread))
 
 
 def _stacked(runs: Sequence[Floats]) -> Floats:

@@ -23,9 +23,7 @@ from pinotwin.imu.runs import ImuRun, ServoRun
 _ON_A_TABLE = EkfSettings(gyro_noise=3e-4, accel_noise=0.3, gate=0.05, hold=0.1, bias=3e-4)
 
 
-def baselines(
-    servo: ServoRun, imu: ImuRun, clock: ClockFit, delay: float = 0.0, corner: float = 0.5
-) -> dict[str, Deflection]:
+def baselines(servo: ServoRun, imu: ImuRun, clock: ClockFit, delay: float = 0.0) -> dict[str, Deflection]:
     """Return deflections by "naive", "high-passed", "ekf" and "vqf", principal axis first.
 
     The near side of the joint is taken not to rotate (a linear axis carries it).
@@ -35,7 +33,6 @@ def baselines(
         imu: the run as the IMU saw it.
         clock: how its clock relates to the servo's.
         delay: group delay of the gyro's low-pass [s].
-        corner: of the high-pass [Hz].
     """
     gyr, acc, hole = _on_servo_clock(servo, imu, clock, delay)
     rate = 1.0 / float(servo.t[1] - servo.t[0])
@@ -53,7 +50,7 @@ def baselines(
     integral = naive(servo.t, difference)
     out = {
         "naive": Deflection(servo.t, integral, difference, slope),
-        "high-passed": Deflection(servo.t, high_passed(servo.t, integral, corner), difference, slope),
+        "high-passed": Deflection(servo.t, high_passed(servo.t, integral, 0.5), difference, slope),
     }
     # In motion the source relies on the gyro alone; that the magnitude is near g does not show motion (1 m/s²
     # across gravity, a tilt of 6 deg, adds 0.05 m/s² to it), so the filter gets no force but at rest.

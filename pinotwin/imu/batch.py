@@ -29,6 +29,9 @@ from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.imu.whiten import Whitener
 from pinotwin.solve.sandwich import at_least, left_out
 
+ITERATIONS = 12
+"""Most rounds of Gauss-Newton."""
+
 BLOCK = 1.0
 """Length of the stretches that are left out for the standard errors [s]: several decay times."""
 
@@ -62,7 +65,6 @@ def estimate(
     imu: Sequence[ImuRun],
     priors: Priors | None = None,
     clocks: Sequence[ClockFit] | None = None,
-    iterations: int = 12,
 ) -> BatchResult:
     """Return the deflection of every run with everything that had to be found for it.
 
@@ -71,7 +73,6 @@ def estimate(
         imu: the same runs as the IMU saw them.
         priors: starting values and their uncertainty.
         clocks: clock fits, where already known; else :func:`pinotwin.imu.clock.sync` is run.
-        iterations: most rounds of Gauss-Newton.
 
     Raises:
         DataError: nothing rotates, one axis only and gravity does not help, the joint hardly
@@ -83,7 +84,7 @@ def estimate(
     try:
         with np.errstate(invalid="raise", over="raise", divide="raise"):
             problem, clocks = prepare(servo, imu, p, clocks)
-            theta, cov = _solve(problem, iterations)
+            theta, cov = _solve(problem)
             result = _collect(problem, theta, cov, clocks, p)
     except (FloatingPointError, np.linalg.LinAlgError):
         raise _lost(p) from None
@@ -198,7 +199,7 @@ def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
     return _Problem(problem.models, lay, problem.R_ST, mean, problem.sd, problem.whiteners)
 
 
-def _solve(problem: _Problem, iterations: int) -> tuple[Floats, Floats]:
+def _solve(problem: _Problem) -> tuple[Floats, Floats]:
     """Return the parameters of all runs and their covariance.
 
     Raises:
@@ -209,7 +210,7 @@ def _solve(problem: _Problem, iterations: int) -> tuple[Floats, Floats]:
     sd = np.concatenate([problem.sd] + [problem.sd[lay.shared :]] * (runs - 1))
     theta, last = mean.copy(), np.inf
     whiteners = list(problem.whiteners)
-    for k in range(iterations):
+    for k in range(ITERATIONS):
         A = np.eye(len(theta))
         g = -(theta - mean) / sd
         for r, m in enumerate(problem.models):

@@ -17,10 +17,10 @@ def white_level(x: Floats) -> Floats:
     return np.median(np.abs(d), axis=0) / 0.6745 / np.sqrt(20.0)
 
 
-def rest(gyr: Floats, acc: Floats, rate: float, window: float = 0.3, factor: float = 2.0) -> Mask:
+def rest(gyr: Floats, acc: Floats, rate: float) -> Mask:
     """Return where the sensor rests, shape (n,).
 
-    A window rests when the standard deviations of rate and force in it are within ``factor`` of
+    A window of 0.3 s rests when the standard deviations of rate and force in it are within twice those of
     the quietest ones (2 % quantile) and its mean rate is that of the quiet windows. The quietest
     windows count only if their readings scatter like noise and not like motion (von Neumann's
     ratio of successive differences) about a rate that can be a bias; else the mask is empty.
@@ -29,10 +29,8 @@ def rest(gyr: Floats, acc: Floats, rate: float, window: float = 0.3, factor: flo
         gyr: angular rate [rad/s], (n, 3).
         acc: specific force [m/s²], (n, 3).
         rate: sampling rate [Hz].
-        window: length of a window [s].
-        factor: how much above the quiet level still counts as rest.
     """
-    m = max(8, round(window * rate))
+    m = max(8, round(0.3 * rate))
     if len(gyr) < 2 * m:
         return np.zeros(len(gyr), dtype=bool)
     sg, mg = _window_std(gyr, m)
@@ -45,7 +43,7 @@ def rest(gyr: Floats, acc: Floats, rate: float, window: float = 0.3, factor: flo
     if not like_noise or np.linalg.norm(bias) > 0.05:  # no MEMS bias is 3 deg/s
         return np.zeros(len(gyr), dtype=bool)
     near = np.linalg.norm(mg - bias, axis=1) < max(6.0 * level_g / np.sqrt(m), 5e-4)
-    still = (sg <= factor * level_g) & (sa <= factor * level_a) & near
+    still = (sg <= 2.0 * level_g) & (sa <= 2.0 * level_a) & near
     cover = np.zeros(len(gyr) + 1)
     np.add.at(cover, np.flatnonzero(still), 1)
     np.add.at(cover, np.flatnonzero(still) + m, -1)

@@ -60,7 +60,6 @@ def reconstruct(
     R_GM: Floats,
     R_ST: Floats,
     R_rest: Floats,
-    R_base: Floats | None = None,
     axis: Floats | None = None,
 ) -> Deflection:
     """Return deflection angles and their derivatives from the IMU's orientation (Eq. 6.26-6.28).
@@ -71,11 +70,9 @@ def reconstruct(
         R_GM: inertial alignment, machine to the IMU's earth, (3, 3).
         R_ST: mounting, link to sensor, (3, 3).
         R_rest: link axes in the joint's far frame from the encoders, (n, 3, 3).
-        R_base: joint's near frame in the machine, (n, 3, 3); identity by default.
         axis: principal axis in the joint frame; x by default.
     """
-    R_true = R_GM.T @ rot.to_matrix(q) @ R_ST
-    near = R_true if R_base is None else np.swapaxes(R_base, 1, 2) @ R_true
+    near = R_GM.T @ rot.to_matrix(q) @ R_ST
     angle = joint_angles(near @ np.swapaxes(R_rest, 1, 2), axis)
     step = float(t[1] - t[0])
     velocity = np.gradient(angle, step, axis=0, edge_order=2)

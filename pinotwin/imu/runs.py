@@ -120,12 +120,16 @@ class Priors:
     sag: float = 5e-5
 
 
+FINE = 1500.0
+"""Least rate of the fine clock [Hz]."""
+
+
 class FineRun:
     """A servo run on a fine uniform clock, with what the sensors' low-pass makes of it."""
 
-    def __init__(self, run: ServoRun, fine: float = 1500.0) -> None:
+    def __init__(self, run: ServoRun) -> None:
         h = float(np.mean(np.diff(run.t)))
-        factor = max(1, int(np.ceil(fine * h)))
+        factor = max(1, int(np.ceil(FINE * h)))
         self.factor = factor
         self.step = h / factor
         self.t = run.t[0] + self.step * np.arange((len(run.t) - 1) * factor + 1)

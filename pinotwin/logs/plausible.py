@@ -226,20 +226,18 @@ def _friction(axis: _Axis, fit: _Fit) -> float:
     return float(np.std(axis.columns[:, axis.friction] @ theta[axis.friction]) / np.std(y))
 
 
-def _jackknife(
-    columns: Floats, y: Floats, measure: Floats, *, parts: int = _BLOCKS
-) -> tuple[float, float, Floats]:
+def _jackknife(columns: Floats, y: Floats, measure: Floats) -> tuple[float, float, Floats]:
     """Return ``measure @ theta`` of a least-squares fit, its standard error, and the fit's theta."""
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     scaled = columns / size
     whole = np.linalg.lstsq(scaled, y, rcond=1e-6)[0] / size
-    bounds = np.linspace(0, len(y), parts + 1).astype(int)
+    bounds = np.linspace(0, len(y), _BLOCKS + 1).astype(int)
     values = []
     for low, high in pairwise(bounds):
         keep = np.r_[0:low, high : len(y)]
         values.append(measure @ (np.linalg.lstsq(scaled[keep], y[keep], rcond=1e-6)[0] / size))
     spread = np.array(values)
-    error = float(np.sqrt((parts - 1) * np.mean((spread - spread.mean()) ** 2)))
+    error = float(np.sqrt((_BLOCKS - 1) * np.mean((spread - spread.mean()) ** 2)))
     return float(measure @ whole), error, whole
 
 

@@ -29,7 +29,6 @@ def identify_loop(
     data: LoopData,
     structure: Structure | None = None,
     *,
-    weights: Floats | None = None,
     bounds: Bounds | None = None,
     starts: Floats | None = None,
     judged: bool = True,
@@ -39,7 +38,6 @@ def identify_loop(
     Args:
         data: command, disturbances and outputs.
         structure: numbers of poles and numerator form; three real poles and one pair where absent.
-        weights: one per output; one over its rms where absent.
         bounds: bounds that replace the usual ones, by parameter name, [Hz] or [-], e.g.
             ``{"p1": (1, 100), "wn1": (1, 100), "zeta1": (0.1, 1.5)}``.
         starts: starting points of theta (logarithms of rad/s or of zeta), shape (k, np); spread
@@ -55,8 +53,8 @@ def identify_loop(
     _require_rows(data, layout)
     # On few cores OpenBLAS' own threads make the many small factorisations slower, not faster.
     with threadpool_limits(1, "blas"):
-        found = search(data, layout, weights, starts)
-        projection = Projection(data, layout, Scales.of(data, weights))
+        found = search(data, layout, starts)
+        projection = Projection(data, layout, Scales.of(data))
         misfit = projection.evaluate(found.theta)
         residues = misfit.residues * projection.scales.residue_units(layout)
         model = _model(data, layout, found.theta, residues)

@@ -71,17 +71,16 @@ class Scales:
     outputs: Floats
 
     @classmethod
-    def of(cls, data: LoopData, weights: Floats | None = None) -> Scales:
-        """Return rms values over the segments; ``weights`` replace one over the outputs'."""
+    def of(cls, data: LoopData) -> Scales:
+        """Return rms values over the segments."""
         rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
 
         def rms(x: Floats) -> Floats:
             size = np.sqrt(np.mean(x[rows] ** 2, axis=0))
             return np.where(size > 0, size, 1.0)
 
-        outputs = rms(data.outputs) if weights is None else 1.0 / np.asarray(weights, dtype=float)
         inputs = np.append(rms(data.d), rms(data.velocity))
-        return cls(inputs, float(rms(data.acceleration)), outputs)
+        return cls(inputs, float(rms(data.acceleration)), rms(data.outputs))
 
     def residue_units(self, layout: Layout) -> Floats:
         """Return the factor from scaled to SI residues, shape (ny, nc)."""

@@ -119,18 +119,15 @@ def _usual(name: str, pairs: int = 2) -> tuple[float, float, float]:
     return 8.0, 8.0 * (80.0 / 8.0) ** place, 90.0
 
 
-def search(
-    data: LoopData, layout: Layout, weights: Floats | None = None, starts: Floats | None = None
-) -> Found:
+def search(data: LoopData, layout: Layout, starts: Floats | None = None) -> Found:
     """Return the best poles on all data.
 
     Args:
         data: inputs and outputs.
         layout: parameters and their bounds.
-        weights: one per output; one over its rms where absent.
         starts: starting points, shape (k, np); spread ones where absent.
     """
-    scales = Scales.of(data, weights)
+    scales = Scales.of(data)
     whole = Projection(data, layout, scales)
     begin = starting_points(layout) if starts is None else np.atleast_2d(starts)
     piece = liveliest(data)

@@ -131,8 +131,8 @@ def _times(ratio: float | None) -> str:
     return f"to {ratio:.3f} times"
 
 
-def _first(names: Sequence[str], count: int = 4) -> str:
-    return ", ".join(names[:count]) + (" …" if len(names) > count else "")
+def _first(names: Sequence[str]) -> str:
+    return ", ".join(names[:4]) + (" …" if len(names) > 4 else "")
 
 
 def _colour(axes: Mapping[str, Any]) -> list[str]:

@@ -167,23 +167,22 @@ def _butterworth(order: int, cutoff: float, rate: float) -> _Filter:
     return _Filter.of(signal.butter(order, cutoff, fs=rate, output="sos"))
 
 
-def edge_samples(cutoff: float, rate: float, order: int = 4, share: float = 0.01) -> int:
+def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:
     """Return how many samples at each end of a stretch the filter's start-up still touches.
 
     The slowest pole of the filter decays as ``exp(-sigma t)``, ``sigma = 2 pi f_c sin(pi / (2
-    order))``; the count is where that has fallen to ``share``, plus one sample for each of two
+    order))``; the count is where that has fallen to 1 %, plus one sample for each of two
     differences.
 
     Args:
         cutoff: corner of the low-pass [Hz], infinite for none.
         rate: sampling rate [Hz].
         order: order of the Butterworth filter.
-        share: what may be left of the start-up.
     """
     if not math.isfinite(cutoff) or cutoff >= rate / 2:
         return 2
     sigma = 2.0 * math.pi * cutoff * math.sin(math.pi / (2.0 * order))
-    return math.ceil(-math.log(share) / sigma * rate) + 2
+    return math.ceil(-math.log(0.01) / sigma * rate) + 2
 
 
 def interior(n: int, edge: int, segments: Segments = None) -> Mask:

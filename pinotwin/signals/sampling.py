@@ -77,21 +77,20 @@ def _rows(breaks: Mask) -> tuple[int, ...]:
     return tuple(int(i) + 1 for i in np.flatnonzero(breaks))
 
 
-def segments(t: Floats, tol: float = 0.5, valid: Mask | None = None) -> tuple[slice, ...]:
-    """Return the stretches in which every interval is within ``tol`` steps of the median one.
+def segments(t: Floats, valid: Mask | None = None) -> tuple[slice, ...]:
+    """Return the stretches in which every interval is within half a step of the median one.
 
     Args:
         t: time [s], shape (n,).
-        tol: deviation that breaks a stretch, as a share of the median interval.
         valid: rows that hold numbers; a stretch also breaks at one that does not. None: all.
 
     Raises:
         DataError: the stamps do not advance.
     """
     dt = np.diff(t)
-    step = clock(t, tol).step
+    step = clock(t).step
     good = np.isfinite(t) if valid is None else np.isfinite(t) & valid
-    joined = (np.abs(dt - step) <= tol * step) & good[1:] & good[:-1]
+    joined = (np.abs(dt - step) <= 0.5 * step) & good[1:] & good[:-1]
     edges = np.flatnonzero(~joined) + 1
     starts, stops = np.r_[0, edges], np.r_[edges, len(t)]
     return tuple(slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True) if good[a] and b > a)

@@ -22,7 +22,10 @@ from pinotwin.solve.pseudoinertia import ROUNDING, Size, sizes
 from pinotwin.solve.result import LinearFit
 
 MARGIN = 1e-6
-"""Smallest eigenvalue asked of a body's scaled pseudo-inertia (whose trace is near 2)."""
+"""Smallest eigenvalue asked of a body's scaled pseudo-inertia (whose trace is near 2); a consistent prior with less
+keeps its own."""
+PRIOR = 1e-6
+"""Weight of the prior beside the weighted residual, where the data must give way."""
 
 SHARES = (1.0, 0.99, 0.9, 0.5)
 """Of the way from a compromise to the nearest parameters of the same beta that are tried."""
@@ -91,30 +94,25 @@ class ConsistentFit:
     smallest: Floats
 
 
-def consistent(
-    evidence: Evidence, bodies: Bodies, *, eps: float = 1e-6, margin: float = MARGIN
-) -> ConsistentFit:
+def consistent(evidence: Evidence, bodies: Bodies) -> ConsistentFit:
     """Return the consistent parameters nearest the data, then nearest the prior.
 
     Args:
         evidence: what the fit found.
         bodies: base parameters, prior and bodies.
-        eps: weight of the prior beside the weighted residual, where the data must give way.
-        margin: smallest eigenvalue of a scaled pseudo-inertia; a consistent prior with less keeps
-            its own.
 
     Raises:
         DataError: shapes that do not fit, or no consistent parameters near the data.
     """
     _check(evidence, bodies)
     size = sizes(bodies.pi0, bodies.bodies)
-    cone = _cone(bodies, size, margin)
+    cone = _cone(bodies, size)
     theta = evidence.theta
     inside = bool((theta >= evidence.lower).all())
     pi = nearest_with(cone, bodies.P, theta[evidence.beta]) if inside else None
     moved = pi is None
     if pi is None:
-        pi, theta, stiff = _compromise(cone, bodies.P, evidence, eps)
+        pi, theta, stiff = _compromise(cone, bodies.P, evidence)
         pi = _nearer(pi, theta[evidence.beta], cone, bodies, size) if stiff else pi
     pairs = zip(bodies.bodies, size, strict=True)
     smallest = np.array([s.smallest(pi[index]) for index, s in pairs])
@@ -122,7 +120,7 @@ def consistent(
     return ConsistentFit(pi, theta, moved, ratio, smallest)
 
 
-def _compromise(cone: Cone, P: Floats, evidence: Evidence, eps: float) -> tuple[Floats, Floats, bool]:
+def _compromise(cone: Cone, P: Floats, evidence: Evidence) -> tuple[Floats, Floats, bool]:
     """Return pi and theta where the constraints must move theta, and whether the prior was too faint to hold pi."""
     R, beta = evidence.factor, evidence.beta
     others = np.setdiff1d(np.arange(R.shape[1]), beta)
@@ -134,10 +132,10 @@ def _compromise(cone: Cone, P: Floats, evidence: Evidence, eps: float) -> tuple[
     start = np.maximum(evidence.theta[others], evidence.lower[others])
     offset = evidence.right - R[:, beta] @ (P @ cone.pi0) - R[:, others] @ start
     slack = (evidence.lower[others] - start) / unit
-    found = best(cone, model, offset, slack, eps)
+    found = best(cone, model, offset, slack, PRIOR)
     stiff = found is None
     if stiff:
-        found = best(cone, model, offset, slack, eps, unit=float(np.linalg.norm(offset)) or 1.0)
+        found = best(cone, model, offset, slack, PRIOR, unit=float(np.linalg.norm(offset)) or 1.0)
     if found is None:
         raise DataError(
             "no physically consistent parameters found near the data: check the masses and "
@@ -169,15 +167,15 @@ def _nearer(pi: Floats, beta: Floats, cone: Cone, bodies: Bodies, size: tuple[Si
     return pi
 
 
-def _cone(bodies: Bodies, size: tuple[Size, ...], margin: float) -> Cone:
+def _cone(bodies: Bodies, size: tuple[Size, ...]) -> Cone:
     """Return the cone of consistent parameters around the prior."""
     seen = np.linalg.norm(bodies.P, axis=0) > 0
     free: Mask = np.zeros(len(bodies.pi0), bool)
     unit = np.ones(len(bodies.pi0))
-    margins = np.full(len(bodies.bodies), margin)
+    margins = np.full(len(bodies.bodies), MARGIN)
     for k, (index, s) in enumerate(zip(bodies.bodies, size, strict=True)):
         now = s.smallest(bodies.pi0[index])
-        if -ROUNDING <= now < margin:
+        if -ROUNDING <= now < MARGIN:
             margins[k] = min(now, 0.0) if now < 0 else now
         free[index] = seen[index].any() or now < -ROUNDING
         unit[index] = s.units()

@@ -93,21 +93,20 @@ def block_length(influence: Floats) -> int:
     return int(np.clip(np.ceil(5.0 * max(times)), 1, longest))
 
 
-def left_out(J: Floats, e: Floats, inverse: Floats, block: int, most: float = 4.0) -> Floats:
+def left_out(J: Floats, e: Floats, inverse: Floats, block: int) -> Floats:
     """Return S of A^-1 S A^-1 by leaving out blocks of samples in turn, (p, p).
 
     The delete-a-group jackknife (Bell and McCaffrey 2002, "CR3"): without block b the parameters
     move by (A - J_b'J_b)^-1 J_b'e_b = A^-1 s_b, s_b = (I - J_b'J_b A^-1)^-1 J_b'e_b, and S is the
     sum of s_b s_b'. Against :func:`long_run` it allows for what the fit has taken out of the
     residuals of a short record, and for every correlation within a block. What one block alone
-    determines would blow up; the factors 1 / (1 - leverage) stop at ``most``.
+    determines would blow up; the factors 1 / (1 - leverage) stop at 4.
 
     Args:
         J: Jacobian, whitened, (n, k, p).
         e: residuals, whitened, (n, k).
         inverse: of the information A of all data and priors, its part for these parameters, (p, p).
         block: samples of a block.
-        most: largest factor.
     """
     size = J.shape[2]
     L = np.linalg.cholesky(inverse)
@@ -115,7 +114,7 @@ def left_out(J: Floats, e: Floats, inverse: Floats, block: int, most: float = 4.
     for rows in np.array_split(np.arange(len(e)), max(2, len(e) // max(block, 1))):
         flat = J[rows].reshape(-1, size)
         leverage, V = np.linalg.eigh(L.T @ (flat.T @ flat) @ L)
-        factor = 1.0 / np.maximum(1.0 - leverage, 1.0 / most)
+        factor = 1.0 / np.maximum(1.0 - leverage, 0.25)
         scores.append(V @ (factor * (V.T @ (L.T @ (flat.T @ e[rows].ravel())))))
     s = np.linalg.solve(L.T, np.array(scores).T)
     return np.asarray(s @ s.T)

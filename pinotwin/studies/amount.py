@@ -17,6 +17,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.problem import Problem
 
+STEPS = 10
 _GUARD = 0.02  # share of the log left out between what is fitted and what is judged
 
 
@@ -29,25 +30,21 @@ class ErrorAgainstData:
         seconds: length of the data that were fitted [s], shape (k,).
         fitted: error on those data, all axes together, shape (k,).
         held_out: error on data that no fit saw, all axes together, shape (k,).
-        fitted_axes: the same per axis, NaN where an axis did not move yet, shape (k, axes).
-        held_out_axes: the same per axis, shape (k, axes).
-        held_out_seconds: length of the data that were kept back [s].
+        held_out_axes: the same per axis, NaN where an axis does not move, shape (k, axes).
     """
 
     names: tuple[str, ...]
     seconds: Floats
     fitted: Floats
     held_out: Floats
-    fitted_axes: Floats
     held_out_axes: Floats
-    held_out_seconds: float
 
-    def enough(self, within: float = 0.05) -> float | None:
+    def enough(self) -> float | None:
         """Return the length from which the held-out error stays within 5 % of its last value [s].
 
         None: it has not settled; a longer log would still help.
         """
-        near = np.abs(self.held_out - self.held_out[-1]) <= within * self.held_out[-1]
+        near = np.abs(self.held_out - self.held_out[-1]) <= 0.05 * self.held_out[-1]
         last_far = np.flatnonzero(~near)
         first = 0 if not len(last_far) else int(last_far[-1]) + 1
         return float(self.seconds[first]) if first < len(self.seconds) - 1 else None
@@ -58,10 +55,7 @@ def error_against_data(
     log: Log | Sequence[Log],
     *,
     seconds: Sequence[float] | None = None,
-    steps: int = 10,
     keep_back: float = 0.3,
-    cutoff: float | None = None,
-    decimate: int | None = None,
 ) -> ErrorAgainstData:
     """Identify a machine from ever more of a log, and judge each fit on its end, which none saw.
 
@@ -70,22 +64,19 @@ def error_against_data(
     Args:
         machine: what is believed.
         log: servo log(s).
-        seconds: lengths to fit [s]; None: ``steps`` of them, evenly spaced.
-        steps: how many, where ``seconds`` is not given.
+        seconds: lengths to fit [s]; None: ten, evenly spaced.
         keep_back: share of the log, at its end, that is kept back to judge on.
-        cutoff: see :func:`pinotwin.prepare`.
-        decimate: see :func:`pinotwin.prepare`.
 
     Raises:
         DataError: the log is too short for that.
     """
     if not 0.0 < keep_back < 0.9:
         raise DataError(f"keep_back is a share of the log between 0 and 0.9, not {keep_back:g}")
-    motion = prepare(machine, log, cutoff=cutoff, decimate=decimate)
+    motion = prepare(machine, log)
     n = len(motion)
     last, first_kept = int((1.0 - keep_back - _GUARD) * n), int((1.0 - keep_back) * n)
     test = motion.cut(first_kept, n)
-    rows = [_one(machine, motion, test, stop) for stop in _stops(motion, last, seconds, steps)]
+    rows = [_one(machine, motion, test, stop) for stop in _stops(motion, last, seconds)]
     found = [row for row in rows if row is not None]
     if not found:
         raise DataError(f"{motion.source}: too short to fit any part of it; record a longer log")
@@ -95,15 +86,13 @@ def error_against_data(
         seconds=np.array([row[0] for row in found]),
         fitted=table[:, 0, 0],
         held_out=table[:, 1, 0],
-        fitted_axes=table[:, 0, 1:],
         held_out_axes=table[:, 1, 1:],
-        held_out_seconds=(n - first_kept) * motion.step,
     )
 
 
-def _stops(motion: Motion, last: int, seconds: Sequence[float] | None, steps: int) -> list[int]:
+def _stops(motion: Motion, last: int, seconds: Sequence[float] | None) -> list[int]:
     if seconds is None:
-        return [int(x) for x in np.linspace(0, last, steps + 1)[1:]]
+        return [int(x) for x in np.linspace(0, last, STEPS + 1)[1:]]
     wanted = [round(x / motion.step) for x in seconds]
     if any(x <= 0 or x > last for x in wanted):
         raise DataError(

@@ -82,8 +82,6 @@ def coupled_against_decoupled(
     machine: Machine,
     log: Log | Sequence[Log],
     *,
-    folds: int = 5,
-    cutoff: float | None = None,
     decimate: int | None = None,
 ) -> CoupledAgainstDecoupled:
     """Fit a machine with and without the coupling between its axes; compare on held-out data.
@@ -91,19 +89,17 @@ def coupled_against_decoupled(
     Args:
         machine: what is believed.
         log: servo log(s).
-        folds: stretches of time that are held out in turn.
-        cutoff: see :func:`pinotwin.prepare`.
         decimate: see :func:`pinotwin.prepare`.
 
     Raises:
         DataError: the log holds too little.
     """
-    motion = prepare(machine, log, cutoff=cutoff, decimate=decimate)
+    motion = prepare(machine, log, decimate=decimate)
     plant = fit_plant(machine, motion, consistent_inertia=False)
     coupled = assemble(motion, plant.effects, plant.rows)
     decoupled, bounds = decoupled_problem(machine, motion, plant.effects)
-    first = held_out(coupled, folds, options=fit_options(machine, plant.effects)).error
-    second = held_out(decoupled, folds, options=bounds).error
+    first = held_out(coupled, options=fit_options(machine, plant.effects)).error
+    second = held_out(decoupled, options=bounds).error
     t = thin_time(motion)
     axes = {}
     for joint, rows in coupled.slices.items():

@@ -69,15 +69,14 @@ def resolved_limits(limits: Limits, model: pin.Model, joint: int, rotary: bool) 
     return Limits(speed, acceleration, jerk, travel)
 
 
-def survey(tree: Tree, travels: Floats, seed: int = 0) -> tuple[Floats, Floats, Floats]:
+def survey(tree: Tree, travels: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the largest diagonal inertia, the smallest free one, and the largest holding effort.
 
     Args:
         tree: the machine as CAD believes.
         travels: lowest and highest position of every joint, shape (nv, 2).
-        seed: of the postures that are looked at.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     nv = len(travels)
     inertia, least, hold = np.zeros(nv), np.full(nv, np.inf), np.zeros(nv)
     for q in [travels.mean(axis=1), *rng.uniform(travels[:, 0], travels[:, 1], (40, nv))]:

@@ -216,13 +216,12 @@ def _errors(triad: Triad, rate: float, tau: Floats, rng: np.random.Generator) ->
     return triad.bias + np.cumsum(steps, axis=0) + noise
 
 
-def mti630(rng: np.random.Generator, number: int = 1, *, scale: float = 3e-3) -> ImuSensor:
+def mti630(rng: np.random.Generator, number: int = 1) -> ImuSensor:
     """Return an Xsens MTi-630 as in thesis Tables 6-3 (number 1) or B-1 (2), errors drawn.
 
     Args:
         rng: draws scale errors, non-orthogonality, g-sensitivity and accelerometer errors.
         number: which of the two sensors of the thesis.
-        scale: standard deviation of the gyro's scale-factor error [-].
     """
     bias, noise, acc = {
         1: ([0.1329, 0.04537, 0.09289], [0.08493, 0.07997, 0.08274], [8.165, 7.291, 5.651]),
@@ -237,7 +236,7 @@ def mti630(rng: np.random.Generator, number: int = 1, *, scale: float = 3e-3) ->
         noise=np.array(noise) * _DEG,
         bias=np.array(bias) * _DEG,
         bias_walk=5e-4 * _DEG,
-        scale=rng.normal(0.0, scale, 3),
+        scale=rng.normal(0.0, 3e-3, 3),
         nonorthogonality=skewed(),
         asymmetry=rng.normal(0, 1e-4, 3),
         cubic=rng.normal(0, 3e-5, 3),

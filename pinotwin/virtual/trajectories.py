@@ -129,37 +129,28 @@ def _targets(
     return targets or {names[0]: float(np.mean(_travel(limits[names[0]]))) + 1e-3}
 
 
-def multisine(
-    machine: HasLimits,
-    seconds: float,
-    seed: int,
-    *,
-    band: tuple[float, float] = (0.2, 15.0),
-    lines: int = 14,
-    axes: Sequence[str] | None = None,
-) -> Trajectory:
-    """Return a sum of sines on every axis (or only on ``axes``) within its limits.
+LINES = 14
+"""Sines per axis."""
+
+
+def multisine(machine: HasLimits, seconds: float, seed: int) -> Trajectory:
+    """Return a sum of sines of 0.2 to 15 Hz on every axis within its limits.
 
     Args:
         machine: whose axes and limits.
         seconds: length [s].
         seed: of the phases; the lines of different axes are interleaved.
-        band: lowest and highest frequency [Hz].
-        lines: sines per axis.
-        axes: which axes move; the others rest.
     """
     rng = np.random.default_rng(seed)
     names = list(machine.limits)
-    grid = np.geomspace(*band, lines * len(names))
+    grid = np.geomspace(0.2, 15.0, LINES * len(names))
     profiles: dict[str, Profile] = {}
     t = np.arange(0.0, seconds, 1e-3)
     for i, name in enumerate(names):
         low, high = _travel(machine.limits[name])
         frequency = grid[i :: len(names)]
         amplitude = 1.0 / (1.0 + (frequency / 1.0) ** 2)
-        if axes is not None and name not in axes:
-            amplitude = np.zeros_like(amplitude)
-        phase = rng.uniform(0.0, 2.0 * np.pi, lines)
+        phase = rng.uniform(0.0, 2.0 * np.pi, LINES)
         raw = Sines(0.0, amplitude, frequency, phase, seconds)
         peaks = [max(float(np.abs(x).max()), 1e-12) for x in raw.at(t)]
         speed, acceleration, _ = _triple(machine.limits[name])

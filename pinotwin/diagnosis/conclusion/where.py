@@ -18,6 +18,7 @@ from pinotwin.diagnosis.result import Region
 from pinotwin.motion import Motion
 
 SHIFTS = 99
+MOST = 5  # regions of an axis
 REVERSAL = 0.05  # share of the top speed that counts as reversal
 
 
@@ -32,9 +33,7 @@ class Cell:
     other: str | None = None
 
 
-def localise(
-    sample: Sample, residual: Floats, joint: int, rng: np.random.Generator, *, most: int = 5
-) -> list[Region]:
+def localise(sample: Sample, residual: Floats, joint: int, rng: np.random.Generator) -> list[Region]:
     """Return the regions of one axis in which its gap concentrates.
 
     Args:
@@ -42,7 +41,6 @@ def localise(
         residual: measured effort less the model's at the rows of that joint, shape (m,).
         joint: joint of the axis.
         rng: of the shifts.
-        most: most regions to return.
     """
     power = residual**2
     if power.sum() <= 0.0:
@@ -54,7 +52,7 @@ def localise(
     found = concentrated(cells, power, axis, "u", rng)
     found.extend(_bands(sample, residual, joint, axis))
     found.sort(key=lambda r: -(r.share - r.time_share))
-    return found[:most]
+    return found[:MOST]
 
 
 def concentrated(

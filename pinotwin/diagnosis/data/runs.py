@@ -16,7 +16,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.samples import Sample
-from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
 from pinotwin.logs.repeats import labels, shift_between
 from pinotwin.signals import rms
@@ -63,16 +63,13 @@ class Apart:
         return f"{text}: left out here; identify a twin from {against} and diagnose {', '.join(self.names)}"
 
 
-def apart(
-    logs: Sequence[Log], runs: Sequence[Sample], own: Sample | None, rules: Rules = RULES
-) -> Apart | None:
+def apart(logs: Sequence[Log], runs: Sequence[Sample], own: Sample | None) -> Apart | None:
     """Return which runs of one command differ from the others, None where they are repeats.
 
     Args:
         logs: the logs in question.
         runs: the rows of each.
         own: rows of the twin's own logs; None of a machine.
-        rules: thresholds.
     """
     known = labels([r.motion for r in runs])
     odd: list[int] = []
@@ -83,7 +80,7 @@ def apart(
         if len(group) < 2:
             continue
         off = {(a, b): _off(runs[a], runs[b], own) for a in group for b in group if a < b}
-        least = rules.runs_change if own is not None else rules.runs_structure
+        least = RULES.runs_change if own is not None else RULES.runs_structure
         first = _reference(group, off, runs, own, least)
         differ = {k: _pair(off, k, first) for k in group if k != first}
         far = [k for k, row in differ.items() if max(row.values(), default=0.0) > least]

@@ -66,16 +66,8 @@ def by_blocks(X: Floats, y: Floats, blocks: Sequence[slice]) -> Blocked:
     return Blocked(every[-1], every[:-1], rest, blocks)
 
 
-def blocks_of(rows: int, step: float, shortest: float = 0.5, fewest: int = 6, most: int = 40) -> list[slice]:
-    """Return stretches of rows that count as one witness each.
-
-    Args:
-        rows: how many there are.
-        step: time from one to the next [s].
-        shortest: length of a stretch [s].
-        fewest: stretches.
-        most: stretches.
-    """
-    count = int(np.clip(rows * step / shortest, fewest, most))
+def blocks_of(rows: int, step: float) -> list[slice]:
+    """Return stretches of rows that are ``step`` [s] apart, each one witness: 6 to 40, of half a second."""
+    count = int(np.clip(rows * step / 0.5, 6, 40))
     edges = np.linspace(0, rows, count + 1).astype(int)
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]

@@ -10,7 +10,7 @@ from pinotwin.diagnosis.evidence.held_out import Ground, Judged
 RESAMPLES = 1000
 
 
-def lower_bound(judged: Judged, ground: Ground, level: float = 0.05) -> float:
+def lower_bound(judged: Judged, ground: Ground) -> float:
     """Return the lower end of the 90 % interval of a candidate's gain on rows that were not fitted.
 
     Blocks of the logs in question, each predicted from the others, and of validation logs count alike: a
@@ -18,12 +18,12 @@ def lower_bound(judged: Judged, ground: Ground, level: float = 0.05) -> float:
     """
     alone = ground.alone
     gains = np.concatenate([alone.left - judged.left, alone.unseen - judged.unseen])
-    return float(np.quantile(resampled_sums(gains), level))
+    return float(np.quantile(resampled_sums(gains), 0.05))
 
 
-def resampled_sums(x: Floats, seed: int = 0) -> Floats:
+def resampled_sums(x: Floats) -> Floats:
     """Return sums over blocks drawn with replacement, shape (RESAMPLES,)."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     at = rng.integers(len(x), size=(RESAMPLES, len(x)))
     return x[at].sum(axis=1)
 

@@ -25,7 +25,7 @@ from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.blocks import Blocked, blocks_of, by_blocks
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size
-from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.trials import TRIALS
 from pinotwin.motion import Motion
@@ -195,7 +195,7 @@ class Seen:
     notes: Sequence[str]
 
 
-def second_encoders(c: Comparison, rng: np.random.Generator, rules: Rules = RULES) -> dict[str, Seen]:
+def second_encoders(c: Comparison, rng: np.random.Generator) -> dict[str, Seen]:
     """Return what the encoders at the load say, axis by axis.
 
     Of a machine, what lies between motor and load at all; of a twin whose own logs held them too, what has
@@ -204,7 +204,6 @@ def second_encoders(c: Comparison, rng: np.random.Generator, rules: Rules = RULE
     Args:
         c: the comparison.
         rng: of the shifts that a region is tested with.
-        rules: thresholds.
     """
     out = {}
     for name, axis in c.machine.axes.items():
@@ -219,7 +218,7 @@ def second_encoders(c: Comparison, rng: np.random.Generator, rules: Rules = RULE
             new, own = _elsewhere(new, own)
         if c.change and own is None:
             continue
-        out[name] = _seen(c, name, axis.index, new, own, rng, rules)
+        out[name] = _seen(c, name, axis.index, new, own, rng)
     return out
 
 
@@ -259,11 +258,10 @@ def _seen(
     new: _Twist,
     own: _Twist | None,
     rng: np.random.Generator,
-    rules: Rules,
 ) -> Seen:
     y, misfit = _unknown(new, own)
-    chosen, steps = _chosen(new, own, y, misfit, rules)
-    sure = _confidences(new, own, y, misfit, steps, rng, rules)
+    chosen, steps = _chosen(new, own, y, misfit)
+    sure = _confidences(new, own, y, misfit, steps, rng)
     before, after = new.fit(NUISANCE, y), new.fit([*NUISANCE, *chosen], y)
     effects = []
     for part, shrink in steps.items():
@@ -293,11 +291,9 @@ def _unknown(new: _Twist, own: _Twist | None) -> tuple[Floats, float]:
     return new.d - new.table(new.every) @ known.theta, known.left
 
 
-def _chosen(
-    new: _Twist, own: _Twist | None, y: Floats, misfit: float, rules: Rules
-) -> tuple[list[str], dict[str, Shrink]]:
+def _chosen(new: _Twist, own: _Twist | None, y: Floats, misfit: float) -> tuple[list[str], dict[str, Shrink]]:
     """Return the parts that the twist has, most telling first, and what those that can be real close of it."""
-    least = max(rules.encoder_noise * new.noise, misfit if np.isfinite(misfit) else 0.0)
+    least = max(RULES.encoder_noise * new.noise, misfit if np.isfinite(misfit) else 0.0)
     first = new.fit(NUISANCE, y).left
     chosen: list[str] = []
     steps: dict[str, Shrink] = {}
@@ -310,11 +306,11 @@ def _chosen(
         closed = float(np.sqrt(max(now.left**2 - fit.left**2, 0.0)))
         low, high = share_interval(now.powers, fit.powers)
         share = 1.0 - (fit.left / max(now.left, 1e-300)) ** 2
-        trace = own is not None and bool(chosen) and closed**2 < rules.second_share * first**2
-        if share < rules.encoder_share or low <= 0.0 or closed < least or trace:
+        trace = own is not None and bool(chosen) and closed**2 < RULES.second_share * first**2
+        if share < RULES.encoder_share or low <= 0.0 or closed < least or trace:
             break
         chosen.append(best)
-        if _sure(best, new, own, fit, chosen) > np.sqrt(rules.strength_structure):
+        if _sure(best, new, own, fit, chosen) > np.sqrt(RULES.strength_structure):
             steps[best] = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
     return chosen, steps
 
@@ -326,16 +322,15 @@ def _confidences(
     misfit: float,
     found: Collection[str],
     rng: np.random.Generator,
-    rules: Rules,
 ) -> dict[str, float]:
     """Return how sure each part is: how often it is found again on stretches drawn at random."""
     wins = dict.fromkeys(found, 0)
     for _ in range(TRIALS if found else 0):
         part, rest = new.drawn(y, rng)
-        for name in _chosen(part, own, rest, misfit, rules)[1]:
+        for name in _chosen(part, own, rest, misfit)[1]:
             if name in wins:
                 wins[name] += 1
-    return {name: posterior(count, TRIALS, rules) for name, count in wins.items()}
+    return {name: posterior(count, TRIALS, RULES) for name, count in wins.items()}
 
 
 def _sure(part: str, new: _Twist, own: _Twist | None, fit: Blocked, chosen: Sequence[str]) -> float:

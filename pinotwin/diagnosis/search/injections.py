@@ -21,33 +21,28 @@ from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import TRIALS, trial
 
 RIVALS = 5
+NEAR = 0.9
+"""Share of the gain of what was named from which a rival is hardly told apart from it."""
 
 
 def confidences(
-    comparison: Comparison,
-    found: Found,
-    rng: np.random.Generator,
-    *,
-    rules: Rules = RULES,
-    trials: int = TRIALS,
+    comparison: Comparison, found: Found, rng: np.random.Generator, *, rules: Rules = RULES
 ) -> list[float]:
     """Return the confidence of every cause of a search."""
-    return [_confidence(comparison, found, step, rng, rules, trials) for step in found.steps]
+    return [_confidence(comparison, found, step, rng, rules) for step in found.steps]
 
 
-def _confidence(
-    c: Comparison, found: Found, step: Step, rng: np.random.Generator, rules: Rules, trials: int
-) -> float:
+def _confidence(c: Comparison, found: Found, step: Step, rng: np.random.Generator, rules: Rules) -> float:
     entries = [step.chosen, *step.rivals[:RIVALS]]
     wins = 0
-    for _ in range(trials):
+    for _ in range(TRIALS):
         searcher = Searcher(trial(c, found.searcher.residual(), step.chosen, rng))
         again = [x for e in entries if (x := searcher.score(e.effect, e.table)) is not None]
         fit = sorted((x for x in again if not refused(x, searcher, rules)), key=lambda x: -x.gain)
         if fit:
             first = simplest(fit, searcher, rules)
             wins += same_cause(first if step.duel is None else step.duel.again(first, fit), step.chosen)
-    return posterior(wins, trials, rules)
+    return posterior(wins, TRIALS, rules)
 
 
 def posterior(wins: int, trials: int, rules: Rules) -> float:
@@ -62,14 +57,14 @@ def same_cause(a: Scored, b: Scored) -> bool:
     return a.key == b.key or (alike and one.axis == other.axis)
 
 
-def pairs_alike(steps: Sequence[Step], share: float = 0.9) -> list[tuple[str, str]]:
+def pairs_alike(steps: Sequence[Step]) -> list[tuple[str, str]]:
     """Return names that these logs hardly tell apart: rivals that close nearly as much as what was named."""
     out: list[tuple[str, str]] = []
     for step in steps:
         effect = named(step.chosen.effect)
         out += [(effect.name, other) for other in effect.inseparable]
         for rival in step.rivals:
-            near = rival.gain > share * step.chosen.gain and rival.joint == step.chosen.joint
+            near = rival.gain > NEAR * step.chosen.gain and rival.joint == step.chosen.joint
             if near and not isinstance(rival.effect, Pattern):
                 pair = (effect.name, named(rival.effect).name)
                 if pair[0] != pair[1] and pair not in out:

@@ -185,7 +185,7 @@ class Searcher:
         c = self.comparison
         return [rest.pop(0), rest.pop(0) if c.own else None, rest.pop(0) if c.unseen else None]
 
-    def polished(self, scored: Scored, evaluations: int = 24) -> Scored:
+    def polished(self, scored: Scored) -> Scored:
         """Return a candidate with its shapes moved to where it closes most."""
         shapes = scored.effect.shapes()
         if not shapes or type(scored.effect).searched == 0:
@@ -216,9 +216,7 @@ class Searcher:
         )
         size = np.where(log, 0.05, 0.05 * (high - low))
         simplex = np.vstack([start, *(start + np.diag(size))])
-        minimize(
-            loss, start, method="Nelder-Mead", options={"maxfev": evaluations, "initial_simplex": simplex}
-        )
+        minimize(loss, start, method="Nelder-Mead", options={"maxfev": 24, "initial_simplex": simplex})
         return best
 
 

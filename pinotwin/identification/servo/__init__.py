@@ -15,6 +15,5 @@ from pinotwin.identification.servo.problem import Factors as Factors
 from pinotwin.identification.servo.structure import MISSED as MISSED
 from pinotwin.identification.servo.structure import afresh as afresh
 from pinotwin.identification.servo.structure import doubtful as doubtful
-from pinotwin.identification.servo.structure import find as find
 from pinotwin.identification.servo.structure import look as look
 from pinotwin.identification.servo.structure import settle as settle

@@ -37,20 +37,10 @@ PAYS = 0.98
 """A larger structure must bring the held-out error below this share of the smaller one's."""
 
 
-def find(
-    p: AxisProblem,
-    friction: tuple[str, ...] = (),
-    allowed: Callable[[Factors], bool] = lambda factors: True,
-) -> Found | None:
-    """Return the controller of an axis, or None if none keeps it on its command: :func:`look`, :func:`settle`."""
-    found = look(p, friction, allowed)
-    return None if found is None else settle(p, found)
-
-
 def look(
     p: AxisProblem,
-    friction: tuple[str, ...] = (),
-    allowed: Callable[[Factors], bool] = lambda factors: True,
+    friction: tuple[str, ...],
+    allowed: Callable[[Factors], bool],
 ) -> Found | None:
     """Return the form of an axis' controller with gains from its first windows, judged on the others.
 

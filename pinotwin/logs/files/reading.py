@@ -91,14 +91,14 @@ def read(*paths: str | Path, only: str | None = None) -> Log:
     return logs[0] if len(logs) == 1 else join(logs, [Path(path).stem for path in paths])
 
 
-def read_argument(text: str, only: str | None = None) -> Log:
+def read_argument(text: str) -> Log:
     """Read what the command line names: one path, or several joined by ``+``."""
     if Path(text).exists() or "+" not in text:
-        return read(text, only=only)
+        return read(text)
     parts = [part.strip() for part in text.split("+")]
     if not all(parts):
         raise LogError(f"{text}: an empty name beside '+'; write a.csv+b.csv")
-    return read(*parts, only=only)
+    return read(*parts)
 
 
 def _read_one(path: Path, only: str | None) -> Log:
