@@ -22,7 +22,7 @@ from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
 from pinotwin.diagnosis.evidence.bodies import undetermined
 from pinotwin.diagnosis.others.encoders import Seen, admitted, second_encoders, with_encoders
-from pinotwin.diagnosis.others.servo import servo_changes
+from pinotwin.diagnosis.others.servo import broken_laws, servo_changes
 from pinotwin.diagnosis.others.tracking import tracking_gaps
 from pinotwin.diagnosis.others.vibration import Vibrations, look_at_vibration, unused
 from pinotwin.diagnosis.result import Diagnosis, Gap, Region, Shrink
@@ -90,12 +90,14 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     whole_logs, c = c, s.rest
     named = [*effects_named(c, found, sure), *pushes_named(c, pushed, sure_pushes)]
     named = with_encoders(named, measured, leave_out)
+    gone: Mapping[str, str] = {}
     if closed_loop:
         put_in = courses(whole_logs, [s.chosen for s in found.steps], pushed)
         named += servo_named(servo_changes(c, _mismeasured(named), leave_out, rules, put_in))
+        gone = broken_laws(c, {str(e.axis) for e in named}, rules)
     shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
     named += shaken.effects
-    result = _concluded(subject, c, found, pushed, named, seed, quick, rules)
+    result = _concluded(subject, c, found, pushed, named, gone, seed, quick, rules)
     if closed_loop and not quick:
         tell("tracking error", 0.9)
         causes = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
@@ -223,6 +225,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
     found: Search,
     pushed: Sequence[Episodes],
     every: Sequence[Any],
+    gone: Mapping[str, str],
     seed: int,
     quick: bool,
     rules: Rules,
@@ -232,7 +235,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
     ordered = sorted(every, key=lambda e: -_closes(e, every))
     named = [e for e in ordered if e.confidence >= rules.named]
     possible = [e for e in ordered if e.confidence < rules.named]
-    verdict = judge(c, found, gaps, named, possible, rules)
+    verdict = judge(c, found, gaps, named, possible, rules, gone)
     pairs = pairs_alike(found.steps)
     has_command = c.new.motion.qr is not None
     advice, motions = advise(kind, pairs, has_command=has_command)

@@ -102,6 +102,9 @@ class Rules:
     """[of a push's rows] Least at which the axis moves: at rest dry friction holds any effort up to its level."""
     push_size: float = 0.005
     """[of the effort's variation] Least that pushes close, RMS."""
+    push_often: float = 2.0
+    """[1/s] More pushes than that are a vibration: an axis that rings on its spring shows 2.5, eight pushes on a log of
+    ten seconds 0.8."""
     most_of_time: float = 0.9
     """[of the rows] Pushes that fill more than this are no episodes."""
 
@@ -117,6 +120,9 @@ class Rules:
     controllers that are tuned to their load take a payload up so. Changed feedback alone leaves twice as much."""
     law_broken: float = 0.2
     """[of the effort's variation] Least that is left of the law at a limit of the drive."""
+    law_gone: float = 1.0
+    """[of the effort's variation] From here a law that no change of the servo explains is said to be gone: other
+    causes leave 0.25 of it at most, drives at a limit 200 and more."""
     law_forward: float = 0.96
     """[of the law's squared residual beyond the own one] Share that the feed-forward alone must close: of what one
     changed leaves it closes 0.99 and more, of what an effort that is scaled leaves 0.94, of play, springs and bodies

@@ -45,12 +45,18 @@ def headline(d: Diagnosis) -> list[str]:
         none = f"Log and model differ on {where}, and no effect that pinotwin knows closes the gap."
         unsure = f"Log and model differ on {where}; what was found is not sure enough to be named."
         said = [unsure if d.possible else none] if open_axes or not d.remains else []
-        return [*said, *_possible(d), *_stays(d), *_errors(d)]
+        return [*said, *_possible(d), *_controllers(d), *_stays(d), *_errors(d)]
     lines = [_cause(d, e) for e in d.effects[:MOST]]
     if len(d.effects) > MOST:
         rest = joined([on_axis(e.effect, e.axis) for e in d.effects[MOST:]])
         lines.append(f"Also found: {rest}.")
-    return [*lines, *_possible(d), *_stays(d), *_errors(d)]
+    return [*lines, *_possible(d), *_controllers(d), *_stays(d), *_errors(d)]
+
+
+def _controllers(d: Diagnosis) -> list[str]:
+    """Return what is said of controllers whose law is gone."""
+    gone = [axis for axis, row in d.unexplained.items() if "e" in row and axis in d.remains]
+    return [f"Axis {axis} {plain_sentence(d.remains[axis])}." for axis in gone]
 
 
 def _possible(d: Diagnosis) -> list[str]:

@@ -42,6 +42,7 @@ def judge(
     effects: Sequence[Found],
     possible: Sequence[Found] = (),
     rules: Rules = RULES,
+    controllers: Mapping[str, str] | None = None,
 ) -> Judgement:
     """Return the verdict on a comparison.
 
@@ -52,7 +53,9 @@ def judge(
         effects: what is named.
         possible: what was found and is not sure enough to be named: its axes stay open.
         rules: thresholds.
+        controllers: axis -> what is said of a controller whose law is gone.
     """
+    controllers = controllers or {}
     patterns = {
         c.machine.names[s.chosen.joint]: s.chosen.effect.says()
         for s in found.steps
@@ -68,6 +71,8 @@ def judge(
     unsure = [str(e.axis) for e in possible if e.axis not in told]
     for axis in (*patterns, *unsure, *(name for name in c.gate.silent if name in gaps)):
         unexplained.setdefault(axis, {"u": 1.0})
+    for axis in controllers:
+        unexplained[axis] = {**unexplained.get(axis, {}), "e": 1.0}
     if effects:
         verdict: Verdict = "partly_explained" if unexplained else "explained"
     else:
@@ -79,8 +84,11 @@ def judge(
     ]
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
     maybe = [f"Possible, not sure: {'; '.join(_said(e) for e in possible)}"] if possible else []
-    sentence = ". ".join([*_sentence(c, verdict, effects, judged, patterns), *maybe, *runs, *_unjudged(c)])
-    return Judgement(verdict, sentence, unexplained, {**patterns, **c.gate.nameless, **c.gate.silent}, notes)
+    gone = [f"{axis} {words}" for axis, words in controllers.items()]
+    first = _sentence(c, verdict, effects, judged, patterns)
+    sentence = ". ".join([*first, *gone, *maybe, *runs, *_unjudged(c)])
+    remains = {**controllers, **patterns, **c.gate.nameless, **c.gate.silent}
+    return Judgement(verdict, sentence, unexplained, remains, notes)
 
 
 def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:

@@ -152,18 +152,53 @@ def _decided(new: _Law, gains: Floats, held: float, rules: Rules) -> _Decided | 
 SAID = {"feedforward": "acceleration feed-forward", "loop_gain": "feedback gains"}
 
 
-def _law_change(
-    c: Comparison, joint: int, axis: str, rules: Rules, course: Floats | None
-) -> ServoChange | None:
-    assert c.own is not None
-    old = _Law.of(c.own.motion, joint)
-    new = _Law.of(c.new.motion, joint)
+def broken_laws(c: Comparison, told: Collection[str], rules: Rules = RULES) -> dict[str, str]:
+    """Return axis -> what is said of its controller where its law is gone, and nothing in the catalogue says why.
+
+    An integrator that a limit inside the controller stops leaves no plateau in the effort, but many times the effort
+    itself of the law.
+
+    Args:
+        c: what was compared.
+        told: axes of which something is named already, or whose logged effort is in doubt.
+        rules: thresholds.
+    """
+    out = {}
+    for axis in c.machine.axes.values():
+        if axis.name in told or axis.name in c.gate.strays or not c.gate.asks("servo", axis.name):
+            continue
+        laws = _laws(c, axis.index, rules)
+        if laws is None:
+            continue
+        new, gains, rest = laws
+        times = rms(new.left(gains)) / new.size
+        if times > max(rules.law_gone, rules.law_worse * rms(rest) / new.size):
+            out[axis.name] = (
+                f"is controlled by another law than on the twin's own logs: its gains miss the effort by {times:.2g} "
+                "times its variation, as where a limit inside the controller stops an integrator"
+            )
+    return out
+
+
+def _laws(c: Comparison, joint: int, rules: Rules) -> tuple[_Law, Floats, Floats] | None:
+    """Return the law on the new logs, the own gains and what they leave there; None where it says nothing."""
+    if c.own is None or c.new.motion.qr is None:
+        return None
+    old, new = (_Law.of(x.motion, joint) for x in (c.own, c.new))
     if old is None or new is None:
         return None
     gains, rest = old.fitted()
+    return None if rms(rest) > rules.law_holds * old.size else (new, gains, rest)
+
+
+def _law_change(
+    c: Comparison, joint: int, axis: str, rules: Rules, course: Floats | None
+) -> ServoChange | None:
+    laws = _laws(c, joint, rules)
+    if laws is None:
+        return None
+    new, gains, rest = laws
     held = rms(rest)
-    if held > rules.law_holds * old.size:
-        return None  # this law is not that controller's
     found = _decided(new, gains, held, rules)
     less = None if course is None else _Law.of(c.new.motion, joint, course)
     if found is not None and less is not None and rms(less.left(gains)) < found.level:

@@ -115,7 +115,7 @@ def _in_all(c: Comparison, ground: Comparison, pushed: Episodes) -> Episodes:
 
 
 def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
-    """Whether pushes are larger than what the twin leaves anyway, on an axis that moves."""
+    """Whether pushes are larger than what the twin leaves anyway, on an axis that moves, and no vibration."""
     floor, rows = c.floor[pushed.joint], len(pushed.rows)
     forces = [(abs(e.force) / floor, e.end - e.start) for e in pushed.episodes]
     for_a_moment = any(
@@ -125,7 +125,14 @@ def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
     for_long = pushed.gain > rules.excess * rows and max(size for size, _ in forces) > rules.push_long
     closed = floor * float(np.sqrt(max(pushed.gain, 0.0) / rows))
     large = closed > rules.push_size * c.new.size(pushed.joint)
-    return (for_a_moment or for_long) and large and _moving_share(c, pushed, rules) > rules.push_moving
+    seconds = rows * c.new.motion.step * c.new.motion.decimation
+    seldom = len(pushed.episodes) <= max(rules.push_often * seconds, 1.0)
+    return (
+        (for_a_moment or for_long)
+        and large
+        and seldom
+        and _moving_share(c, pushed, rules) > rules.push_moving
+    )
 
 
 def push_confidences(
