@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pinotwin.diagnosis import diagnose
-from pinotwin.diagnosis.candidates.catalogue import named
+from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
-from pinotwin.diagnosis.data.samples import sample
+from pinotwin.diagnosis.data.samples import judged_rows, sample, sliding
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.duel import duel
@@ -20,7 +20,7 @@ from pinotwin.diagnosis.search.injections import confidences
 from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.search.trials import lacked
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import EFFECTS, Presliding, Viscous
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -89,6 +89,46 @@ def test_an_axis_that_trembles_while_its_command_stands_has_no_rows(twin: Twin) 
     assert not settled[rows].any()
     moved = dataclasses.replace(shaken, vr=np.where(still[:, None], v, vr))
     assert settled[sample(moved, np.zeros_like(m.u), 0.5).samples(0)].any()
+
+
+def test_before_the_first_move_of_a_log_an_axis_is_at_rest(twin: Twin) -> None:
+    """Rows that begin a log count as long as its command stands: nothing settles that has not moved."""
+    m = compare(twin, [record(4)], []).new.motion
+    assert m.vr is not None
+    first = int(np.flatnonzero(np.abs(m.vr[:, 0]) > 0.01 * np.abs(m.vr).max())[0])
+    late = dataclasses.replace(m, use=np.ones_like(m.use))
+    assert first * m.step > 0.1
+    assert not sliding(late, 0)[: first - round(0.02 / m.step)].any()
+    u = m.u.copy()
+    u[: first // 2] += 50.0
+    held, plain = (judged_rows(dataclasses.replace(late, u=x), 0) for x in (u, m.u))
+    assert np.array_equal(held, plain)
+    assert not held[: first // 2].any()
+
+
+def test_what_pushes_all_the_time_is_a_vibration(twin: Twin) -> None:
+    c = compare(twin, [record(4)], [])
+    assert c.own is not None
+    rng = np.random.default_rng(3)
+    plain = [c.floor[0] * rng.normal(size=len(s.residual[0])) for s in (c.new, c.own)]
+    c = dataclasses.replace(c, own=dataclasses.replace(c.own, residual={0: plain[1]}))
+    ground = Searcher(c)
+    nothing = Found((), None, (), ground, ground)
+    at = np.arange(len(plain[0]))
+    rings = 12.0 * c.floor[0] * np.sign(np.sin(2.0 * np.pi * at / 40.0))
+    assert pushes(with_residual(c, plain[0] + rings), nothing, RULES) == []
+    once = np.where((at > 100) & (at < 140), rings, 0.0)
+    assert len(pushes(with_residual(c, plain[0] + once), nothing, RULES)) == 1
+
+
+def test_friction_that_a_machine_lists_is_not_missing_in_it(machine: Machine) -> None:
+    lists = dataclasses.replace(
+        machine, axes={"X": dataclasses.replace(machine.axes["X"], effects=(Viscous("X"), Presliding("X")))}
+    )
+    tried = [{e.name for e in candidates(compare(m, [record(4)], []))} for m in (machine, lists)]
+    assert "presliding" in tried[0]
+    assert "presliding" not in tried[1]
+    assert tried[0] - tried[1] <= {"presliding"}
 
 
 def test_a_push_that_stands_out_is_named_and_sure_and_no_other(twin: Twin) -> None:

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
-from pinotwin.diagnosis.others.servo import servo_changes
+from pinotwin.diagnosis.others.servo import broken_laws, servo_changes
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -101,3 +102,18 @@ def test_a_drive_at_its_limit_is_found_in_one_run_and_in_repeats(machine, urdf_d
     top = np.quantile(np.abs(weak[0]["X.u"]), 0.98)
     assert found[0].after == pytest.approx(top, rel=0.02)
     assert servo_changes(compare(machine, [record(urdf_dir, 8, 20 + k) for k in range(runs)], []), ()) == []
+
+
+def test_a_controller_whose_law_is_gone_is_spoken_of_and_named_nothing(twin, urdf_dir):
+    """An integrator that stops leaves the plant and the effort as they were, and the tracking error drifts away."""
+    log = record(urdf_dir, 8, 11)
+    lost = np.where(log.t > 3.0, 1e-4 * (log.t - 3.0), 0.0)
+    c = compare(twin, [Log({**log.channels, "X.qr": log["X.qr"] + lost}, source="lost.csv")], [])
+    assert servo_changes(c, ()) == []
+    assert set(broken_laws(c, ())) == {"X"}
+    assert broken_laws(c, {"X"}) == {}
+    assert broken_laws(compare(twin, [log], []), ()) == {}
+    said = diagnose(twin, Log({**log.channels, "X.qr": log["X.qr"] + lost}, source="lost.csv"))
+    assert (said.verdict, said.effects) == ("unexplained", [])
+    assert "X is controlled by another law" in said.sentence
+    assert said.unexplained["X"] == {"e": 1.0}

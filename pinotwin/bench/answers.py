@@ -41,7 +41,7 @@ class Answer:
         floors: peer -> (effect, axis, score).
         seconds: stage -> time it took [s].
         form: what the model's laws cannot follow of a healthy machine, over the noise.
-        oracle: deviance that the true course of the weakest effect would gain; see bench.oracle.
+        oracle: what the true course of the weakest effect moves, over the least asked for; see bench.oracle.
         error: what went wrong, if anything did.
     """
 

@@ -2,8 +2,7 @@
 
 The gap that an effect makes, taken from two runs without noise, is put into the place of a candidate: no
 catalogue can hold a better one. What it adds that the base model's own coefficients cannot take up is
-its size there, as a share of the axis' effort. Below what a rule of the diagnosis asks for, nobody who
-looks at an axis in motion can name it.
+its size there. Below what the rules of the diagnosis ask for, nobody who looks at an axis in motion can name it.
 """
 
 from __future__ import annotations
@@ -11,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.bench.produce import Produced
-from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.evidence.moments import products
+from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.errors import DataError
 from pinotwin.log import Log
@@ -22,8 +22,8 @@ from pinotwin.twin import Twin
 def evidence(made: Produced, twin: Twin | None) -> float | None:
     """Return the least size of the effects' true courses beside the model and each other.
 
-    A share of the effort's variation of the axis that each moves most; None without effects, and where
-    one is the controller's.
+    Over the least that the rules ask for on the axis that each moves most; None without effects, and where one is
+    the controller's.
 
     Args:
         made: the case.
@@ -50,8 +50,16 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
     for k, power in enumerate(given):
         main = max(columns, key=lambda j: float(np.sum(columns[j][:, k] ** 2)) / c.floor[j] ** 2)
         rows = max(len(c.new.residual[main]), 1)
-        sizes.append(c.floor[main] * float(np.sqrt(power / rows)) / max(c.new.size(main), 1e-300))
+        sizes.append(float(np.sqrt(power / rows)) * c.floor[main] / _least(c, main))
     return min(sizes)
+
+
+def _least(c: Comparison, joint: int, rules: Rules = RULES) -> float:
+    """Return the least RMS that a cause must close of the effort of an axis [N or N·m]."""
+    size = max(c.new.size(joint), 1e-300)
+    if not c.change:
+        return rules.size_structure * size
+    return float(max(rules.size_change * size, np.sqrt(rules.excess) * c.floor[joint]))
 
 
 def _course(twin: Twin, t: np.ndarray, course: Log, joint: int) -> np.ndarray:

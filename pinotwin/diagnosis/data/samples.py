@@ -191,7 +191,7 @@ def sliding(motion: Motion, joint: int) -> Mask:
         return np.ones(len(motion), dtype=bool)
     v, asked = np.abs(motion.v[:, joint]), np.abs(motion.vr[:, joint])
     goes = asked >= RULES.standing * _top(asked)
-    since = np.zeros(len(v))
+    since = np.full(len(v), np.inf)
     for s in motion.segments:
         since[s] = motion.step * _since(goes[s])
     return np.asarray((since <= RULES.settles) | (v >= RULES.trembling * _top(v)))
