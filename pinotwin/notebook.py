@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 Shown = tuple[str, Sequence[str], Sequence[Sequence[object]], str]
 """Title, heads of the columns, rows of cells, and a line below."""
@@ -32,25 +32,15 @@ MOST_ROWS = 24
 """A table longer than this is cut; the cell stays on one screen."""
 
 
-def card(
-    title: str, columns: Sequence[str] = (), rows: Iterable[Sequence[object]] = (), note: str = ""
-) -> str:
-    """Return HTML for a notebook cell; everything is escaped.
-
-    Args:
-        title: heading.
-        columns: heads of the table.
-        rows: its cells.
-        note: a line below.
-    """
-    every = list(rows)
-    cut = len(every) - MOST_ROWS
+def card(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], note: str) -> str:
+    """Return HTML for a notebook cell; everything is escaped. See :data:`Shown`."""
+    cut = len(rows) - MOST_ROWS
     if cut > 0:
         note = f"... and {cut} more. {note}".strip()
     head = "".join(f'<th style="{_CELL}">{html.escape(str(c))}</th>' for c in columns)
     body = "".join(
         "<tr>" + "".join(f'<td style="{_CELL}">{html.escape(str(c))}</td>' for c in row) + "</tr>"
-        for row in every[:MOST_ROWS]
+        for row in rows[:MOST_ROWS]
     )
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>" if columns else ""
     below = f"<div>{html.escape(note)}</div>" if note else ""
@@ -61,17 +51,8 @@ LONGEST = 34
 """Characters of a cell of plain text; a longer one is cut."""
 
 
-def plain_card(
-    title: str, columns: Sequence[str] = (), rows: Iterable[Sequence[object]] = (), note: str = ""
-) -> str:
-    """Return the same as plain text, for ``repr``: one screen of at most 80 columns or so.
-
-    Args:
-        title: heading.
-        columns: heads of the table.
-        rows: its cells.
-        note: a line below.
-    """
+def plain_card(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], note: str) -> str:
+    """Return the same as plain text, for ``repr``: one screen of at most 80 columns or so."""
     every = [[_cut(str(c)) for c in row] for row in rows]
     shown = [[_cut(c) for c in columns], *every[:MOST_ROWS]] if columns else []
     wide = [max(len(row[k]) for row in shown) for k in range(len(columns))]

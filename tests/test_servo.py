@@ -70,7 +70,7 @@ def single(log: Log, servo: Servo, friction: float = 15.0) -> AxisProblem:
     machine = plain_machine("trunnion")
     effects = [(e, np.array([friction])) for e in machine.axes["Y"].effects if e.name == "coulomb"]
     top = np.array([1.0, 1.0, 1.0])
-    tables = own_friction(tabulate(machine, effects, np.array([-top, top]), top).lookup(), 0)
+    tables = own_friction(tabulate(machine, effects, np.array([-top, top]), top).lookup, 0)
     t, qr = log.t, log["Y.qr"]
     step = float(t[1] - t[0])
     n = len(t) // 3
@@ -280,9 +280,7 @@ class TestKernels:
         twin = pt.identify(machine, log)
         raw = prepare(machine, log, cutoff=0.0, decimate=1)
         vr = command_velocity(raw)
-        problem = axis_problem(
-            twin, raw, raw, vr, np.zeros(len(raw)), plant_of(twin, raw.qr, vr).tables.lookup(), "X"
-        )
+        problem = axis_problem(twin, raw, raw, vr, np.zeros(len(raw)), plant_of(twin, raw.qr, vr).tables, "X")
         rows = np.concatenate([np.arange(s.start, s.stop) for s in raw.segments])
         asked = Log({"t": log.t[rows], "X.qr": log["X.qr"][rows]}, "command")
         said = simulate(twin, asked, controller="coupled")

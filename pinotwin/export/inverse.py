@@ -20,6 +20,7 @@ from pinotwin.export.curve import Curve, curve
 from pinotwin.export.runtime import InverseModel
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.simulation.state import Lookup
 from pinotwin.simulation.tables import SPEEDS, Tables, tabulate
 from pinotwin.twin import Twin
 
@@ -175,13 +176,13 @@ def _linear(pairs: Sequence[tuple[Effect, Floats]], names: Sequence[str]) -> dic
     return {key: row.tolist() for key, row in out.items()}
 
 
-def _curves(tables: Tables, nv: int) -> dict[str, Any]:
+def _curves(made: Tables, nv: int) -> dict[str, Any]:
     """Return the tables as curves with few knots.
 
     The friction of a motor that turns two joints has no width in the twin (slope 0: the plain sign); a
     table gives it one, for a simulation could not step it.
     """
-    grid = (np.arange(SPEEDS + 1) / SPEEDS) ** 2
+    tables, grid = made.lookup, (np.arange(SPEEDS + 1) / SPEEDS) ** 2
     speeds = [grid / slowness for slowness in tables.slowness]
     dry = []
     for k, (j, partner) in enumerate(tables.directions):
@@ -202,7 +203,7 @@ def _curves(tables: Tables, nv: int) -> dict[str, Any]:
         "velocity": [_both_signs(int(j), speeds[j], tables.velocity[k]) for k, j in enumerate(tables.speeds)],
         "dry": dry,
         "slip": slip,
-        "coupled": [list(row) for row in tables.coupled],
+        "coupled": [list(row) for row in made.coupled],
     }
 
 
@@ -210,7 +211,7 @@ def _thin(x: Floats, y: Floats) -> Curve:
     return curve(x, y, TOLERANCE * float(np.abs(y).max()))
 
 
-def _position(tables: Tables, j: int) -> tuple[int, list[float], list[float]] | None:
+def _position(tables: Lookup, j: int) -> tuple[int, list[float], list[float]] | None:
     start, count = tables.place[j]
     y = tables.position[start : start + count]
     if not np.any(y):

@@ -71,7 +71,8 @@ def _effects(twin: Twin, inverse: Inverse) -> list[str]:
         if effect.axis is None or effect.causes[0] == "viscous":
             continue
         if effect.depends == "direction":
-            tables = tabulate(twin.machine, [(effect, twin.theta[s])], inverse.travel, inverse.speed)
+            pairs = [(effect, twin.theta[s])]
+            tables = tabulate(twin.machine, pairs, inverse.travel, inverse.speed).lookup
             spread = np.ptp(np.abs(tables.dry))
             out += [f"{key} (its level at speed is kept)"] if spread > 1e-9 * np.abs(tables.dry).max() else []
         elif effect.depends == "displacement":

@@ -74,7 +74,7 @@ def fit_servos(plant: OpenLoop, motion: Motion, raw: Motion, tell: Callable[[str
     found = Servos()
     assert raw.qr is not None
     vr = command_velocity(raw)
-    lookup = plant_of(plant, raw.qr, vr).tables.lookup()
+    lookup = plant_of(plant, raw.qr, vr).tables
     d = generalised_disturbance(plant, motion, plant.diagonal)
     axes = list(plant.machine.axes)
     problems: dict[str, AxisProblem] = {}

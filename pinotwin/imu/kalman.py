@@ -54,21 +54,20 @@ class LinearModel:
 
     def smooth(self, z: Floats, variance: Floats) -> Smoothed:
         """Return the smoothed states for measurements (n, m) with variances (n, m)."""
-        F, u, Q, H = (np.ascontiguousarray(x, dtype=float) for x in (self.F, self.u, self.Q, self.H))
-        z = np.ascontiguousarray(z, dtype=float)
-        r = np.ascontiguousarray(np.broadcast_to(variance, z.shape))
-        x0, P0 = np.ascontiguousarray(self.x0), np.ascontiguousarray(self.P0)
-        xp, Pp, xf, Pf, likelihood = _filter(F, u, Q, H, z, r, x0, P0)
-        x, P = _backward(F, xp, Pp, xf, Pf)
+        *filtered, likelihood = self._filtered(z, variance)
+        x, P = _backward(np.ascontiguousarray(self.F, dtype=float), *filtered)
         return Smoothed(x, P, float(likelihood))
 
     def log_likelihood(self, z: Floats, variance: Floats) -> float:
         """Return the log-likelihood of measurements alone (one forward pass)."""
-        F, u, Q, H = (np.ascontiguousarray(x, dtype=float) for x in (self.F, self.u, self.Q, self.H))
-        z = np.ascontiguousarray(z, dtype=float)
-        r = np.ascontiguousarray(np.broadcast_to(variance, z.shape))
-        x0, P0 = np.ascontiguousarray(self.x0), np.ascontiguousarray(self.P0)
-        return float(_filter(F, u, Q, H, z, r, x0, P0)[4])
+        return float(self._filtered(z, variance)[4])
+
+    def _filtered(self, z: Floats, variance: Floats) -> tuple[Floats, Floats, Floats, Floats, float]:
+        """Return predicted states and covariances, the filtered ones, and the log-likelihood."""
+        given = (self.F, self.u, self.Q, self.H, z, np.broadcast_to(variance, np.shape(z)), self.x0, self.P0)
+        found: tuple[Floats, Floats, Floats, Floats, float]
+        found = _filter(*(np.ascontiguousarray(x, dtype=float) for x in given))
+        return found
 
 
 @njit(cache=True)

@@ -35,7 +35,7 @@ class Plant:
     """
 
     tape: Tape
-    tables: Tables
+    tables: Lookup
     other: tuple[tuple[Effect, Floats], ...]
     diagonal: Floats
     limit: Floats
@@ -62,7 +62,7 @@ class Plant:
         tape, (M, C, K) = self.tape, (np.ascontiguousarray(x) for x in self.diagonal)
         coupled = self._coupled()
         parts = Parts(tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, coupled, M, C, K, self.ground)
-        return parts, self.tables.lookup()
+        return parts, self.tables
 
     def state(self, blocks: int) -> State:
         """Return a machine at rest at zero, with room for ``blocks`` blocks."""
@@ -118,7 +118,7 @@ def plant_of(plant: OpenLoop, qr: Floats, vr: Floats) -> Plant:
     other = tuple(pairs[k] for k in tables.other)
     diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in _TERMS])
     ground = np.asarray(plant.diagonal.get("ground", diagonal[0]), dtype=float).copy()
-    return Plant(_tape(plant, tables), tables, other, diagonal, margin, ground)
+    return Plant(_tape(plant, tables), tables.lookup, other, diagonal, margin, ground)
 
 
 _TERMS = ("inertia", "viscous", "stiffness")

@@ -36,7 +36,24 @@ class Parts(NamedTuple):
 
 
 class Lookup(NamedTuple):
-    """Tables of the effects; see :class:`pinotwin.simulation.tables.Tables`."""
+    """Efforts of all axes as tables; see :mod:`pinotwin.simulation.tables`.
+
+    Attributes:
+        position: all position tables, one after the other.
+        place: first entry and number of entries of each joint's table, shape (nv, 2).
+        grid: first position and inverse spacing, shape (nv, 2).
+        slowness: inverse of the largest speed of the tables, shape (nv,).
+        speeds: joints with an effort of velocity, shape (h,).
+        velocity: it over |v| for v >= 0 and v < 0, shape (h, 2, SPEEDS + 1).
+        directions: joint of each dry-friction element, and the joint that slides with it or -1,
+            shape (k, 2).
+        slope: inverse of its width [s/m or s/rad], shape (k,).
+        dry: g+ and g- of each, shape (k, 2, SPEEDS + 1).
+        slips: joint of each presliding element, shape (m,).
+        give: inverse yield displacements of its six elements, shape (m, 6).
+        slip: g of each, shape (m, 1, SPEEDS + 1).
+        memory: 1/x_s, play, m and d of each element's bristle, shape (m, 4).
+    """
 
     position: Floats
     place: Ints

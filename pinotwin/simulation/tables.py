@@ -44,57 +44,14 @@ class Tables:
     """Efforts of all axes as tables; see the module.
 
     Attributes:
-        position: all position tables, one after the other.
-        place: first entry and number of entries of each joint's table, shape (nv, 2).
-        grid: first position and inverse spacing, shape (nv, 2).
-        slowness: inverse of the largest speed of the tables, shape (nv,).
-        speeds: joints with an effort of velocity, shape (h,).
-        velocity: it over |v| for v >= 0 and v < 0, shape (h, 2, SPEEDS + 1).
-        directions: joint of each dry-friction element, and the joint that slides with it or -1,
-            shape (k, 2).
-        slope: inverse of its width [s/m or s/rad], shape (k,).
-        dry: g+ and g- of each, shape (k, 2, SPEEDS + 1).
-        slips: joint of each presliding element, shape (m,).
-        give: inverse yield displacements of its six elements, shape (m, 6).
-        slip: g of each, shape (m, 1, SPEEDS + 1).
-        memory: 1/x_s, play, m and d of each element's bristle, shape (m, 4).
+        lookup: the arrays for the kernel.
         coupled: see :func:`pinotwin.dynamics.tape.record`.
         other: indices of the effects that fit no table.
     """
 
-    position: Floats
-    place: Ints
-    grid: Floats
-    slowness: Floats
-    speeds: Ints
-    velocity: Floats
-    directions: Ints
-    slope: Floats
-    dry: Floats
-    slips: Ints
-    give: Floats
-    slip: Floats
-    memory: Floats
+    lookup: Lookup
     coupled: tuple[tuple[int, int, float, float], ...]
     other: tuple[int, ...]
-
-    def lookup(self) -> Lookup:
-        """Return the arrays for the kernel."""
-        return Lookup(
-            self.position,
-            self.place,
-            self.grid,
-            self.slowness,
-            self.speeds,
-            self.velocity,
-            self.directions,
-            self.slope,
-            self.dry,
-            self.slips,
-            self.give,
-            self.slip,
-            self.memory,
-        )
 
 
 def tabulate(
@@ -128,7 +85,7 @@ def tabulate(
     plain = _merge(machine, forms.get("velocity", ()), _shapeless, lambda f, i: _signs(f, v[i]))
     dry = _merge(machine, forms.get("direction", ()), _width, lambda f, i: _both_ways(f, v[i]))
     slip = _merge(machine, forms.get("displacement", ()), _bend, lambda f, i: _sliding(f, v[i]))
-    return Tables(
+    lookup = Lookup(
         position=position,
         place=place,
         grid=grid,
@@ -144,9 +101,8 @@ def tabulate(
         give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
         slip=np.array(list(slip.values())).reshape(-1, 1, SPEEDS + 1),
         memory=_memories(machine, forms.get("displacement", ()), slip),
-        coupled=tuple((i, j, inertia, b) for i, j, inertia, b, _ in partners),
-        other=tuple(other),
     )
+    return Tables(lookup, tuple((i, j, inertia, b) for i, j, inertia, b, _ in partners), tuple(other))
 
 
 def _joints(tables: dict[tuple[int, float], Floats]) -> Ints:
