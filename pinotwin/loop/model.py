@@ -11,7 +11,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, TwinError, nearest
-from pinotwin.loop import kernels, transfer
+from pinotwin.loop import kernels
 from pinotwin.loop.data import command_rates
 from pinotwin.loop.fit import LoopFit
 from pinotwin.loop.layout import Layout, lay_out
@@ -82,7 +82,7 @@ class LoopModel:
     @property
     def poles(self) -> Floats:
         """All poles, feed-forward included [rad/s], complex, shape (order,)."""
-        return np.concatenate([np.roots(transfer.factor(s)) for s in self.sections])
+        return np.concatenate([np.roots(_factor(s)) for s in self.sections])
 
     def numerator(self, output: str, input: str) -> tuple[Floats, Floats]:
         """Return numerator and denominator of a transfer function, highest power of s first.
@@ -90,7 +90,7 @@ class LoopModel:
         For the command the numerator holds the factor s; both are as the structure says (the zeros
         that it demands are exactly zero, and the gain of u to its own d is exactly 1).
         """
-        return transfer.fraction(self, self._output(output), self._input(input))
+        return _fraction(self, self._output(output), self._input(input))
 
     def transfer(self, output: str, input: str) -> control.TransferFunction:
         """Return the transfer function from ``input`` to ``output`` as a python-control system."""
@@ -109,7 +109,10 @@ class LoopModel:
         Raises:
             DataError: a structure whose feed-forward has no poles cannot take ``qr`` as input.
         """
-        return transfer.state_space(self, command)
+        import control
+
+        A, B, C, D, inputs = _matrices(self, command)
+        return control.StateSpace(A, B, C, D, inputs=inputs, outputs=list(self.outputs))
 
     def discrete(
         self, step: float | None = None, hold: Hold = "foh", command: str = COMMAND
@@ -119,7 +122,7 @@ class LoopModel:
         Note that with ``command="qr"`` and a first-order hold the *position* runs straight between
         samples, while :meth:`simulate` lets the velocity run straight.
         """
-        return transfer.discrete(self, step or self.step, hold, command)
+        return self.state_space(command).sample(step or self.step, hold)
 
     def modal(self, step: float | None = None, hold: Hold = "foh") -> ModalStep:
         """Return the stepping form at a sampling interval [s]."""
@@ -261,3 +264,96 @@ def _place(name: str, known: Sequence[str], what: str) -> int:
     if name not in known:
         raise DataError(f"{what} {name!r}; {nearest(name, known)}")
     return list(known).index(name)
+
+
+def _factor(section: Section) -> Floats:
+    """Return the section's factor of the characteristic polynomial, highest power first."""
+    if section.order == 1:
+        return np.array([1.0, section.values[0]])
+    wn, zeta = section.values
+    return np.array([1.0, 2.0 * zeta * wn, wn * wn])
+
+
+def _state_numerators(section: Section) -> tuple[Floats, ...]:
+    """Return the numerator of every state over the section's factor."""
+    if section.order == 1:
+        return (np.array([section.values[0]]),)
+    wn = section.values[0]
+    return np.array([wn * wn]), np.array([wn, 0.0])
+
+
+def _product(sections: Sequence[Section]) -> Floats:
+    """Return the product of the sections' factors."""
+    den = np.array([1.0])
+    for section in sections:
+        den = np.polymul(den, _factor(section))
+    return den
+
+
+def _fraction(model: LoopModel, output: int, index: int) -> tuple[Floats, Floats]:
+    """Return numerator and denominator of one transfer function."""
+    layout = model.layout
+    slots = [slot for slot in layout.slots if slot.input == index]
+    sections = [model.sections[slot.section] for slot in slots]
+    den = _product(sections)
+    num = np.zeros(1)
+    for i, slot in enumerate(slots):
+        rest = _product([other for j, other in enumerate(sections) if j != i])
+        for state, own in enumerate(_state_numerators(sections[i])):
+            part = model.residues[output, slot.at + state] * np.polymul(own, rest)
+            num = np.asarray(np.polyadd(num, part), dtype=np.float64)
+    command = index == layout.disturbances
+    if command:
+        direct = np.array([model.residues[output, -1], model.residues[output, -2]])
+        num = np.asarray(np.polyadd(num, np.polymul(direct, den)), dtype=np.float64)
+    return _as_demanded(model, output, index, num, den), den
+
+
+def _as_demanded(model: LoopModel, output: int, index: int, num: Floats, den: Floats) -> Floats:
+    """Return the numerator with the coefficients that the structure fixes set exactly."""
+    command = index == len(model.disturbances)
+    structure = model.structure
+    form = structure.command(output) if command else structure.disturbance(output, index)
+    improper = 0
+    if command:
+        improper = 2 if structure.passes(output)[1] else int(structure.passes(output)[0])
+    length = len(den) - form.degree if not improper else len(den) + improper - 1
+    exact = np.zeros(length)
+    tail = num[-length:]
+    exact[length - len(tail) :] = tail
+    if form.gain is not None:
+        exact[-1] = form.gain * den[-1]
+    return np.append(exact, 0.0) if command else exact
+
+
+def _parallel(model: LoopModel) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return continuous A, B, C, D with inputs (disturbances, vr, ar), idle states removed."""
+    modal = model.modal()
+    orders = [slot.order for slot in model.layout.slots]
+    keep = np.array([i for b, order in enumerate(orders) for i in range(2 * b, 2 * b + order)])
+    k, m = len(orders), modal.inputs
+    A, B = np.zeros((2 * k, 2 * k)), np.zeros((2 * k, m + 1))
+    for b in range(k):
+        rows = slice(2 * b, 2 * b + 2)
+        A[rows, rows], B[rows, modal.input[b]] = modal.rate[b], modal.drive[b]
+    C = modal.C.reshape(len(modal.C), -1)
+    D = np.column_stack([modal.D, modal.Da])
+    return A[np.ix_(keep, keep)], B[keep], C[:, keep], D
+
+
+def _matrices(model: LoopModel, command: str) -> tuple[Floats, Floats, Floats, Floats, list[str]]:
+    A, B, C, D = _parallel(model)
+    if command == "vr":
+        return A, B, C, D, [*model.disturbances, "vr", "ar"]
+    if command != "qr":
+        raise DataError(f"command: {command!r}, expected 'qr' or 'vr'")
+    if np.any(D):
+        raise DataError(
+            f"{model.axis}: feed-forward without poles takes velocity and acceleration of the "
+            "command; ask for command='vr', or identify with feedforward_poles"
+        )
+    # x' = A x + b s qr becomes z' = A z + A b qr with x = z + b qr.
+    b = B[:, -2]
+    B = np.column_stack([B[:, :-2], A @ b])
+    D = np.column_stack([D[:, :-2], C @ b])
+    return A, B, C, D, list(model.inputs)
