@@ -22,6 +22,7 @@ from pinotwin.analysis.disturbance import CAUSES, split
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.signals import rms
 from pinotwin.simulation.command import beginning
 from pinotwin.simulation.run import Loops, as_motion, respond
 from pinotwin.threads import one_blas_thread
@@ -81,8 +82,8 @@ class Decomposition:
                     {
                         "axis": axis,
                         "cause": cause,
-                        "disturbance_rms": None if d is None else _rms(d),
-                        "error_rms": _rms(e),
+                        "disturbance_rms": None if d is None else rms(d),
+                        "error_rms": rms(e),
                         "error_peak": float(np.abs(e).max(initial=0.0)),
                         "share": shares[cause],
                     }
@@ -155,7 +156,3 @@ def _rows(t: Floats, source: str, window: tuple[float, float] | None) -> slice:
             f"log runs from {t[0]:g} to {t[-1]:g} s"
         )
     return slice(first, last)
-
-
-def _rms(x: Floats) -> float:
-    return float(np.sqrt(np.mean(x**2)))

@@ -5,16 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.signals import roughness
 
 
 def white_level(x: Floats) -> Floats:
-    """Return the standard deviation of the fast part of moving signals (n, k), robustly, (k,).
-
-    From third differences, which let a smooth motion through with little: median absolute deviation
-    over sqrt(20). Noise that a low-pass has coloured reads too low.
-    """
-    d = np.diff(np.asarray(x, dtype=float), n=3, axis=0)
-    return np.median(np.abs(d), axis=0) / 0.6745 / np.sqrt(20.0)
+    """Return the standard deviation of the noise on moving signals (n, k), (k,); coloured noise reads too low."""
+    return np.array([roughness([column]) for column in np.asarray(x, dtype=float).T])
 
 
 def rest(gyr: Floats, acc: Floats, rate: float) -> Mask:

@@ -17,6 +17,7 @@ from pinotwin.imu.reconstruct import high_passed
 from pinotwin.imu.result import CORNER
 from pinotwin.imu.runs import Priors
 from pinotwin.reconstruction.result import MethodRow, Sensor, SensorRun
+from pinotwin.signals import rms
 
 
 def methods(sensors: Sequence[Sensor], prior: Priors) -> tuple[MethodRow, ...]:
@@ -26,8 +27,8 @@ def methods(sensors: Sequence[Sensor], prior: Priors) -> tuple[MethodRow, ...]:
     for name, first in each[0].items():
         differ = np.full(4, np.nan)
         if len(each) > 1 and first[0].shape == each[1][name][0].shape:
-            differ = np.array([_rms(a - b) for a, b in zip(first, each[1][name], strict=True)])
-        slow, dynamic, velocity, acceleration = (_rms(x) for x in first)
+            differ = np.array([rms(a - b) for a, b in zip(first, each[1][name], strict=True)])
+        slow, dynamic, velocity, acceleration = (rms(x) for x in first)
         out.append(MethodRow(name, slow, dynamic, velocity, acceleration, differ))
     return tuple(out)
 
@@ -48,7 +49,3 @@ def _signals(part: SensorRun, prior: Priors) -> Mapping[str, tuple[Floats, ...]]
 def _split(t: Floats, q: Floats, v: Floats, a: Floats) -> tuple[Floats, ...]:
     fast = high_passed(t, q, CORNER)
     return q - np.mean(q) - fast, fast, v, a
-
-
-def _rms(x: Floats) -> float:
-    return float(np.sqrt(np.mean(x**2)))

@@ -30,11 +30,6 @@ _SHOWN = 12
 """Parameters drawn over the series; the table has them all."""
 
 
-def rounded(x: float) -> str:
-    """Return four digits of a number."""
-    return f"{x:.4g}"
-
-
 def comparison_report(found: Comparison) -> str:
     """Return the page of twins side by side as one HTML text."""
     series = len(found.labels) > 2
@@ -258,8 +253,8 @@ def _table(found: Comparison, rows: tuple[Row, ...]) -> Html:
         cells = [_value(x, e) for x, e in zip(row.values, row.errors, strict=True)]
         half = Z90 * row.change_error
         known = np.isfinite(row.change)
-        change = f"{rounded(row.change)}{_share(row)}" if known else ""
-        interval = f"{rounded(row.change - half)} to {rounded(row.change + half)}" if known else ""
+        change = f"{row.change:.4g}{_share(row)}" if known else ""
+        interval = f"{row.change - half:.4g} to {row.change + half:.4g}" if known else ""
         body.append((row.name, row.unit, *cells, change, interval, "moved" if row.moved else ""))
     return table(head, body, numeric=range(2, 4 + len(found.labels)))
 
@@ -284,7 +279,7 @@ def _shifts(found: Comparison) -> list[Block]:
     if not found.shifts:
         return []
     rows = [
-        (key, effect_title(key.split(" on ")[0]), axis, rounded(rms), unit)
+        (key, effect_title(key.split(" on ")[0]), axis, f"{rms:.4g}", unit)
         for key, (axis, rms, unit) in found.shifts.items()
     ]
     return [table(("effect", "what", "axis", "change of effort, RMS", "unit"), rows[:20], numeric=(3,))]

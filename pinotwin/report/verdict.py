@@ -8,6 +8,7 @@ from typing import Any
 
 from pinotwin.report.blocks import Tile
 from pinotwin.report.display import effort, percent
+from pinotwin.report.plain_words import joined
 from pinotwin.twin import Twin
 
 GRADES = ((0.05, "very good", "good"), (0.12, "good", "good"), (0.3, "fair", "fair"))
@@ -60,7 +61,7 @@ def headline(twin: Twin) -> str:
     for name, error in errors.items():
         words.setdefault(_adverb(error), []).append(name)
     order = [word for word in _ADVERBS.values() if word in words]
-    said = _and([f"{word} on {_and(words[word])}" for word in order])
+    said = joined([f"{word} on {joined(words[word])}" for word in order])
     text = f"{where}, the twin predicts the motor effort {said}."
     return f"{text} The largest error is on {worst}: {size}."
 
@@ -83,10 +84,6 @@ def _rms(twin: Twin, axis: str) -> str:
     rms = error_of(twin.quality["axes"][axis], "rms")
     scale = effort(bool(rotary.get(axis)), rms)
     return f"{rms * scale.factor:.3g} {scale.unit} RMS"
-
-
-def _and(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
 def axis_tiles(twin: Twin) -> list[Tile]:
@@ -141,6 +138,6 @@ def _colour(axes: Mapping[str, Any]) -> list[str]:
     if not names:
         return []
     return [
-        f"The residual of {_and(names)} is not white: something systematic is left in it. The "
+        f"The residual of {joined(names)} is not white: something systematic is left in it. The "
         "intervals below allow for that; `pinotwin diagnose` looks for the cause."
     ]

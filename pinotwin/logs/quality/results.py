@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from pinotwin.arrays import plain
 from pinotwin.signals import Clock
 
 Severity = Literal["error", "warning", "info"]
@@ -136,14 +136,4 @@ class Quality:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain types for JSON; what is not finite becomes None."""
-        return {"ok": self.ok, **_plain(dataclasses.asdict(self))}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+        return {"ok": self.ok, **plain(dataclasses.asdict(self))}
