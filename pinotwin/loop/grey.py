@@ -21,7 +21,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
 from pinotwin.loop.controller import Controller, Kind
 from pinotwin.loop.data import LoopData
-from pinotwin.loop.law import SETTLE, Signals, law_columns, signals_of
+from pinotwin.loop.law import HALF, SETTLE, Signals, law_columns, signals_of
 from pinotwin.solve.sandwich import block_covariance
 
 SHAPES = ("delay", "lag", "filter", "rate")
@@ -37,15 +37,12 @@ v), so that a misfit in the velocity's filter would otherwise be paid for with t
 GRID_ROWS = 6000
 
 
-def identify_controller(
-    data: LoopData, *, v: Floats | None = None, kind: Literal["p_pi", "pid", "auto"] = "auto"
-) -> Controller:
+def identify_controller(data: LoopData, *, kind: Literal["p_pi", "pid", "auto"] = "auto") -> Controller:
     """Return the controller whose law explains the measured effort.
 
     Args:
         data: outputs must be the tracking error and the effort, in this order; disturbances are not
             used.
-        v: measured velocity, shape (n,); the backward difference of qr - e where absent.
         kind: form of the law; "auto" takes the one that leaves less, the cascade when they are
             equal.
 
@@ -53,7 +50,7 @@ def identify_controller(
         DataError: too short, or nothing moves.
     """
     data.require_motion()
-    signals = signals_of(data, v)
+    signals = signals_of(data)
     if kind != "auto":
         return _fit(signals, kind, data.axis)
     cascade, pid = (_fit(signals, k, data.axis) for k in ("p_pi", "pid"))
@@ -187,7 +184,7 @@ def _searched(shape: Floats) -> list[int]:
 
 def _named(s: Signals, kind: Kind, gains: Floats, shape: Floats) -> dict[str, float]:
     names = ("delay", "velocity_delay", "filter_time")
-    samples = shape[:3] + np.array([0.0, s.half, 0.0])
+    samples = shape[:3] + np.array([0.0, HALF, 0.0])
     late = {k: float(x * s.step) for k, x in zip(names, samples, strict=True)}
     if kind == "pid":
         own_names = ("kp", "integral", "kd", "ffv", "ffa")

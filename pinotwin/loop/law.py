@@ -18,6 +18,8 @@ from pinotwin.loop.data import LoopData
 
 SETTLE = 30
 """Rows left out at the start of a segment: the filter's and the delay's unknown past."""
+HALF = 0.5
+"""Samples by which v and de, backward differences, are late in themselves."""
 
 
 @dataclass(frozen=True)
@@ -32,25 +34,19 @@ class Signals:
     u: Floats
     segments: tuple[slice, ...]
     step: float
-    half: float  # by how many samples v and de are late in themselves
 
 
-def signals_of(data: LoopData, v: Floats | None = None) -> Signals:
-    """Return the channels of the law; v is the backward difference of qr - e where absent."""
+def signals_of(data: LoopData) -> Signals:
+    """Return the channels of the law; v is the backward difference of qr - e."""
     e, u = data.outputs[:, 0], data.outputs[:, 1]
     velocity, slope = np.zeros(len(data)), np.zeros(len(data))
     for s in data.segments:
-        if v is None:
-            velocity[s] = _difference(data.qr[s] - e[s], data.step)
-            slope[s] = _difference(e[s], data.step)
-        else:
-            velocity[s] = v[s]
-            slope[s] = data.velocity[s] - v[s]
+        velocity[s] = _difference(data.qr[s] - e[s], data.step)
+        slope[s] = _difference(e[s], data.step)
     segments = tuple(s for s in data.segments if s.stop - s.start > 3 * SETTLE)
     if not segments:
         raise DataError(f"{data.axis}: no unbroken segment longer than {3 * SETTLE} samples")
-    half = 0.5 if v is None else 0.0
-    return Signals(e, velocity, slope, data.velocity, data.acceleration, u, segments, data.step, half)
+    return Signals(e, velocity, slope, data.velocity, data.acceleration, u, segments, data.step)
 
 
 def _difference(x: Floats, step: float) -> Floats:

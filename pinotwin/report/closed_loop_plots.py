@@ -143,7 +143,4 @@ def causes_figure(parts: Decomposition, axis: str, rotary: bool, what: str) -> g
     for cause in drawn:
         name, colour = CAUSES[cause]
         figure.add_trace(line(t, scale(mine[cause][rows]), name, colour, unit=scale.unit))
-    style(figure, 330)
-    figure.update_xaxes(title_text="time [s]")
-    figure.update_yaxes(title_text=f"{what} [{scale.unit}]")
-    return figure
+    return style(figure, 330, x="time [s]", y=f"{what} [{scale.unit}]")

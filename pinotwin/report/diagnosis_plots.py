@@ -116,9 +116,7 @@ def gap_figure(given: Traces, rotary: bool) -> go.Figure:
     if closes(given):
         trace = line(t, scale(after), "with the cause", ACCENT, width=1.1, unit=scale.unit)
         figure.add_trace(trace)
-    style(figure, 300)
-    figure.update_xaxes(title_text="time [s]")
-    return figure.update_yaxes(title_text=f"log minus model [{scale.unit}]")
+    return style(figure, 300, x="time [s]", y=f"log minus model [{scale.unit}]")
 
 
 def spectrum_figure(given: Traces, rotary: bool) -> go.Figure:
@@ -170,6 +168,4 @@ def against_figure(given: Traces, x: Floats, rotary: bool, against: str) -> go.F
             bins = binned(x, y, 40)
             median = line(across(bins.x), up(bins.median), name, colour, width=2.4, legend=False)
             figure.add_trace(median)
-    style(figure, 300)
-    figure.update_xaxes(title_text=f"{against} [{across.unit}]")
-    return figure.update_yaxes(title_text=f"log minus model [{up.unit}]")
+    return style(figure, 300, x=f"{against} [{across.unit}]", y=f"log minus model [{up.unit}]")

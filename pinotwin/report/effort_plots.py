@@ -148,10 +148,7 @@ def breakdown_figure(given: Evidence, j: int) -> go.Figure:
         label = name.replace("_", " ")
         trace = line(t, scale(shown), label, colour, width=width, unit=scale.unit)
         figure.add_trace(trace)
-    style(figure, 360)
-    figure.update_xaxes(title_text="time [s]")
-    figure.update_yaxes(title_text=f"effort [{scale.unit}]")
-    return figure
+    return style(figure, 360, x="time [s]", y=f"effort [{scale.unit}]")
 
 
 def residual_figure(given: Evidence, j: int, against: str) -> go.Figure:
@@ -165,10 +162,7 @@ def residual_figure(given: Evidence, j: int, against: str) -> go.Figure:
     rows = some_rows(0, use)
     figure.add_trace(dots(across(raw[rows]), up(given.residual[rows, j]), "residual"))
     _add_bins(figure, raw[use], given.residual[use, j], across, up)
-    style(figure, 290)
-    figure.update_xaxes(title_text=f"{against} [{across.unit}]")
-    figure.update_yaxes(title_text=f"residual [{up.unit}]")
-    return figure
+    return style(figure, 290, x=f"{against} [{across.unit}]", y=f"residual [{up.unit}]")
 
 
 def _add_bins(figure: go.Figure, x: Floats, y: Floats, across: display.Scale, up: display.Scale) -> None:

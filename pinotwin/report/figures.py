@@ -40,8 +40,8 @@ def effect_colour(key: str) -> str:
     return _EFFECTS.get(name, _OTHERS[sum(map(ord, name)) % len(_OTHERS)])
 
 
-def style(figure: go.Figure, height: int, *, legend: bool = True) -> go.Figure:
-    """Give a figure the look of the page."""
+def style(figure: go.Figure, height: int, *, x: str = "", y: str = "", legend: bool = True) -> go.Figure:
+    """Give a figure the look of the page, and its axes their titles."""
     figure.update_layout(
         template="none",
         height=height,
@@ -61,22 +61,15 @@ def style(figure: go.Figure, height: int, *, legend: bool = True) -> go.Figure:
             "itemsizing": "constant",
         },
     )
-    figure.update_xaxes(
-        showgrid=True,
-        zeroline=False,
-        ticks="",
-        automargin=True,
-        title_standoff=8,
-        title_font={"size": 12.5},
-    )
-    figure.update_yaxes(
-        showgrid=True,
-        zeroline=True,
-        ticks="",
-        automargin=True,
-        title_standoff=8,
-        title_font={"size": 12.5},
-    )
+    both = {
+        "showgrid": True,
+        "ticks": "",
+        "automargin": True,
+        "title_standoff": 8,
+        "title_font": {"size": 12.5},
+    }
+    figure.update_xaxes(zeroline=False, **both, **({"title_text": x} if x else {}))
+    figure.update_yaxes(zeroline=True, **both, **({"title_text": y} if y else {}))
     return figure
 
 

@@ -67,9 +67,7 @@ def overlay_figure(given: Overlay) -> go.Figure:
         )
     )
     figure.add_trace(line(across(given.grid), up(given.curve), "model", ACCENT, width=2.2))
-    style(figure, 330)
-    figure.update_xaxes(title_text=f"{given.against} [{across.unit}]")
-    figure.update_yaxes(title_text=f"{given.axis} [{up.unit}]")
+    style(figure, 330, x=f"{given.against} [{across.unit}]", y=f"{given.axis} [{up.unit}]")
     low, high = np.percentile(given.extracted, [0.5, 99.5])
     low, high = min(low, given.curve.min()), max(high, given.curve.max())
     margin = 0.12 * max(high - low, 1e-12)
@@ -87,10 +85,7 @@ def removal_figure(given: WithAndWithout) -> go.Figure:
     words = ", ".join(key.rpartition(".")[2] for key in given.left_out)
     figure.add_trace(line(given.t[rows], up(given.without[rows]), f"without {words}", RESIDUAL))
     figure.add_trace(line(given.t[rows], up(given.complete[rows]), "all effects", ACCENT))
-    style(figure, 330)
-    figure.update_xaxes(title_text="time [s]")
-    figure.update_yaxes(title_text=f"{given.axis} [{up.unit}]")
-    return figure
+    return style(figure, 330, x="time [s]", y=f"{given.axis} [{up.unit}]")
 
 
 @figure_of.register
