@@ -81,5 +81,6 @@ def test_poles_and_gains_of_cascades_are_those_that_were_written_down(foreign, t
     gains = [off for determined, off in said.values() if determined]
     assert len(gains) >= 0.5 * len(said), "too little was said of this machine"
     assert np.mean(np.array(gains) < DOMINANT) >= HELD
+    assert np.mean([off < DOMINANT for _, off in said.values()]) >= HELD
     assert all(determined and off < DOMINANT for determined, off in both)
     assert np.mean(held) >= HELD

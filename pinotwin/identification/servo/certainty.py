@@ -25,6 +25,9 @@ LAW_ERROR, FORWARD_ERROR = 1.5, 4.0
 """Standard error of a feedback gain and of the acceleration's feed-forward, as a share of itself, for each share
 of the tracking error that the law misses on rows not fitted: a notch or a filter that it does not have bends its
 gains, and no scatter of the rows shows that (from machines of another simulator, seeds 430 to 443)."""
+FORM_ERROR, FORM_FORWARD = 0.005, 0.01
+"""The same of a law from its own moments, whatever it misses: a drive differences, filters and adds up at its clock,
+the law does so in continuous time (half a control period is 0.5 % of the time in which a loop of 10 Hz settles)."""
 SAME_GAIN = 0.02
 """Two searches whose kp differ by less found the same."""
 AS_GOOD = 1.1
@@ -101,14 +104,15 @@ def spread(p: AxisProblem, found: Found) -> Floats:
     return np.asarray(total)
 
 
-def with_errors(p: AxisProblem, found: Found, rival: Found | None, missed: float) -> Servo:
+def with_errors(p: AxisProblem, found: Found, rivals: Sequence[Found], missed: float) -> Servo:
     """Return the controller with the standard errors of its gains and shapes, and the cascade as good.
 
     Args:
         p: the axis.
         found: its controller.
-        rival: the same form, found from the other side of the double root.
-        missed: error of e on rows not fitted, as a share of its RMS.
+        rivals: the same form, found from the other side of the double root.
+        missed: error of e on rows not fitted, as a share of its RMS; NaN for a law from its own moments, which an
+            error of the plant does not reach and which tell the two sides apart.
     """
     servo, cov = found.servo, spread(p, found)
     names = list(_told(servo))
@@ -123,11 +127,12 @@ def with_errors(p: AxisProblem, found: Found, rival: Found | None, missed: float
     other: dict[str, float] = {}
     if servo.form == "general" and len(servo.cascades()) == 2:
         other = servo.cascades()[1]
-    if rival is not None and rival.cost < AS_GOOD * found.cost:
-        other = rival.servo.cascade()
-    if (
-        servo.form == "cascade" and not other
-    ):  # the other way round, with a set-point weight no log tells from 1
+    from_moments = np.isnan(missed)
+    for rival in rivals:
+        if servo.form == "cascade" and (from_moments or rival.cost < AS_GOOD * found.cost):
+            other = rival.servo.cascade()
+    if servo.form == "cascade" and not other and not from_moments:
+        # the other way round, with a set-point weight the output error does not tell from 1
         other = next((f for f in servo.cascades()[1:] if abs(f["weight"] - 1.0) < WEIGHT), {})
     return replace(servo, errors=told, other=other)
 
@@ -158,12 +163,14 @@ def doubted(servo: Servo, errors: Mapping[str, float], missed: float) -> dict[st
         moved = _told(replace(servo, velocity_lag=servo.velocity_lag + CLOCK))
     A, B = (abs(servo.gains[i] / servo.gains[2]) if servo.gains[2] != 0.0 else 0.0 for i in (0, 1))
     size = {**{k: abs(x) for k, x in found.items()}, DISTANCE: float(np.hypot(2.0 * A**2, 4.0 * B))}
-    out = dict(errors)
+    out, apart = dict(errors), ("kp", "rate", DISTANCE) if DISTANCE in errors else ()
     for name in errors:
         if name in SHAPES:
             continue
-        share = FORWARD_ERROR if name == "ffa" else LAW_ERROR
+        if np.isfinite(missed):
+            law = (FORWARD_ERROR if name == "ffa" else LAW_ERROR) * min(missed, 1.0)
+        else:  # kp and 1/ti have their doubt from the clock, as far as they are apart
+            law = 0.0 if name in apart else FORM_FORWARD if name == "ffa" else FORM_ERROR
         clock = moved.get(name, found[name]) - found[name]
-        law = share * min(missed, 1.0) * size[name] if np.isfinite(missed) else 0.0
-        out[name] = float(np.sqrt(errors[name] ** 2 + clock**2 + law**2))
+        out[name] = float(np.sqrt(errors[name] ** 2 + clock**2 + (law * size[name]) ** 2))
     return out

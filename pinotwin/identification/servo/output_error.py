@@ -151,15 +151,34 @@ def misfit(p: AxisProblem, servo: Servo, extra: Factors = AS_FOUND) -> Floats | 
     return ((y - p.measured()) / (p.sizes * p.noise)).ravel() / np.sqrt(len(y))
 
 
-def polish(p: AxisProblem, servo: Servo, plant: Sequence[str] = (), steps: int = STEPS) -> Found | None:
-    """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start."""
+def polish(
+    p: AxisProblem,
+    servo: Servo,
+    plant: Sequence[str] = (),
+    steps: int = STEPS,
+    known: Floats | None = None,
+) -> Found | None:
+    """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start.
+
+    Args:
+        p: the axis.
+        servo: where the search begins.
+        plant: what of :data:`PLANT` is searched beside it.
+        steps: most steps.
+        known: information that something else gives of what is searched, about the start, shape (j, k): its
+            transpose times itself is the inverse of a covariance.
+    """
     search, x = search_of(servo, plant, float(p.sizes[1]))
+    begun = x
     rows = sum(s.stop - s.start - p.skip for s in p.windows)
     doubt = np.sqrt(CORRELATED / max(rows, 1))
 
     def at(x: Floats) -> Floats | None:
         r = misfit(p, search.servo(x), search.extra(x))
-        return None if r is None else np.concatenate([r, doubt * search.doubt(x, p.usual, p.inertia)])
+        if r is None:
+            return None
+        told = [search.doubt(x, p.usual, p.inertia), *([] if known is None else [known @ (x - begun)])]
+        return np.concatenate([r, doubt * np.concatenate(told)])
 
     r = at(x)
     if r is None:

@@ -93,9 +93,35 @@ class AxisProblem:
         """
         if extra != AS_FOUND:
             return self.with_plant(extra).response(servo)
-        tables = self.tables
-        laws = coupled.servo_arrays([servo], [False], self.step / self.substeps)
-        axis = Axis(
+        axis, out = self._axis(servo, self.step / self.substeps), []
+        for s in self.windows:
+            course = (self.qr[s], self.vr[s], self.load[s])
+            y = self._run(axis, s, course, self.step, self.substeps)
+            if y is None:
+                return None
+            out.append(y[self.skip :])
+        return np.concatenate(out)
+
+    def fine_error(
+        self, servo: Servo, window: slice, command: tuple[Floats, Floats], substeps: int
+    ) -> Floats | None:
+        """Return the simulated error of a window at every internal step, or None if the axis runs away.
+
+        Args:
+            servo: the controller.
+            window: rows.
+            command: and its velocity at the internal steps, shapes (m,).
+            substeps: internal steps a sample.
+        """
+        rows = np.arange(window.stop - window.start)
+        load = np.interp(np.arange(len(command[0])) / substeps, rows, self.load[window])
+        h = self.step / substeps
+        y = self._run(self._axis(servo, h), window, (*command, load), h, 1)
+        return None if y is None else y[:, 0]
+
+    def _axis(self, servo: Servo, h: float) -> Axis:
+        laws = coupled.servo_arrays([servo], [False], h)
+        return Axis(
             self.inertia,
             self.viscous,
             laws.gains[0],
@@ -108,18 +134,19 @@ class AxisProblem:
             float(laws.limit[0]),
             float(laws.offset[0]),
         )
-        limit, out = 0.2 * float(np.ptp(self.qr)) + 1e-9, []
-        for s in self.windows:
-            qr, vr, load = (np.ascontiguousarray(x[s]) for x in (self.qr, self.vr, self.load))
-            course = Course(qr, vr, load, self.step, self.substeps, limit)
-            memory = axis_kernel.room(axis.whole, len(tables.slips), tables.give.shape[1])
-            effort = float(np.mean(self.u[s.start : s.start + 3]))
-            start = np.array([self.q[s.start], self.v[s.start], effort])
-            y = np.empty((s.stop - s.start, 2))
-            if axis_kernel.run(axis, tables, course, memory, start, y) >= 0:
-                return None
-            out.append(y[self.skip :])
-        return np.concatenate(out)
+
+    def _run(
+        self, axis: Axis, s: slice, course: tuple[Floats, Floats, Floats], step: float, substeps: int
+    ) -> Floats | None:
+        """Return e and u of a window that begins in the measured state, shape (n, 2); None if it runs away."""
+        tables, limit = self.tables, 0.2 * float(np.ptp(self.qr)) + 1e-9
+        qr, vr, load = (np.ascontiguousarray(x) for x in course)
+        memory = axis_kernel.room(axis.whole, len(tables.slips), tables.give.shape[1])
+        effort = float(np.mean(self.u[s.start : s.start + 3]))
+        start = np.array([self.q[s.start], self.v[s.start], effort])
+        y = np.empty((len(qr), 2))
+        failed = axis_kernel.run(axis, tables, Course(qr, vr, load, step, substeps, limit), memory, start, y)
+        return None if failed >= 0 else y
 
     def with_plant(self, factors: Factors) -> AxisProblem:
         """Return the same axis with inertia, viscous and dry friction multiplied; see :data:`Factors`."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from pinotwin.identification.servo.certainty import same_gains, with_errors
 from pinotwin.identification.servo.first_answer import DEAD, LAGS, NOTCHES, OUTPUT_LAG, proportional, starts
+from pinotwin.identification.servo.moments import beside_moments, by_moments
 from pinotwin.identification.servo.output_error import QUIET, Found, misfit, polish
 from pinotwin.identification.servo.problem import AS_FOUND, USUAL, AxisProblem, Factors
 from pinotwin.loop.servo import SHAPES, Servo
@@ -33,6 +34,9 @@ SLOW_INTEGRAL = 1.0
 """Integral action slower than this is doubted: the law without it is tried [1/s]."""
 CLOSE = 0.005
 """Error of e, as a share of its RMS, below which no notch is looked for."""
+NO_WORSE, LITTLE = 1.05, 0.002
+"""Gains from moments may raise a held-out error of e or u by this factor, or by this share of its RMS: they are
+nearer the truth, and the output error's hide errors of the plant."""
 PAYS = 0.98
 """A larger structure must bring the held-out error below this share of the smaller one's."""
 
@@ -123,13 +127,37 @@ def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]
     """
     p = replace(p.with_plant(found.factors), fine=coupled.LONGEST, noise=found.noise, usual=usual)
     last = polish(p, found.servo, steps=REPOLISH) or found
-    rival = None
+    return _from_moments(p, found, last) or _from_output_error(p, found, last)
+
+
+def _from_output_error(p: AxisProblem, found: Found, last: Found) -> Found:
+    """Return the controller with its intervals, of a cascade the better way round of kp and 1/ti."""
+    rivals: list[Found] = []
     if last.servo.form == "cascade":
-        rivals = [polish(p, s) for s in simpler(p, last.servo) if s.form == "cascade"]
-        both = sorted((f for f in [last, *rivals] if f is not None), key=lambda f: f.cost)
-        last, rival = both[0], next((f for f in both[1:] if not same_gains(f.servo, both[0].servo)), None)
-    servo = with_errors(p, last, rival, found.held_out[0])
+        others = [polish(p, s) for s in simpler(p, last.servo) if s.form == "cascade"]
+        last, *rest = sorted((f for f in [last, *others] if f is not None), key=lambda f: f.cost)
+        rivals = [f for f in rest if not same_gains(f.servo, last.servo)][:1]
+    servo = with_errors(p, last, rivals, found.held_out[0])
     return replace(last, servo=servo, held_out=found.held_out, trial=found.trial, factors=found.factors)
+
+
+def _from_moments(p: AxisProblem, found: Found, last: Found) -> Found | None:
+    """Return the controller that its own signals speak for; None where it predicts unseen windows worse.
+
+    Judged are the moments of the first windows on the others.
+    """
+    told = by_moments(p, last.servo)
+    if not told:
+        return None
+    train, judge = p.split()
+    tried = by_moments(train, told[0].servo)
+    if not tried:
+        return None
+    before, after = errors_of(judge, found), errors_of(judge, tried[0])
+    if any(b > max(NO_WORSE * a, a + LITTLE) for a, b in zip(before, after, strict=True)):
+        return None
+    servo = with_errors(beside_moments(p), told[0], told[1:], np.nan)
+    return replace(told[0], servo=servo, held_out=after, trial=tried[0].servo, factors=found.factors)
 
 
 def better_of(judge: AxisProblem, best: Found | None, others: Sequence[Found], pays: float) -> Found | None:

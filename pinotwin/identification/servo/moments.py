@@ -1,0 +1,176 @@
+r"""The gains of a controller from its own signals, by moments that noise and plant do not reach.
+
+The law makes the effort of command and position, all three logged. Least squares on that are biased: the encoder's
+steps, differenced at the drive's clock, reach the effort and through the loop the position again. An output error
+(:mod:`output_error`) is not, but takes up the errors of the plant: of friction above all, which makes most of the
+tracking error. With Z the slopes of the law's effort on the *simulated* motion, which no noise of the log has reached,
+
+    Z' (u - law(q, qr; x)) = 0
+
+holds for the true law whatever the plant (instrumental variables in closed loop: Gilson and Van den Hof 2005,
+Automatica 41). kp and 1/ti of a cascade, nearly equal roots, come out within a few percent, where an output error
+exchanged them. Dead time, and what the moments leave open, are the output error's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.identification.servo.law_alone import LawAlone
+from pinotwin.identification.servo.output_error import CORRELATED, Found, Search, polish, search_of
+from pinotwin.identification.servo.problem import USUAL, AxisProblem
+from pinotwin.loop.servo import SHAPES, Servo
+
+BLOCK = 0.2
+"""Length of the blocks whose scores count as independent [s]."""
+TURNS, CLOSE, ROUGH, LONGEST = 20, 1e-4, 1e-2, 0.3
+"""Most steps of the search, the step at which it ends, at which it may, and the longest one, in units of the search."""
+RENEWED = 4
+"""Steps at which the instruments follow; then they stay: any near the answer are as good."""
+LATER = (0.7, 1.4)
+"""Shares of the velocity's lag from which a cascade is searched: each way round it has one of its own."""
+APART = 0.04
+"""Cascades whose kp or 1/ti differ by a larger share are two answers."""
+TELLS = 25.0
+"""Rise of the law's whitened squared error, over its variance, at which the other way round of kp and 1/ti is out."""
+PLANT_SHARE = 30.0
+"""The output error's covariance counts this many times: what is wrong with the plant is not scatter."""
+STEPS = 12
+"""Steps of the search in which the output error settles what the moments leave open."""
+Usual = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Where the moments vanish.
+
+    Attributes:
+        servo: the controller.
+        information: of a search that begins at the servo; its transpose times itself is the inverse of a
+            covariance, shape (k, k).
+        error: sum of squares of the law's whitened error. rows: their number.
+    """
+
+    servo: Servo
+    information: Floats
+    error: float
+    rows: int
+
+    def worse(self, other: Solved) -> float:
+        """Return how much larger the error is than another's, over its variance."""
+        return (self.error / other.error - 1.0) * other.rows
+
+
+def solve(law: LawAlone, start: Servo, usual: Usual, block: int) -> Solved | None:
+    """Return the law of a form whose moments vanish, or None where the search does not end.
+
+    Shapes are held to usual ones as far as the moments leave them open. Dead time and offset stay: the logged
+    effort knows nothing of them.
+
+    Args:
+        law: the windows.
+        start: where the search begins; its form is kept.
+        usual: shapes that are usual.
+        block: rows whose scores count as one.
+    """
+    search, x = search_of(start)
+    P = np.diag([_precision(name, usual) for name in search.names])
+    middle = np.array([_middle(search, name, usual) for name in search.names])
+    Z, W, move = law.instruments(search, x), P, x
+    for turn in range(TURNS):
+        if 0 < turn < RENEWED:
+            Z = law.instruments(search, x)
+        r = law.left(search.servo(x))
+        A, W = Z.T @ Z, np.linalg.pinv(_scatter(Z, r, block), hermitian=True)
+        move = np.linalg.solve(P + A.T @ W @ A, A.T @ W @ (Z.T @ r) - P @ (x - middle))
+        x = x + move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-300))
+        if not np.isfinite(x).all():
+            return None
+        if np.abs(move).max() < CLOSE:
+            break
+    if np.abs(move).max() > ROUGH:
+        return None
+    servo = search.servo(x)
+    r = law.left(servo)
+    Z = law.instruments(*search_of(servo))
+    A, W = Z.T @ Z, np.linalg.pinv(_scatter(Z, r, block), hermitian=True)
+    size, axes = np.linalg.eigh(A.T @ W @ A)
+    root = np.sqrt(np.maximum(size, 0.0))[:, None] * axes.T
+    return Solved(servo, root, float(r @ r), len(r))
+
+
+def _scatter(Z: Floats, r: Floats, block: int) -> Floats:
+    """Return the covariance of Z' r from the sums of blocks, (k, k)."""
+    sums = np.add.reduceat(Z * r[:, None], np.arange(0, len(r), block))
+    return np.asarray(sums.T @ sums)
+
+
+def _precision(name: str, usual: Usual) -> float:
+    if name in ("dead", "offset"):
+        return 1.0
+    return 1.0 / usual[name][1] ** 2 if name in usual else 1e-8
+
+
+def _middle(search: Search, name: str, usual: Usual) -> float:
+    """Return where the belief in a usual shape has its middle, in the units of the search."""
+    if name not in usual or name in ("dead", "offset"):
+        return 0.0
+    begun = getattr(search.start, name) if name in SHAPES else search.start.notch[int(name[5:])]
+    return float(np.log(usual[name][0] / begun))
+
+
+def answers(law: LawAlone, servo: Servo, usual: Usual, block: int) -> list[Solved]:
+    """Return the laws of a form whose moments vanish, the least error first; of a cascade either way round."""
+    begun = [servo]
+    if servo.form == "cascade":
+        free = solve(law, replace(servo, form="general"), usual, block)
+        begun += [] if free is None else _cascades(free.servo)
+    found: list[Solved] = []
+    for answer in (solve(law, s, usual, block) for s in begun):
+        if answer is not None and not any(_same(answer.servo, other.servo) for other in found):
+            found.append(answer)
+    return sorted(found, key=lambda f: f.error)
+
+
+def _cascades(servo: Servo) -> list[Servo]:
+    """Return cascades of set-point weight 1 near a law, either way round, with two lags of the velocity each."""
+    kept = {k: getattr(servo, k) for k in ("output_lag", "notch", "dead", "step")}
+    named = [{k: x for k, x in c.items() if k != "weight"} for c in servo.cascades()]
+    return [Servo.of_cascade(**c, velocity_lag=f * servo.velocity_lag, **kept) for c in named for f in LATER]
+
+
+def _same(a: Servo, b: Servo) -> bool:
+    x, y = a.named(), b.named()
+    return all(abs(x[k] - y[k]) < APART * abs(y[k]) for k in ("kp", "rate") if k in x)
+
+
+def by_moments(p: AxisProblem, near: Servo, usual: Usual = USUAL) -> list[Found]:
+    """Return the controller that the moments speak for, after it what they speak for as well; or none.
+
+    Two ways round of kp and 1/ti between which the law's error does not tell are ordered with the output error,
+    which also settles what the moments leave open, on the problem that :func:`beside_moments` makes.
+
+    Args:
+        p: the axis.
+        near: its controller, from the output error; its form is kept.
+        usual: shapes that are usual.
+    """
+    law, q = LawAlone.of(p, near), beside_moments(p)
+    solved = [] if law is None else answers(law, near, usual, max(1, int(BLOCK / p.step)))
+    likely = [s for s in solved if s.worse(solved[0]) < TELLS]
+    found = [(s, polish(q, s.servo, steps=STEPS, known=s.information)) for s in likely]
+
+    def doubt(s: Solved, f: Found) -> float:
+        return s.worse(solved[0]) + f.cost * len(f.residual) / (2.0 * CORRELATED)
+
+    kept = [(doubt(s, f), f) for s, f in found if f is not None]
+    return [f for _, f in sorted(kept, key=lambda pair: pair[0])]
+
+
+def beside_moments(p: AxisProblem) -> AxisProblem:
+    """Return the axis with its output error counted as what it is beside moments: wrong by the plant's errors."""
+    return replace(p, noise=np.sqrt(PLANT_SHARE) * p.noise)
