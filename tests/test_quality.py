@@ -14,6 +14,7 @@ from pinotwin.log import Log
 from pinotwin.logs.quality import Limits, Quality, inspect, resample
 from pinotwin.logs.quality.values import (
     jump_rows,
+    lattice,
     quantisation_step,
     repeated_rows,
     saturated_rows,
@@ -310,6 +311,20 @@ def test_quantisation_step_is_found(step: float, offset: float, seed: int) -> No
     counts = np.round(3000 * np.sin(np.linspace(0, 9, 4000)) + rng.normal(0, 3, 4000))
     found = quantisation_step(counts * step + offset * step)
     assert found == pytest.approx(step, rel=1e-6)
+
+
+@pytest.mark.parametrize(("step", "origin"), [(1e-7, 0.0), (2.0 * np.pi / 2**20, 0.3), (2.5e-5, -1.7)])
+def test_a_lattice_holds_over_the_whole_travel(step: float, origin: float) -> None:
+    t = np.arange(6000) / 500.0
+    x = 0.3 * np.sin(2.0 * np.pi * 0.2 * t) + 1e-3 * np.sin(2.0 * np.pi * 3.0 * t)
+    x[:1500] = 100.0 * step * np.sin(20.0 * t[:1500])  # it also stands, or nearly
+    x = np.round((origin + step * np.round((x - origin) / step)) * 1e10) / 1e10
+    found = lattice(x)
+    assert found is not None
+    assert found[0] == pytest.approx(step, rel=1e-6)
+    rows = (x - found[1]) / found[0]
+    assert np.abs(rows - np.round(rows)).max() < 0.1
+    assert lattice(x + 0.3 * step * np.random.default_rng(0).normal(size=len(x))) is None
 
 
 def test_no_step_in_continuous_values_and_too_few() -> None:

@@ -410,3 +410,18 @@ def test_the_form_is_chosen_on_a_log_under_the_names_of_its_controller():
     assert found["to"] == pytest.approx(log.t[-1])
     assert found["tracking"] == pytest.approx(choice(twin, log, ("grey",))["tracking"])
     assert found["use"] == "grey"
+
+
+def test_an_encoders_steps_wind_the_integral_up_at_rest():
+    """An axis stands 0.3 steps from its command; the law sees it a whole step off or none, and winds up on that."""
+    servo = cascade(velocity_lag=3e-4)
+    log = smooth_command(plain_machine("trunnion"), 3.0, 500.0)
+    qr = np.append(np.full(len(log.t) - 1, 7e-6), 1e-3)  # the last row is outside the window
+    problem = single(Log({"t": log.t, "Y.qr": qr}), servo, friction=400.0)
+    problem = replace(problem, windows=(slice(0, len(qr) - 5),), q=qr, vr=np.zeros(len(qr)))
+    plain, stepped = (problem.response(replace(servo, encoder=(x, 0.0))) for x in (0.0, 1e-5))
+    assert plain is not None
+    assert stepped is not None
+    assert np.ptp(plain[:, 1]) < 1e-6
+    t = problem.step * np.arange(len(stepped))
+    assert np.polyfit(t, stepped[:, 1], 1)[0] == pytest.approx(servo.gains[1] * (7e-6 - 1e-5), rel=0.01)

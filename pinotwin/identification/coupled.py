@@ -24,6 +24,7 @@ from pinotwin.identification.servo import (
 )
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
+from pinotwin.logs.quality import lattice
 from pinotwin.loop import Servo, command_rates
 from pinotwin.motion import Motion
 from pinotwin.simulation import simulate
@@ -135,6 +136,16 @@ def _refinable(
         return float(np.sum(after**2)) <= NO_WORSE**2 * float(np.sum(left**2))
 
     return names, allowed
+
+
+def in_steps(found: Servos, raw: Motion) -> Servos:
+    """Return the controllers closed on a position in the steps in which the log has it, where it has any."""
+    steps = {name: lattice(raw.regulated[:, raw.index(name)]) or (0.0, 0.0) for name in found.servos}
+    servos, trials = (
+        {name: replace(servo, encoder=steps[name]) for name, servo in laws.items()}
+        for laws in (found.servos, found.trials)
+    )
+    return replace(found, servos=servos, trials=trials)
 
 
 def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:

@@ -16,7 +16,7 @@ import numpy as np
 from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.identification.coupled import choice, fit_servos, with_factors
+from pinotwin.identification.coupled import BETTER, Servos, choice, fit_servos, in_steps, with_factors
 from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
 from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_data
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
@@ -110,7 +110,7 @@ def close_loops(
     raw = prepare(machine, logs, cutoff=0.0, decimate=1)
     found = fit_servos(plant, motion, raw, lambda stage, done: tell(stage, 0.5 * done))
     plant = with_factors(plant, found.factors)
-    judged = choice(Twin.of(plant, servos=found.trials), logs[-1], ("coupled",))
+    found, judged = _by_encoders(plant, found, in_steps(found, raw), logs[-1])
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
     asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(machine.axes))
     if error is not None and tracking is not None and tracking < POOR and not asked:
@@ -127,6 +127,23 @@ def close_loops(
         quality={"servos": found.quality, "simulation": judged, **closed.quality},
         warnings=(*found.notes, *closed.warnings),
     )
+
+
+def _by_encoders(plant: OpenLoop, plain: Servos, stepped: Servos, log: Log) -> tuple[Servos, dict[str, Any]]:
+    """Return the controllers closed on encoder steps, unless others predict held-out rows better, and their errors.
+
+    A log that was rounded when it was written has steps that no controller saw.
+    """
+    tried = [
+        (s, choice(Twin.of(plant, servos=s.trials), log, ("coupled",)), usual)
+        for s, usual in ((plain, BETTER), (stepped, 1.0))
+    ]
+
+    def error(told: dict[str, Any]) -> float:
+        found = told["held_out"]["coupled"]
+        return np.inf if found is None else float(found)
+
+    return min(tried, key=lambda x: error(x[1]) / x[2])[:2]
 
 
 def _stated(machine: Machine) -> bool:

@@ -61,6 +61,8 @@ class Servo:
             1/ti in the middle between their roots, and as :data:`DISTANCE` that of the square of their distance.
         other: another cascade that the log speaks for as well, by the same names; empty where there is none.
         step: sampling interval of the log [s].
+        encoder: step and origin of the position that the law sees [m or rad]; a step of 0 for any position. An axis
+            at rest is off by a part of a step, and an integral winds up on that.
     """
 
     gains: tuple[float, ...]
@@ -74,6 +76,7 @@ class Servo:
     errors: Mapping[str, float] = field(default_factory=dict)
     other: Mapping[str, float] = field(default_factory=dict)
     step: float = 0.001
+    encoder: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def of_cascade(
@@ -239,7 +242,8 @@ class Servo:
         limit = values.get("limit")
         made = ("named", "combined", "determined", "intervals")
         values = {name: x for name, x in values.items() if name not in made}
-        known = {**values, "gains": tuple(values["gains"]), "notch": tuple(values["notch"])}
+        known: dict[str, Any] = dict(values)
+        known |= {k: tuple(values[k]) for k in ("gains", "notch", "encoder") if k in values}
         return cls(**{**known, "limit": math.inf if limit is None else float(limit)})
 
 

@@ -29,6 +29,8 @@ class Axis(NamedTuple):
         part: and the rest of it.
         limit: largest effort.
         offset: what the integrator begins with; NaN for what the effort at the start asks for.
+        tick: step of the encoder by which the law is closed; 0 for none.
+        origin: of its steps.
     """
 
     inertia: float
@@ -42,6 +44,8 @@ class Axis(NamedTuple):
     part: float
     limit: float
     offset: float
+    tick: float
+    origin: float
 
 
 class Course(NamedTuple):
@@ -102,6 +106,12 @@ def level_at(table, k, side, pace):  # type: ignore[no-untyped-def]
 
 
 @leaf
+def shown(q, tick, origin):  # type: ignore[no-untyped-def]
+    """Return the position that an encoder shows."""
+    return q if tick == 0.0 else origin + tick * np.floor((q - origin) / tick + 0.5)
+
+
+@leaf
 def bend(tables, k, q, v, pace, memory):  # type: ignore[no-untyped-def]
     """Move one presliding element to q; fill its effort, its damping and its stiffness into ``one``."""
     m = tables.give.shape[1]
@@ -132,7 +142,7 @@ def bend(tables, k, q, v, pace, memory):  # type: ignore[no-untyped-def]
 def _law(axis, h, c, memory):  # type: ignore[no-untyped-def]
     """Step the controller; return the effort that acts."""
     x, g = memory.x, axis.gains
-    e = c[0] - x[Q]
+    e = c[0] - shown(x[Q], axis.tick, axis.origin)
     v = 1.5 * x[V] - 0.5 * x[BEFORE]  # the velocity of the scheme is half a step late
     x[BEFORE] = x[V]
     x[SEEN] += axis.see * (v - x[SEEN])
@@ -196,7 +206,7 @@ def _begin(axis, c, start, memory):  # type: ignore[no-untyped-def]
     """Begin at position, velocity and effort ``start``."""
     x, g, b = memory.x, axis.gains, axis.notch
     q, v, u = start[0], start[1], start[2]
-    law = g[0] * (c[0] - q) - g[2] * v + g[3] * c[1] + g[5] * c[2]
+    law = g[0] * (c[0] - shown(q, axis.tick, axis.origin)) - g[2] * v + g[3] * c[1] + g[5] * c[2]
     x[Q], x[V], x[SEEN], x[OUT], x[BEFORE] = q, v, v, u, v
     x[WOUND] = u - law if np.isnan(axis.offset) else axis.offset
     x[FIRST], x[SECOND] = u * (1.0 - b[0]), u * (b[2] - b[4])

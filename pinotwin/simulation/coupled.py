@@ -31,6 +31,8 @@ class Servos(NamedTuple):
         part: and the rest of it, shape (nv,).
         limit: largest effort, shape (nv,).
         offset: what the integrator begins with; NaN for the weight that it carries, shape (nv,).
+        tick: step of the encoder by which a law is closed, 0 for none, shape (nv,).
+        origin: of its steps, shape (nv,).
     """
 
     kind: Ints
@@ -43,6 +45,8 @@ class Servos(NamedTuple):
     part: Floats
     limit: Floats
     offset: Floats
+    tick: Floats
+    origin: Floats
 
 
 class Coupled(NamedTuple):
@@ -99,6 +103,8 @@ def servo_arrays(servos: Sequence[Servo | None], passive: Sequence[bool], h: flo
         part=np.zeros(n),
         limit=np.full(n, np.inf),
         offset=np.full(n, np.nan),
+        tick=np.zeros(n),
+        origin=np.zeros(n),
     )
     for j, servo in enumerate(servos):
         if passive[j]:
@@ -116,6 +122,7 @@ def servo_arrays(servos: Sequence[Servo | None], passive: Sequence[bool], h: flo
         out.whole[j] = int(steps)
         out.part[j] = steps - int(steps)
         out.limit[j] = servo.limit
+        out.tick[j], out.origin[j] = servo.encoder
         out.offset[j] = servo.offset if servo.form == "proportional" else np.nan
     return out
 

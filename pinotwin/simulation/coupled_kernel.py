@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.dynamics.stepping import gather, leaf, replay
-from pinotwin.simulation.axis_kernel import bend, level_at
+from pinotwin.simulation.axis_kernel import bend, level_at, shown
 from pinotwin.simulation.kernel import _command, _cubic
 from pinotwin.simulation.lookup import along
 
@@ -30,7 +30,7 @@ ENOUGH = 1e-9
 @leaf
 def _law(servos, j, c, h, s):  # type: ignore[no-untyped-def]
     """Step the controller of joint j: fill u (as logged) and the effort that acts."""
-    e = c[0, j] - s.q[j]
+    e = c[0, j] - shown(s.q[j], servos.tick[j], servos.origin[j])
     v = 1.5 * s.v[j] - 0.5 * s.before[j]  # the velocity of the scheme is half a step late
     s.before[j] = s.v[j]
     s.seen[j] += servos.see[j] * (v - s.seen[j])
@@ -48,7 +48,7 @@ def _law(servos, j, c, h, s):  # type: ignore[no-untyped-def]
     else:
         u = limit if u > 0.0 else -limit
     s.out[j] += servos.lag[j] * (u - s.out[j])
-    s.e[j], s.u[j] = e, s.out[j]
+    s.e[j], s.u[j] = c[0, j] - s.q[j], s.out[j]
     n = s.late.shape[1]
     at = s.at[0]
     s.late[j, at] = s.out[j]
@@ -206,7 +206,8 @@ def begin(servos, c, s):  # type: ignore[no-untyped-def]
             s.wound[j] = servos.offset[j]
             s.q[j] = c[0, j] - (s.u[j] - law - s.wound[j]) / g[j, 0]
         else:
-            s.wound[j] = s.u[j] - law - g[j, 0] * (c[0, j] - s.q[j])
+            e = c[0, j] - shown(s.q[j], servos.tick[j], servos.origin[j])
+            s.wound[j] = s.u[j] - law - g[j, 0] * e
         s.seen[j], s.out[j], s.e[j] = s.v[j], s.u[j], c[0, j] - s.q[j]
         s.before[j] = s.v[j]
         b = servos.notch

@@ -133,6 +133,7 @@ class AxisProblem:
             float(laws.part[0]),
             float(laws.limit[0]),
             float(laws.offset[0]),
+            *servo.encoder,
         )
 
     def _run(

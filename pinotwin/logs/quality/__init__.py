@@ -7,6 +7,7 @@ from pinotwin.logs.quality.results import Finding as Finding
 from pinotwin.logs.quality.results import Limits as Limits
 from pinotwin.logs.quality.results import Quality as Quality
 from pinotwin.logs.quality.sampling import resample as resample
+from pinotwin.logs.quality.values import lattice as lattice
 from pinotwin.signals.sampling import segments as segments
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "Limits",
     "Quality",
     "inspect",
+    "lattice",
     "resample",
     "segments",
 ]
