@@ -28,6 +28,9 @@ deviations], beyond which another start is tried."""
 BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)
 """Of the position loop [Hz], to start from."""
 BRIEF, REPOLISH = 4, 4
+FITS = 4.0
+"""A law with fewer gains fits the windows it was searched on about as well as the others, its cost below this many
+times theirs: held-out windows that hardly move tell no law from another."""
 FORMS = ("proportional", "cascade", "pid")
 """Simpler laws, in the order in which they are preferred."""
 SLOW_INTEGRAL = 1.0
@@ -79,7 +82,7 @@ def look(
         factors, best = refined.extra, replace(refined, extra=AS_FOUND)
         train, judge = (x.with_plant(factors) for x in (train, judge))
     others = [polish(train, servo) for servo in simpler(train, best.servo)]
-    forms = [f for f in others if f is not None]
+    forms = [f for f in others if f is not None and f.cost < FITS * best.cost]
     simple = [
         min(same, key=lambda f: f.cost) for k in FORMS if (same := [f for f in forms if f.servo.form == k])
     ]
