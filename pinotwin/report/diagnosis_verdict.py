@@ -40,7 +40,14 @@ def headline(d: Diagnosis) -> list[str]:
         )
         return [first, *_stays(d), *_errors(d)]
     if not d.effects:
-        open_axes = [a for a in d.remains or d.unexplained if grade_of(d, a) != "not judged"]
+        gone = _gone(d)
+        open_axes = [
+            a for a in d.remains or d.unexplained if a not in gone and grade_of(d, a) != "not judged"
+        ]
+        if gone and not open_axes:
+            axes = joined([f"axis {a}" for a in gone])
+            agree = f"The efforts agree with the twin; the controller of {axes} does not."
+            return [agree, *_possible(d), *_controllers(d), *_stays(d), *_errors(d)]
         where = joined([f"axis {a}" for a in open_axes] or ["this machine"])
         none = f"Log and model differ on {where}, and no effect that pinotwin knows closes the gap."
         unsure = f"Log and model differ on {where}; what was found is not sure enough to be named."
@@ -55,8 +62,12 @@ def headline(d: Diagnosis) -> list[str]:
 
 def _controllers(d: Diagnosis) -> list[str]:
     """Return what is said of controllers whose law is gone."""
-    gone = [axis for axis, row in d.unexplained.items() if "e" in row and axis in d.remains]
-    return [f"Axis {axis} {plain_sentence(d.remains[axis])}." for axis in gone]
+    return [f"Axis {axis} {plain_sentence(d.remains[axis])}." for axis in _gone(d)]
+
+
+def _gone(d: Diagnosis) -> list[str]:
+    """Return the axes of which nothing but the controller is unlike the twin's."""
+    return [axis for axis, row in d.unexplained.items() if set(row) == {"e"} and axis in d.remains]
 
 
 def _possible(d: Diagnosis) -> list[str]:
