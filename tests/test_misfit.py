@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.cli.identify import summary
+from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.identification.misfit import correlation_time, own_residual
 from pinotwin.solve.crossval import held_out
 from pinotwin.solve.problem import AxisRows, Problem
@@ -73,6 +75,42 @@ def test_the_misfit_of_a_table_is_that_of_the_places_that_are_foretold(twin: pt.
     assert left.any()
     assert residual[left, 0].max() > 3.0 * residual[motion.inside & motion.use[:, 0], 0].std()
     assert twin.misfit.summary["Y"]["resting"] is None
+
+
+def test_the_error_of_an_effort_is_that_of_its_coefficients(twin: pt.Twin) -> None:
+    """Against efforts with coefficients drawn from their covariance, on some rows of the own logs."""
+    assert twin.misfit is not None
+    motion = twin.misfit.motion.cut(400, 900)
+    size = np.sqrt(np.diag(twin.covariance))
+    spread, axes = np.linalg.eigh(twin.covariance / np.outer(size, size))
+    z = np.random.default_rng(2).normal(size=(400, len(size))) * np.sqrt(np.maximum(spread, 0.0))
+    thetas = twin.theta + size * (z @ axes.T)
+    drawn = np.std([replace(twin, theta=x).effort(motion) for x in thetas], axis=0)
+    said = twin.effort_error(motion)
+    rows = said > 1e-3 * said.max(axis=0)
+    assert np.median(drawn[rows] / said[rows]) == pytest.approx(1.0, abs=0.03)
+    assert np.mean(np.abs(drawn[rows] / said[rows] - 1.0) < 0.15) > 0.98
+
+
+def test_places_that_a_twin_hardly_knows_are_not_judged(twin: pt.Twin) -> None:
+    """A knot at the end of its travel that a few rows touched says anything of what lies about it."""
+    virtual = VirtualMachine.load(pt.machines()["trunnion"])
+    log = virtual.record(random_trajectory(virtual, 6.0, 3), seed=4).to_log()
+    plain = compare(twin, [log], [])
+    at = twin.keys.index("Y.position_table")
+    covariance, table = twin.covariance.copy(), twin.slices[at]
+    q = plain.new.motion.q[plain.new.samples(0), 0]
+    knots = twin.effects[at].knots
+    fastest = np.argmax(np.abs(plain.new.motion.v[plain.new.samples(0), 0]))
+    unsure = int(np.argmin(np.abs(knots - q[fastest])))
+    covariance[table.start + unsure, table.start + unsure] += 1e4
+    c = compare(replace(twin, covariance=covariance), [log], [])
+    near = np.abs(q - knots[unsure]) < 0.5 * 0.001
+    assert near.any()
+    left = c.new.motion.q[c.new.samples(0), 0]
+    assert not (np.abs(left - knots[unsure]) < 0.5 * 0.001).any()
+    assert len(left) > len(q) - 4 * near.sum() - 10
+    assert len(c.new.samples(1)) == len(plain.new.samples(1))
 
 
 def test_correlation_time_of_a_known_process() -> None:

@@ -102,3 +102,21 @@ class OpenLoop:
         if motion.external is not None:
             total -= motion.external
         return total
+
+    def effort_error(self, motion: Motion) -> Floats:
+        """Return the standard error of :meth:`effort` from that of the coefficients, shape (n, nv) [N or N·m].
+
+        It says where a motion asks for what the logs of the identification did not tell: places that they hardly
+        visited, inertias that they did not move. What the model itself lacks is not in it.
+        """
+        motion = self.scene(motion)
+        acting = [(effect.columns(motion), s) for effect, s in zip(self.effects, self.slices, strict=True)]
+        out = np.zeros((len(motion), self.machine.nv))
+        for j in range(self.machine.nv):
+            here = [(c.values[:, c.joints.index(j), :], s) for c, s in acting if j in c.joints]
+            if here:
+                X = np.concatenate([x for x, _ in here], axis=1)
+                at = np.concatenate([np.arange(s.start, s.stop) for _, s in here])
+                variance = np.einsum("np,np->n", X @ self.covariance[np.ix_(at, at)], X)
+                out[:, j] = np.sqrt(np.maximum(variance, 0.0))
+        return out

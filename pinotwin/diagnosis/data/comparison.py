@@ -150,7 +150,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
             motions = _motions(twin, [bent_logs[k] for k in kept])
             sealed = _motions(twin, bent_logs[count:])
     if change:
-        motions, sealed, strange = _known(twin, motions, sealed)
+        motions, sealed, strange = _known(twin, motions, sealed, own)
     new = _sample(twin, _joined(motions), block)
     unseen = _within(_sample(twin, _joined(sealed), block), new) if sealed else None
     asked = gate(twin.machine, [*logs, *validation])
@@ -213,36 +213,53 @@ def _motions(twin: Twin, logs: Sequence[Log]) -> list[Motion]:
     return [bent(twin, m, m) for m in motions] if twin.machine.passive else motions
 
 
+LEAST = 0.1
+"""Of an axis' rows, that must be left."""
+WORTH = 0.01
+"""Of them, that are worth a word if they are left out."""
+
+
 def _known(
-    twin: Twin, motions: Sequence[Motion], sealed: Sequence[Motion]
+    twin: Twin, motions: Sequence[Motion], sealed: Sequence[Motion], own: Sample | None
 ) -> tuple[list[Motion], list[Motion], list[str]]:
     """Return motions without the rows at which the twin does not know its own effects, and what to say of it.
 
-    A table beyond its knots is a guess, and what it is off by no change. An axis that is nowhere else keeps its rows.
+    A table beyond its knots is a guess, and so is what the twin's own logs told with an error beyond its misfit: what
+    they are off by is no change. An axis that is nowhere else keeps its rows.
     """
     words, out = [], [list(motions), list(sealed)]
-    for effect in twin.effects:
-        if effect.axis is None or effect.axis not in twin.machine.axes:
-            continue
-        j = twin.machine.axes[effect.axis].index
-        inside = [[effect.known(m) for m in part] for part in out]
-        left = [int(np.sum(m.use[:, j] & k)) for m, k in zip(motions, inside[0], strict=True)]
+    floor = {} if own is None else {j: own.level(j) for j in own.joints}
+    known = [[_foretold(twin, m, floor) for m in part] for part in out]
+    for name, axis in twin.machine.axes.items():
+        j = axis.index
+        left = [int(np.sum(m.use[:, j] & k[:, j])) for m, k in zip(motions, known[0], strict=True)]
         whole = [int(np.sum(m.use[:, j])) for m in motions]
         if sum(left) == sum(whole) or sum(left) < LEAST * sum(whole):
             continue
         out = [
-            [_used(m, j, k) for m, k in zip(part, known, strict=True)]
-            for part, known in zip(out, inside, strict=True)
+            [_used(m, j, k[:, j]) for m, k in zip(part, masks, strict=True)]
+            for part, masks in zip(out, known, strict=True)
         ]
+        gone = 1.0 - sum(left) / sum(whole)
+        if gone < WORTH:
+            continue
         words.append(
-            f"{effect.axis} goes where its twin has never been: {1.0 - sum(left) / sum(whole):.0%} of its rows, at "
-            f"which its {effect.name} is a guess, are not judged; identify the twin on the whole travel"
+            f"{name} goes where its twin has never or hardly been: {gone:.0%} of its rows, at "
+            "which the twin is a guess, are not judged; identify it on the whole travel"
         )
     return out[0], out[1], words
 
 
-LEAST = 0.1
-"""Of an axis' rows, that must be left."""
+def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float]) -> Mask:
+    """Return where a twin tells the effort of each joint by no more than its misfit, shape (n, nv)."""
+    out = np.ones(motion.q.shape, dtype=bool)
+    for effect in twin.effects:
+        if effect.axis in twin.machine.axes:
+            out[:, twin.machine.axes[str(effect.axis)].index] &= effect.known(motion)
+    error = twin.effort_error(motion)
+    for j, level in floor.items():
+        out[:, j] &= error[:, j] <= level
+    return out
 
 
 def _used(motion: Motion, joint: int, known: Mask) -> Motion:
