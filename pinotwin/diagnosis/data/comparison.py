@@ -244,21 +244,20 @@ def _known(
         if gone < WORTH:
             continue
         words.append(
-            f"{name} goes where its twin has never or hardly been: {gone:.0%} of its rows, at "
+            f"{name} goes where its twin has never been, or hardly: {gone:.0%} of its rows, at "
             "which the twin is a guess, are not judged; identify it on the whole travel"
         )
     return out[0], out[1], words
 
 
 def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float]) -> Mask:
-    """Return where a twin tells the effort of each joint by no more than its misfit, shape (n, nv)."""
+    """Return where a twin with effects that are told knot by knot tells an effort to its misfit, shape (n, nv)."""
     out = np.ones(motion.q.shape, dtype=bool)
-    for effect in twin.effects:
-        if effect.axis in twin.machine.axes:
-            out[:, twin.machine.axes[str(effect.axis)].index] &= effect.known(motion)
-    error = twin.effort_error(motion)
-    for j, level in floor.items():
-        out[:, j] &= error[:, j] <= level
+    placed = [e for e in twin.effects if e.held and e.axis in twin.machine.axes]
+    error = twin.effort_error(motion) if placed else np.zeros(motion.q.shape)
+    for effect in placed:
+        j = twin.machine.axes[str(effect.axis)].index
+        out[:, j] &= effect.known(motion) & (error[:, j] <= floor.get(j, np.inf))
     return out
 
 
