@@ -12,7 +12,7 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.report import identification_report
-from pinotwin.viewer import browser
+from tests.screenshot import browser
 
 # Published Coulomb friction [N·m], RA-L 2019, by classical least squares.
 PUBLISHED = (0.2450, 0.1523, 0.1827, 0.3591, 0.2669, 0.1658, 0.2109)

@@ -4,8 +4,9 @@
 
 is what pushes the axis from outside in the direction of the joint: a process force, contact, a hand. What
 the twin leaves of its own logs without any such force (its cross-validated misfit, moving and at rest
-apart) is the 90 % interval. A pure force F on a link follows from f = J(q)^T F, each axis weighed by its interval, in
-those directions that the axes feel in that posture; in the others nothing is said.
+apart) and what its coefficients are unsure by in this motion are the 90 % interval. A pure force F on a
+link follows from f = J(q)^T F, each axis weighed by its interval, in those directions that the axes feel in
+that posture; in the others nothing is said.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pinotwin.dynamics.frames import jacobian
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
+from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 
 WIDE = 1.645
@@ -73,22 +75,39 @@ def external_effort(twin: Twin, log: Log) -> ExternalEffort:
         raise DataError(f"{twin.machine.name}: this twin does not know its own misfit; identify it again")
     motion = twin.motion(log)
     residual = twin.effort(motion) - motion.u
-    inside = motion.inside
+    inside, unsure = motion.inside, _unsure(twin, motion, twin.misfit.motion)
     names, force, half = [], [], []
     for name, axis in twin.machine.axes.items():
         if name in twin.misfit.summary:
             names.append(name)
             force.append(np.where(inside, residual[:, axis.index], np.nan)[inside])
-            half.append(_half(twin.misfit.summary[name], motion.use[inside, axis.index]))
+            left = _left(twin.misfit.summary[name], motion.use[inside, axis.index])
+            half.append(WIDE * np.hypot(left, unsure[inside, axis.index]))
     return ExternalEffort(
         motion.t[inside], tuple(names), np.stack(force, axis=1), np.stack(half, axis=1), motion.q[inside]
     )
 
 
-def _half(summary: Mapping[str, Any], moving: Mask) -> Floats:
-    """Return the half width of every row: the misfit in motion, or that at rest where it is known."""
+def _left(summary: Mapping[str, Any], moving: Mask) -> Floats:
+    """Return what the twin leaves at every row: its misfit in motion, or that at rest where it is known."""
     at_rest = summary["resting"] if summary["resting"] is not None else summary["rms"]
-    return WIDE * np.where(moving, summary["moving"], max(at_rest, summary["moving"]))
+    return np.where(moving, summary["moving"], max(at_rest, summary["moving"]))
+
+
+def _unsure(twin: Twin, motion: Motion, own: Motion) -> Floats:
+    """Return the error of the twin's effort in a motion [N or N·m], shape (n, nv).
+
+    Where an effect is not known at all, beyond the knots of a table, it may be anything of the size that it has on the
+    twin's own logs.
+    """
+    error = twin.effort_error(motion)
+    for effect, where in zip(twin.effects, twin.slices, strict=True):
+        strange = ~effect.known(motion)
+        if strange.any():
+            j = twin.machine.axes[str(effect.axis)].index
+            size = np.std(effect.columns(own).effort(twin.theta[where], twin.machine.nv)[:, j])
+            error[strange, j] = np.hypot(error[strange, j], size)
+    return error
 
 
 FELT = 0.99
