@@ -113,6 +113,18 @@ def test_places_that_a_twin_hardly_knows_are_not_judged(twin: pt.Twin) -> None:
     assert len(c.new.samples(1)) == len(plain.new.samples(1))
 
 
+@pytest.mark.parametrize("path", [4, 6])
+def test_a_twin_of_one_short_log_accuses_no_healthy_motion_that_it_hardly_knows(
+    twin: pt.Twin, path: int
+) -> None:
+    """On path 4 an axis goes where no knot was told and another stands still; on 6 a table is told by a few rows."""
+    virtual = VirtualMachine.load(pt.machines()["trunnion"])
+    log = virtual.record(random_trajectory(virtual, 6.0, path), seed=path).to_log()
+    found = pt.diagnose(twin, log)
+    assert (found.verdict, found.effects) == ("none", [])
+    assert any("never been" in w for w in found.warnings)
+
+
 def test_correlation_time_of_a_known_process() -> None:
     rng = np.random.default_rng(0)
     phi, n = 0.95, 40_000

@@ -34,6 +34,10 @@ class Rules:
     good_model: float = 0.01
     """[of the effort's variation] What a good model of a healthy axis leaves: the floor of a structure question."""
 
+    unsure: float = 3.0
+    """[standard errors] Of the twin's effort, by which it may be off where it has hardly been; twins of one short log
+    of a trunnion are off by up to 3.6 on healthy logs of other motions."""
+
     at_bound: float = 0.01
     """[standard errors] A coefficient of a machine nearer to its bound than this rests on it and stays there."""
 

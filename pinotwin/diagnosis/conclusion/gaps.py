@@ -43,7 +43,7 @@ def gap_table(
         effort = rms(motion.u[rows, j])
         misfit = float("nan")
         if c.own is not None and j in c.own.joints:
-            misfit = c.own.level(j)
+            misfit = c.floor[j]
         out[motion.names[j]] = {
             "u": Gap(level, level / max(effort, 1e-300), noise[j], level * float(np.sqrt(left)), misfit)
         }

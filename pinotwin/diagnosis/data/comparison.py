@@ -165,9 +165,22 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         asked = replace(asked, doubts=(*asked.doubts, *strangers))
     judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)
     new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
-    floor = _floor(new, own)
-    return Comparison(
-        twin, change, logs, validation, new, own, unseen, floor, asked, (*motions, *sealed), kept, differ
+    floor = _floor(twin, new, own)
+    every = (*motions, *sealed)
+    c = Comparison(twin, change, logs, validation, new, own, unseen, floor, asked, every, kept, differ)
+    return _without_lost(c) if change else c
+
+
+def _without_lost(c: Comparison) -> Comparison:
+    """Return a comparison without the joints whose twin is unsure by more than their effort, if others are left."""
+    judged = [j for j in c.new.joints if c.floor[j] <= c.new.size(j)]
+    lost = [c.machine.names[j] for j in c.new.joints if j not in judged]
+    if not lost or not judged:
+        return c
+    words = [f"{a}: not judged, its twin has never been there; identify it on the whole travel" for a in lost]
+    gate = replace(c.gate, doubts=(*c.gate.doubts, *words))
+    return replace(
+        c, new=c.new.only(judged), own=_only(c.own, judged), unseen=_only(c.unseen, judged), gate=gate
     )
 
 
@@ -276,19 +289,28 @@ def _sample(twin: Twin, motion: Motion, block: float) -> Sample:
     return sample(motion, motion.u - twin.effort(motion), block)
 
 
-def _floor(new: Sample, own: Sample | None) -> dict[int, float]:
+def _floor(twin: Twin, new: Sample, own: Sample | None) -> dict[int, float]:
     """Return the size by which the rows of each joint are divided.
 
-    A change is held against the misfit of the twin. Where there is none, a share of the effort stands for
-    what any good model leaves: axes that are off by more than that then weigh more.
+    A change is held against the misfit of the twin, and against what its coefficients are unsure by in this motion more
+    than in its own: where it has hardly been it is off by more than its misfit. Where there is none, a share of the
+    effort stands for what any good model leaves: axes that are off by more than that then weigh more.
     """
     out = {}
+    here, there = (_unsure(twin, s) if s is not None and own is not None else {} for s in (new, own))
     for j in new.joints:
         least = RULES.good_model * max(new.size(j), 1e-12)
         if own is not None and j in own.joints:
-            least = max(own.level(j), 0.1 * least)
+            more = RULES.unsure * np.sqrt(max(here[j] ** 2 - there[j] ** 2, 0.0))
+            least = max(float(np.hypot(own.level(j), more)), 0.1 * least)
         out[j] = least
     return out
+
+
+def _unsure(twin: Twin, s: Sample) -> dict[int, float]:
+    """Return joint -> RMS of the standard error of the twin's effort on the rows of a sample [N or N·m]."""
+    error = twin.effort_error(s.motion)
+    return {j: rms(error[s.samples(j), j]) for j in s.joints}
 
 
 def thinned_model(samples: Sequence[Sample], effects: Sequence[Effect]) -> list[dict[int, Floats]]:

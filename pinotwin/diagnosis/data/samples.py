@@ -173,12 +173,17 @@ def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
 
 
 def _sliding(motion: Motion, rows: Rows) -> Rows:
-    """Return the rows on which joints slide, all of a joint that never does."""
+    """Return the rows on which joints slide, all of a joint that never does; a joint that stands all along has none.
+
+    Where no joint is asked to move all are kept.
+    """
+    asked = [j for j in rows.joints if motion.vr is None or _top(motion.vr[:, j]) > 0.0] or rows.joints
+    pairs = [(j, mask) for j, mask in zip(rows.joints, rows.kept, strict=True) if j in asked]
     kept = []
-    for j, mask in zip(rows.joints, rows.kept, strict=True):
+    for j, mask in pairs:
         left = mask & sliding(motion, j)[rows.sample]
         kept.append(left if left.any() else mask)
-    return replace(rows, kept=tuple(kept))
+    return replace(rows, joints=tuple(j for j, _ in pairs), kept=tuple(kept))
 
 
 def sliding(motion: Motion, joint: int) -> Mask:
@@ -211,7 +216,7 @@ def _since(goes: Mask) -> Floats:
 
 
 def _top(x: Floats) -> float:
-    return float(np.nanmax(x, initial=0.0))
+    return float(np.nanmax(np.abs(x), initial=0.0))
 
 
 FEWEST, MOST = 8, 40
