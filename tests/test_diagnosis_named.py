@@ -106,19 +106,24 @@ def test_before_the_first_move_of_a_log_an_axis_is_at_rest(twin: Twin) -> None:
     assert not held[: first // 2].any()
 
 
-def test_what_pushes_all_the_time_is_a_vibration(twin: Twin) -> None:
+def with_noise_alone(twin: Twin) -> tuple[Comparison, np.ndarray]:
+    """Return a comparison of which white noise is left on the own logs, and such noise for the new ones."""
     c = compare(twin, [record(4)], [])
     assert c.own is not None
     rng = np.random.default_rng(3)
     plain = [c.floor[0] * rng.normal(size=len(s.residual[0])) for s in (c.new, c.own)]
-    c = dataclasses.replace(c, own=dataclasses.replace(c.own, residual={0: plain[1]}))
+    return dataclasses.replace(c, own=dataclasses.replace(c.own, residual={0: plain[1]})), plain[0]
+
+
+def test_what_pushes_all_the_time_is_a_vibration(twin: Twin) -> None:
+    c, plain = with_noise_alone(twin)
     ground = Searcher(c)
     nothing = Found((), None, (), ground, ground)
-    at = np.arange(len(plain[0]))
+    at = np.arange(len(plain))
     rings = 12.0 * c.floor[0] * np.sign(np.sin(2.0 * np.pi * at / 40.0))
-    assert pushes(with_residual(c, plain[0] + rings), nothing, RULES) == []
+    assert pushes(with_residual(c, plain + rings), nothing, RULES) == []
     once = np.where((at > 100) & (at < 140), rings, 0.0)
-    assert len(pushes(with_residual(c, plain[0] + once), nothing, RULES)) == 1
+    assert len(pushes(with_residual(c, plain + once), nothing, RULES)) == 1
 
 
 def test_friction_that_a_machine_lists_is_not_missing_in_it(machine: Machine) -> None:
@@ -132,14 +137,10 @@ def test_friction_that_a_machine_lists_is_not_missing_in_it(machine: Machine) ->
 
 
 def test_a_push_that_stands_out_is_named_and_sure_and_no_other(twin: Twin) -> None:
-    c = compare(twin, [record(4)], [])
-    assert c.own is not None
-    rng = np.random.default_rng(3)
-    plain = [c.floor[0] * rng.normal(size=len(s.residual[0])) for s in (c.new, c.own)]
-    c = dataclasses.replace(c, own=dataclasses.replace(c.own, residual={0: plain[1]}))
-    at = np.arange(len(plain[0])) // 60 == len(plain[0]) // 120
+    c, plain = with_noise_alone(twin)
+    at = np.arange(len(plain)) // 60 == len(plain) // 120
     for size in (1.2, 8.0):
-        pushed = with_residual(c, plain[0] + size * c.floor[0] * at)
+        pushed = with_residual(c, plain + size * c.floor[0] * at)
         ground = Searcher(pushed)
         nothing = Found((), None, (), ground, ground)
         named = pushes(pushed, nothing, RULES)

@@ -56,10 +56,8 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
 
 def _least(c: Comparison, joint: int, rules: Rules = RULES) -> float:
     """Return the least RMS that a cause must close of the effort of an axis [N or N·m]."""
-    size = max(c.new.size(joint), 1e-300)
-    if not c.change:
-        return rules.size_structure * size
-    return float(max(rules.size_change * size, np.sqrt(rules.excess) * c.floor[joint]))
+    size = rules.least_size(change=c.change) * max(c.new.size(joint), 1e-300)
+    return float(max(size, np.sqrt(rules.excess) * c.floor[joint])) if c.change else size
 
 
 def _course(twin: Twin, t: np.ndarray, course: Log, joint: int) -> np.ndarray:

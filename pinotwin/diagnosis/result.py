@@ -25,7 +25,8 @@ class Gap:
         nrmse: the same over the RMS of the signal.
         noise: RMS of the noise.
         after: RMS once the named effects are modelled.
-        misfit: RMS that the twin left of its own logs, cross-validated; NaN where there is none.
+        misfit: RMS that the twin left of its own logs, cross-validated, with what its effort is less sure of in this
+            motion; NaN where there is none.
     """
 
     rms: float

@@ -57,7 +57,7 @@ class HeldOut:
             problem: whose rows these are.
         """
         out = np.empty(len(problem.y))
-        N = np.einsum("kab,kac->kbc", self.factors, self.factors)
+        N = self.factors.transpose(0, 2, 1) @ self.factors
         size = np.sqrt(np.maximum(np.diagonal(N, axis1=1, axis2=2).max(axis=0), 1e-300))
         weight = 1.0 / self.sigma[problem.axis_place]
         for k, each in enumerate(N):

@@ -179,11 +179,8 @@ def _sliding(motion: Motion, rows: Rows) -> Rows:
     """
     asked = [j for j in rows.joints if motion.vr is None or _top(motion.vr[:, j]) > 0.0] or rows.joints
     pairs = [(j, mask) for j, mask in zip(rows.joints, rows.kept, strict=True) if j in asked]
-    kept = []
-    for j, mask in pairs:
-        left = mask & sliding(motion, j)[rows.sample]
-        kept.append(left if left.any() else mask)
-    return replace(rows, joints=tuple(j for j, _ in pairs), kept=tuple(kept))
+    kept = tuple(_narrowed(mask, sliding(motion, j)[rows.sample]) for j, mask in pairs)
+    return replace(rows, joints=tuple(j for j, _ in pairs), kept=kept)
 
 
 def sliding(motion: Motion, joint: int) -> Mask:
@@ -204,9 +201,13 @@ def sliding(motion: Motion, joint: int) -> Mask:
 
 def judged_rows(motion: Motion, joint: int) -> Mask:
     """Return the rows of a prepared log on which a gap is stated: in motion, with an effort, sliding, shape (n,)."""
-    moving = motion.moving(joint)
-    left = moving & sliding(motion, joint)
-    return left if left.any() else moving
+    return _narrowed(motion.moving(joint), sliding(motion, joint))
+
+
+def _narrowed(rows: Mask, by: Mask) -> Mask:
+    """Return the rows that another mask has too, all of them where it has none."""
+    left = rows & by
+    return left if left.any() else rows
 
 
 def _since(goes: Mask) -> Floats:

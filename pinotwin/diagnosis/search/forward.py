@@ -280,7 +280,7 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
         return "closes less than what the twin's own misfit may differ by"
     closed = c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
     moved = closed / max(c.new.size(one.joint), 1e-300)
-    if moved < (rules.size_change if c.change else rules.size_structure):
+    if moved < rules.least_size(change=c.change):
         return f"moves its axis' effort by {moved:.1%}"
     rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
     if c.change and rubs and closed < rules.scatter * c.friction[one.joint]:

@@ -104,14 +104,14 @@ def spread(p: AxisProblem, found: Found) -> Floats:
     return np.asarray(total)
 
 
-def with_errors(p: AxisProblem, found: Found, rivals: Sequence[Found], missed: float) -> Servo:
+def with_errors(p: AxisProblem, found: Found, rivals: Sequence[Found], missed: float | None) -> Servo:
     """Return the controller with the standard errors of its gains and shapes, and the cascade as good.
 
     Args:
         p: the axis.
         found: its controller.
         rivals: the same form, found from the other side of the double root.
-        missed: error of e on rows not fitted, as a share of its RMS; NaN for a law from its own moments, which an
+        missed: error of e on rows not fitted, as a share of its RMS; None for a law from its own moments, which an
             error of the plant does not reach and which tell the two sides apart.
     """
     servo, cov = found.servo, spread(p, found)
@@ -127,7 +127,7 @@ def with_errors(p: AxisProblem, found: Found, rivals: Sequence[Found], missed: f
     other: dict[str, float] = {}
     if servo.form == "general" and len(servo.cascades()) == 2:
         other = servo.cascades()[1]
-    from_moments = np.isnan(missed)
+    from_moments = missed is None
     for rival in rivals:
         if servo.form == "cascade" and (from_moments or rival.cost < AS_GOOD * found.cost):
             other = rival.servo.cascade()
@@ -150,13 +150,13 @@ def _told(servo: Servo) -> dict[str, float]:
     return {**middle, **both, **out}
 
 
-def doubted(servo: Servo, errors: Mapping[str, float], missed: float) -> dict[str, float]:
+def doubted(servo: Servo, errors: Mapping[str, float], missed: float | None) -> dict[str, float]:
     """Return standard errors with those of the form of the law: its clock, and what it misses of e.
 
     Args:
         servo: the controller.
         errors: that its rows' scatter makes.
-        missed: error of e on rows not fitted, as a share of its RMS.
+        missed: error of e on rows not fitted, as a share of its RMS; None for a law from its own moments.
     """
     found, moved = _told(servo), {}
     if servo.form != "pid":
@@ -167,7 +167,7 @@ def doubted(servo: Servo, errors: Mapping[str, float], missed: float) -> dict[st
     for name in errors:
         if name in SHAPES:
             continue
-        if np.isfinite(missed):
+        if missed is not None:
             law = (FORWARD_ERROR if name == "ffa" else LAW_ERROR) * min(missed, 1.0)
         else:  # kp and 1/ti have their doubt from the clock, as far as they are apart
             law = 0.0 if name in apart else FORM_FORWARD if name == "ffa" else FORM_ERROR

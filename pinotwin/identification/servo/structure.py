@@ -159,7 +159,7 @@ def _from_moments(p: AxisProblem, found: Found, last: Found) -> Found | None:
     before, after = errors_of(judge, found), errors_of(judge, tried[0])
     if any(b > max(NO_WORSE * a, a + LITTLE) for a, b in zip(before, after, strict=True)):
         return None
-    servo = with_errors(beside_moments(p), told[0], told[1:], np.nan)
+    servo = with_errors(beside_moments(p), told[0], told[1:], None)
     return replace(told[0], servo=servo, held_out=after, trial=tried[0].servo, factors=found.factors)
 
 
