@@ -111,7 +111,8 @@ _HOW_FAR = (
     "data that the size was not fitted to, on rows at which the axis slides, with a 90 % interval; "
     "the choice of the cause has seen the diagnosed "
     "logs, so without a validation log it flatters. Bars: RMS of log minus model on the diagnosed logs. Noise: "
-    "what differs between two runs of the same motion. Own misfit: what the twin left of its own logs, and is less sure of in this motion."
+    "what differs between two runs of the same motion. Own misfit: what the twin left of its own logs, and is less "
+    "sure of in this motion."
 )
 _EVIDENCE = (
     "Measured effort minus the effort that the model asks for. What looks like a curve here is something "
