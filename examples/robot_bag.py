@@ -14,12 +14,8 @@ import pinotwin as pt
 START = 1_700_000_000 * 10**9
 
 
-def excited(machine: pt.Machine, seconds: float, seed: int, rate: float = 125.0) -> dict[str, np.ndarray]:
-    """Return ``t`` and ``<joint>.q .v .u`` of all axes moving on sums of five sines.
-
-    The effort is Pinocchio's RNEA with the URDF's masses, viscous and dry friction of 3 and 5 % of the largest
-    effort, and noise of 1 %.
-    """
+def motion(machine: pt.Machine, seconds: float, seed: int, rate: float = 125.0) -> tuple[np.ndarray, ...]:
+    """Return t, q, v, a of all axes moving on sums of five sines."""
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds * rate)) / rate
     low, high = machine.model.lowerPositionLimit, machine.model.upperPositionLimit
@@ -28,12 +24,34 @@ def excited(machine: pt.Machine, seconds: float, seed: int, rate: float = 125.0)
     angle = w * t[None, :, None] + rng.uniform(0, 2 * np.pi, (5, 1, machine.nv))
     c = (size * rng.uniform(0.3, 1.0, (5, machine.nv)))[:, None, :]
     q = (c * np.sin(angle)).sum(0) + np.clip(0.0, low, high) / 2 + np.clip((low + high) / 2, -1.5, 1.5) / 2
-    v, a = (c * w * np.cos(angle)).sum(0), -(c * w**2 * np.sin(angle)).sum(0)
+    return t, q, (c * w * np.cos(angle)).sum(0), -(c * w**2 * np.sin(angle)).sum(0)
+
+
+def rigid_effort(machine: pt.Machine, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Return Pinocchio's RNEA with the URDF's masses, row by row."""
     data = machine.model.createData()
-    u = np.array([pin.rnea(machine.model, data, *row) for row in zip(q, v, a, strict=True)])
-    top = np.abs(u).max(axis=0)
-    u += 0.03 * top * v / np.abs(v).max(axis=0) + 0.05 * top * np.tanh(v / 1e-3)
-    u += 0.01 * np.std(u, axis=0) * rng.normal(size=u.shape)
+    return np.array([pin.rnea(machine.model, data, *row) for row in zip(q, v, a, strict=True)])
+
+
+def friction(machine: pt.Machine) -> tuple[np.ndarray, np.ndarray]:
+    """Return viscous and dry friction of every axis: 3 and 5 % of its largest effort on one motion."""
+    _, q, v, a = motion(machine, 20.0, seed=0)
+    top = np.abs(rigid_effort(machine, q, v, a)).max(axis=0)
+    return 0.03 * top / np.abs(v).max(axis=0), 0.05 * top
+
+
+def excited(machine: pt.Machine, seconds: float, seed: int, worn: str | None = None) -> dict[str, np.ndarray]:
+    """Return ``t`` and ``<joint>.q .v .u`` of a motion, the effort with noise of 1 %.
+
+    The dry friction of the axis ``worn`` is three times what it was.
+    """
+    t, q, v, a = motion(machine, seconds, seed)
+    viscous, dry = friction(machine)
+    dry = dry * [3.0 if name == worn else 1.0 for name in machine.axes]
+    u = (
+        rigid_effort(machine, q, v, a) + viscous * v + dry * np.tanh(v / 1e-3)
+    )  # turns over within some 10 mrad/s
+    u += 0.01 * np.std(u, axis=0) * np.random.default_rng([seed, 1]).normal(size=u.shape)
     out = {"t": t}
     for name, axis in machine.axes.items():
         out.update({f"{name}.{s}": x[:, axis.index] for s, x in (("q", q), ("v", v), ("u", u))})

@@ -125,6 +125,13 @@ SI_FACTOR: dict[str, float] = {
     "kHz": 1e3,
 }
 
+ELECTRICAL = {
+    **dict.fromkeys(("A", "Arms", "Apk", "mA", "kA"), "A"),
+    **dict.fromkeys(("V", "mV"), "V"),
+    **dict.fromkeys(("%", "‰", "permille", "0.1%"), "parts of the rated effort"),
+}
+"""Unit of an effort before its `factor` turns it into N or N·m -> what it is in here without one."""
+
 COUNTS = ("inc", "Inc", "Ink", "incr", "count", "counts", "cts", "puls", "pulse", "pulses")
 """Encoder counts have no size of their own: a column's `factor` must say how large one is."""
 

@@ -48,10 +48,14 @@ def test_03_identify_and_predict() -> None:
 
 @pytest.mark.parametrize(("name", "joints"), [("04_ur10_from_a_ros_bag", 6), ("05_panda", 7)])
 def test_04_05_robots_from_bags(name: str, joints: int) -> None:
+    """From a bag by new, check, identify, diagnose and export: the joint that rubs three times as much."""
     if not {"ur10", "panda"} <= set(robots()):
         pytest.skip("example-robot-data is not installed")
-    errors = run(name, seconds=20.0)
+    errors, found = run(name, seconds=12.0)
     assert len(errors) == joints
+    worn = found.effects[0]
+    assert (worn.effect, worn.axis) == ("coulomb", list(errors)[joints // 2])
+    assert worn.size[0].after / worn.size[0].before == pytest.approx(3.0, rel=0.1)
     assert max(errors.values()) < 0.12
     assert min(errors.values()) < 0.02
 

@@ -39,10 +39,24 @@ def exports(tmp_path_factory: pytest.TempPathFactory, servo: dict[str, np.ndarra
         out[kind].write_bytes(make({k: x for k, x in servo.items() if not k.endswith(".v")}, {"A"}))
     for storage in ("mcap", "sqlite3"):
         out[f"ros2_{storage}"] = write_bag(folder / storage, servo, storage=storage, command=True)
+    out["ros1"] = write_bag(folder / "run.bag", servo, storage="ros1", command=True)
     return out
 
 
-KINDS = [*FORMATS, "ros2_mcap", "ros2_sqlite3"]
+KINDS = [*FORMATS, "ros2_mcap", "ros2_sqlite3", "ros1"]
+
+
+MASSLESS = """<robot name="tool"><link name="base"/><link name="arm"><inertial><mass value="2"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link><link name="flange"/>
+<joint name="j1" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
+<joint name="j2" type="continuous"><parent link="arm"/><child link="flange"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+def test_a_flange_without_mass_is_a_machine_all_the_same(tmp_path: Path) -> None:
+    (tmp_path / "tool.urdf").write_text(MASSLESS)
+    start = new(tmp_path / "tool.urdf", out=tmp_path / "m")
+    assert "j2 moves no mass in the URDF: rotor_inertia 0.01 kg·m² (assumed)" in start.said
+    assert [start.machine.axis(name).rotor_inertia for name in ("j1", "j2")] == [0.0, 0.01]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -58,10 +72,14 @@ def test_two_commands_from_a_raw_file_to_a_check(
     assert main(["new", "0-YA", str(exports[kind]), "--out", str(out), *rate]) == 0
     assert "open: t:" not in capsys.readouterr().out
     assert main(["check", str(out), str(exports[kind]), "--json", str(tmp_path / "check.json")]) == 0
-    assert json.loads((tmp_path / "check.json").read_text())["ok"]
+    checked = json.loads((tmp_path / "check.json").read_text())
+    assert checked["ok"]
     machine = pt.Machine.load(out)
     log = bind(pt.read(exports[kind]), machine.columns)
-    electric = kind not in ("lerobot", "json_rows", "json_columns", "json_lines", "ros2_mcap", "ros2_sqlite3")
+    electric = kind not in ("lerobot", "json_rows", "json_columns", "json_lines") and "ros" not in kind
+    stated = electric and kind != "halsampler"  # which states no unit of anything
+    amperes = [f["channel"] for f in checked["findings"] if f["code"] == "effort_unit"]
+    assert amperes == (["Y.u, A.u"] if stated else [])
     for axis in "YA":
         unit = CURRENT[axis] if electric else 1.0  # the torque constant is nowhere in the file
         np.testing.assert_allclose(log[f"{axis}.u"] / unit, servo[f"{axis}.u"], rtol=1e-5, atol=1e-5)

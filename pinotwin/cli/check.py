@@ -82,13 +82,15 @@ def _lead(lead: float | None) -> str:
 
 
 def _base_lines(result: Check) -> list[str]:
+    """Return the base parameters of a machine alone, or those that a log does not tell."""
     base, known = result.machine.base, result.determined
-    wide = _width(base.labels, 12)
-    lines = ["base parameters" + (" (x = this log does not excite it)" if known else "")]
-    for label, name, unit in zip(base.labels, base.names, base.units, strict=True):
-        mark = "x" if known.get(label) is False else " "
-        lines.append(f" {mark}{label:<{wide}}{name} [{unit}]")
-    return lines
+    asked = [row for row in zip(base.labels, base.names, base.units, strict=True) if not known.get(row[0])]
+    if not asked:
+        return []
+    wide = _width((label for label, _, _ in asked), 12)
+    title = f"{len(asked)} of {len(known)} base parameters that this log does not excite" if known else ""
+    lines = [title or "base parameters"]
+    return lines + [f"  {label:<{wide}}{name} [{unit}]" for label, name, unit in asked]
 
 
 def _width(words: Iterable[str], least: int) -> int:

@@ -17,7 +17,7 @@ from pinotwin.log import Log
 from pinotwin.logs.channels import finite
 from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.logs.plausible import effort_findings
+from pinotwin.logs.plausible import effort_findings, unit_findings
 from pinotwin.logs.prepare import prepare, without
 from pinotwin.logs.quality import Finding, Limits, Quality, inspect
 from pinotwin.machine import Machine
@@ -111,7 +111,7 @@ def check(machine: MachineLike, log: LogLike | None = None) -> Check:
         except InputError as error:
             findings.append(Finding("error", "", str(error), "unusable"))
         else:
-            findings += effort_findings(machine, motion, bind(log, machine.columns))
+            findings += _effort_findings(machine, motion, log)
             findings += _excitation_findings(machine, excited)
             known = set(excited.determined)
             determined = {label: label in known for label in machine.base.labels}
@@ -130,8 +130,13 @@ def doubts(machine: Machine, log: Log) -> tuple[Finding, ...]:
         except InputError as error:
             findings.append(Finding("error", "", str(error), "unusable"))
         else:
-            findings += effort_findings(machine, motion, bind(log, machine.columns))
+            findings += _effort_findings(machine, motion, log)
     return tuple(f for f in findings if f.severity != "info")
+
+
+def _effort_findings(machine: Machine, motion: Motion, log: Log) -> list[Finding]:
+    bound = bind(log, machine.columns)
+    return [*effort_findings(machine, motion, bound), *unit_findings(bound)]
 
 
 def inspect_log(machine: Machine, log: Log) -> Quality:

@@ -23,6 +23,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation
 from pinotwin.threads import one_blas_thread
+from pinotwin.units import ELECTRICAL, si_factor
 
 REACH = 0.06  # longest lag that is looked for [s]
 LATE = 0.012  # lag that no drive and no bus has [s]
@@ -99,6 +100,29 @@ def effort_findings(machine: Machine, motion: Motion, log: Log) -> list[Finding]
         if axis.name not in reverse:
             out += _scaled(axis, fits[axis.name])
     return out
+
+
+def unit_findings(log: Log) -> list[Finding]:
+    """Say which efforts are still a drive's current or share: N and N·m are printed for them all the same.
+
+    Args:
+        log: bound (SI), with the unit of each channel and what it was scaled by.
+    """
+    of: dict[str, list[str]] = {}
+    for name, unit in log.units.items():
+        electrical = name.endswith(".u") and unit in ELECTRICAL
+        if electrical and abs(log.scale.get(name, (0.0, 0.0))[0]) == si_factor(unit):
+            of.setdefault(ELECTRICAL[unit], []).append(name)
+    return [
+        Finding(
+            "warning",
+            ", ".join(names),
+            f"in {unit}, as columns gives no factor: where N or N·m is printed, it is {unit}; what couples axes, "
+            "as gravity and payload, needs the factor (torque constant x gear)",
+            "effort_unit",
+        )
+        for unit, names in of.items()
+    ]
 
 
 def _names(finding: Finding) -> list[str]:

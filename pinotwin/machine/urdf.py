@@ -85,22 +85,25 @@ class _quiet:
         os.close(self._saved)
 
 
+def idle_joints(model: pin.Model) -> list[str]:
+    """Return the joints whose branch has neither inertia nor rotor inertia: they move nothing."""
+    data = model.createData()
+    q = np.clip(np.full(model.nq, 0.3), model.lowerPositionLimit, model.upperPositionLimit)
+    diagonal = np.diag(pin.crba(model, data, q))
+    return [str(model.names[j]) for j in range(1, model.njoints) if diagonal[model.idx_vs[j]] <= 1e-12]
+
+
 def check_inertia(model: pin.Model, where: str) -> None:
     """Refuse a model in which some joint moves nothing.
 
     Raises:
-        MachineError: naming the joint whose branch has neither inertia nor rotor inertia.
+        MachineError: naming the first such joint.
     """
-    data = model.createData()
-    q = np.clip(np.full(model.nq, 0.3), model.lowerPositionLimit, model.upperPositionLimit)
-    mass = pin.crba(model, data, q)
-    diagonal = np.diag(mass)
-    for joint in range(1, model.njoints):
-        if diagonal[model.idx_vs[joint]] <= 1e-12:
-            raise MachineError(
-                f"{where}: joint {model.names[joint]!r} moves no inertia (massless link); give its "
-                "link an <inertial> or the axis a rotor_inertia, or leave it out of the axes"
-            )
+    for joint in idle_joints(model)[:1]:
+        raise MachineError(
+            f"{where}: joint {joint!r} moves no inertia (massless link); give its "
+            "link an <inertial> or the axis a rotor_inertia, or leave it out of the axes"
+        )
 
 
 def impossible_bodies(model: pin.Model) -> dict[str, str]:

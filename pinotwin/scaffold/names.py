@@ -35,8 +35,8 @@ _WORDS = {
         "error": "err error lag schlepp schleppfehler deviation abweichung diff follow following",
         "command": "cmd command commanded set setpoint setpos setvalue soll sollwert lagesollwert target desired "
         "ref reference nominal posc action demand goal qr tcmd",
-        "effort": "current torque effort force iq strom moment drehmoment kraft trq amp amps tau torq motorcurrent "
-        "tcmd i load acttorque utilization",
+        "effort": "current curr cur torque effort force iq strom moment drehmoment kraft trq amp amps tau torq "
+        "motorcurrent tcmd i load acttorque utilization",
         "velocity": "vel velo velocity speed geschw geschwindigkeit drehzahl rpm qd dq",
         "acceleration": "acc accel acceleration beschleunigung jerk ruck",
         "position": "pos position actpos ist istwert lageistwert act actual posf feedback fb enc encoder meas "

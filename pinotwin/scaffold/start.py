@@ -16,7 +16,7 @@ from pinotwin.log import Log
 from pinotwin.logs.columns import bind, parse_columns
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines, robots
-from pinotwin.machine.urdf import resolve_meshes
+from pinotwin.machine.urdf import idle_joints, load_model, resolve_meshes
 from pinotwin.machine.urdf_check import mimics, moving_joints, read_tree
 from pinotwin.scaffold.chain import (
     LIFT,
@@ -31,6 +31,9 @@ from pinotwin.scaffold.chain import (
 )
 from pinotwin.scaffold.guess import Guesses, guess_columns
 from pinotwin.writing import whole_folder
+
+ROTOR = {True: 0.01, False: 1.0}
+"""Whether an axis turns -> inertia of its rotor [kg·m² or kg] where its URDF has no mass on it."""
 
 
 @dataclass(frozen=True)
@@ -137,11 +140,20 @@ def _from_urdf(
             axes = {name: value for name, value in axes.items() if name not in idle}
             dropped = tuple(q for q in guesses.open if q.partition(".")[0] not in idle)
             guesses = replace(guesses, open=dropped)
+    idle = idle_joints(load_model(path, list(axes)))
+    rotors = {joint: ROTOR[axes[joint][1]] for joint in idle}
+    said += [
+        f"{joint} moves no mass in the URDF: {_rotor(rotor)} (assumed)" for joint, rotor in rotors.items()
+    ]
     resolve_meshes(root, path)
     name = path.stem
     (folder / f"{name}.urdf").write_bytes(etree.tostring(root, xml_declaration=True, encoding="utf-8"))
-    _write_yaml(folder, name, axes, guesses, meshes)
+    _write_yaml(folder, name, axes, guesses, meshes, rotors)
     return guesses, said
+
+
+def _rotor(size: float) -> str:
+    return f"rotor_inertia {size:g} {'kg' if size == ROTOR[False] else 'kg·m²'}"
 
 
 def _from_axes(
@@ -152,7 +164,7 @@ def _from_axes(
     travel = {} if log is None or guesses is None else _travel(log, guesses, axes)
     sizes = replace(sizes, travel={**travel, **sizes.travel})
     (folder / f"{name}.urdf").write_bytes(write_urdf(name, chain, sizes))
-    _write_yaml(folder, name, chain.axes, guesses, None)
+    _write_yaml(folder, name, chain.axes, guesses)
     return guesses, _assumed(chain, sizes, set(travel))
 
 
@@ -199,8 +211,14 @@ def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
 
 
 def _write_yaml(
-    folder: Path, name: str, axes: Iterable[str], guesses: Guesses | None, meshes: str | Path | None
+    folder: Path,
+    name: str,
+    axes: Iterable[str],
+    guesses: Guesses | None,
+    meshes: str | Path | None = None,
+    rotors: Mapping[str, float] | None = None,
 ) -> None:
+    own = {axis: f", rotor_inertia: {size:g}" for axis, size in (rotors or {}).items()}
     lines = [
         "# Written by `pinotwin new`. Every guess says why: correct what is wrong, then `pinotwin check`.",
         f"name: {name}",
@@ -208,7 +226,7 @@ def _write_yaml(
     ]
     lines += [f"meshes: {Path(meshes).resolve()}"] if meshes else []
     lines += ["axes:  # what acts beside the rigid body; more effects: stribeck, ripple, position_table..."]
-    lines += [f"  {axis}: {{joint: {axis}, effects: [viscous, coulomb]}}" for axis in axes]
+    lines += [f"  {axis}: {{joint: {axis}, effects: [viscous, coulomb]{own.get(axis, '')}}}" for axis in axes]
     text = "\n".join(lines) + "\n"
     if guesses is not None and guesses.found:
         text += _columns(guesses)
