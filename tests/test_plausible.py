@@ -29,6 +29,9 @@ CAUSES = {
     "command_disagrees",
     "clock_unit",
     "position_unit",
+    "position_scale",
+    "position_exchanged",
+    "position_sign",
 }
 
 
@@ -73,6 +76,12 @@ SPOILED: list[tuple[str, Callable[[Channels], None], tuple[str, str]]] = [
     ("sign of position and command", times(-1, "A.q", "A.qr"), ("A", "effort_sign")),
     ("efforts of Y and A exchanged", exchanged("Y.u", "A.u"), ("Y, A", "effort_exchanged")),
     ("efforts of A and C exchanged", exchanged("A.u", "C.u"), ("A, C", "effort_exchanged")),
+    (
+        "positions of A and C exchanged",
+        lambda c: [exchanged(f"A.{x}", f"C.{x}")(c) for x in ("q", "qr")],
+        ("A, C", "position_exchanged"),
+    ),
+    ("a position of another size", times(1.1, "Y.q"), ("Y", "position_scale")),
     ("20 ms late", shifted("Y.u", 10), ("Y", "effort_late")),
     ("20 ms early", shifted("A.u", -10), ("A", "effort_early")),
     ("noise", noise("C.u"), ("C", "effort_noise")),
@@ -99,13 +108,14 @@ def test_the_cause_is_named(spoil: Callable[[Channels], None], cause: tuple[str,
         assert len(finding.message) < 500
 
 
-def test_a_sentinel_in_an_effort_is_named() -> None:
+@pytest.mark.parametrize(("channel", "code"), [("A.u", "sentinel"), ("A.q", "spikes")])
+def test_a_sentinel_is_named_and_nothing_that_follows_from_it(channel: str, code: str) -> None:
     channels = recorded()
-    channels["A.u"][np.random.default_rng(2).choice(len(channels["t"]), 72)] = -9999.0
-    found = pt.check(pt.Machine.load("trunnion"), pt.Log(channels)).findings
-    said = [f.message for f in found if (f.axis, f.code) == ("A", "sentinel")]
-    assert len(said) == 1
-    assert "-9999 (as in the file) in 72 rows" in said[0] or "in 71 rows" in said[0]
+    channels[channel][np.random.default_rng(2).choice(len(channels["t"]), 72, replace=False)] = -9999.0
+    found = [f for f in pt.check(pt.Machine.load("trunnion"), pt.Log(channels)).findings if f.axis == "A"]
+    assert [f.code for f in found if f.severity == "warning"] == [code]
+    assert "-9999 (as in the file)" in found[0].message
+    assert "72 " in found[0].message
 
 
 def test_a_clock_in_another_unit_is_refused_before_any_work() -> None:

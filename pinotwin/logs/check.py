@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,25 @@ from pinotwin.machine.urdf import impossible_bodies
 from pinotwin.machine.urdf_check import mimics, read_tree
 from pinotwin.motion import Motion
 
+_POSITION = (
+    "axis_still",
+    "position_limit",
+    "position_unit",
+    "speed_limit",
+    "command_disagrees",
+    "effort_scale",
+)
+_CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
+    "sentinel": (*_POSITION, "effort_limit", "effort_noise", "effort_lead", "few_digits"),
+    "spikes": _POSITION,
+    "position_unit": ("position_limit", "speed_limit", "effort_scale"),
+    "position_exchanged": ("position_limit", "speed_limit"),
+    "effort_exchanged": ("effort_limit", "effort_lead"),
+    "effort_scale": ("effort_limit",),
+    "effort_late": ("effort_lead",),
+    "effort_early": ("effort_lead",),
+}
+"""Code of a cause -> codes that follow from it on the same axis: the cause alone is worth a line."""
 _ROWS = 20_000  # rows that tell what a log excites: more of the same motion tell nothing new
 
 
@@ -115,9 +134,21 @@ def check(machine: MachineLike, log: LogLike | None = None) -> Check:
             findings += _excitation_findings(machine, excited)
             known = set(excited.determined)
             determined = {label: label in known for label in machine.base.labels}
+    findings = _causes(findings)
     order = {"error": 0, "warning": 1, "info": 2}
     findings.sort(key=lambda f: order[f.severity])
     return Check(machine, tuple(findings), quality, excited, determined)
+
+
+def _causes(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings without those that only follow from another one."""
+    told = {
+        (axis, code)
+        for f in findings
+        for axis in f.axis.split(", ")
+        for code in _CONSEQUENCES.get(f.code, ())
+    }
+    return [f for f in findings if not all((axis, f.code) in told for axis in f.axis.split(", "))]
 
 
 def doubts(machine: Machine, log: Log) -> tuple[Finding, ...]:

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.parameters import parameters
 from pinotwin.log import Log
+from pinotwin.logs.exchanged import exchanged
+from pinotwin.logs.explained import BLOCKS, REACH, Explained, basis_of, course, explained, left_of
 from pinotwin.logs.quality import Finding
 from pinotwin.logs.quality.sampling import SLOW
 from pinotwin.machine import Machine
@@ -25,14 +26,12 @@ from pinotwin.signals import autocorrelation
 from pinotwin.threads import one_blas_thread
 from pinotwin.units import ELECTRICAL, si_factor
 
-REACH = 0.06  # longest lag that is looked for [s]
 LATE = 0.012  # lag that no drive and no bus has [s]
-_ROWS = 4000
-_BLOCKS = 8
-_SURE = 3.0  # standard errors by which a sign must differ from zero
+_ROUNDS = 20  # of guessing the signs of a magnitude
+_SURE = 3.0  # standard errors by which a sign must differ from zero, a lag from what a drive has
+_GAIN = 0.2  # share of what is left of an effort that its best lag must take away
 _EXPLAINED = 0.5  # share of an effort's power that must be explained before its sign or size means anything
 _PLAIN = 0.005  # share of an effort's power below which a better fit is not worth a word
-_CLOSER = 0.2  # what is left of two efforts, relative to what it is now, once they are exchanged
 _POOR = 0.3  # share of an effort's power left: the motion does not explain it
 _RUBS = 0.8  # share of friction from which it is nearly all of an effort
 _NEARLY_ALL = 0.85  # the same where the URDF's own masses decide
@@ -40,28 +39,11 @@ _FACTOR = 6.0  # masses of a URDF are nominal, but not off by more than this
 
 
 @dataclass(frozen=True)
-class _Axis:
-    """One axis: its effort, its rows, and there what may cause it; the last three columns are friction and 1."""
-
-    name: str
-    rotary: bool
-    u: Floats
-    rows: Ints
-    v: Floats
-    a: Floats
-    rigid: Floats
-    columns: Floats
-
-    @property
-    def friction(self) -> slice:
-        return slice(self.columns.shape[1] - 3, self.columns.shape[1] - 1)
-
-
-@dataclass(frozen=True)
 class _Fit:
-    """An effort at its best lag: samples it is late by, shares of its power that are left, at 0 and there."""
+    """An effort at its best lag: samples it is late by, their error, shares of its power left at 0 and there."""
 
     late: int
+    error: float
     left_now: float
     left: float
 
@@ -78,7 +60,10 @@ def effort_findings(machine: Machine, motion: Motion, log: Log) -> list[Finding]
     if motion.step > 1.0 / SLOW:
         return []  # accelerations, and when a motion turns, fall between the samples
     reach = int(np.ceil(REACH / motion.step))
-    axes = list(_axes(machine, motion, reach))
+    at = course(motion, reach)
+    if at is None:
+        return []
+    axes = list(explained(machine, motion.u, at))
     out = []
     fits: dict[str, _Fit] = {}
     for axis in axes:
@@ -89,9 +74,9 @@ def effort_findings(machine: Machine, motion: Motion, log: Log) -> list[Finding]
         else:
             out.append(found)
     clear = [axis for axis in axes if axis.name in fits]
-    exchanged = list(_exchanged(clear, fits))
-    out += exchanged
-    named = {name for finding in exchanged for name in _names(finding)}
+    swapped = list(exchanged(machine, motion.u, at, clear))
+    out += swapped
+    named = {name for finding in swapped for name in _names(finding)}
     rest = [axis for axis in clear if axis.name not in named]
     out += _late(rest, fits, motion.step)
     out += _reversed(rest, fits)
@@ -129,56 +114,30 @@ def _names(finding: Finding) -> list[str]:
     return [channel.rpartition(".")[0] for channel in finding.channel.split(", ")]
 
 
-def _axes(machine: Machine, motion: Motion, reach: int) -> Iterator[_Axis]:
-    """Yield the axes that move both ways and whose effort changes."""
-    inside = np.concatenate([np.arange(s.start + reach, s.stop - reach) for s in motion.segments])
-    inside = inside[:: max(1, len(inside) // _ROWS)]
-    if len(inside) < 20 * _BLOCKS:
-        return
-    whole = machine.base.regressor(machine.model, motion.q[inside], motion.v[inside], motion.a[inside])
-    beta = machine.base.from_standard(parameters(machine.model))
-    for name, axis in machine.axes.items():
-        j = axis.index
-        u = motion.u[:, j]
-        usable = motion.use[inside, j]
-        rows = inside[usable]
-        if len(rows) < 20 * _BLOCKS or not np.isfinite(u).all() or not np.ptp(u[rows]) > 0:
-            continue
-        w, q, v, a = whole[usable, j], motion.q[rows, j], motion.v[rows, j], motion.a[rows, j]
-        if min(np.mean(v > 0), np.mean(v < 0)) < 0.02:
-            continue  # one direction only: friction is a constant there
-        own = [a, np.sin(q), np.cos(q)] if axis.rotary else [a]
-        columns = [w[:, np.abs(w).max(axis=0) > 0], *own, v, np.sign(v), np.ones(len(rows))]
-        yield _Axis(name, axis.rotary, u, rows, v, a, w @ beta, np.column_stack(columns))
-
-
-def _basis(columns: Floats) -> Floats:
-    """Return an orthonormal basis of columns, without what rounding makes of dependent ones."""
-    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    basis, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
-    return np.asarray(basis[:, sizes > 1e-6 * sizes[0]])
-
-
-def _left(basis: Floats, u: Floats) -> float:
-    """Return the share of the power of ``u`` (about its mean) that a basis leaves."""
-    power = float(np.sum((u - u.mean()) ** 2))
-    rest = u - basis @ (basis.T @ u)
-    return float(rest @ rest) / power if power > 0 else 1.0
-
-
-def _at_best(axis: _Axis, basis: Floats, reach: int) -> _Fit:
+def _at_best(axis: Explained, basis: Floats, reach: int) -> _Fit:
     shifts = np.unique(np.linspace(-reach, reach, min(2 * reach + 1, 61)).round().astype(int))
-    left = np.array([_left(basis, axis.u[axis.rows + k]) for k in shifts])
+    left = np.array([left_of(axis.u[axis.rows + k], basis) for k in shifts])
     best = int(np.argmin(left))
     now = float(left[np.argmin(np.abs(shifts))])
     if best in (0, len(shifts) - 1):  # no minimum, only a slope: it says nothing about an instant
-        return _Fit(0, now, now)
-    return _Fit(int(shifts[best]), now, float(left[best]))
+        return _Fit(0, np.inf, now, now)
+    return _Fit(int(shifts[best]), _spread(axis, basis, shifts), now, float(left[best]))
 
 
-def _alone(axis: _Axis, raw: Floats, step: float, reach: int) -> tuple[Finding | None, _Fit]:
+def _spread(axis: Explained, basis: Floats, shifts: Ints) -> float:
+    """Return the standard error of the best lag, by the jackknife over blocks of the log [samples]."""
+    starts = np.linspace(0, len(axis.rows), BLOCKS + 1).astype(int)[:-1]
+    power = np.empty((len(shifts), BLOCKS))
+    for i, k in enumerate(shifts):
+        y = axis.u[axis.rows + k]
+        power[i] = np.add.reduceat((y - basis @ (basis.T @ y)) ** 2, starts)
+    best = shifts[np.argmin(power.sum(axis=1)[:, None] - power, axis=0)]
+    return float(np.sqrt((BLOCKS - 1) * np.var(best)))
+
+
+def _alone(axis: Explained, raw: Floats, step: float, reach: int) -> tuple[Finding | None, _Fit]:
     """Return what is wrong with an effort whatever the others are, and its fit."""
-    basis = _basis(axis.columns)
+    basis = basis_of(axis.columns)
     fit = _at_best(axis, basis, reach)
     channel = f"{axis.name}.u"
     good = raw[np.isfinite(raw)]
@@ -186,53 +145,49 @@ def _alone(axis: _Axis, raw: Floats, step: float, reach: int) -> tuple[Finding |
     if fit.left > 0.9 and memory.max() < 0.2:
         text = "is noise: it has no memory and nothing of the motion in it; log the motor's effort"
         return Finding("warning", channel, text, "effort_noise"), fit
-    if _is_unsigned(axis, basis, good, fit):
+    if _is_unsigned(axis, basis, good):
         text = (
-            "never changes its sign, but fits the motion with the sign of the velocity: a magnitude was "
-            "logged; log the signed effort"
+            "never changes its sign, but fits the motion with a sign that changes where it touches zero: a "
+            "magnitude was logged; log the signed effort"
         )
         return Finding("warning", channel, text, "effort_unsigned"), fit
     return None, fit
 
 
-def _is_unsigned(axis: _Axis, basis: Floats, raw: Floats, fit: _Fit) -> bool:
-    """Whether an effort that only touches zero fits far better with a sign that changes where it does."""
+def _is_unsigned(axis: Explained, basis: Floats, raw: Floats) -> bool:
+    """Whether an effort that only touches zero fits far better with a sign that changes there."""
     low, high = np.percentile(raw, 0.5), np.percentile(raw, 99.5)
     if high <= 0 or low < -0.02 * high or low > 0.1 * high:  # a load that hangs never comes near zero
         return False
-    u = axis.u[axis.rows + fit.late]
-    rubs = fit.left > _POOR and _left(basis, u * np.sign(axis.v)) < 0.5 * fit.left
-    sign = np.sign(axis.rigid)
-    turns = np.flatnonzero(np.diff(sign))
-    touches = len(turns) > 3 and np.mean(np.minimum(u[turns], u[turns + 1])) < 0.2 * np.mean(u)
-    return bool(rubs or (touches and _left(basis, u * sign) < 0.5 * fit.left))
+    size = axis.u[axis.rows]
+    rubs = 0.5 * np.mean(size) * np.sign(axis.v)
+    guesses = (np.sign(axis.v), np.sign(axis.rigid), np.sign(axis.rigid + rubs))
+    signed = min((_signed(size, basis, guess) for guess in guesses), key=lambda y: _rest(y, basis))
+    return _rest(signed, basis) < 0.5 * _rest(size, basis) and left_of(signed, basis) < _POOR
 
 
-def _exchanged(axes: Sequence[_Axis], fits: dict[str, _Fit]) -> Iterator[Finding]:
-    """Name pairs of axes whose efforts each fit the other's motion better."""
-    left = {(a.name, b.name): _left(_basis(b.columns), a.u[b.rows]) for a in axes for b in axes if a is not b}
-    done: set[str] = set()
-    for a, b in sorted(combinations([x.name for x in axes], 2), key=lambda p: left[p] + left[p[::-1]]):
-        own, other = (fits[a].left, fits[b].left), (left[a, b], left[b, a])
-        closer = [o - x > _PLAIN and x < 0.6 * o for o, x in zip(own, other, strict=True)]
-        if all(closer) and other[0] * other[1] < _CLOSER * own[0] * own[1] and not {a, b} & done:
-            done |= {a, b}
-            yield Finding(
-                "warning",
-                f"{a}.u, {b}.u",
-                f"the effort of {a} fits the motion of {b} and the other way round: exchange their columns "
-                "in machine.yaml (or those of their positions)",
-                "effort_exchanged",
-            )
+def _signed(size: Floats, basis: Floats, sign: Floats) -> Floats:
+    """Return a magnitude with the sign of what explains it: guessed, fitted, taken from the fit, fitted again."""
+    for _ in range(_ROUNDS):
+        fitted = np.sign(basis @ (basis.T @ (size * sign)))
+        if np.array_equal(fitted, sign):
+            break
+        sign = fitted
+    return size * sign
 
 
-def _late(axes: Sequence[_Axis], fits: dict[str, _Fit], step: float) -> Iterator[Finding]:
+def _rest(y: Floats, basis: Floats) -> float:
+    return float(y @ y - np.sum((basis.T @ y) ** 2))
+
+
+def _late(axes: Sequence[Explained], fits: dict[str, _Fit], step: float) -> Iterator[Finding]:
     for axis in axes:
         fit = fits[axis.name]
-        seconds = fit.late * step
+        seconds, error = fit.late * step, fit.error * step
         gain = fit.left_now - fit.left
-        told = gain > max(0.4 * fit.left_now, _PLAIN) and fit.left < 1.0 - _EXPLAINED
-        if LATE < abs(seconds) < 0.9 * REACH and told and _friction(axis, fit) < _RUBS:
+        told = gain > max(_GAIN * fit.left_now, _PLAIN) and fit.left < 1.0 - _EXPLAINED
+        beyond = LATE + _SURE * error < abs(seconds) < 0.9 * REACH
+        if beyond and told and _friction(axis, fit) < _RUBS:
             how = "late" if seconds > 0 else "early"
             yield Finding(
                 "warning",
@@ -243,7 +198,7 @@ def _late(axes: Sequence[_Axis], fits: dict[str, _Fit], step: float) -> Iterator
             )
 
 
-def _friction(axis: _Axis, fit: _Fit) -> float:
+def _friction(axis: Explained, fit: _Fit) -> float:
     """Return the share of friction in an effort. Presliding friction is late for the motion by itself."""
     y = axis.u[axis.rows + fit.late]
     theta = np.linalg.lstsq(axis.columns, y, rcond=1e-9)[0]
@@ -255,17 +210,17 @@ def _jackknife(columns: Floats, y: Floats, measure: Floats) -> tuple[float, floa
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     scaled = columns / size
     whole = np.linalg.lstsq(scaled, y, rcond=1e-6)[0] / size
-    bounds = np.linspace(0, len(y), _BLOCKS + 1).astype(int)
+    bounds = np.linspace(0, len(y), BLOCKS + 1).astype(int)
     values = []
     for low, high in pairwise(bounds):
         keep = np.r_[0:low, high : len(y)]
         values.append(measure @ (np.linalg.lstsq(scaled[keep], y[keep], rcond=1e-6)[0] / size))
     spread = np.array(values)
-    error = float(np.sqrt((_BLOCKS - 1) * np.mean((spread - spread.mean()) ** 2)))
+    error = float(np.sqrt((BLOCKS - 1) * np.mean((spread - spread.mean()) ** 2)))
     return float(measure @ whole), error, whole
 
 
-def _reversed(axes: Sequence[_Axis], fits: dict[str, _Fit]) -> Iterator[Finding]:
+def _reversed(axes: Sequence[Explained], fits: dict[str, _Fit]) -> Iterator[Finding]:
     """Name the axes whose friction would drive them: its power is taken out of a motion, always."""
     wrong = [axis.name for axis in axes if _is_reversed(axis, fits[axis.name])]
     if not wrong:
@@ -280,7 +235,7 @@ def _reversed(axes: Sequence[_Axis], fits: dict[str, _Fit]) -> Iterator[Finding]
     )
 
 
-def _is_reversed(axis: _Axis, fit: _Fit) -> bool:
+def _is_reversed(axis: Explained, fit: _Fit) -> bool:
     if fit.left > 1.0 - _EXPLAINED:
         return False
     y = axis.u[axis.rows + fit.late]
@@ -297,7 +252,7 @@ def _is_reversed(axis: _Axis, fit: _Fit) -> bool:
     return bool((pushes and not along) or (against and not brakes))
 
 
-def _scale(axis: _Axis, y: Floats, rotor: bool = False) -> tuple[float, float, float]:
+def _scale(axis: Explained, y: Floats, rotor: bool = False) -> tuple[float, float, float]:
     """Return effort over that of the URDF, its standard error, and its share of what friction leaves.
 
     With ``rotor`` the axis' own acceleration is explained apart: a geared motor adds inertia that is in no URDF.
@@ -305,14 +260,14 @@ def _scale(axis: _Axis, y: Floats, rotor: bool = False) -> tuple[float, float, f
     if not np.ptp(axis.rigid) > 0:
         return 1.0, np.inf, 0.0
     columns = np.column_stack([axis.rigid, axis.columns[:, -3:], *([axis.a] if rotor else [])])
-    own = _basis(columns[:, 1:])
+    own = basis_of(columns[:, 1:])
     without = y - own @ (own.T @ y)
     scale, error, theta = _jackknife(columns, y, np.eye(columns.shape[1])[0])
     rest = y - columns @ theta
     return scale, error, 1.0 - float(rest @ rest) / max(float(without @ without), 1e-300)
 
 
-def _scaled(axis: _Axis, fit: _Fit) -> Iterator[Finding]:
+def _scaled(axis: Explained, fit: _Fit) -> Iterator[Finding]:
     y = axis.u[axis.rows + fit.late]
     scale, error, share = _scale(axis, y)
     if axis.rotary and abs(scale) > 1:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Mask
+from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import nearest
 from pinotwin.log import Log
 from pinotwin.logs.quality.lead import Causes, effort_lead
@@ -31,6 +31,11 @@ _WIDER = 3.0  # corner for leads over that of the motion
 _GAIN = 0.05  # fall of the residual's power below which a lead is not worth telling
 _SAME = 0.99  # share of equal numbers that no two measurements have while they change
 _LEVELS = 100  # distinct values below which numbers may well be equal
+_RESCALED = 0.02  # by which the size of a position differs from its command's, whatever the controller
+_SURE = 5.0  # standard errors by which that is known
+_STANDS = 1e-3  # of its top speed, below which a command stands
+_STAY = 20  # rows that it stands at least: its position has come to rest in the second half
+_PLACES = 4  # at which it must have rested
 _FAR = {False: 50.0, True: 500.0}  # m, rad
 FOLLOWS = 0.5
 """[of the position's variation] Tracking error up to which command and position agree."""
@@ -237,13 +242,7 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
                 f"holds the same numbers as {name}.qr: a command was logged twice; map the measured position",
                 "command_is_position",
             )
-        if both.any() and np.std((q - command)[both]) > FOLLOWS * np.std(q[both]) > 0:
-            yield Finding(
-                "warning",
-                f"{name}.qr",
-                "command and position do not agree: another unit, sign or axis? check columns",
-                "command_disagrees",
-            )
+        yield from _follows(name, q[both], command[both])
     if f"{name}.v" in log and "t" in log:
         good = np.isfinite(q) & np.isfinite(log[f"{name}.v"]) & np.isfinite(log.t)
         rise, t = np.diff(q[good]), np.diff(log.t[good])
@@ -259,6 +258,52 @@ def _agreement(log: Log, name: str) -> Iterator[Finding]:
                 f"the position changes {ratio:.4g} times as fast as this velocity says: check both units",
                 "velocity_disagrees",
             )
+
+
+def _follows(name: str, q: Floats, command: Floats) -> Iterator[Finding]:
+    """Compare the size of position and command."""
+    if not len(q) or not np.ptp(q) > 0.0:
+        return
+    factor, error = _factor_at_rest(q, command)
+    sure = abs(factor - 1.0) > max(_SURE * error, _RESCALED)
+    if np.std(q - command) > FOLLOWS * np.std(q):
+        times = f": at rest the position goes {factor:.4g} times as far" if sure else ""
+        yield Finding(
+            "warning",
+            f"{name}.qr",
+            f"command and position do not agree{times}; another unit, sign or axis? check columns",
+            "command_disagrees",
+        )
+    elif sure:
+        yield Finding(
+            "warning",
+            f"{name}.q",
+            f"goes {factor:.4g} times as far as its command, where it rests: another gear, lead or unit? set factor "
+            "under columns in machine.yaml",
+            "position_scale",
+        )
+
+
+def _factor_at_rest(q: Floats, command: Floats) -> tuple[float, float]:
+    """Return how many times as far as its command a position goes, and the error, from the places where it rests.
+
+    In motion a controller may overshoot by a tenth: only where the command stands does its size show.
+    """
+    speed = np.abs(np.diff(command, prepend=command[:1]))
+    stands = np.flatnonzero(np.diff(np.r_[False, speed <= _STANDS * speed.max(initial=0.0), False]))
+    stays = [(low, high) for low, high in stands.reshape(-1, 2) if high - low >= _STAY]
+    places = np.array([[x[(low + high) // 2 : high].mean() for x in (command, q)] for low, high in stays])
+    if len(places) < _PLACES or not np.ptp(places[:, 0]) > 0.1 * np.ptp(command):
+        return 1.0, np.inf
+    slopes = np.array([_slope(np.delete(places, k, axis=0)) for k in range(len(places))])
+    factor = _slope(places)
+    return factor, float(np.sqrt((len(places) - 1) * np.mean((slopes - factor) ** 2)))
+
+
+def _slope(places: Floats) -> float:
+    x, y = (places - places.mean(axis=0)).T
+    power = float(x @ x)
+    return float(x @ y) / power if power > 0 else 1.0
 
 
 def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
