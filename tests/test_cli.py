@@ -307,4 +307,6 @@ def test_reading_a_long_log_is_shown_on_a_terminal(
     assert capsys.readouterr().err == ""  # a short one is not
     monkeypatch.setattr(inputs, "LARGE", 100)
     inputs.read_logs([str(file)])
-    assert "reading night.csv" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "reading night.csv" in said
+    assert "100 %" in said

@@ -77,8 +77,12 @@ def read_logs(arguments: Sequence[str]) -> list[Log]:
     logs = []
     with progress() if sum(sizes) > LARGE else nullcontext(silent) as report:
         for k, text in enumerate(arguments):
-            report(f"reading {Path(text).name}", sum(sizes[:k]) / max(sum(sizes), 1))
-            logs.append(read_argument(text))
+
+            def seen(share: float, k: int = k, name: str = f"reading {Path(text).name}") -> None:
+                report(name, (sum(sizes[:k]) + share * sizes[k]) / max(sum(sizes), 1))
+
+            seen(0.0)
+            logs.append(read_argument(text, None if report is silent else seen))
     return logs
 
 

@@ -25,6 +25,9 @@ SHORT = 64
 MOST = 400_000_000
 """Most numbers that a file may hold (3.2 GB): five axes at 4 kHz for two hours."""
 
+Seen = Callable[[float], None]
+"""Called with the share of a file that was read, 0 to 1."""
+
 _EPOCH_EXACT = 2.0**53
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.files import isolated
-from pinotwin.logs.files.content import to_log
+from pinotwin.logs.files.content import Seen, to_log
 
 # Format -> module with `load(path: Path, source: str) -> Content`. Imported on use: pyarrow, h5py
 # and scipy.io are slow to import and a CSV user needs only one of them.
@@ -85,23 +86,39 @@ def read(*paths: str | Path, only: str | None = None) -> Log:
     Raises:
         LogError: a file cannot be used; the message names it and the remedy.
     """
+    return _read(paths, only)
+
+
+def _read(paths: Sequence[str | Path], only: str | None = None, seen: Seen | None = None) -> Log:
     if not paths:
         raise LogError("no log file given; name at least one")
-    logs = [_read_one(Path(path), only) for path in paths]
+    logs = []
+    for k, path in enumerate(paths):
+        share = None if seen is None else partial(_share, seen, k, len(paths))
+        logs.append(_read_one(Path(path), only, share))
     return logs[0] if len(logs) == 1 else join(logs, [Path(path).stem for path in paths])
 
 
-def read_argument(text: str) -> Log:
-    """Read what the command line names: one path, or several joined by ``+``."""
+def _share(seen: Seen, k: int, of: int, done: float) -> None:
+    seen((k + done) / of)
+
+
+def read_argument(text: str, seen: Seen | None = None) -> Log:
+    """Read what the command line names: one path, or several joined by ``+``.
+
+    Args:
+        text: as it was given.
+        seen: called with the share of the bytes that were read, 0 to 1; text files only.
+    """
     if Path(text).exists() or "+" not in text:
-        return read(text)
+        return _read([text], seen=seen)
     parts = [part.strip() for part in text.split("+")]
     if not all(parts):
         raise LogError(f"{text}: an empty name beside '+'; write a.csv+b.csv")
-    return read(*parts)
+    return _read(parts, seen=seen)
 
 
-def _read_one(path: Path, only: str | None) -> Log:
+def _read_one(path: Path, only: str | None, seen: Seen | None) -> Log:
     source = str(path)
     if (path / "metadata.yaml").is_file():  # a ROS 2 bag is a folder
         kind, note = "ros", list[str]()
@@ -110,6 +127,8 @@ def _read_one(path: Path, only: str | None) -> Log:
     loader = importlib.import_module(_READERS[kind])
     if kind in _ISOLATED:
         content = isolated.load(loader.load, path, source)
+    elif kind == "csv":
+        content = loader.load(path, source, seen)
     else:
         content = loader.load(path, source)
     content.notes[:0] = note

@@ -6,6 +6,7 @@ numbers is an error that names line, column and cell.
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import LogError
 from pinotwin.logs.files import arrow, cells
 from pinotwin.logs.files.clocks import clock_groups, on_one_clock
-from pinotwin.logs.files.content import Content
+from pinotwin.logs.files.content import Content, Seen
 from pinotwin.logs.files.layout import (
     MISSING,
     Layout,
@@ -82,8 +83,8 @@ class _Body:
         return row + self.layout.skip + 1
 
 
-def load(path: Path, source: str) -> Content:
-    """Return the columns of a text log."""
+def load(path: Path, source: str, seen: Seen | None = None) -> Content:
+    """Return the columns of a text log; ``seen`` is called with the share that was read."""
     text = path.read_bytes()
     if len(text) > _LINE and not {10, 13} & set(text[:_LINE]):
         raise LogError(
@@ -94,7 +95,7 @@ def load(path: Path, source: str) -> Content:
     body = _body(layout, source)
     kinds = _kinds(body)
     notes = [*layout.notes, *body.notes]
-    table = _parse(body, kinds)
+    table = _parse(body, kinds, seen)
     rows = body.text.count(b"\n", body.start, body.end) + 1
     if table is None or table.num_rows < rows:
         body = _without_comments(body)
@@ -239,8 +240,25 @@ def _kinds(body: _Body) -> _Kinds:
     return kinds
 
 
-def _read(body: _Body, types: dict[str, pa.DataType]) -> pa.Table:
-    rows = pa.BufferReader(pa.py_buffer(memoryview(body.text)[body.start : body.end]))
+class _Watched(io.RawIOBase):
+    """Bytes that tell how far they were read."""
+
+    def __init__(self, text: memoryview, seen: Seen) -> None:
+        self._text, self._at, self._seen = text, 0, seen
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        part = self._text[self._at :] if size < 0 else self._text[self._at : self._at + size]
+        self._at += len(part)
+        self._seen(self._at / max(len(self._text), 1))
+        return bytes(part)
+
+
+def _read(body: _Body, types: dict[str, pa.DataType], seen: Seen | None = None) -> pa.Table:
+    text = memoryview(body.text)[body.start : body.end]
+    rows = pa.BufferReader(pa.py_buffer(text)) if seen is None else _Watched(text, seen)
     single = len(body.names) == 1  # there a blank line is a missing value
     return pacsv.read_csv(
         rows,
@@ -256,12 +274,12 @@ def _read(body: _Body, types: dict[str, pa.DataType]) -> pa.Table:
     )
 
 
-def _parse(body: _Body, kinds: _Kinds) -> pa.Table | None:
+def _parse(body: _Body, kinds: _Kinds, seen: Seen | None = None) -> pa.Table | None:
     """Return the table, or None if some cell or row is not what its column promises."""
     types = {name: pa.string() if name in kinds.words else pa.float64() for name in body.names}
     types.update({name: pa.timestamp("ns") for name in kinds.dates})
     try:
-        return _read(body, types)
+        return _read(body, types, seen)
     except pa.ArrowInvalid:
         return None
 

@@ -290,20 +290,21 @@ def _factor_at_rest(q: Floats, command: Floats) -> tuple[float, float]:
     In motion a controller may overshoot by a tenth: only where the command stands does its size show.
     """
     speed = np.abs(np.diff(command, prepend=command[:1]))
-    stands = np.flatnonzero(np.diff(np.r_[False, speed <= _STANDS * speed.max(initial=0.0), False]))
-    stays = [(low, high) for low, high in stands.reshape(-1, 2) if high - low >= _STAY]
-    places = np.array([[x[(low + high) // 2 : high].mean() for x in (command, q)] for low, high in stays])
-    if len(places) < _PLACES or not np.ptp(places[:, 0]) > 0.1 * np.ptp(command):
+    edges = np.flatnonzero(np.diff(np.r_[False, speed <= _STANDS * speed.max(initial=0.0), False]))
+    low, high = (x[edges[1::2] - edges[::2] >= _STAY] for x in (edges[::2], edges[1::2]))
+    if len(low) < _PLACES:
         return 1.0, np.inf
-    slopes = np.array([_slope(np.delete(places, k, axis=0)) for k in range(len(places))])
-    factor = _slope(places)
-    return factor, float(np.sqrt((len(places) - 1) * np.mean((slopes - factor) ** 2)))
-
-
-def _slope(places: Floats) -> float:
-    x, y = (places - places.mean(axis=0)).T
-    power = float(x @ x)
-    return float(x @ y) / power if power > 0 else 1.0
+    low = (low + high) // 2
+    rows = np.column_stack([low, high - 1]).ravel()  # reduceat sums from low to the row before the last
+    x, y = (np.add.reduceat(z, rows)[::2] / (high - 1 - low) for z in (command, q))
+    if not np.ptp(x) > 0.1 * np.ptp(command):
+        return 1.0, np.inf
+    x, y = x - x.mean(), y - y.mean()
+    factor = float(x @ y) / float(x @ x)
+    away = y - factor * x
+    weight = x**2 / float(x @ x) + 1.0 / len(x)  # what leaving one out moves the factor by
+    moved = x * away / (float(x @ x) * (1.0 - np.minimum(weight, 0.999)))
+    return factor, float(np.sqrt((len(x) - 1) / len(x) * np.sum(moved**2)))
 
 
 def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
