@@ -27,8 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "calibrate", help="derive the limits of false alarms from healthy machines and write the rules"
     )
     calibrate.add_argument("--seed", type=int, default=41, help="of the first random machine (41)")
-    calibrate.add_argument("--own", type=int, default=8, help="own random machines (8)")
-    calibrate.add_argument("--foreign", type=int, default=6, help="of another simulator (6)")
+    calibrate.add_argument("--own", type=int, default=12, help="own random machines (12)")
+    calibrate.add_argument("--foreign", type=int, default=8, help="of another simulator (8)")
     calibrate.add_argument("--alpha", type=float, default=0.02, help="false alarms by each rule (0.02)")
     calibrate.add_argument("--workers", type=int, default=2, help="processes (2)")
     calibrate.add_argument("--data", metavar="DIR", help="real recordings (default $PINOTWIN_DATA)")
