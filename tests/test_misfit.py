@@ -125,6 +125,15 @@ def test_a_twin_of_one_short_log_accuses_no_healthy_motion_that_it_hardly_knows(
     assert any("never been" in w for w in found.warnings)
 
 
+def test_an_axis_that_goes_only_where_its_twin_has_never_been_is_not_judged(twin: pt.Twin) -> None:
+    virtual = VirtualMachine.load(pt.machines()["trunnion"])
+    log = virtual.record(random_trajectory(virtual, 4.0, 9), seed=9).to_log()
+    beyond = {k: x + 0.4 for k, x in log.channels.items() if k in ("Y.q", "Y.qr")}  # every knot of its table
+    c = compare(twin, [log.with_channels({**log.channels, **beyond})], [])
+    assert [c.machine.names[j] for j in c.new.joints] == ["A", "C"]
+    assert [d for d in c.gate.doubts if d.startswith("Y: not judged")]
+
+
 def test_correlation_time_of_a_known_process() -> None:
     rng = np.random.default_rng(0)
     phi, n = 0.95, 40_000

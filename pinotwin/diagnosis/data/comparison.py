@@ -149,8 +149,9 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
             twin = _base(subject, logs, [bent_logs[k] for k in kept])
             motions = _motions(twin, [bent_logs[k] for k in kept])
             sealed = _motions(twin, bent_logs[count:])
+    lost = list[str]()
     if change:
-        motions, sealed, strange = _known(twin, motions, sealed, own)
+        motions, sealed, strange, lost = _known(twin, motions, sealed, own)
     new = _sample(twin, _joined(motions), block)
     unseen = _within(_sample(twin, _joined(sealed), block), new) if sealed else None
     asked = gate(twin.machine, [*logs, *validation])
@@ -168,16 +169,22 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     floor = _floor(twin, new, own)
     every = (*motions, *sealed)
     c = Comparison(twin, change, logs, validation, new, own, unseen, floor, asked, every, kept, differ)
-    return _without_lost(c) if change else c
+    return _without_lost(c, lost) if change else c
 
 
-def _without_lost(c: Comparison) -> Comparison:
-    """Return a comparison without the joints whose twin is unsure by more than their effort, if others are left."""
-    judged = [j for j in c.new.joints if c.floor[j] <= c.new.size(j)]
-    lost = [c.machine.names[j] for j in c.new.joints if j not in judged]
-    if not lost or not judged:
+def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
+    """Return a comparison without joints at places that the twin does not know, if others are left.
+
+    Args:
+        c: with every joint.
+        lost: axes that go nowhere else; beside them joints whose twin is unsure by more than their effort.
+    """
+    known = [j for j in c.new.joints if c.machine.names[j] not in lost]
+    judged = [j for j in known if c.floor[j] <= c.new.size(j)]
+    left = [c.machine.names[j] for j in c.new.joints if j not in judged]
+    if not left or not judged:
         return c
-    words = [f"{a}: not judged, its twin has never been there; identify it on the whole travel" for a in lost]
+    words = [f"{a}: not judged, its twin has never been there; identify it on the whole travel" for a in left]
     gate = replace(c.gate, doubts=(*c.gate.doubts, *words))
     return replace(
         c, new=c.new.only(judged), own=_only(c.own, judged), unseen=_only(c.unseen, judged), gate=gate
@@ -234,20 +241,23 @@ WORTH = 0.01
 
 def _known(
     twin: Twin, motions: Sequence[Motion], sealed: Sequence[Motion], own: Sample | None
-) -> tuple[list[Motion], list[Motion], list[str]]:
-    """Return motions without the rows at which the twin does not know its own effects, and what to say of it.
+) -> tuple[list[Motion], list[Motion], list[str], list[str]]:
+    """Return motions without rows at which the twin does not know its effects, what to say, and axes without others.
 
     A table beyond its knots is a guess, and so is what the twin's own logs told with an error beyond its misfit: what
-    they are off by is no change. An axis that is nowhere else keeps its rows.
+    they are off by is no change. An axis that is hardly anywhere else is named: it cannot be judged.
     """
-    words, out = [], [list(motions), list(sealed)]
+    words, lost, out = [], list[str](), [list(motions), list(sealed)]
     floor = {} if own is None else {j: own.level(j) for j in own.joints}
     known = [[_foretold(twin, m, floor) for m in part] for part in out]
     for name, axis in twin.machine.axes.items():
         j = axis.index
         left = [int(np.sum(m.use[:, j] & k[:, j])) for m, k in zip(motions, known[0], strict=True)]
         whole = [int(np.sum(m.use[:, j])) for m in motions]
-        if sum(left) == sum(whole) or sum(left) < LEAST * sum(whole):
+        if sum(left) == sum(whole):
+            continue
+        if sum(left) < LEAST * sum(whole):
+            lost.append(name)
             continue
         out = [
             [_used(m, j, k[:, j]) for m, k in zip(part, masks, strict=True)]
@@ -260,7 +270,7 @@ def _known(
             f"{name} goes where its twin has never been, or hardly: {gone:.0%} of its rows, at "
             "which the twin is a guess, are not judged; identify it on the whole travel"
         )
-    return out[0], out[1], words
+    return out[0], out[1], words, lost
 
 
 def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float]) -> Mask:
