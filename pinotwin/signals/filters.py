@@ -170,9 +170,9 @@ def _butterworth(order: int, cutoff: float, rate: float) -> _Filter:
 def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:
     """Return how many samples at each end of a stretch the filter's start-up still touches.
 
-    The slowest pole of the filter decays as ``exp(-sigma t)``, ``sigma = 2 pi f_c sin(pi / (2
-    order))``; the count is where that has fallen to 1 %, plus one sample for each of two
-    differences.
+    The slowest pole of the digital filter decays as its radius to the power of the samples; the count is
+    where that has fallen to 1 %, plus one sample for each of two differences. Above a quarter of the rate
+    these poles are far slower than those of the analogue filter: at 0.4 of it 23 samples, not 7.
 
     Args:
         cutoff: corner of the low-pass [Hz], infinite for none.
@@ -181,8 +181,8 @@ def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:
     """
     if not math.isfinite(cutoff) or cutoff >= rate / 2:
         return 2
-    sigma = 2.0 * math.pi * cutoff * math.sin(math.pi / (2.0 * order))
-    return math.ceil(-math.log(0.01) / sigma * rate) + 2
+    _, poles, _ = signal.butter(order, cutoff, fs=rate, output="zpk")
+    return math.ceil(math.log(0.01) / math.log(np.abs(poles).max())) + 2
 
 
 def interior(n: int, edge: int, segments: Segments = None) -> Mask:
