@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.candidates.episodes import episodes
-from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
+from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
@@ -192,27 +192,53 @@ def test_where_the_twin_has_never_been_its_table_is_a_guess_and_no_change() -> N
     assert not [d for d in again.gate.doubts if "never been" in d]
 
 
-@pytest.mark.parametrize("stands", [True, False])
-def test_a_push_is_named_while_the_axis_moves_and_what_friction_may_hold_at_rest_is_none(stands) -> None:
+@pytest.fixture(scope="module")
+def emps() -> Comparison:
+    """A log of the virtual EMPS without its command, beside its twin of another; rows at rest count."""
     virtual = VirtualMachine.load(bundled_path("emps"))
     logs = [virtual.record(random_trajectory(virtual, 8.0, s), seed=s).to_log() for s in (3, 4)]
     logs = [log.with_channels({k: x for k, x in log.channels.items() if k != "X.qr"}) for log in logs]
     machine = Machine.load("emps")
-    laws = tuple(
-        EFFECTS[x].on(machine, "X") for x in ("viscous", "presliding")
-    )  # rows at rest count with this one
+    laws = tuple(EFFECTS[x].on(machine, "X") for x in ("viscous", "presliding"))
     machine = replace(machine, columns={}, axes={"X": replace(machine.axes["X"], effects=laws)})
-    twin = identify(machine, logs[0], loop=False)
-    c = compare(twin, [logs[1]], [])
-    at, v = c.new.samples(0), np.abs(c.new.motion.v[:, 0])
+    return compare(identify(machine, logs[0], loop=False), [logs[1]], [])
+
+
+def pushes_in(c: Comparison, more: np.ndarray) -> list[Episodes]:
+    left = replace(c, new=replace(c.new, residual={0: c.new.residual[0] + more}))
+    ground = Searcher(left)
+    return pushes(left, Found((), None, (), ground, ground), RULES)
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_push_is_named_while_the_axis_moves_and_what_friction_may_hold_at_rest_is_none(
+    emps, stands: bool
+) -> None:
+    at, v = emps.new.samples(0), np.abs(emps.new.motion.v[:, 0])
     still = v[at] < 0.01 * v.max()
     rows = np.flatnonzero(still if stands else ~still)
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     longest = max(runs, key=len)[:100]
     assert len(longest) > 20
-    residual = c.new.residual[0].copy()
-    residual[longest] += 15.0 * c.floor[0]
-    pushed = replace(c, new=replace(c.new, residual={0: residual}))
-    ground = Searcher(pushed)
-    named = pushes(pushed, Found((), None, (), ground, ground), RULES)
-    assert bool(named) is not stands
+    more = np.zeros(len(at))
+    more[longest] = 15.0 * emps.floor[0]
+    assert bool(pushes_in(emps, more)) is not stands
+
+
+def as_two_runs(c: Comparison, by: float) -> Comparison:
+    """The same log as two, of a twin that leaves less of these and of its own."""
+    assert c.own is not None
+    (whole,), half = c.new.motion.segments, len(c.new.motion) // 2
+    halves = (slice(whole.start, half), slice(half, whole.stop))
+    new = replace(c.new, motion=replace(c.new.motion, segments=halves))
+    new, own = (replace(s, residual={0: by * s.residual[0]}) for s in (new, c.own))
+    return replace(c, new=new, own=own, floor={0: by * c.floor[0]})
+
+
+@pytest.mark.parametrize(("scale", "named"), [(0.045, False), (0.15, True)])
+def test_friction_that_differs_from_run_to_run_is_no_push(emps, scale: float, named: bool) -> None:
+    c = as_two_runs(emps, 0.3)
+    second = c.new.samples(0) >= c.new.motion.segments[1].start
+    course = scale * c.rubbing[0] * second
+    assert np.std(course[second]) > 2.0 * c.floor[0]  # far beyond what the twin leaves
+    assert bool(pushes_in(c, course)) is named

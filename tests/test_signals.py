@@ -123,7 +123,9 @@ def test_decimate_stretch_by_stretch() -> None:
     np.testing.assert_array_equal(decimate_zero_phase(x, 1, parts), np.delete(x, np.s_[200:210], 0))
 
 
-@pytest.mark.parametrize(("cutoff", "order"), [(5.0, 2), (20.0, 4), (60.0, 4), (20.0, 6), (404.0, 4), (460.0, 4)])
+@pytest.mark.parametrize(
+    ("cutoff", "order"), [(5.0, 2), (20.0, 4), (60.0, 4), (20.0, 6), (404.0, 4), (460.0, 4)]
+)
 def test_edge_samples_cover_the_start_up(cutoff: float, order: int) -> None:
     # A step is the start-up at its worst: beyond the count less than 2 % of it is left.
     x = np.r_[np.zeros(1000), np.ones(1000)]

@@ -81,14 +81,19 @@ class Comparison:
         return () if self.change else self.twin.effects
 
     @cached_property
-    def friction(self) -> Mapping[int, float]:
-        """Joint -> RMS of all friction that the twin knows of it, on the rows in question [N or N·m]."""
+    def rubbing(self) -> Mapping[int, Floats]:
+        """Joint -> course of all friction that the twin knows of it, on the rows in question [N or N·m]."""
         total = {j: np.zeros(len(r)) for j, r in self.new.residual.items()}
         for effect, where in zip(self.twin.effects, self.twin.slices, strict=True):
             if effect.family is FRICTION:
                 for j, x in self.new.columns(effect).items():
                     total[j] += x @ self.twin.theta[where]
-        return {j: rms(x) for j, x in total.items()}
+        return total
+
+    @cached_property
+    def friction(self) -> Mapping[int, float]:
+        """Joint -> RMS of all friction that the twin knows of it, on the rows in question [N or N·m]."""
+        return {j: rms(x) for j, x in self.rubbing.items()}
 
     @cached_property
     def held(self) -> Mask:

@@ -1,7 +1,8 @@
 """Pushes from outside: which are named, and how sure they are.
 
 A push is no friction: it must stand out of what the twin leaves anyway, the axis must move meanwhile, and no cause
-that comes with the motion may close as much, be it one that is too small to be named itself. How sure it is, is
+that comes with the motion may close as much, be it one that is too small to be named itself, or friction that is a
+little more in one run than in another. How sure it is, is
 measured: the pushes found are put into stretches of the twin's own residual, laid in another order.
 """
 
@@ -45,7 +46,7 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         pushed = _in_all(c, *seen)
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
-        if pushed.gain > rules.push_better * max(before - rest, rival):
+        if pushed.gain > rules.push_better * max(before - rest, rival, scattered(c, j, rules)):
             out.append(pushed)
     return out
 
@@ -95,6 +96,22 @@ def without_habit(c: Comparison, joint: int, rules: Rules) -> Comparison | None:
     own = replace(c.own, residual={**c.own.residual, joint: known.own})
     unit = max(known.left, rules.habit_unit)
     return replace(c, new=new, own=own, floor={**c.floor, joint: unit * c.floor[joint]})
+
+
+def scattered(c: Comparison, joint: int, rules: Rules) -> float:
+    """Return what friction that differs from run to run closes on an axis [squared floors].
+
+    In every log all of the twin's friction is scaled by what suits it best, within ``rules.scatter``.
+    """
+    rows, left, rubs = c.new.samples(joint), c.new.residual[joint], c.rubbing[joint]
+    closed = 0.0
+    for part in c.new.motion.segments:
+        here = (rows >= part.start) & (rows < part.stop)
+        with_it, power = float(left[here] @ rubs[here]), float(rubs[here] @ rubs[here])
+        if power > 0.0:
+            more = float(np.clip(with_it / power, -rules.scatter, rules.scatter))
+            closed += more * (2.0 * with_it - more * power)
+    return closed / c.floor[joint] ** 2
 
 
 def _episodes(c: Comparison, left: Floats, joint: int, rules: Rules) -> Episodes | None:
@@ -158,7 +175,7 @@ def _confidence(
         again = _episodes(trial, residual, j, rules)
         if again is None or not stands_out(trial, again, rules) or not _same(trial, again, pushed):
             continue
-        wins += again.gain > rules.push_better * _closed(trial, rivals)
+        wins += again.gain > rules.push_better * max(_closed(trial, rivals), scattered(trial, j, rules))
     return posterior(wins, TRIALS, rules)
 
 
