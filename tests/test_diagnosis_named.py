@@ -20,7 +20,7 @@ from pinotwin.diagnosis.search.injections import confidences
 from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.search.trials import lacked
-from pinotwin.effects import EFFECTS, Presliding, Viscous
+from pinotwin.effects import EFFECTS, Effect, Offset, Presliding, Viscous
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -126,14 +126,25 @@ def test_what_pushes_all_the_time_is_a_vibration(twin: Twin) -> None:
     assert len(pushes(with_residual(c, plain + once), nothing, RULES)) == 1
 
 
-def test_friction_that_a_machine_lists_is_not_missing_in_it(machine: Machine) -> None:
-    lists = dataclasses.replace(
-        machine, axes={"X": dataclasses.replace(machine.axes["X"], effects=(Viscous("X"), Presliding("X")))}
-    )
-    tried = [{e.name for e in candidates(compare(m, [record(4)], []))} for m in (machine, lists)]
-    assert "presliding" in tried[0]
-    assert "presliding" not in tried[1]
-    assert tried[0] - tried[1] <= {"presliding"}
+@pytest.mark.parametrize(
+    ("laws", "gone"),
+    [
+        ((Presliding("X"),), {"presliding", "stribeck", "coulomb"}),
+        ((Presliding("X", stribeck=0),), {"presliding", "coulomb"}),
+        ((Presliding("X", stribeck=0), Offset("X")), {"presliding", "coulomb", "coulomb_asymmetric"}),
+    ],
+)
+def test_friction_that_a_machine_lists_is_not_missing_in_it(
+    machine: Machine, laws: tuple[Effect, ...], gone: set[str]
+) -> None:
+    with_laws = [
+        dataclasses.replace(machine, axes={"X": dataclasses.replace(machine.axes["X"], effects=effects)})
+        for effects in ((Viscous("X"),), (Viscous("X"), *laws))
+    ]
+    before, after = ({e.name for e in candidates(compare(m, [record(4)], []))} for m in with_laws)
+    assert gone <= before
+    assert not gone & after
+    assert "stribeck" in after or "stribeck" in gone
 
 
 def test_a_push_that_stands_out_is_named_and_sure_and_no_other(twin: Twin) -> None:

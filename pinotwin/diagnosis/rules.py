@@ -50,8 +50,8 @@ class Rules:
     strength_structure: float = 12.0
     """The same for what a machine lacks."""
     size_structure: float = 0.01
-    """[of the effort's variation] Least that what a machine lacks closes of its axis' effort, RMS. Of 51 healthy machines
-    (own and foreign) one needs 0.01, EMPS of seed 800, and three 0.005 to 0.007 for a delay of some samples."""
+    """[of the effort's variation] Least that what a machine lacks closes of its axis' effort, RMS. Of 53 healthy
+    machines (own and foreign) three need 0.005 to 0.007, for a delay of a sample; the others none."""
     size_change: float = 0.005
     """The same for a change, whose twin knows its misfit: for so little nobody stops a machine. No healthy twin of 16
     foreign and 13 own machines needs it beside the misfit."""

@@ -280,6 +280,10 @@ class Effect(abc.ABC):
         del theta
         return True
 
+    def includes(self, name: str) -> bool:
+        """Whether an effect of this name is this one, or a special case of it as it is set."""
+        return name == self.name or name in self.contains
+
     def settled(self) -> Self:
         """Return the effect as machine.yaml is to hold it once it was found: with the shapes it has."""
         return self

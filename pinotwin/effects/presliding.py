@@ -123,6 +123,10 @@ class Presliding(AxisEffect, Slipping):
         if self.x_s is None:
             object.__setattr__(self, "x_s", 5e-5 if self.rotary else 1e-5)
 
+    def includes(self, name: str) -> bool:
+        """See :meth:`Effect.includes`: the Stribeck term may be left out."""
+        return super().includes(name) and (self.stribeck > 0 or name != "stribeck")
+
     def fitted_to(self, motion: Motion) -> Self:
         """See :meth:`Effect.fitted_to`: the play is the encoder's noise in this log."""
         if self.play is not None:

@@ -24,6 +24,9 @@ SAME = {"joint_flexibility": "drive_flexibility"}
 BESIDE = {"viscous_thermal": ("viscous",)}
 """Effects that are tried together with what they change."""
 
+SUMS = {"coulomb_asymmetric": ("coulomb", "offset")}
+"""Effects that are no more than others together."""
+
 
 def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Iterator[Effect]:
     """Yield every effect worth trying on every axis.
@@ -47,8 +50,9 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
 
 
 def _listed(kind: type[Effect], axis: Axis, comparison: Comparison) -> bool:
-    """Whether a machine has this friction on an axis already."""
-    has = any(e.name == kind.name for e in axis.effects)
+    """Whether a machine has this friction on an axis already, maybe as a part of another law."""
+    parts = SUMS.get(kind.name, (kind.name,))
+    has = all(any(e.includes(part) for e in axis.effects) for part in parts)
     return has and kind.family is FRICTION and not comparison.change
 
 
