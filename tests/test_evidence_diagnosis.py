@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
 import pytest
 
-from benchmarks.evidence.diagnosis import BEGIN, END, PAGE, PARTS, Line, _share, table, write_page
+from benchmarks.evidence.answers import Given
+from benchmarks.evidence.diagnosis import (
+    BEGIN,
+    END,
+    NAMES,
+    PAGE,
+    PARTS,
+    Line,
+    diagnose,
+    figures_of,
+    healthy,
+    named_machines,
+    payload,
+    real_faults,
+    share,
+    table,
+    write_page,
+)
 
 
 @pytest.mark.parametrize(
@@ -29,7 +47,7 @@ def test_a_line_says_what_is_reached(value, least, state):
 
 
 def test_nothing_asked_is_no_figure():
-    line = _share("x", [], 1.0, 1.0, "c")
+    line = share("x", [], 1.0, 1.0, "c")
     assert math.isnan(line.value)
     assert line.counts == "0 of 0"
 
@@ -37,18 +55,19 @@ def test_nothing_asked_is_no_figure():
 def test_the_table_stands_between_the_marks_and_the_rest_of_the_page_stays(tmp_path: Path):
     page = tmp_path / "page.md"
     page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
-    part = next(iter(PARTS))
+    part = "real_faults"
     line = {
-        **vars(_share("healthy", [True, True, False], 0.85, 0.95, "score.py")),
+        **vars(share("healthy", [True, True, False], 0.85, 0.95, "score.py")),
         "date": "2026-11-22",
-        "code": "x",
+        "commit": "1a2b3c4",
     }
     for _ in range(2):
         write_page(page, table({part: [line]}))
     text = page.read_text()
     assert text.startswith(f"before\n{BEGIN}\n| what |")
     assert text.endswith(f"\n{END}\nafter\n")
-    assert "| healthy | 0.667 | 2 of 3 | ≥ 0.85 | ≥ 0.95 | **MISSED** | `score.py` | 2026-11-22 |" in text
+    assert "| healthy | 0.667 | 2 of 3<!--diagnosis.real--> | ≥ 0.85 | ≥ 0.95 | **MISSED** |" in text
+    assert "| `score.py` | 2026-11-22, 1a2b3c4 |" in text
     assert "old" not in text
 
 
@@ -63,3 +82,55 @@ def test_a_page_without_marks_is_left_alone(tmp_path: Path):
 def test_the_page_of_the_diagnosis_has_its_marks():
     assert BEGIN in PAGE.read_text(encoding="utf-8")
     assert END in PAGE.read_text(encoding="utf-8")
+
+
+def asked(folder: Path, *rows: dict, machine: str = "") -> Path:
+    """Write rows as the scripts do: a line each, the diagnoses beside them."""
+    for row in rows:
+        if "set" not in row:
+            name = machine or f"random{row['seed']}"
+            (folder / f"{name}-{row.get('kind', 'none')}-{row['seed']}").mkdir(parents=True, exist_ok=True)
+    folder.mkdir(exist_ok=True)
+    (folder / "scores.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    return folder / "scores.jsonl"
+
+
+def test_answers_that_were_given_elsewhere_are_counted(tmp_path: Path):
+    row = {"what": "diagnose", "named": [], "first": False, "axis_right": True, "extras": 0}
+    ours = [{**row, "kind": k, "seed": s} for s in (7, 8, 11) for k in ("viscous", "ripple")]
+    ours[0]["axis_right"] = False
+    hum = {**row, "kind": "hum", "seed": 7, "first": True}
+    sound = {"what": "healthy", "seed": 7, "situation": "change", "silent": True, "unnamed": True}
+    mine = {**row, "kind": "viscous", "seed": 7}
+    real = [
+        {"set": "emps", "case": f"{k}:X:3", "named": [], "right": k == "delay"} for k in ("delay", "push")
+    ]
+    given = Given.read(
+        [
+            asked(tmp_path / "a", *ours, hum, sound),
+            asked(tmp_path / "b", mine, machine="trunnion"),
+            asked(tmp_path / "c", *real, {"set": "emps", "case": "own", "named": [], "right": True}),
+        ]
+    )
+    first, extra, outside = diagnose(given)
+    assert (first.counts, extra.counts, outside.counts) == ("5 of 6", "0 of 6", "1 of 1")
+    assert first.command == "score.py diagnose --seeds 7:9 --seeds 11:12"
+    assert healthy(given)[0].counts == "0 of 1"
+    assert [line.counts for line in named_machines(given)] == ["1 of 1", "0 of 0"]
+    assert real_faults(given)[0].counts == "1 of 2"
+    assert math.isnan(payload(given)[0].value)
+    lines = {"diagnose": [{**vars(line), "date": "2026-11-23"} for line in diagnose(given)]}
+    figure = figures_of(lines)[0]
+    assert (figure.name, figure.value, figure.of, figure.kind) == ("foreign", 5.0, 6, "unseen")
+    assert "score.py diagnose" in figure.note
+
+
+def test_a_question_that_was_asked_twice_is_not_chosen_from(tmp_path: Path):
+    row = {"set": "emps", "case": "own", "named": [], "right": True}
+    with pytest.raises(ValueError, match="asked twice: emps own"):
+        Given.read([asked(tmp_path / "c", row, {**row, "right": False})])
+
+
+def test_every_line_has_a_name_of_its_own():
+    names = [name for part in PARTS for name in NAMES[part]]
+    assert len(set(names)) == len(names)

@@ -1,19 +1,15 @@
 """The diagnosis of change and of structure, on machines and recordings that are not its own, beside what it must reach.
 
 Faults of known kind, axis and size in real recordings and on machines of another simulator; all through the public
-commands: the scores are those of `score.py` and `real.py` beside the recordings (`$PINOTWIN_DATA/../foreign`). The
-table with what each figure must reach is in diagnose.md. Parts of it, other seeds and sizes:
-
-    python -m benchmarks.evidence.diagnosis speed healthy --seed 700 --machines 4 --out out/evidence
-
-Random machines are `random:SEED` and those after it, faults of recordings are drawn from SEED: take one that nobody
-looked at. An answer once given by the same code is kept in the folder: a run that was cut off goes on where it stopped.
+commands: the scores are those of `score.py` and `real.py` beside the recordings (`$PINOTWIN_DATA/../foreign`). Seeds
+that nobody had looked at, asked once; the table with what each figure must reach is in diagnose.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
+import inspect
 import json
 import math
 import os
@@ -21,14 +17,15 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence.store import Figure
+from benchmarks.evidence import store
+from benchmarks.evidence.answers import Answers, Given, Row, Runs, Source, effects
+from benchmarks.evidence.store import Figure, Kind
 from pinotwin.bench.elsewhere import Elsewhere
-from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.statistics import calibration
 from pinotwin.writing import write_text
 
@@ -37,8 +34,6 @@ PAGE = ROOT / "docs" / "diagnose.md"
 BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
 OUTSIDE = ("hum", "speed_ripple")
 """Kinds of the other simulator that nobody's catalogue holds."""
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -71,134 +66,84 @@ class Line:
         return "aim" if good(self.aim) else "must" if good(self.must) else "**MISSED**"
 
 
-@dataclass
-class Runs:
-    """Asks, and keeps the answers.
-
-    Attributes:
-        at: scripts and recordings.
-        out: folder.
-        seed: of the first machine. machines: how many.
-    """
-
-    at: Elsewhere
-    out: Path
-    seed: int
-    machines: int
-
-    @property
-    def seeds(self) -> str:
-        """The seeds as the scripts take them."""
-        return f"{self.seed}:{self.seed + self.machines}"
-
-    def score(self, script: str, *words: str) -> list[Row]:
-        """Return the rows that a script of the other simulator or of the recordings writes."""
-        folder = self.out / script.removesuffix(".py")
-        key = "-".join(words).replace("--", "").replace(":", "_").replace(",", "+")
-        kept = self.out / f"{fingerprint()}-{script.removesuffix('.py')}-{key}.jsonl"
-        if not kept.is_file():
-            print(f"$ {script} {' '.join(words)}", flush=True)
-            (folder / "scores.jsonl").unlink(missing_ok=True)
-            exe = Path(sys.executable).parent / "pinotwin"
-            command = [sys.executable, str(self.at.scripts / script), *words, "--out", str(folder)]
-            command += ["--exe", str(exe), "--jobs", "2"]
-            if script == "real.py":
-                command += ["--data", str(self.at.data)]
-            subprocess.run(command, check=True)
-            write_text(kept, (folder / "scores.jsonl").read_text(encoding="utf-8"))
-        return [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()]
-
-    def effects(self, row: Row) -> list[Row]:
-        """Return the effects of the diagnosis behind a row."""
-        if "set" in row:
-            folder = self.out / "real" / f"{row['set']}-{row['case']}"
-        else:
-            where = next((self.out / "score").glob(f"*-{row['kind']}-{row['seed']}"))
-            folder = next(where.glob("diagnosis-*"))
-        file = folder / "diagnosis.json"
-        effects: list[Row] = json.loads(file.read_text(encoding="utf-8"))["effects"] if file.is_file() else []
-        return effects
-
-
-def _share(
+def share(
     what: str, flags: Sequence[bool], must: float, aim: float, command: str, *, least: bool = True
 ) -> Line:
+    """Return a line that counts: how many flags are set, of how many."""
     hits, of = sum(map(bool, flags)), len(flags)
     return Line(what, hits / of if of else math.nan, must, aim, least, f"{hits} of {of}", command)
 
 
-def real_healthy(runs: Runs) -> list[Line]:
+def real_healthy(runs: Source) -> list[Line]:
     """Real machines, nothing changed."""
-    rows = runs.score("real.py", "healthy")
-    return [_share("real, healthy: `none`", [r["right"] for r in rows], 1.0, 1.0, "real.py healthy")]
+    told = runs.score("real.py", "healthy")
+    return [share("real, healthy: `none`", [r["right"] for r in told.rows], 1.0, 1.0, told.command)]
 
 
-def real_faults(runs: Runs) -> list[Line]:
+def real_faults(runs: Source) -> list[Line]:
     """Known faults in real logs."""
+    told = _real_faults(runs)
+    right = [r["right"] for r in told.rows]
+    return [share("real, known faults: first name and axis", right, 0.85, 0.95, told.command)]
+
+
+def _real_faults(runs: Source) -> Answers:
     seeds = f"{runs.seed}:{runs.seed + max(1, runs.machines // 2)}"
-    rows = runs.score("real.py", "faults", "--seeds", seeds)
-    command = f"real.py faults --seeds {seeds}"
-    return [
-        _share("real, known faults: first name and axis", [r["right"] for r in rows], 0.85, 0.95, command)
-    ]
+    return runs.score("real.py", "faults", "--seeds", seeds)
 
 
-def healthy(runs: Runs) -> list[Line]:
+def healthy(runs: Source) -> list[Line]:
     """Another simulator's machines, nothing missing and nothing changed."""
-    rows = runs.score("score.py", "healthy", "--seeds", runs.seeds)
-    command = f"score.py healthy --seeds {runs.seeds}"
+    told = runs.score("score.py", "healthy", "--seeds", runs.seeds)
+    rows, command = told.rows, told.command
     return [
-        _share("foreign, healthy: named", [not r["unnamed"] for r in rows], 0.05, 0.0, command, least=False),
-        _share(
+        share("foreign, healthy: named", [not r["unnamed"] for r in rows], 0.05, 0.0, command, least=False),
+        share(
             "foreign, healthy: not `none`", [not r["silent"] for r in rows], 0.1, 0.05, command, least=False
         ),
     ]
 
 
-def diagnose(runs: Runs) -> list[Line]:
+def diagnose(runs: Source) -> list[Line]:
     """Another simulator's machines, 22 kinds."""
-    rows = runs.score("score.py", "diagnose", "--seeds", runs.seeds)
+    told = runs.score("score.py", "diagnose", "--seeds", runs.seeds)
+    rows, command = told.rows, told.command
     inside, outside = ([r for r in rows if (r["kind"] in OUTSIDE) is x] for x in (False, True))
-    command = f"score.py diagnose --seeds {runs.seeds}"
     return [
-        _share(
+        share(
             "foreign, 20 kinds: first name and axis", [r["axis_right"] for r in inside], 0.85, 0.92, command
         ),
-        _share("foreign: an extra name", [r["extras"] > 0 for r in inside], 0.15, 0.05, command, least=False),
-        _share("foreign: outside the catalogue recognised", [r["first"] for r in outside], 0.8, 0.9, command),
+        share("foreign: an extra name", [r["extras"] > 0 for r in inside], 0.15, 0.05, command, least=False),
+        share("foreign: outside the catalogue recognised", [r["first"] for r in outside], 0.8, 0.9, command),
     ]
 
 
-def named_machines(runs: Runs) -> list[Line]:
+def named_machines(runs: Source) -> list[Line]:
     """The trunnion and the driller of the other simulator."""
     seeds = f"{runs.seed}:{runs.seed + 1}"
     out = []
     for machine in ("trunnion", "driller"):
-        rows = runs.score("score.py", "diagnose", "--machine", machine, "--seeds", seeds)
-        right = [r["axis_right"] for r in rows]
-        command = f"score.py diagnose --machine {machine} --seeds {seeds}"
-        out.append(_share(f"MuJoCo {machine}: first name and axis, 22 kinds", right, 0.9, 0.95, command))
+        told = runs.score("score.py", "diagnose", "--machine", machine, "--seeds", seeds)
+        right = [r["axis_right"] for r in told.rows]
+        out.append(share(f"MuJoCo {machine}: first name and axis, 22 kinds", right, 0.9, 0.95, told.command))
     return out
 
 
-def stated(runs: Runs) -> list[Line]:
+def stated(runs: Source) -> list[Line]:
     """What the same answers stated: confidence, and the shrink that the fit promised."""
-    rows = runs.score("score.py", "diagnose", "--seeds", runs.seeds)
-    seeds = f"{runs.seed}:{runs.seed + max(1, runs.machines // 2)}"
-    real = runs.score("real.py", "faults", "--seeds", seeds)
-    named = [
-        (r["named"][0][2], bool(r.get("axis_right", r.get("right")))) for r in [*rows, *real] if r["named"]
-    ]
+    told = [runs.score("score.py", "diagnose", "--seeds", runs.seeds), _real_faults(runs)]
+    rows = [row for answers in told for row in answers.rows]
+    named = [(r["named"][0][2], bool(r.get("axis_right", r.get("right")))) for r in rows if r["named"]]
     found = calibration([p for p, _ in named], [x for _, x in named])
     off = []
-    for row in [*rows, *real]:
+    for row in rows:
         if row["named"] and row.get("axis_right", row.get("right")):
-            shrink = runs.effects(row)[0]["shrink"].get("u")
+            shrink = effects(row)[0]["shrink"].get("u")
             if shrink is not None:
                 off.append(abs(shrink["promised"] - shrink["share"]))
     median = sorted(off)[len(off) // 2] if off else math.nan
     error = math.nan if found is None else found.error
-    command = "both of the above"
+    command = ", ".join(answers.command for answers in told if answers.rows)
     return [
         Line(
             "calibration error, foreign and real", error, 0.1, 0.05, False, f"{len(named)} answers", command
@@ -215,20 +160,21 @@ def stated(runs: Runs) -> list[Line]:
     ]
 
 
-def payload(runs: Runs) -> list[Line]:
+def payload(runs: Source) -> list[Line]:
     """A kilogram at the last link of two real robots."""
     seeds = f"{runs.seed}:{runs.seed + 1}"
     words = ("faults", "--kinds", "payload", "--sets", "lwr4,panda", "--seeds", seeds)
     good, told = [], []
-    for row in runs.score("real.py", *words):
-        first = next(iter(runs.effects(row)), None)
+    asked = runs.score("real.py", *words)
+    for row in asked.rows:
+        first = next(iter(effects(row)), None)
         mass = next((s for s in (first or {}).get("sizes", ()) if s["unit"] == "kg"), None)
         low, high = mass["interval90"] if mass else (math.nan, math.nan)
         value = mass["after"] if mass else math.nan
         good.append(bool(row["right"]) and 0.9 <= value <= 1.1 and low <= 1.0 <= high)
         told.append(f"{row['set']} {value:.3f} ({low:.3f} to {high:.3f}) kg")
     what = f"1 kg at the last link: named, 0.9 to 1.1 kg, within the interval ({'; '.join(told)})"
-    return [_share(what, good, 1.0, 1.0, f"real.py {' '.join(words)}")]
+    return [share(what, good, 1.0, 1.0, asked.command)]
 
 
 def bench(runs: Runs) -> list[Line]:
@@ -280,7 +226,7 @@ def speed(runs: Runs) -> list[Line]:
     return out
 
 
-PARTS: Mapping[str, Callable[[Runs], list[Line]]] = {
+PARTS: Mapping[str, Callable[[Any], list[Line]]] = {
     "speed": speed,
     "real_healthy": real_healthy,
     "payload": payload,
@@ -292,10 +238,53 @@ PARTS: Mapping[str, Callable[[Runs], list[Line]]] = {
     "bench": bench,
 }
 """Name -> what measures it, the short ones first."""
+GIVEN = ("real_healthy", "payload", "healthy", "diagnose", "real_faults", "stated", "named_machines")
+"""Those that only count what the scripts wrote."""
 
 
-def table(figures: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """Return the table of docs/diagnose.md.
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "speed": ("seconds_arm", "seconds_five"),
+    "real_healthy": ("real_healthy",),
+    "payload": ("payload",),
+    "healthy": ("foreign_accused", "foreign_not_none"),
+    "diagnose": ("foreign", "foreign_extra", "foreign_outside"),
+    "real_faults": ("real",),
+    "stated": ("calibration", "promised"),
+    "named_machines": ("trunnion", "driller"),
+    "bench": ("own_accused", "own_pairs", "own_outside", "own_small"),
+}
+"""Part -> name in figures.json of each of its lines."""
+KNOWN = ("seconds_arm", "seconds_five", "real_healthy", "payload")
+"""Figures of cases that no seed draws anew: they were looked at while the rules were set."""
+
+
+def _named(figures: Mapping[str, Sequence[Row]]) -> Iterator[tuple[str, Line, str]]:
+    """Yield name, line, and date and commit of what was measured."""
+    for part in PARTS:
+        for name, raw in zip(NAMES[part], figures.get(part, ()), strict=False):
+            line = Line(**{k: raw[k] for k in Line.__dataclass_fields__})
+            if math.isfinite(line.value):
+                yield name, line, ", ".join(filter(None, (raw["date"], raw.get("commit"))))
+
+
+def figures_of(lines: Mapping[str, Sequence[Row]]) -> list[Figure]:
+    """Return the lines as figures: a share as a count, with what it must be."""
+    out = []
+    for name, line, date in _named(lines):
+        sign = "≥" if line.least else "≤"
+        note = f"must {sign} {line.must:g}, aim {sign} {line.aim:g}; {line.command}; {date}"
+        hits, _, of = line.counts.partition(" of ")
+        value, whole = (float(hits), int(of)) if of else (line.value, None)
+        unit = "s" if line.counts == "s" else ""
+        kind: Kind = "development" if name in KNOWN else "unseen"
+        out.append(
+            Figure(name, line.what.removesuffix(" [s]"), value, unit=unit, kind=kind, of=whole, note=note)
+        )
+    return out
+
+
+def table(figures: Mapping[str, Sequence[Row]]) -> str:
+    """Return the table of docs/diagnose.md, its figures marked for tests/test_figures.py.
 
     Args:
         figures: part -> its figures, each with date, seed and number of machines.
@@ -304,15 +293,21 @@ def table(figures: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
         "| what | measured | counts | must | aim | reached | command | date |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for part in PARTS:
-        for raw in figures.get(part, ()):
-            f = Line(**{k: raw[k] for k in Line.__dataclass_fields__})
-            sign = "≥" if f.least else "≤"
-            lines.append(
-                f"| {f.what} | {f.value:.3g} | {f.counts} | {sign} {f.must:g} | {sign} {f.aim:g} | {f.state} "
-                f"| `{f.command}` | {raw['date']} |"
-            )
+    for name, f, date in _named(figures):
+        sign, mark = "≥" if f.least else "≤", f"<!--diagnosis.{name}-->"
+        value = f"{f.value:.3g}" if f.value == 0.0 or f.value >= 1e-3 else f"{f.value:.4f}"
+        share = " of " in f.counts
+        cells = (value, f.counts + mark) if share else (value + mark, f.counts)
+        lines.append(
+            f"| {f.what} | {cells[0]} | {cells[1]} | {sign} {f.must:g} | {sign} {f.aim:g} | {f.state} "
+            f"| `{f.command}` | {date} |"
+        )
     return "\n".join(lines)
+
+
+def _checked_out() -> str:
+    words = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
+    return subprocess.run(words, check=False, capture_output=True, text=True).stdout.strip()
 
 
 def write_page(page: Path, text: str) -> None:
@@ -325,8 +320,19 @@ def write_page(page: Path, text: str) -> None:
 
 
 def main() -> None:
-    """Measure what is asked for and write the table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.evidence.diagnosis", description=__doc__)
+    """Measure what is asked for; write the table of diagnose.md and the part ``diagnosis`` of figures.json.
+
+    python -m benchmarks.evidence.diagnosis speed healthy --seed 700 --machines 4 --out out/evidence
+    python -m benchmarks.evidence.diagnosis --scores DIR/scores.jsonl [DIR2/scores.jsonl ...] --commit HASH
+
+    Random machines are `random:SEED` and those after it, faults of recordings are drawn from SEED: take one that
+    nobody looked at. An answer once given by the same code is kept in the folder: a run that was cut off goes on where
+    it stopped. With --scores the answers that the scripts gave elsewhere are counted, not asked again. Either way table
+    and file hold the lines that the folder knows.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.evidence.diagnosis", description=inspect.cleandoc(main.__doc__ or "")
+    )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument(
         "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all of them by default"
@@ -337,47 +343,78 @@ def main() -> None:
     parser.add_argument("--machines", type=int, default=MACHINES, help=f"random machines ({MACHINES})")
     parser.add_argument("--out", default="out/evidence", help="answers are kept here (out/evidence)")
     parser.add_argument("--data", help="recordings (default $PINOTWIN_DATA)")
+    parser.add_argument(
+        "--scores", nargs="+", type=Path, metavar="FILE", help="count these answers of score.py and real.py"
+    )
+    parser.add_argument("--commit", help="that was asked (default: the one that is checked out)")
     args = parser.parse_args()
     unknown = [p for p in args.parts if p not in PARTS]
     if unknown:
         parser.error(f"no part {unknown[0]!r}; there are {', '.join(PARTS)}")
     try:
-        measured(args.parts or list(PARTS), args.seed, args.machines, Path(args.out), args.data)
-    except FileNotFoundError as error:
+        if args.scores:
+            parts, source = args.parts or list(GIVEN), Given.read(args.scores)
+        else:
+            parts, source = (
+                args.parts or list(PARTS),
+                _runs(args.seed, args.machines, Path(args.out), args.data),
+            )
+        lines = measured(parts, source, Path(args.out), args.commit)
+    except (FileNotFoundError, ValueError) as error:
         sys.exit(str(error))
+    keep(lines)
+
+
+def keep(lines: Mapping[str, Sequence[Row]]) -> None:
+    """Write the table of diagnose.md and the part of figures.json."""
+    write_page(PAGE, table(lines))
+    store.keep(
+        "diagnosis",
+        inspect.cleandoc(__doc__ or ""),
+        figures_of(lines),
+        command="python -m benchmarks.evidence.diagnosis",
+        seeds="those of the command beside each figure",
+    )
+
+
+def _runs(seed: int, machines: int, out: Path, data: str | None = None) -> Runs:
+    """Return who asks; ``$PINOTWIN_DATA`` has the recordings unless ``data`` is given."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    at = Elsewhere.at_hand(out.resolve() / "cases", data)
+    if at is None:
+        raise FileNotFoundError("recordings and the scripts beside them are not at hand: set PINOTWIN_DATA")
+    return Runs(at, out.resolve(), seed, machines)
 
 
 def measured(
-    parts: Sequence[str], seed: int, machines: int, out: Path, data: str | None = None
+    parts: Sequence[str], runs: Runs | Given, out: Path, commit: str | None = None
 ) -> dict[str, list[Row]]:
     """Measure parts, write the table, and return all lines that the folder knows, by part.
 
     Args:
         parts: names of :data:`PARTS`.
-        seed: first one.
-        machines: how many random machines.
-        out: answers are kept here.
-        data: recordings; ``$PINOTWIN_DATA`` unless given.
+        runs: who answers.
+        out: lines are kept here.
+        commit: that answered; the one that is checked out unless given.
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    out = out.resolve()
+    commit = commit or _checked_out()
     out.mkdir(parents=True, exist_ok=True)
-    at = Elsewhere.at_hand(out / "cases", data)
-    if at is None:
-        raise FileNotFoundError("recordings and the scripts beside them are not at hand: set PINOTWIN_DATA")
-    runs, kept = Runs(at, out, seed, machines), out / "figures.json"
+    kept = out / "figures.json"
     lines: dict[str, list[Row]] = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
     for part in parts:
         start = time.monotonic()
-        stamp = {"date": datetime.datetime.now(datetime.UTC).date().isoformat(), "code": fingerprint()}
-        lines[part] = [{**vars(f), **stamp} for f in PARTS[part](runs)]
+        stamp = {"date": datetime.datetime.now(datetime.UTC).date().isoformat(), "commit": commit}
+        found = [{**vars(f), **stamp} for f in PARTS[part](runs)]
+        if not any(math.isfinite(f["value"]) for f in found):
+            continue  # nobody asked
+        lines[part] = found
         write_text(kept, json.dumps(lines, indent=1))
-        write_page(PAGE, table(lines))
-        for f in lines[part]:
+        for f in found:
             print(
                 f"{f['what']}: {f['value']:.3g} ({f['counts']})  [{time.monotonic() - start:.0f} s]",
                 flush=True,
             )
+    write_page(PAGE, table(lines))
     return lines
 
 
@@ -389,14 +426,8 @@ SLOW = True
 
 def figures() -> list[Figure]:
     """Measure all parts; see the module."""
-    lines = measured(list(PARTS), SEED, MACHINES, ROOT / "out" / "evidence")
-    out = []
-    for part in PARTS:
-        for k, f in enumerate(lines[part]):
-            if math.isfinite(f["value"]):
-                bound = f"{'at least' if f['least'] else 'at most'} {f['must']:g}, aim {f['aim']:g}; {f['counts']}"
-                out.append(Figure(f"{part}{k or ''}", f["what"], f["value"], unit="", note=bound))
-    return out
+    out = ROOT / "out" / "evidence"
+    return figures_of(measured(list(PARTS), _runs(SEED, MACHINES, out), out))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,189 @@
+"""Who answers for the diagnosis' figures: the scripts beside the recordings, asked now or elsewhere."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from pinotwin.bench.elsewhere import Elsewhere
+from pinotwin.bench.fingerprint import fingerprint
+from pinotwin.writing import write_text
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a script wrote.
+
+    Attributes:
+        rows: one a question; ``folder`` is where its diagnosis lies.
+        command: how it was called.
+    """
+
+    rows: list[Row]
+    command: str
+
+
+class Source(Protocol):
+    """Whoever answers: :class:`Runs` asks, :class:`Given` has been told."""
+
+    seed: int
+    machines: int
+
+    @property
+    def seeds(self) -> str:
+        """The seeds as the scripts take them."""
+
+    def score(self, script: str, *words: str) -> Answers:
+        """Return what a script answers to these words."""
+
+
+@dataclass
+class Runs:
+    """Asks, and keeps the answers.
+
+    Attributes:
+        at: scripts and recordings.
+        out: folder.
+        seed: of the first machine. machines: how many.
+    """
+
+    at: Elsewhere
+    out: Path
+    seed: int
+    machines: int
+
+    @property
+    def seeds(self) -> str:
+        """The seeds as the scripts take them."""
+        return f"{self.seed}:{self.seed + self.machines}"
+
+    def score(self, script: str, *words: str) -> Answers:
+        """Return what a script of the other simulator or of the recordings writes."""
+        folder = self.out / script.removesuffix(".py")
+        key = "-".join(words).replace("--", "").replace(":", "_").replace(",", "+")
+        kept = self.out / f"{fingerprint()}-{script.removesuffix('.py')}-{key}.jsonl"
+        if not kept.is_file():
+            print(f"$ {script} {' '.join(words)}", flush=True)
+            (folder / "scores.jsonl").unlink(missing_ok=True)
+            exe = Path(sys.executable).parent / "pinotwin"
+            command = [sys.executable, str(self.at.scripts / script), *words, "--out", str(folder)]
+            command += ["--exe", str(exe), "--jobs", "2"]
+            if script == "real.py":
+                command += ["--data", str(self.at.data)]
+            subprocess.run(command, check=True)
+            write_text(kept, (folder / "scores.jsonl").read_text(encoding="utf-8"))
+        return Answers(_rows(kept, folder), f"{script} {' '.join(words)}")
+
+
+@dataclass
+class Given:
+    """Answers that the scripts gave elsewhere.
+
+    Attributes:
+        rows: all of them. seed, machines: of no meaning here.
+    """
+
+    rows: list[Row]
+    seed: int = 0
+    machines: int = 1
+
+    @classmethod
+    def read(cls, files: Sequence[Path]) -> Given:
+        """Read ``scores.jsonl`` files; their diagnoses lie beside them.
+
+        Raises:
+            ValueError: a question was asked twice, so that one would have to be chosen.
+        """
+        rows = [row for file in files for row in _rows(file, file.resolve().parent)]
+        asked = Counter((row["folder"], *_question(row)) for row in rows)
+        twice = [question for question, count in asked.items() if count > 1]
+        if twice:
+            raise ValueError(f"{twice[0][0]}: asked twice: {' '.join(map(str, twice[0][1:]))}")
+        return cls(rows)
+
+    @property
+    def seeds(self) -> str:
+        """Any."""
+        return ""
+
+    def score(self, script: str, *words: str) -> Answers:
+        """Return those of the rows that a script would have written for these words, whatever their seeds."""
+        options = dict(zip(words[1::2], words[2::2], strict=True))
+        wanted = {o: options[o].split(",") for o in ("--kinds", "--sets") if o in options}
+        rows = [
+            row
+            for row in self.rows
+            if _asked(row) == (script, words[0])
+            and _machine(row) == options.get("--machine", "random" if script == "score.py" else "")
+            and _kind(row) in wanted.get("--kinds", [_kind(row)])
+            and row.get("set") in wanted.get("--sets", [row.get("set")])
+        ]
+        seeds = sorted({_seed(row) for row in rows} - {None})
+        said = [f"{o} {options[o]}" for o in ("--machine", "--kinds", "--sets") if o in options]
+        return Answers(rows, " ".join([script, words[0], *said, *_spans(seeds)]))
+
+
+def _rows(file: Path, folder: Path) -> list[Row]:
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return [{**json.loads(line), "folder": str(folder)} for line in lines]
+
+
+def _asked(row: Row) -> tuple[str, str]:
+    if "set" in row:
+        return "real.py", "faults" if ":" in row["case"] else "healthy"
+    return "score.py", row["what"]
+
+
+def _question(row: Row) -> tuple[str, ...]:
+    keys = ("set", "case", "what", "seed", "kind", "situation")
+    return tuple(str(row[k]) for k in keys if k in row)
+
+
+def _kind(row: Row) -> str:
+    return str(row["case"].partition(":")[0] if "set" in row else row.get("kind", "none"))
+
+
+def _seed(row: Row) -> int | None:
+    last = str(row["case"]).rpartition(":")[2] if "set" in row else row["seed"]
+    return int(last) if str(last).isdigit() else None
+
+
+def _machine(row: Row) -> str:
+    """Return the machine that a row of ``score.py`` is about, ``random`` for one of its seed: its folder tells."""
+    if "set" in row:
+        return ""
+    case = f"{row.get('kind', 'none')}-{row['seed']}"
+    found = {p.name.removesuffix(f"-{case}") for p in Path(row["folder"]).glob(f"*-{case}")}
+    if len(found) != 1:
+        raise ValueError(
+            f"{row['folder']}: {len(found)} machines of {case}; give each machine a folder of its own"
+        )
+    name = found.pop()
+    return "random" if name == f"random{row['seed']}" else name
+
+
+def _spans(seeds: Sequence[int]) -> list[str]:
+    """Return seeds as the scripts take them, one option for every stretch without a gap."""
+    starts = [s for s in seeds if s - 1 not in seeds]
+    ends = [s + 1 for s in seeds if s + 1 not in seeds]
+    return [f"--seeds {low}:{high}" for low, high in zip(starts, ends, strict=True)]
+
+
+def effects(row: Row) -> list[Row]:
+    """Return the effects of the diagnosis behind a row."""
+    folder = Path(row["folder"])
+    if "set" in row:
+        folder /= f"{row['set']}-{row['case']}"
+    else:
+        folder = next(next(folder.glob(f"*-{row['kind']}-{row['seed']}")).glob("diagnosis-*"))
+    file = folder / "diagnosis.json"
+    found: list[Row] = json.loads(file.read_text(encoding="utf-8"))["effects"] if file.is_file() else []
+    return found
