@@ -44,10 +44,10 @@ def test_a_limit_is_exceeded_as_often_as_it_says():
 @pytest.mark.parametrize(
     ("values", "alpha", "expected"),
     [
-        ([0.1, 0.5, 0.3], 0.02, 0.5),  # too few for the second largest
-        ([0.412, 0.2], 0.02, 0.42),  # rounded up to two digits
+        ([0.1, 0.5, 0.3], 0.02, 0.53),  # too few for the second largest
+        ([0.412, 0.2], 0.02, 0.44),  # a twentieth more, rounded up to two digits
         ([0.0, 0.0], 0.02, RULES.excess),  # no question needs it: it stays
-        ([0.1 * k for k in range(1, 100)], 0.02, 9.8),
+        ([0.1 * k for k in range(1, 100)], 0.02, 11.0),
     ],
 )
 def test_limits_from_what_questions_need(values, alpha, expected):
