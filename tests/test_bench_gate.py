@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -42,9 +41,8 @@ def test_a_fault_must_be_named_and_a_healthy_machine_must_not_be(tmp_path: Path)
     ],
 )
 def test_what_is_right(verdict: str, first: list[tuple[str, str]], healthy: bool, faulty: bool) -> None:
-    said = SimpleNamespace(verdict=verdict, effects=[SimpleNamespace(effect=e, axis=a) for e, a in first])
-    assert replace(RIPPLE, fault="", axis="").holds(said) == healthy
-    assert RIPPLE.holds(said) == faulty
+    assert replace(RIPPLE, fault="", axis="").holds(verdict, first) == healthy
+    assert RIPPLE.holds(verdict, first) == faulty
 
 
 def test_a_wrong_answer_fails_the_command(

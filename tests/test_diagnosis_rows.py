@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.data.comparison import _within
+from pinotwin.diagnosis.data.comparison import within
 from pinotwin.diagnosis.data.samples import SKIMMED_ROWS, sample
-from pinotwin.diagnosis.others.servo import FEATURES, FEEDBACK, _Law
+from pinotwin.diagnosis.others.servo import FEATURES, FEEDBACK, Law
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.shortlist import closes
 from pinotwin.effects.position import Ripple
@@ -18,9 +18,9 @@ from pinotwin.effects.sensing import Delay
 from tests.one_slide import RATE, SECONDS, motion, rows
 
 
-def law(u: np.ndarray, columns: np.ndarray) -> _Law:
+def law(u: np.ndarray, columns: np.ndarray) -> Law:
     edges = np.linspace(0, len(u), 13).astype(int)
-    return _Law(columns, u, [slice(int(a), int(b)) for a, b in pairwise(edges)], float(np.std(u)))
+    return Law(columns, u, [slice(int(a), int(b)) for a, b in pairwise(edges)], float(np.std(u)))
 
 
 @pytest.mark.parametrize("factor", [0.7, 0.8, 1.25])
@@ -71,7 +71,7 @@ def test_validation_rows_beyond_the_travel_of_the_logs_judge_nothing() -> None:
     new, unseen = rows(zero), sample(replace(wide, q=1.5 * wide.q), zero[:, None], RULES.block_time)
     q = unseen.motion.q[unseen.samples(0), 0]
     low, high = (f(new.motion.q[new.samples(0), 0]) for f in (np.min, np.max))
-    kept = _within(unseen, new)
+    kept = within(unseen, new)
     left = kept.motion.q[kept.samples(0), 0]
     assert len(left) == len(kept.residual[0]) == len(kept.block[0])
     assert np.count_nonzero((q >= low) & (q <= high)) <= len(left) < len(q)

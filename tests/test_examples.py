@@ -1,9 +1,11 @@
-"""Each example runs and its headline figure is what the docs say it is."""
+"""Each example runs, and leaves at most half as much again as docs/figures.json states, and no more than the source."""
 
 from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
+
+from benchmarks.evidence import store
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -23,13 +25,16 @@ def test_trunnion(capsys):
     source = {"Y": {"e": 0.0712, "u": 0.0512}, "A": {"e": 0.0615, "u": 0.0263}}  # Table 4-5
     for axis, row in source.items():
         for signal, figure in row.items():
-            assert found[axis][signal] < figure, (axis, signal)
+            stated = 0.01 * store.value(f"trunnion.{axis}_{signal}")
+            assert found[axis][signal] < min(figure, 1.5 * stated), (axis, signal)
 
 
 def test_laser_driller(capsys):
     means = example("laser_driller").main(seconds=10.0, unseen_seconds=8.0)
     text = capsys.readouterr().out
     assert "with coupling" in text
-    assert means["fitted"] < 0.04  # 10 s only; with 20 s it is 2.0 % (source 2.38 %)
-    assert means["unseen"] < 0.05
+    assert means["fitted"] < 0.04
+    assert means["unseen"] < min(
+        0.05, 1.5 * 0.01 * store.value("laser_driller.all")
+    )  # of 10 s; stated of 20 s
     assert means["alone B.e"] > 0.3  # what leaving the coupling out costs

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
 from pinotwin.errors import DataError
-from pinotwin.solve.bounds import _active_set
+from pinotwin.solve.bounds import active_set
 from pinotwin.solve.crossval import held_out
 from pinotwin.solve.linear import Options, Prior, linear, reduce, solve
 from pinotwin.solve.problem import AxisRows, Problem
@@ -136,11 +136,11 @@ def test_bounds_equal_scipy_and_are_reported():
     assert (fit.interval()[:, 1] <= upper).all()
 
 
-def test_the_two_active_sets_agree(monkeypatch):
+def test_the_twoactive_sets_agree(monkeypatch):
     rng = np.random.default_rng(17)
     A, b = rng.standard_normal((30, 6)), rng.standard_normal(30)
     low = np.array([-0.1, 0.0, 0.05, 0.0, 0.2, -1.0])
-    usual = _active_set(A, b, low, np.full(6, np.inf))
+    usual = active_set(A, b, low, np.full(6, np.inf))
 
     def rounds(*_, **how):
         if how["method"] == "bvls":
@@ -148,9 +148,9 @@ def test_the_two_active_sets_agree(monkeypatch):
         return lsq_linear(*_, **how)
 
     monkeypatch.setattr("pinotwin.solve.bounds.lsq_linear", rounds)
-    assert_allclose(_active_set(A, b, low, np.full(6, np.inf)), usual, atol=1e-12)
+    assert_allclose(active_set(A, b, low, np.full(6, np.inf)), usual, atol=1e-12)
     assert (usual == low).sum() in range(1, 6)
-    both = _active_set(A, b, low, low + 0.1)  # bounds on both sides: by an interior path
+    both = active_set(A, b, low, low + 0.1)  # bounds on both sides: by an interior path
     assert_allclose(both, lsq_linear(A, b, (low, low + 0.1), method="bvls").x, atol=1e-6)
 
 

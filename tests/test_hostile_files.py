@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -65,8 +66,11 @@ def test_sizes_are_asked_for_first(tmp_path: Path) -> None:
         np.lib.format.write_array_header_1_0(
             out, {"descr": "<f8", "fortran_order": False, "shape": (10**9, 10**3)}
         )
-    np.savez_compressed(tmp_path / "b.npz", x=np.zeros(10))
-    for name in ("a.h5", "a.npy"):
+    with zipfile.ZipFile(tmp_path / "b.npz", "w") as packed, packed.open("x.npy", "w") as out:
+        np.lib.format.write_array_header_1_0(
+            out, {"descr": "|i1", "fortran_order": False, "shape": (450_000_000,)}
+        )
+    for name in ("a.h5", "a.npy", "b.npz"):
         with pytest.raises(LogError, match=r"claims .* numbers, more than"):
             pt.read(tmp_path / name)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -93,8 +92,7 @@ def test_the_simulated_controller_is_shown_with_intervals_and_ties():
     servo = Servo.of_cascade(60.0, 5000.0, 40.0, 0.93, 30.0, velocity_lag=3e-4)
     errors = {"kp": 2.0, "rate": 2.0, "kv": 100.0, "ffa": 9.0, "kp + rate": 1.0, "kp * rate": 20.0}
     servo = dataclasses.replace(servo, errors=errors, other={"kp": 40.0, "rate": 60.0})
-    twin = SimpleNamespace(servos={"Y": servo})
-    rows = cells(servo_table(twin))
+    rows = cells(servo_table({"Y": servo}))
     assert rows[0][:4] == ["Y", "position gain kp", "60", "36.71 to 63.29"]
     assert "tied" in rows[0][4]
     assert rows[1][:4] == ["", "velocity gain kv", "5000", "4836 to 5164"]

@@ -314,16 +314,15 @@ def test_a_folder_of_meshes_in_the_yaml(tmp_path: Path) -> None:
 
 
 def test_a_picture_that_fails_is_one_line_and_costs_no_diagnosis(tmp_path: Path) -> None:
-    from types import SimpleNamespace
-
     from pinotwin.cli.diagnose import write_view
+    from pinotwin.diagnosis.result import Diagnosis
     from pinotwin.log import Log
 
     (tmp_path / "arm.urdf").write_text(GONE)
     machine = Machine.load(tmp_path / "arm.urdf")
     t = 0.01 * np.arange(400)
     log = Log({"t": t, "J1.q": np.sin(t), "J2.q": 0.1 * np.sin(2 * t)})
-    found = SimpleNamespace(gap={}, subject=machine)
+    found = Diagnosis("none", "", {}, (), (), (), {}, {}, "assumed", (), "structure", {}, subject=machine)
     said = write_view(found, machine, log, tmp_path, None)
     assert (tmp_path / "machine.html").is_file()
     assert len(said) == 1

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pinotwin.bench.answers import same_class
+from pinotwin.bench.answers import Key, same_class
 from pinotwin.bench.cases import Case
 from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.engine import engine
@@ -20,7 +20,7 @@ from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.healthy import Asked, Question, asked, foreign_case, read_logs, twin_of
 from pinotwin.bench.produce import produce
 from pinotwin.bench.twins import healthy_twin
-from pinotwin.diagnosis import Diagnosis, diagnose
+from pinotwin.diagnosis import diagnose
 
 SECONDS = 6.0
 """Length of the logs of own machines [s]."""
@@ -46,12 +46,11 @@ class Check:
     def __str__(self) -> str:
         return f"{self.question}: " + (f"{self.fault} on {self.axis}" if self.fault else "healthy")
 
-    def holds(self, found: Diagnosis) -> bool:
-        """Whether a diagnosis is the right answer."""
+    def holds(self, verdict: str, named: Sequence[Key]) -> bool:
+        """Whether a verdict, with the effects and axes that it names, is the right answer."""
         if not self.fault:
-            return found.verdict == "none" and not found.effects
-        first = found.effects[0] if found.effects else None
-        return first is not None and same_class((first.effect, first.axis), (self.fault, self.axis))
+            return verdict == "none" and not named
+        return bool(named) and same_class(named[0], (self.fault, self.axis))
 
 
 CHECKS = (
@@ -148,9 +147,9 @@ def _answer(check: Check, work: Path, elsewhere: Elsewhere | None) -> Result:
     start = time.perf_counter()
     given, check = _given(check, work, elsewhere)
     found = diagnose(given.subject, given.logs, validate=given.validation or None)
-    named = ", ".join(f"{e.effect} on {e.axis}" for e in found.effects)
-    said = f"{found.verdict}: {named}" if named else found.verdict
-    return Result(check, check.holds(found), said, time.perf_counter() - start)
+    named = [(e.effect, e.axis) for e in found.effects]
+    said = ": ".join(filter(None, (found.verdict, ", ".join(f"{e} on {a}" for e, a in named))))
+    return Result(check, check.holds(found.verdict, named), said, time.perf_counter() - start)
 
 
 def _given(check: Check, work: Path, elsewhere: Elsewhere | None) -> tuple[Asked, Check]:

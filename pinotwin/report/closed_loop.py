@@ -185,7 +185,7 @@ def structure_blocks(twin: Twin) -> list[Block]:
                 "1/ti; the intervals hold both ways round, their sum and product stand below.",
                 "lead",
             ),
-            servo_table(twin),
+            servo_table(twin.servos),
         ]
     if twin.controllers:
         out += [

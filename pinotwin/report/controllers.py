@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from pinotwin.loop import Controller
 
 
-def servo_table(twin: Twin) -> Html:
+def servo_table(servos: Mapping[str, Servo]) -> Html:
     """Return the gains and lags of the controllers that are simulated, with their 90 % intervals.
 
     Where kp and 1/ti are not determined one by one, their sum and product stand below them.
     """
     rows: list[list[object]] = []
-    for axis, servo in twin.servos.items():
+    for axis, servo in servos.items():
         told, determined = servo.intervals(), servo.determined()
         both = {k: x for k, x in servo.combined().items() if k in told and not _each(servo, determined)}
         for name, value in {**servo.named(), **both}.items():

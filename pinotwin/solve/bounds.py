@@ -60,11 +60,11 @@ def _within(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
     fixed = low == high
     out = np.where(fixed, low, 0.0)
     if not fixed.all():
-        out[~fixed] = _active_set(A[:, ~fixed], b - A[:, fixed] @ out[fixed], low[~fixed], high[~fixed])
+        out[~fixed] = active_set(A[:, ~fixed], b - A[:, fixed] @ out[fixed], low[~fixed], high[~fixed])
     return out
 
 
-def _active_set(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
+def active_set(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
     """Return the bounded solution; none of the columns is fixed.
 
     A column that the data leave open and whose prior is its bound ends a rounding beyond it: scipy's BVLS then divides

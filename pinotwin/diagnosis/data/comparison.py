@@ -158,7 +158,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     if change:
         motions, sealed, strange, lost = _known(twin, motions, sealed, own)
     new = _sample(twin, _joined(motions), block)
-    unseen = _within(_sample(twin, _joined(sealed), block), new) if sealed else None
+    unseen = within(_sample(twin, _joined(sealed), block), new) if sealed else None
     asked = gate(twin.machine, [*logs, *validation])
     if change:
         asked = replace(asked, doubts=(*asked.doubts, *strange))
@@ -354,7 +354,7 @@ def without_pushes(c: Comparison, rows: Mapping[int, Mask]) -> Comparison:
     return replace(c, new=_kept(c.new, {j: ~mask for j, mask in rows.items()}))
 
 
-def _within(unseen: Sample, new: Sample) -> Sample:
+def within(unseen: Sample, new: Sample) -> Sample:
     """Return validation rows at positions that the logs in question visit too.
 
     What depends on the place along the travel is known only there, and its last value is no forecast of

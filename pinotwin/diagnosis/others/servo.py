@@ -125,7 +125,7 @@ class _Decided:
     left: float
 
 
-def _decided(new: _Law, gains: Floats, held: float, rules: Rules) -> _Decided | None:
+def _decided(new: Law, gains: Floats, held: float, rules: Rules) -> _Decided | None:
     """Return how a law on new logs differs from that on the twin's own; None where it holds or the plant changed.
 
     Args:
@@ -180,11 +180,11 @@ def broken_laws(c: Comparison, told: Collection[str], rules: Rules = RULES) -> d
     return out
 
 
-def _laws(c: Comparison, joint: int, rules: Rules) -> tuple[_Law, Floats, Floats] | None:
+def _laws(c: Comparison, joint: int, rules: Rules) -> tuple[Law, Floats, Floats] | None:
     """Return the law on the new logs, the own gains and what they leave there; None where it says nothing."""
     if c.own is None or c.new.motion.qr is None:
         return None
-    old, new = (_Law.of(x.motion, joint) for x in (c.own, c.new))
+    old, new = (Law.of(x.motion, joint) for x in (c.own, c.new))
     if old is None or new is None:
         return None
     gains, rest = old.fitted()
@@ -200,7 +200,7 @@ def _law_change(
     new, gains, rest = laws
     held = rms(rest)
     found = _decided(new, gains, held, rules)
-    less = None if course is None else _Law.of(c.new.motion, joint, course)
+    less = None if course is None else Law.of(c.new.motion, joint, course)
     if found is not None and less is not None and rms(less.left(gains)) < found.level:
         new, found = less, _decided(less, gains, held, rules)
     if found is None:
@@ -261,7 +261,7 @@ def _logged(c: Comparison, axis: str) -> list[Floats]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Law:
+class Law:
     """The columns of the law on one motion, constants of its stretches taken out."""
 
     columns: Floats
@@ -270,7 +270,7 @@ class _Law:
     size: float
 
     @classmethod
-    def of(cls, motion: Motion, joint: int, course: Floats | None = None) -> _Law | None:
+    def of(cls, motion: Motion, joint: int, course: Floats | None = None) -> Law | None:
         """Return the law on one motion, a course (n,) taken off its effort; None where it cannot be fitted."""
         if motion.qr is None or motion.vr is None or motion.ar is None:
             return None

@@ -8,6 +8,7 @@ import tokenize
 import zipfile
 import zlib
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -36,15 +37,23 @@ def _check_sizes(path: Path) -> None:
     """Refuse what a header or a compressed file promises beyond all sense, before it is made."""
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as packed:
-            limited("", sum(item.file_size for item in packed.infolist()) // 8)
+            limited("", sum(_claimed(packed, item) for item in packed.infolist()))
         return
     with path.open("rb") as file:
-        version = np.lib.format.read_magic(file)
-        read = (
-            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        )
-        shape, _, _ = read(file)
-    limited("", math.prod(max(1, n) for n in shape))
+        limited("", _promised(file))
+
+
+def _claimed(packed: zipfile.ZipFile, item: zipfile.ZipInfo) -> int:
+    with packed.open(item) as file:
+        return _promised(file) if item.filename.endswith(".npy") else item.file_size // 8
+
+
+def _promised(file: IO[bytes]) -> int:
+    """Return how many numbers the header of an array promises, one at least along each dimension."""
+    version = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, _ = read(file)
+    return math.prod(max(1, n) for n in shape)
 
 
 def load(path: Path, source: str) -> Content:
