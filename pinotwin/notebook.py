@@ -48,18 +48,20 @@ def card(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], n
 
 
 LONGEST = 34
-"""Characters of a cell of plain text; a longer one is cut."""
+"""Characters of a cell of plain text; a longer one is cut, but the last one where the line has room."""
 
 
 def plain_card(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], note: str) -> str:
     """Return the same as plain text, for ``repr``: one screen of at most 80 columns or so."""
-    every = [[_cut(str(c)) for c in row] for row in rows]
+    every = [[*(_cut(str(c)) for c in row[:-1]), str(row[-1])] for row in rows]
     shown = [[_cut(c) for c in columns], *every[:MOST_ROWS]] if columns else []
+    before = sum(max(len(row[k]) for row in shown) + 2 for k in range(len(columns) - 1)) if shown else 0
+    shown = [[*row[:-1], _cut(row[-1], max(LONGEST, 78 - before))] for row in shown]
     wide = [max(len(row[k]) for row in shown) for k in range(len(columns))]
     lines = ["  ".join(c.ljust(w) for c, w in zip(row, wide, strict=True)).rstrip() for row in shown]
     more = [f"... and {len(every) - MOST_ROWS} more"] if len(every) > MOST_ROWS else []
     return "\n".join([f"<{title}>", *(f"  {line}" for line in [*lines, *more, *([note] if note else [])])])
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
+def _cut(text: str, most: int = LONGEST) -> str:
+    return text if len(text) <= most else text[: most - 1] + "…"

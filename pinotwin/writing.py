@@ -21,12 +21,28 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from pinotwin.errors import OutputError
+from pinotwin.errors import InputError, OutputError
 
 _EXCHANGE = 2  # RENAME_EXCHANGE of renameat2(2), Linux 3.15: swaps two names in one step
 _AT_CWD = -100
 _NAME = 40  # letters of the target's name in that of its part: file systems stop at 255 bytes
+
+
+def as_path(given: Any, name: str) -> Path:
+    """Return the path that a caller names.
+
+    Args:
+        given: text or a path.
+        name: of the argument, for the message.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if isinstance(given, str | os.PathLike):
+        return Path(given)
+    raise InputError(f"{name}: expected a file or folder name, not {type(given).__name__}")
 
 
 def check_file(path: str | Path) -> None:

@@ -263,6 +263,12 @@ def test_what_is_not_sure_is_possible_and_names_nothing(twin: Twin, worn: Log) -
     assert found.to_dict()["possible"][0]["effect"] == "viscous"
 
 
+def test_a_validation_log_of_before_the_change_is_asked_about(twin: Twin, worn: Log) -> None:
+    found = diagnose(twin, worn, validate=record(4), quick=True)
+    assert list(found.effects) == []
+    assert any("X: the validation log shows" in text for text in found.advice)
+
+
 def test_the_tracking_error_shrinks_by_what_was_named(twin: Twin, worn: Log) -> None:
     found = diagnose(twin, worn)
     assert [(e.effect, e.axis) for e in found.effects] == [("viscous", "X")]

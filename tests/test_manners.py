@@ -60,6 +60,13 @@ def test_a_table_will_do_as_a_log(folder):
         (lambda: pt.decompose({}, "log.csv"), "twin: expected a Twin or its folder, not dict"),
         (lambda: pt.identify("emps", "absent.csv"), "absent.csv"),
         (lambda: pt.check("emps", [1.0]), "not list"),
+        (lambda: pt.Twin.load(3), "folder: expected a file or folder name, not int"),
+        (lambda: pt.Machine.load(3), "path: expected a file or folder name, not int"),
+        (lambda: pt.read(3), "paths: expected a file or folder name, not int"),
+        (lambda: pt.resample(3, 100.0), "log: expected a Log, a file name"),
+        (lambda: pt.new("emps", 3, out="m"), "log: expected a Log, a file name"),
+        (lambda: pt.diagnose("emps", []), "no log given"),
+        (lambda: known_twin(plain_machine("emps")).effort("log.csv"), "motion: expected twin.motion"),
         (lambda: pt.export_twin(None, "c", "x.c"), "twin: expected a Twin or its folder, not NoneType"),
     ],
 )
@@ -115,7 +122,14 @@ def test_repr_is_one_short_screen(folder):
     found = Diagnosis(
         "none", "Nothing", gap, [], [], [], {}, {}, "assumed", [], "structure", {}, machine="mill"
     )
-    for one in (log, twin, machine, motion, found):
+    others = (
+        pt.check(machine, folder / "log.csv"),
+        pt.compare(twin, twin),
+        pt.decompose(twin, folder / "log.csv"),
+        pt.export_twin(twin, "c", folder / "effort.c"),
+        pt.new("XYZAC", folder / "log.csv", out=folder / "fresh"),
+    )
+    for one in (log, twin, machine, motion, found, *others):
         text = repr(one)
         assert text.startswith("<")
         assert len(text.splitlines()) <= 30

@@ -26,6 +26,7 @@ from pinotwin.arrays import Floats
 from pinotwin.effects import EFFECTS
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.notebook import Card, Shown
 from pinotwin.simulation import compare as score
 from pinotwin.simulation import simulate
 from pinotwin.twin import Twin
@@ -92,8 +93,8 @@ class Row:
         }
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Card):
     """Twins of one machine side by side.
 
     Attributes:
@@ -143,6 +144,12 @@ class Comparison:
         named = ", ".join(key for key, *_ in self.causes[:4])
         more = f" and {len(self.causes) - 4} more effects" if len(self.causes) > 4 else ""
         return f"{len(self.moved)} of {asked} parameters moved: {named}{more}."
+
+    def _shown(self) -> Shown:
+        """Return what moved, for a notebook and for ``repr``."""
+        rows = [(r.name, r.unit, *(f"{x:.4g}" for x in r.values)) for r in self.moved]
+        heads = ("moved", "unit", *self.labels)
+        return (f"Comparison of {self.machine}", heads if rows else (), rows, self.sentence)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of compare.json."""

@@ -22,6 +22,7 @@ from pinotwin.analysis.disturbance import CAUSES, split
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.notebook import Card, Shown
 from pinotwin.signals import rms
 from pinotwin.simulation.command import beginning
 from pinotwin.simulation.run import Loops, as_motion, respond
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
 COMMAND = "command"
 
 
-@dataclass(frozen=True, eq=False)
-class Decomposition:
+@dataclass(frozen=True, eq=False, repr=False)
+class Decomposition(Card):
     """Disturbances and tracking errors by cause, over a window of n rows; joint coordinates, SI.
 
     Attributes:
@@ -89,6 +90,15 @@ class Decomposition:
                     }
                 )
         return tuple(rows)
+
+    def _shown(self) -> Shown:
+        """Return each cause's tracking error, for a notebook and for ``repr``."""
+        rows = [
+            (row["axis"], row["cause"], f"{row['error_rms']:.3g}", f"{row['share']:.0%}")
+            for row in self.table()
+        ]
+        heads = ("axis", "cause", "tracking error, RMS [m, rad]", "share")
+        return (f"Decomposition: {len(self.t)} rows", heads, rows, " ".join(self.notes[:3]))
 
 
 @one_blas_thread

@@ -18,7 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TWIN|DIAGNOSIS",
         help="two folders or more, in the order of time, all of twins or all of diagnoses",
     )
-    parser.add_argument("--log", metavar="LOG", help="servo log on which every twin is judged")
+    parser.add_argument(
+        "--log", metavar="LOG", help="servo log on which every twin is judged (without one: parameters alone)"
+    )
     add_common(parser, out="folder for compare.html and compare.json", required=True)
 
 

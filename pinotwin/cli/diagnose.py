@@ -40,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="LOG",
-        help="log that nothing is fitted to; the shrink is stated on it",
+        help="log of the same state as LOG that nothing is fitted to; the shrink is stated on it (without "
+        "one: on parts of LOG, kept back in turn)",
     )
     add_resample(parser)
     parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")

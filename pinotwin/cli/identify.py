@@ -25,7 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
     parser.add_argument("logs", nargs="+", metavar="LOG", help="servo log(s); a.csv+b.csv joins columns")
     parser.add_argument(
-        "--validate", action="append", default=[], metavar="LOG", help="log to judge on, not used to fit"
+        "--validate",
+        action="append",
+        default=[],
+        metavar="LOG",
+        help="log to judge on, not used to fit (without one: parts of LOG, kept back in turn)",
     )
     parser.add_argument("--no-loop", action="store_true", help="identify the open loop only")
     parser.add_argument(

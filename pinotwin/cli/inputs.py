@@ -26,15 +26,23 @@ Subject = TypeVar("Subject", bound="Machine | Twin")
 
 def add_preparation(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a log is prepared."""
-    parser.add_argument("--cutoff", type=float, metavar="HZ", help="corner of the zero-phase low-pass")
-    parser.add_argument("--decimate", type=int, metavar="N", help="fit one row in N")
+    parser.add_argument(
+        "--cutoff",
+        type=float,
+        metavar="HZ",
+        help="corner of the zero-phase low-pass; 0 for none (found in the logs)",
+    )
+    parser.add_argument("--decimate", type=int, metavar="N", help="fit one row in N (as the corner allows)")
     add_resample(parser)
 
 
 def add_resample(parser: argparse.ArgumentParser) -> None:
     """Add the option that puts logs on another clock."""
     parser.add_argument(
-        "--resample", type=float, metavar="HZ", help="put the logs on an even clock of that rate"
+        "--resample",
+        type=float,
+        metavar="HZ",
+        help="put the logs on an even clock of that rate (their own clock)",
     )
 
 

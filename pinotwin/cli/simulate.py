@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(black), those with the vibration of a passive joint as output, or sampled laws (grey); "
         "without it, the form that predicted held-out data best",
     )
-    parser.add_argument("--step", type=float, metavar="S", help="longest internal step")
+    parser.add_argument(
+        "--step", type=float, metavar="S", help="longest internal step (as the loops ask for)"
+    )
     parser.add_argument(
         "--report", metavar="FILE", help="also write a page: predicted beside measured (.html)"
     )

@@ -13,7 +13,7 @@ from pinotwin.diagnosis.candidates.catalogue import candidates
 from pinotwin.diagnosis.candidates.catalogue import named as named_of
 from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
-from pinotwin.diagnosis.conclusion.advice import advise, command, resting
+from pinotwin.diagnosis.conclusion.advice import advise, command, of_other_state, resting
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
 from pinotwin.diagnosis.conclusion.provenance import provenance
@@ -33,6 +33,7 @@ from pinotwin.diagnosis.search.injections import confidences, pairs_alike
 from pinotwin.diagnosis.search.pushes import courses, only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import Effect
+from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
@@ -78,7 +79,10 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell = report or _silent
     tell("preparing the logs", 0.02)
     subject = _subject(subject)
-    c = compare(subject, as_logs(log), [] if validate is None else as_logs(validate, "validate"))
+    logs = as_logs(log)
+    if not logs:
+        raise DataError("no log given; give at least one")
+    c = compare(subject, logs, [] if validate is None else as_logs(validate, "validate"))
     tell("candidates", 0.15)
     measured = second_encoders(c, np.random.default_rng([seed, 4]))
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
@@ -254,7 +258,13 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         unexplained=verdict.unexplained,
         remains=verdict.remains,
         noise=kind,
-        advice=[*advice, *_untold(named), *resting(c.machine, gaps), *verdict.notes],
+        advice=[
+            *of_other_state(c, verdict.unexplained, rules),
+            *advice,
+            *_untold(named),
+            *resting(c.machine, gaps),
+            *verdict.notes,
+        ],
         warnings=[*c.gate.warnings, *([] if c.apart is None else [c.apart.words(change=c.change)])],
         differs=[] if c.apart is None else c.apart.names,
         situation="change" if c.change else "structure",

@@ -12,6 +12,7 @@ from pinotwin.arrays import Floats, plain
 from pinotwin.diagnosis.grade import Grade, grade
 from pinotwin.effects import Effect
 from pinotwin.notebook import Card, Shown
+from pinotwin.writing import as_path
 
 Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
 
@@ -288,7 +289,7 @@ class Diagnosis(Card):
         """Write the machine with the named effects added, and return the path of its YAML."""
         from pinotwin.diagnosis.apply import apply
 
-        return apply(self, Path(folder))
+        return apply(self, as_path(folder, "folder"))
 
 
 def _region(r: Region) -> dict[str, Any]:

@@ -137,6 +137,10 @@ class Rules:
     """The same for the feedback gains."""
     left_behind: float = 5.0
     """[of the own tracking error] From here an axis runs off its command."""
+    other_state: float = 0.5
+    """[of the gap over the effort's variation in the diagnosed logs] A validation log with less on an axis that
+    nothing explains may be of before the change. Advice only: a healthy trunnion beside one whose viscous friction
+    is four times what it was shows a quarter."""
     less_than_before: float = 0.9
     """[of the own largest effort] An axis that does not go with its command at all has met a limit only if its effort
     stays below this: else its command may be in another unit."""

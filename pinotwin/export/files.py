@@ -14,16 +14,17 @@ from pinotwin.export.inverse import Inverse, inverse_of
 from pinotwin.export.mjcf import mjcf_lines, mjcf_text, passive_text
 from pinotwin.export.numpy_file import numpy_text
 from pinotwin.export.urdf_file import urdf_lines, urdf_text
+from pinotwin.notebook import Card, Shown
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
-from pinotwin.writing import write_bytes
+from pinotwin.writing import as_path, write_bytes
 
 SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}
 """Format -> suffix of its file."""
 
 
-@dataclass(frozen=True)
-class Export:
+@dataclass(frozen=True, repr=False)
+class Export(Card):
     """Files for another tool, not yet written.
 
     Attributes:
@@ -37,6 +38,11 @@ class Export:
     files: dict[str, bytes]
     inverse: Inverse
     notes: tuple[str, ...]
+
+    def _shown(self) -> Shown:
+        """Return the files and what they leave out, for a notebook and for ``repr``."""
+        rows = [(name, f"{len(content)} bytes") for name, content in self.files.items()]
+        return (f"Export as {self.format}", ("file", "size"), rows, "; ".join(self.notes))
 
 
 def export_twin(
@@ -60,7 +66,7 @@ def export_twin(
     Raises:
         InputError: there is no such format, or the name has another format's suffix.
     """
-    path = Path(out)
+    path = as_path(out, "out")
     made = prepare_export(as_twin(twin), format, path, travel=travel, speed=speed)
     for name, content in made.files.items():
         write_bytes(path.parent / name, content)

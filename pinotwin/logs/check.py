@@ -25,6 +25,7 @@ from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
 from pinotwin.machine.urdf_check import mimics, read_tree
 from pinotwin.motion import Motion
+from pinotwin.notebook import Card, Shown
 
 _POSITION = (
     "axis_still",
@@ -48,8 +49,8 @@ _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
 _ROWS = 20_000  # rows that tell what a log excites: more of the same motion tell nothing new
 
 
-@dataclass(frozen=True)
-class Check:
+@dataclass(frozen=True, repr=False)
+class Check(Card):
     """What the examination of a machine, and of a log with it, found.
 
     Attributes:
@@ -69,6 +70,14 @@ class Check:
     def ok(self) -> bool:
         """Whether nothing forbids going on."""
         return not any(finding.severity == "error" for finding in self.findings)
+
+    def _shown(self) -> Shown:
+        """Return the findings but for mere facts, for a notebook and for ``repr``."""
+        rows = [(f.severity, f.channel, f.message) for f in self.findings if f.severity != "info"]
+        known = f"{sum(self.determined.values())} of " if self.determined else ""
+        told = f"{known}{len(self.machine.base)} base parameters" + (" can be identified" if known else "")
+        heads = ("", "channel", "finding") if rows else ()
+        return (f"Check of {self.machine.name}: {'ok' if self.ok else 'not usable'}", heads, rows, told)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result in JSON's types."""

@@ -25,6 +25,7 @@ from pinotwin.machine.yaml_file import (
     number,
     read_yaml,
 )
+from pinotwin.writing import as_path
 
 KEYS = ("name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "data", "meshes")
 AXIS_KEYS = (
@@ -41,7 +42,7 @@ AXIS_KEYS = (
 
 def load_machine(path: str | Path) -> Machine:
     """See :meth:`Machine.load`."""
-    given = Path(path)
+    given = as_path(path, "path")
     if not str(path).strip():
         raise MachineError(f"no machine named; give a folder, a .urdf, or one of {_bundled()}")
     if given.suffix == ".urdf":

@@ -22,7 +22,7 @@ from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
 from pinotwin.notebook import Card, Shown
-from pinotwin.writing import write_bytes, write_text
+from pinotwin.writing import as_path, write_bytes, write_text
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -221,7 +221,7 @@ class Machine(Card):
         """Write ``machine.yaml`` and the URDF into a folder and return the path of the YAML."""
         from pinotwin.machine.loading import machine_spec
 
-        folder = Path(folder)
+        folder = as_path(folder, "folder")
         target = folder / self.urdf.name
         if target.resolve() != self.urdf.resolve():
             root = read_tree(self.urdf)

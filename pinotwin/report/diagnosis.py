@@ -202,12 +202,15 @@ def where_blocks(d: Diagnosis) -> list[Block]:
         "by",
         "where",
         "share of the gap, in what share of time or band",
-        "denser than even",
+        "concentration",
         "chance",
     )
     return [
         table(header, rows, numeric=(4, 5)),
-        paragraph("Chance: how often pure noise would show such a concentration somewhere.", "lead"),
+        paragraph(
+            "Concentration: share of the gap over share of the time. Chance: how often pure noise would show it.",
+            "lead",
+        ),
     ]
 
 

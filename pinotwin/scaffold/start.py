@@ -14,10 +14,12 @@ from lxml import etree
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind, parse_columns
+from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines, robots
 from pinotwin.machine.urdf import idle_joints, load_model, resolve_meshes
 from pinotwin.machine.urdf_check import mimics, moving_joints, read_tree
+from pinotwin.notebook import Card, Shown
 from pinotwin.scaffold.chain import (
     LIFT,
     MASS,
@@ -30,14 +32,14 @@ from pinotwin.scaffold.chain import (
     write_urdf,
 )
 from pinotwin.scaffold.guess import Guesses, guess_columns
-from pinotwin.writing import whole_folder
+from pinotwin.writing import as_path, whole_folder
 
 ROTOR = {True: 0.01, False: 1.0}
 """Whether an axis turns -> inertia of its rotor [kg·m² or kg] where its URDF has no mass on it."""
 
 
-@dataclass(frozen=True)
-class Start:
+@dataclass(frozen=True, repr=False)
+class Start(Card):
     """A machine folder that was written.
 
     Attributes:
@@ -52,10 +54,18 @@ class Start:
     said: tuple[str, ...]
     guesses: Guesses | None
 
+    def _shown(self) -> Shown:
+        """Return what was assumed and guessed, for a notebook and for ``repr``."""
+        found = () if self.guesses is None else self.guesses.found
+        rows = [("assumed", text) for text in self.said]
+        rows += [("guess", f"{g.channel} = {g.column}: {g.reason}") for g in found]
+        rows += [("open", text) for text in (() if self.guesses is None else self.guesses.open)]
+        return (f"Machine folder {self.folder}", ("", "what"), rows, "")
+
 
 def new(
     source: str | Path,
-    log: Log | None = None,
+    log: LogLike | None = None,
     *,
     out: str | Path,
     rotary: str = "table",
@@ -68,7 +78,7 @@ def new(
     Args:
         source: letters of axes (``XYZAC``, ``XYZ-BC``), a ``.urdf``, a bundled name, a robot of
             example-robot-data.
-        log: a log of the machine, as read; its columns are guessed.
+        log: a log of the machine, as read, or its file; its columns are guessed.
         out: the folder to write; it must not hold a machine yet.
         rotary: what rotary axes carry where ``source`` does not say: ``table`` or ``head``.
         sizes: what is known of the axes.
@@ -78,7 +88,8 @@ def new(
     Raises:
         InputError: the source means nothing, or the folder holds a machine.
     """
-    target, text = Path(out), str(source)
+    target, text = as_path(out, "out"), str(source)
+    log = None if log is None else as_log(log)
     if (target / "machine.yaml").exists():
         raise InputError(f"{target}: holds a machine.yaml already; choose another folder, or edit that one")
     with whole_folder(target) as folder:

@@ -14,7 +14,7 @@ from pinotwin.dynamics.parameters import with_parameters
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.effects.scene import with_model
-from pinotwin.errors import TwinError, nearest
+from pinotwin.errors import InputError, TwinError, nearest
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin.parameters import Parameter
@@ -82,7 +82,13 @@ class OpenLoop:
         raise TwinError(f"{self.machine.name}: no parameter {name!r}; {nearest(name, names)}")
 
     def scene(self, motion: Motion) -> Motion:
-        """Return a motion with this plant's own effort along it, if any of its effects scales with it."""
+        """Return a motion with this plant's own effort along it, if any of its effects scales with it.
+
+        Raises:
+            InputError: it is no motion.
+        """
+        if not isinstance(motion, Motion):
+            raise InputError(f"motion: expected twin.motion(log), a Motion, not {type(motion).__name__}")
         return with_model(motion, self.effects, self.theta)
 
     def parts(self, motion: Motion) -> dict[str, Floats]:
@@ -96,8 +102,9 @@ class OpenLoop:
 
     def effort(self, motion: Motion) -> Floats:
         """Return the motor effort that this motion takes, shape (n, nv) [N or N·m]."""
+        parts = self.parts(motion)
         total = np.zeros((len(motion), self.machine.nv))
-        for part in self.parts(motion).values():
+        for part in parts.values():
             total += part
         if motion.external is not None:
             total -= motion.external

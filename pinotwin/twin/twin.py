@@ -15,6 +15,7 @@ from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.open_loop import OpenLoop
+from pinotwin.writing import as_path
 
 if TYPE_CHECKING:
     from pinotwin.loop import Controller, LoopModel, Servo
@@ -78,7 +79,7 @@ class Twin(OpenLoop, Card):
         """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""
         from pinotwin.twin.files import save
 
-        return save(self, Path(folder))
+        return save(self, as_path(folder, "folder"))
 
     @classmethod
     def load(cls, folder: str | Path) -> Twin:
@@ -89,7 +90,7 @@ class Twin(OpenLoop, Card):
         """
         from pinotwin.twin.files import load
 
-        return load(Path(folder))
+        return load(as_path(folder, "folder"))
 
 
 TwinLike = Twin | str | Path

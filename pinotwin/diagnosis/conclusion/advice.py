@@ -7,8 +7,11 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.rules import Rules
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.signals import rms
 
 PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
     (
@@ -91,6 +94,22 @@ def resting(machine: Machine, seen: Collection[str]) -> list[str]:
     return [
         f"{x} hardly moves in these logs, or its effort is not in them: nothing is said of it" for x in silent
     ]
+
+
+def of_other_state(c: Comparison, unexplained: Collection[str], rules: Rules) -> list[str]:
+    """Return a word on validation logs that do not show what the diagnosed logs show of an unexplained axis."""
+    if not c.change or c.unseen is None:
+        return []
+    out = []
+    for j in c.unseen.joints:
+        name = c.machine.names[j]
+        today, there = (rms(s.residual[j]) / max(s.size(j), 1e-300) for s in (c.new, c.unseen))
+        if name in unexplained and there < rules.other_state * today:
+            out.append(
+                f"{name}: the validation log shows {there / today:.0%} of its gap: if it was recorded before the "
+                "change, leave it out; a cause is only named where both show it"
+            )
+    return out
 
 
 def command(machine: Machine, motion: Motion, kind: str, axis: str | None) -> dict[str, Floats]:

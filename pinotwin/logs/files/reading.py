@@ -15,6 +15,7 @@ from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.files import isolated
 from pinotwin.logs.files.content import Seen, to_log
+from pinotwin.writing import as_path
 
 # Format -> module with `load(path: Path, source: str) -> Content`. Imported on use: pyarrow, h5py
 # and scipy.io are slow to import and a CSV user needs only one of them.
@@ -95,7 +96,7 @@ def _read(paths: Sequence[str | Path], only: str | None = None, seen: Seen | Non
     logs = []
     for k, path in enumerate(paths):
         share = None if seen is None else partial(_share, seen, k, len(paths))
-        logs.append(_read_one(Path(path), only, share))
+        logs.append(_read_one(as_path(path, "paths"), only, share))
     return logs[0] if len(logs) == 1 else join(logs, [Path(path).stem for path in paths])
 
 

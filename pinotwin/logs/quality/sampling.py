@@ -9,6 +9,7 @@ import numpy as np
 
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
+from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.quality.results import Finding
 from pinotwin.signals import Clock, clock, uniform
 
@@ -83,7 +84,7 @@ def implausible_clock(c: Clock) -> str:
     )
 
 
-def resample(log: Log, rate: float, gap: float = 5.0) -> Log:
+def resample(log: LogLike, rate: float, gap: float = 5.0) -> Log:
     """Return the log on a uniform clock, by linear interpolation; the notes say what was made up.
 
     Nothing is made up across a gap, a clock that runs backward, or a missing value: the new log
@@ -91,13 +92,14 @@ def resample(log: Log, rate: float, gap: float = 5.0) -> Log:
     rate.
 
     Args:
-        log: needs ``t``.
+        log: needs ``t``; a log or its file.
         rate: new rate [Hz].
         gap: interval that counts as a gap, in median intervals.
 
     Raises:
         LogError: no time channel, a rate that is not above 0, or stamps that do not advance.
     """
+    log = as_log(log)
     if not (np.isfinite(rate) and rate > 0):
         raise LogError(f"{log.source}: resample to {rate} Hz: the rate must be above 0")
     if "t" not in log:
