@@ -6,13 +6,12 @@ import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.each import REPLACES, Asked, Fill, run_each
 from pinotwin.cli.inputs import add_meshes, add_resample, read_logs, resampled, with_meshes
-from pinotwin.cli.output import add_common, columns, say, write_json
+from pinotwin.cli.output import add_common, columns, made, say, write_json
 from pinotwin.cli.progress import Report, progress, silent
 from pinotwin.errors import InputError, PinotwinError
 from pinotwin.writing import whole_folder, write_text
@@ -109,7 +108,7 @@ def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> tuple[Diag
     found = diagnose(
         subject, logs, validate=validate or None, quick=asked.quick, report=report, seed=asked.seed
     )
-    found = dated(found, time.monotonic() - began)
+    found = dated(found, began)
 
     def fill(folder: Path) -> list[str]:
         write(found, folder)
@@ -151,11 +150,11 @@ def write(found: Diagnosis, folder: Path) -> None:
         np.savetxt(folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments="")
 
 
-def dated(found: Diagnosis, seconds: float) -> Diagnosis:
+def dated(found: Diagnosis, began: float) -> Diagnosis:
     """Return the diagnosis with the date and the time that it took."""
-    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    told = {**found.provenance, "date": now, "seconds_taken": round(seconds, 1)}
-    return replace(found, provenance=told)
+    told = made(began)
+    del told["options"]
+    return replace(found, provenance={**found.provenance, **told})
 
 
 BESIDE = {

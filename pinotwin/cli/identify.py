@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.inputs import add_preparation, read_logs, settings
-from pinotwin.cli.output import add_common, columns, say, write_json
+from pinotwin.cli.output import add_common, columns, made, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
 from pinotwin.writing import whole_folder, write_text
@@ -53,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     validate = read_logs(args.validate)
     for line in _doubts(machine, logs):
         say(line)
+    began = time.monotonic()
     with progress() as report:
         twin = identify(
             machine,
@@ -67,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
             report("writing the twin", 0.9)
             content = write_twin(twin, folder)
             report("writing the report", 0.95)
-            page = identification_report(twin, logs, validate)
+            page = identification_report(twin, logs, validate, made(began, **_asked(args)))
             write_text(folder / "report.html", page)
     if args.json:
         write_json(args.json, content)
@@ -75,6 +77,15 @@ def run(args: argparse.Namespace) -> int:
         say(line)
     say(f"twin and report written to {args.out}")
     return 0
+
+
+def _asked(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the options that a page states."""
+    return {
+        "closed_loop": not args.no_loop,
+        "consistent": not args.inconsistent,
+        **{name: getattr(args, name) for name in ("cutoff", "decimate", "resample")},
+    }
 
 
 def _spare_the_machine(machine: Machine, out: Path) -> None:

@@ -9,7 +9,9 @@ import re
 import shutil
 import sys
 import textwrap
+import time
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,20 @@ def check_page(path: str | None) -> None:
     """Refuse a page of another ending than a browser knows."""
     if path is not None and Path(path).suffix not in (".html", ".htm"):
         raise InputError(f"--report: {Path(path).name}: a page is written as .html")
+
+
+def made(began: float, **options: Any) -> dict[str, Any]:
+    """Return date, time taken and options of a command, for the foot of its page.
+
+    Args:
+        began: ``time.monotonic()`` at its beginning.
+        options: as they were given; those that were not are left out.
+    """
+    return {
+        "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "seconds_taken": round(time.monotonic() - began, 1),
+        "options": {k: v for k, v in options.items() if v is not None},
+    }
 
 
 def beside(path: str, page: str) -> str:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import io
+import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.output import add_common, beside, check_page, columns, say, write_json
+from pinotwin.cli.output import add_common, beside, check_page, columns, made, say, write_json
 from pinotwin.writing import write_text
 
 if TYPE_CHECKING:
@@ -47,13 +49,14 @@ def run(args: argparse.Namespace) -> int:
     if out.suffix != ".csv":
         raise InputError(f"--out: {out.name}: a prediction is written as .csv")
     _check(args)
+    began = time.monotonic()
     twin = Twin.load(args.twin)
     (log,) = read_logs([args.log])
     form = args.controller or preferred(twin)
     predicted = simulate(twin, log, step=args.step, controller=form)
     rows = compare(twin.machine, log, predicted)
     write_text(out, _csv(predicted))
-    said = _extras(args, twin, log, predicted, form)
+    said = _extras(args, twin, log, predicted, form, made(began, step=args.step))
     if args.json:
         write_json(
             args.json,
@@ -90,14 +93,16 @@ def _check(args: argparse.Namespace) -> None:
         require()
 
 
-def _extras(args: argparse.Namespace, twin: Twin, log: Log, predicted: Log, form: str) -> list[str]:
+def _extras(
+    args: argparse.Namespace, twin: Twin, log: Log, predicted: Log, form: str, how: Mapping[str, Any]
+) -> list[str]:
     """Write the page and the recording that were asked for; return a line about each."""
     said = []
     if args.report is not None:
         from pinotwin.report.simulation import simulation_report
 
         files = [(beside(args.out, args.report), "the prediction, SI")]
-        write_text(args.report, simulation_report(twin, log, predicted, form, files))
+        write_text(args.report, simulation_report(twin, log, predicted, form, files, how))
         said.append(f"page written to {args.report}")
     if args.rrd is not None:
         from pinotwin.viewer.rerun import write_recording

@@ -34,6 +34,7 @@ from pinotwin.diagnosis.search.pushes import courses, only_sure, push_confidence
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError
+from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
@@ -79,10 +80,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell = report or _silent
     tell("preparing the logs", 0.02)
     subject = _subject(subject)
-    logs = as_logs(log)
-    if not logs:
-        raise DataError("no log given; give at least one")
-    c = compare(subject, logs, [] if validate is None else as_logs(validate, "validate"))
+    c = compare(subject, _logs(log), [] if validate is None else as_logs(validate, "validate"))
     tell("candidates", 0.15)
     measured = second_encoders(c, np.random.default_rng([seed, 4]))
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
@@ -357,6 +355,13 @@ def _where(
     for j in joints:
         rest += localise(c.new, c.new.residual[j], j, rng)
     return [*out, *sorted(rest, key=lambda r: -(r.share - r.time_share))]
+
+
+def _logs(given: LogLike | Sequence[LogLike]) -> list[Log]:
+    logs = as_logs(given)
+    if not logs:
+        raise DataError("no log given; give at least one")
+    return logs
 
 
 def _subject(given: Machine | Twin | str | Path) -> Machine | Twin:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pinotwin.diagnosis.conclusion.provenance import log_facts
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import (
@@ -34,6 +35,7 @@ from pinotwin.report.effort_plots import (
 from pinotwin.report.flexible import flexible_blocks
 from pinotwin.report.page import Page
 from pinotwin.report.parameter_table import parameter_table
+from pinotwin.report.provenance import provenance_blocks
 from pinotwin.report.study_plots import overlay_figure
 from pinotwin.report.verdict import axis_tiles, cautions, headline, known
 from pinotwin.studies.evidence import Evidence, evidence, split_rigid_body
@@ -47,18 +49,40 @@ from pinotwin.studies.overlay import (
 from pinotwin.twin import Twin
 
 
-def identification_report(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> str:
+def identification_report(
+    twin: Twin,
+    logs: Log | Sequence[Log],
+    validate: Sequence[Log] = (),
+    made: Mapping[str, Any] | None = None,
+) -> str:
     """Return a self-contained HTML page about an identified machine.
 
     Args:
         twin: what was identified.
         logs: the log(s) it was identified from.
         validate: log(s) it was judged on, if there were any.
+        made: ``date``, ``seconds_taken`` and ``options``, where they are known.
 
     Raises:
         DataError: the logs hold no row that the twin can be compared with.
     """
-    return identification_page(twin, logs, validate).html()
+    page = identification_page(twin, logs, validate)
+    return page.section(
+        "How this was made", *provenance_blocks(_provenance(twin, logs, validate, made or {}))
+    ).html()
+
+
+def _provenance(
+    twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log], made: Mapping[str, Any]
+) -> dict[str, Any]:
+    from pinotwin import __version__
+
+    fitted = [logs] if isinstance(logs, Log) else list(logs)
+    facts = [
+        *(log_facts(log, "fitted") for log in fitted),
+        *(log_facts(log, "validation") for log in validate),
+    ]
+    return {"version": __version__, "machine": str(twin.machine.path), **made, "logs": facts}
 
 
 def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> Page:
@@ -120,7 +144,7 @@ def _with_loop(page: Page, twin: Twin, logs: Log | Sequence[Log], validate: Sequ
     page = page.section(
         "Closed loop",
         *blocks,
-        intro="Tracking error and effort that the twin foretells when it is given nothing but the "
+        intro="Tracking error and effort that the twin predicts when it is given nothing but the "
         f"command of {seen}.",
     )
     bent = flexible_blocks(twin, next(iter([*validate, *given])))

@@ -46,7 +46,12 @@ FORMS = {
 
 
 def simulation_report(
-    twin: Twin, log: Log, predicted: Log, form: str, files: Sequence[tuple[str, str]] = ()
+    twin: Twin,
+    log: Log,
+    predicted: Log,
+    form: str,
+    files: Sequence[tuple[str, str]] = (),
+    made: Mapping[str, Any] | None = None,
 ) -> str:
     """Return a self-contained HTML page about a simulated command.
 
@@ -56,12 +61,18 @@ def simulation_report(
         predicted: what :func:`pinotwin.simulate` returned for it.
         form: closed loop that was used, see there.
         files: name and content of what lies beside the page, to link to.
+        made: ``date``, ``seconds_taken`` and further ``options``, where they are known.
     """
-    return simulation_page(twin, log, predicted, form, files).html()
+    return simulation_page(twin, log, predicted, form, files, made or {}).html()
 
 
 def simulation_page(
-    twin: Twin, log: Log, predicted: Log, form: str, files: Sequence[tuple[str, str]] = ()
+    twin: Twin,
+    log: Log,
+    predicted: Log,
+    form: str,
+    files: Sequence[tuple[str, str]],
+    made: Mapping[str, Any],
 ) -> Page:
     """Return the same report as a :class:`Page`."""
     log = bound(twin.machine, log)
@@ -74,7 +85,7 @@ def simulation_page(
     page = page.section("Over time", *_over_time(twin, log, predicted))
     page = page.section("Closed loop", _loop_table(twin, form), intro="What is simulated around each axis.")
     page = page.section("Files", *files_block(files))
-    return page.section("How this was made", *provenance_blocks(_provenance(twin, log, form)))
+    return page.section("How this was made", *provenance_blocks(_provenance(twin, log, form, made)))
 
 
 def grade_of(error: float, expected: float | None) -> str:
@@ -240,13 +251,14 @@ LAWS = {
 """Form of a controller -> its name."""
 
 
-def _provenance(twin: Twin, log: Log, form: str) -> dict[str, Any]:
+def _provenance(twin: Twin, log: Log, form: str, made: Mapping[str, Any]) -> dict[str, Any]:
     from pinotwin import __version__
 
     return {
         "version": __version__,
         "machine": str(twin.machine.path),
         "twin_from": [dict(row) for row in twin.data],
-        "options": {"controller": form},
+        **made,
+        "options": {"controller": form, **made.get("options", {})},
         "logs": [log_facts(log, "command")],
     }

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
 
 from pinotwin.diagnosis.grade import Grade
 from pinotwin.diagnosis.result import Diagnosis
@@ -14,7 +17,7 @@ from pinotwin.twin import Twin
 from pinotwin.viewer.panel import panel, stage_for
 from pinotwin.viewer.scene import colour, draw, visual_model
 from pinotwin.viewer.still import GREY, Colour
-from pinotwin.viewer.tracks import tracks_of
+from pinotwin.viewer.tracks import Tracks, tracks_of
 
 COLOURS: dict[Grade, Colour] = {
     "gap explained": (0.90, 0.52, 0.20),
@@ -23,6 +26,8 @@ COLOURS: dict[Grade, Colour] = {
     "above misfit": (0.85, 0.74, 0.42),
 }
 """Grade -> colour of the axis; grey where nothing was found."""
+JUDGED = 0.05
+"""Distance to the nearest row that was judged within which what causes leave is drawn [s]."""
 
 
 def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
@@ -35,13 +40,32 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
     """
     twin = found.subject if isinstance(found.subject, Twin) else None
     motion = _motion(twin, machine, log)
-    tracks = tracks_of(machine, motion, twin)
+    tracks = with_causes(tracks_of(machine, motion, twin), found, float(motion.t[0]))
     visual = visual_model(machine.model, machine.urdf, machine.meshes)
     shades = {str(name): (*GREY, 1.0) for name in machine.model.names}
     for name, axis in machine.axes.items():
         shades[axis.joint] = (*COLOURS.get(_grade(found, name), GREY), 1.0)
     drawn = colour(draw(machine.model, visual, frames=False, masses=False, name=machine.name), shades)
     return panel(stage_for(drawn, tracks.q), machine, tracks=tracks, subtitle=_told(found, machine.axes))
+
+
+def with_causes(tracks: Tracks, found: Diagnosis, begin: float) -> Tracks:
+    """Return a playback in which the gap of every axis with a named cause is followed by what the causes leave of it.
+
+    Args:
+        tracks: of the first of the diagnosed logs.
+        found: the diagnosis.
+        begin: time of that log at which the playback begins [s].
+    """
+    named = {str(e.axis) for e in found.effects}
+    series = {name: dict(held) for name, held in tracks.series.items()}
+    for trace in found.traces:
+        if trace.log == 0 and trace.axis in named and "gap" in series.get(trace.axis, {}) and len(trace.t):
+            at = tracks.t + begin
+            near = np.abs(trace.t[np.searchsorted(trace.t, at).clip(max=len(trace.t) - 1)] - at)
+            left = np.where(near < JUDGED, np.interp(at, trace.t, trace.after), np.nan)
+            series[trace.axis]["gap"] = [*series[trace.axis]["gap"], ("with the causes", "#2b6cb0", left)]
+    return replace(tracks, series=series)
 
 
 def _motion(twin: Twin | None, machine: Machine, log: Log) -> Motion:
