@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import re
 from pathlib import Path
@@ -142,3 +143,16 @@ def test_commands_page_lists_every_command():
     text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     for command in COMMANDS:
         assert f"pinotwin {command}" in text
+
+
+def test_the_api_page_holds_every_public_name() -> None:
+    listed = re.findall(
+        r"^::: ([\w.]+)$", (ROOT / "docs/api.md").read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
+    names = {entry.rpartition(".")[2] for entry in listed}
+    own = {name for name in dir(pt) if name[0] != "_" and name != "EFFECTS" and not name.endswith("Error")}
+    assert own <= names
+    assert "pinotwin.errors" in listed
+    for entry in listed:
+        module, _, name = entry.rpartition(".")
+        assert entry == "pinotwin.errors" or hasattr(importlib.import_module(module), name), entry

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import time
+from functools import partial
 
 from pinotwin.cli.inputs import read_logs
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.output import add_common, made, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.writing import whole_folder, write_text
 
@@ -43,12 +45,15 @@ def run(args: argparse.Namespace) -> int:
     subject = load_subject(args.subject)
     logs = read_logs(args.logs)
     kinds = [kind for kind in KINDS if not args.only or kind in args.only]
+    how = partial(made, time.monotonic(), only=kinds, axis=args.axis or "all", window=args.window)
     with progress() as report:
         twin = subject if isinstance(subject, Twin) else None
         machine = subject.machine if isinstance(subject, Twin) else subject
         if twin is None and set(kinds) - {"amount", "coupling"}:
             twin = identify(machine, logs, loop="errors" in kinds, report=report)
-        found = study(machine, twin, logs, kinds=kinds, axes=args.axis, window=window, report=report)
+        found = study(
+            machine, twin, logs, kinds=kinds, axes=args.axis, window=window, report=report, made=how
+        )
         with whole_folder(args.out, replaces=("study.html", "*.csv")) as folder:
             write_text(folder / "study.html", found.page.html())
             for name, (header, rows) in found.tables.items():

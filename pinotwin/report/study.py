@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from pinotwin.analysis.decomposition import Decomposition, decompose
+from pinotwin.diagnosis.conclusion.provenance import log_facts
 from pinotwin.errors import DataError, InputError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Block, Plot, notes, table
 from pinotwin.report.closed_loop_plots import causes_figure
 from pinotwin.report.page import Page
+from pinotwin.report.provenance import files_block, provenance_blocks
 from pinotwin.report.study_plots import figure_of
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
@@ -29,6 +32,10 @@ KINDS = {
     "errors": "the tracking error by cause (Fig. 4-16)",
 }
 """Study -> what it shows, with the figure of the thesis."""
+
+
+SHOWN = 20
+"""A table with more rows is a file beside the page, not a part of it."""
 
 
 @dataclass
@@ -50,11 +57,15 @@ class Studied:
     ) -> None:
         """Add a study: a section of the page and a table."""
         self.tables[f"{name}.csv"] = (header, rows)
-        shown = table(header, [[_short(cell) for cell in row] for row in rows[:40]])
-        title = KINDS[kind].split(" (")[0].capitalize() + (
-            "" if name == kind else f": {name.partition('_')[2]}"
+        shown = [[_short(cell) for cell in row] for row in rows]
+        link = [(f"{name}.csv", f"{len(rows)} rows: {', '.join(header)}")]
+        blocks = (
+            [table(header, shown, numeric=range(1, len(header)))] if len(rows) <= SHOWN else files_block(link)
         )
-        self.page = self.page.section(title, *more, shown)
+        title = KINDS[kind].split(" (")[0].capitalize() + (
+            "" if name == kind else f": {name.partition('_')[2].replace('_', ', ')}"
+        )
+        self.page = self.page.section(title, *more, *blocks)
 
 
 def study(
@@ -66,6 +77,7 @@ def study(
     axes: Sequence[str] = (),
     window: tuple[float, float] | None = None,
     report: Callable[[str, float], None] | None = None,
+    made: Callable[[], Mapping[str, Any]] | None = None,
 ) -> Studied:
     """Return the studies of a machine and its logs.
 
@@ -77,6 +89,7 @@ def study(
         axes: axes to look at; all when empty.
         window: first and last time of the tracking error by cause [s]; all when None.
         report: told what is done and how far it is.
+        made: asked at the end for ``date``, ``seconds_taken`` and ``options``.
     """
     names = list(axes) or list(machine.axes)
     for name in names:
@@ -93,7 +106,17 @@ def study(
         out.page = out.page.section("Left out", notes(out.left_out))
     if not out.tables:
         raise DataError("; ".join(out.left_out) or "no study was asked for")
+    out.page = out.page.section("How this was made", *provenance_blocks(_provenance(machine, logs, made)))
     return out
+
+
+def _provenance(
+    machine: Machine, logs: Sequence[Log], made: Callable[[], Mapping[str, Any]] | None
+) -> dict[str, Any]:
+    from pinotwin import __version__
+
+    facts = [log_facts(log, "studied") for log in logs]
+    return {"version": __version__, "machine": str(machine.path), **(made() if made else {}), "logs": facts}
 
 
 def _one(
