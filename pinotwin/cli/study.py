@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from functools import partial
 
 from pinotwin.cli.inputs import read_logs
 from pinotwin.cli.output import add_common, made, say, write_json
@@ -38,24 +37,23 @@ def run(args: argparse.Namespace) -> int:
     """Make the studies and write page and tables."""
     from pinotwin.cli.diagnose import load_subject
     from pinotwin.identification import identify
-    from pinotwin.report.study import csv_lines, study
+    from pinotwin.report.study import csv_lines, made_page, study
     from pinotwin.twin import Twin
 
     window = _window(args.window)
     subject = load_subject(args.subject)
     logs = read_logs(args.logs)
     kinds = [kind for kind in KINDS if not args.only or kind in args.only]
-    how = partial(made, time.monotonic(), only=kinds, axis=args.axis or "all", window=args.window)
+    began = time.monotonic()
     with progress() as report:
         twin = subject if isinstance(subject, Twin) else None
         machine = subject.machine if isinstance(subject, Twin) else subject
         if twin is None and set(kinds) - {"amount", "coupling"}:
             twin = identify(machine, logs, loop="errors" in kinds, report=report)
-        found = study(
-            machine, twin, logs, kinds=kinds, axes=args.axis, window=window, report=report, made=how
-        )
+        found = study(machine, twin, logs, kinds=kinds, axes=args.axis, window=window, report=report)
+        how = made(began, only=kinds, axis=args.axis or "all", window=args.window)
         with whole_folder(args.out, replaces=("study.html", "*.csv")) as folder:
-            write_text(folder / "study.html", found.page.html())
+            write_text(folder / "study.html", made_page(found, machine, logs, how).html())
             for name, (header, rows) in found.tables.items():
                 write_text(folder / name, "\n".join(csv_lines(header, rows)) + "\n")
     if args.json:

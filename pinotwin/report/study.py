@@ -77,7 +77,6 @@ def study(
     axes: Sequence[str] = (),
     window: tuple[float, float] | None = None,
     report: Callable[[str, float], None] | None = None,
-    made: Callable[[], Mapping[str, Any]] | None = None,
 ) -> Studied:
     """Return the studies of a machine and its logs.
 
@@ -89,7 +88,6 @@ def study(
         axes: axes to look at; all when empty.
         window: first and last time of the tracking error by cause [s]; all when None.
         report: told what is done and how far it is.
-        made: asked at the end for ``date``, ``seconds_taken`` and ``options``.
     """
     names = list(axes) or list(machine.axes)
     for name in names:
@@ -106,17 +104,16 @@ def study(
         out.page = out.page.section("Left out", notes(out.left_out))
     if not out.tables:
         raise DataError("; ".join(out.left_out) or "no study was asked for")
-    out.page = out.page.section("How this was made", *provenance_blocks(_provenance(machine, logs, made)))
     return out
 
 
-def _provenance(
-    machine: Machine, logs: Sequence[Log], made: Callable[[], Mapping[str, Any]] | None
-) -> dict[str, Any]:
+def made_page(found: Studied, machine: Machine, logs: Sequence[Log], made: Mapping[str, Any]) -> Page:
+    """Return the page with its last section: version, ``made`` (date, time taken, options), and the logs."""
     from pinotwin import __version__
 
     facts = [log_facts(log, "studied") for log in logs]
-    return {"version": __version__, "machine": str(machine.path), **(made() if made else {}), "logs": facts}
+    told = {"version": __version__, "machine": str(machine.path), **made, "logs": facts}
+    return found.page.section("How this was made", *provenance_blocks(told))
 
 
 def _one(
