@@ -46,13 +46,13 @@ def test_ros1_bag(tmp_path: Path, log: dict[str, np.ndarray]) -> None:
     same(read(write_bag(tmp_path / "run.bag", log, storage="ros1")), log, "q v u")
 
 
-def test_the_controllers_state_gives_the_command_and_the_force_sensor_its_loads(
+def test_the_controllers_state_gives_the_command_and_the_force_sensor_its_wrench(
     tmp_path: Path, log: dict[str, np.ndarray]
 ) -> None:
     back = read(write_bag(tmp_path / "bag", log, command=True, wrench=True))
     same(back, log, "q v u qr")
-    np.testing.assert_allclose(back["tool0.fx"], log["t"], atol=1e-9)
-    assert back["tool0.mz"][0] == 6.0
+    np.testing.assert_allclose(back["tool0.wrench_fx"], log["t"], atol=1e-9)
+    assert back["tool0.wrench_mz"][0] == 6.0
     assert "/arm_controller/controller_state: 2 channels that another topic holds were left" in back.notes
 
 

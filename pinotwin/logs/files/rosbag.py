@@ -3,10 +3,12 @@
     JointState                                   <joint>.q .v .u, by the names in the message
     JointTrajectoryControllerState (desired)     <joint>.qr
     Imu                                          gx gy gz ax ay az
-    Wrench, WrenchStamped                        <frame>.fx .fy .fz .mx .my .mz
+    Wrench, WrenchStamped                        <frame>.wrench_fx _fy _fz _mx _my _mz
 
 Joint states and what belongs to them (commands, wrenches) go on one clock; everything else keeps the
 name of its topic and its own clock (``imu.t``), to be read by ``only=``. Messages are read one by one.
+A wrench is in the axes of its sensor, and may be of a frame that is no link; so it is no external load (world
+axes) before ``columns`` in machine.yaml says that it is.
 """
 
 from __future__ import annotations
@@ -140,7 +142,7 @@ def _plain(message: Any) -> Any:
 def _wrench(value: dict[str, Any], frame: str) -> Iterator[tuple[str, float]]:
     for part, letter in (("force", "f"), ("torque", "m")):
         for axis in "xyz":
-            yield f"{frame}.{letter}{axis}", float(value[part][axis])
+            yield f"{frame}.wrench_{letter}{axis}", float(value[part][axis])
 
 
 def _imu(value: dict[str, Any]) -> Iterator[tuple[str, float]]:
