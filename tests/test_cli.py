@@ -19,8 +19,8 @@ from pinotwin.cli import progress as bars
 from pinotwin.cli.main import COMMANDS, main
 from pinotwin.cli.output import plain, write_json
 from pinotwin.errors import InputError
+from pinotwin.system.writing import whole_folder, write_text
 from pinotwin.twin import Twin
-from pinotwin.writing import whole_folder, write_text
 from tests.rig import TRUTH, good_log, run, write_log, write_machine
 
 THERE = [name for name in COMMANDS if importlib.util.find_spec(f"pinotwin.cli.{name}")]

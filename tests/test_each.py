@@ -17,7 +17,7 @@ from pinotwin.bench.engine import engine
 from pinotwin.cli import each, each_table
 from pinotwin.cli.main import main
 from pinotwin.errors import OutputError
-from pinotwin.writing import alone_in
+from pinotwin.system.writing import alone_in
 from tests.rig import good_log, run, write_log, write_machine
 
 

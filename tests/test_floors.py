@@ -19,10 +19,9 @@ PACKAGE = ROOT / "pinotwin"
 FLOORS = {
     "errors": 0,
     "arrays": 0,
-    "threads": 0,
     "notebook": 0,
     "units": 1,
-    "writing": 1,
+    "system": 1,
     "signals": 1,
     "log": 2,
     "motion": 2,
@@ -318,3 +317,7 @@ def test_help_needs_no_library() -> None:
 
 def test_files_that_the_suite_starts_with_are_there() -> None:
     assert [name for name in FIRST if not (ROOT / "tests" / f"{name}.py").is_file()] == []
+
+
+def test_the_root_holds_at_most_seven_files() -> None:
+    assert len(list(PACKAGE.glob("*.py"))) <= 7

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from pinotwin import writing
 from pinotwin.errors import InputError
-from pinotwin.writing import check_file, check_folder, whole_file, whole_folder, write_text
+from pinotwin.system import writing
+from pinotwin.system.writing import check_file, check_folder, whole_file, whole_folder, write_text
 
 FILES = ("a.txt", "b.txt", "sub/c.txt")
 
@@ -27,7 +27,7 @@ ctypes.CDLL = lambda *_, **__: object()
 WRITER = """
 import sys
 from pathlib import Path
-from pinotwin.writing import whole_file, whole_folder
+from pinotwin.system.writing import whole_file, whole_folder
 folder, file, first = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 print("ready", flush=True)
 for k in range(first, first + 10_000):
@@ -130,7 +130,7 @@ def test_a_folder_that_was_only_set_aside_comes_back(tmp_path: Path) -> None:
 FULL = """
 import resource, signal, sys
 from pinotwin.errors import InputError
-from pinotwin.writing import whole_file, whole_folder
+from pinotwin.system.writing import whole_file, whole_folder
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
 try:

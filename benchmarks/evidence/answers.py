@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.fingerprint import fingerprint
-from pinotwin.writing import write_text
+from pinotwin.system.writing import write_text
 
 Row = dict[str, Any]
 

@@ -27,7 +27,7 @@ from benchmarks.evidence.answers import Answers, Given, Row, Runs, Source, effec
 from benchmarks.evidence.store import Figure, Kind
 from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.statistics import calibration
-from pinotwin.writing import write_text
+from pinotwin.system.writing import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "diagnose.md"

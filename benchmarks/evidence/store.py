@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pinotwin.writing import write_text
+from pinotwin.system.writing import write_text
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FILE, PAGE = DOCS / "figures.json", DOCS / "figures.md"

@@ -26,7 +26,7 @@ from pinotwin.notebook import Card, Shown
 from pinotwin.signals import rms
 from pinotwin.simulation.command import beginning
 from pinotwin.simulation.run import Loops, as_motion, respond
-from pinotwin.threads import one_blas_thread
+from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin.twin import TwinLike, as_twin
 
 if TYPE_CHECKING:

@@ -30,8 +30,8 @@ from pinotwin.diagnosis.search.pushes import pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.errors import DataError
-from pinotwin.threads import one_blas_thread
-from pinotwin.writing import write_text
+from pinotwin.system.threads import one_blas_thread
+from pinotwin.system.writing import write_text
 
 ALPHA = 0.02
 """Probability of a false alarm by each rule, of another healthy question."""

@@ -29,7 +29,7 @@ from pinotwin.bench.oracle import evidence
 from pinotwin.bench.produce import SECONDS, Sealed, produce
 from pinotwin.bench.twins import healthy_twin, make_twin
 from pinotwin.diagnosis import Diagnosis, diagnose
-from pinotwin.threads import one_blas_thread
+from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin import Twin
 
 Report = Callable[[str, float], None]

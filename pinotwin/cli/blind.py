@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
-from pinotwin.writing import write_text
+from pinotwin.system.writing import write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

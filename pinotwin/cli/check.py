@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pinotwin.cli.inputs import add_resample, read_logs, resampled
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.writing import whole_folder, write_text
+from pinotwin.system.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
     from pinotwin.logs.check import Check

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.writing import whole_folder
+from pinotwin.system.writing import whole_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -14,7 +14,7 @@ from pinotwin.cli.inputs import add_meshes, add_resample, read_logs, resampled, 
 from pinotwin.cli.output import add_common, columns, made, say, write_json
 from pinotwin.cli.progress import Report, progress, silent
 from pinotwin.errors import InputError, PinotwinError
-from pinotwin.writing import whole_folder, write_text
+from pinotwin.system.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
     from pinotwin.diagnosis import Diagnosis

@@ -35,8 +35,8 @@ from pinotwin.cli.each_table import (
 from pinotwin.cli.output import say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError, OutputError
-from pinotwin.threads import one_blas_thread
-from pinotwin.writing import alone_in, check_folder, sweep, whole_folder
+from pinotwin.system.threads import one_blas_thread
+from pinotwin.system.writing import alone_in, check_folder, sweep, whole_folder
 
 RECORD = "made_of.json"
 ENDINGS = (

@@ -17,7 +17,7 @@ from typing import Any
 
 from pinotwin.cli.output import write_json
 from pinotwin.errors import PinotwinError
-from pinotwin.writing import write_text
+from pinotwin.system.writing import write_text
 
 FAILED = "failed"
 WAITING = "waiting"

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.writing import write_bytes
+from pinotwin.system.writing import write_bytes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,7 +13,7 @@ from pinotwin.cli.inputs import add_preparation, read_logs, settings
 from pinotwin.cli.output import add_common, columns, made, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
-from pinotwin.writing import whole_folder, write_text
+from pinotwin.system.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
     from pinotwin.log import Log

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.cli.inputs import read_logs
 from pinotwin.cli.output import add_common, beside, check_page, say, write_json
-from pinotwin.writing import write_text
+from pinotwin.system.writing import write_text
 
 if TYPE_CHECKING:
     from pinotwin.imu.orientation import Method

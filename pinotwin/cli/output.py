@@ -17,7 +17,7 @@ from typing import Any
 
 from pinotwin.arrays import plain
 from pinotwin.errors import InputError
-from pinotwin.writing import check_file, check_folder, write_text
+from pinotwin.system.writing import check_file, check_folder, write_text
 
 
 def add_common(

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.writing import check_file
+from pinotwin.system.writing import check_file
 
 LONGEST = 3600.0
 """Longest recording [s]: an hour at 4 kHz already takes gigabytes."""

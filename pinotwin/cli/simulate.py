@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.output import add_common, beside, check_page, columns, made, say, write_json
-from pinotwin.writing import write_text
+from pinotwin.system.writing import write_text
 
 if TYPE_CHECKING:
     from pinotwin.log import Log

@@ -8,7 +8,7 @@ import time
 from pinotwin.cli.inputs import read_logs
 from pinotwin.cli.output import add_common, made, say, write_json
 from pinotwin.cli.progress import progress
-from pinotwin.writing import whole_folder, write_text
+from pinotwin.system.writing import whole_folder, write_text
 
 KINDS = ("amount", "coupling", "without", "overlay", "errors")
 

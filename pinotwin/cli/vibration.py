@@ -11,7 +11,7 @@ import numpy as np
 from pinotwin.cli.inputs import read_logs
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
-from pinotwin.writing import write_text
+from pinotwin.system.writing import write_text
 
 if TYPE_CHECKING:
     from pinotwin.reconstruction import Vibration

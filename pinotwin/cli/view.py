@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.inputs import add_meshes, with_meshes
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.writing import whole_folder, write_text
+from pinotwin.system.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
     import pinocchio as pin

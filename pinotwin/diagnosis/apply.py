@@ -12,8 +12,8 @@ from pinotwin.effects import EFFECTS, Effect
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
 from pinotwin.machine.urdf import with_inertias
+from pinotwin.system.writing import write_bytes
 from pinotwin.twin import Twin
-from pinotwin.writing import write_bytes
 
 SAME = 0.03
 """Share by which two pitches may differ and be one ripple whose size has changed."""

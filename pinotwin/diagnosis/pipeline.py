@@ -39,7 +39,7 @@ from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
 from pinotwin.machine.given import as_machine
-from pinotwin.threads import one_blas_thread
+from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import as_twin
 

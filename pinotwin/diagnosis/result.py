@@ -12,7 +12,7 @@ from pinotwin.arrays import Floats, plain
 from pinotwin.diagnosis.grade import Grade, grade
 from pinotwin.effects import Effect
 from pinotwin.notebook import Card, Shown
-from pinotwin.writing import as_path
+from pinotwin.system.writing import as_path
 
 Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
 

@@ -15,9 +15,9 @@ from pinotwin.export.mjcf import mjcf_lines, mjcf_text, passive_text
 from pinotwin.export.numpy_file import numpy_text
 from pinotwin.export.urdf_file import urdf_lines, urdf_text
 from pinotwin.notebook import Card, Shown
+from pinotwin.system.writing import as_path, write_bytes
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
-from pinotwin.writing import as_path, write_bytes
 
 SUFFIX = {"urdf": ".urdf", "mjcf": ".xml", "numpy": ".py", "c": ".c"}
 """Format -> suffix of its file."""

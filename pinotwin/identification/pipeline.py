@@ -26,7 +26,7 @@ from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
-from pinotwin.threads import one_blas_thread
+from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin import OpenLoop, Twin
 
 

@@ -23,7 +23,7 @@ from pinotwin.logs.quality.sampling import SLOW
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation
-from pinotwin.threads import one_blas_thread
+from pinotwin.system.threads import one_blas_thread
 from pinotwin.units import ELECTRICAL, si_factor
 
 LATE = 0.012  # lag that no drive and no bus has [s]

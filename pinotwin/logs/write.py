@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError
-from pinotwin.writing import whole_file
+from pinotwin.system.writing import whole_file
 
 
 def write_log(path: Path | str, log: Mapping[str, Floats]) -> None:

@@ -25,7 +25,7 @@ from pinotwin.machine.yaml_file import (
     number,
     read_yaml,
 )
-from pinotwin.writing import as_path
+from pinotwin.system.writing import as_path
 
 KEYS = ("name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "data", "meshes")
 AXIS_KEYS = (

@@ -22,7 +22,7 @@ from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
 from pinotwin.notebook import Card, Shown
-from pinotwin.writing import as_path, write_bytes, write_text
+from pinotwin.system.writing import as_path, write_bytes, write_text
 
 
 @dataclass(frozen=True, eq=False, repr=False)

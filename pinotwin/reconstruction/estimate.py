@@ -28,7 +28,7 @@ from pinotwin.reconstruction.sensor_log import imu_run
 from pinotwin.reconstruction.servo import Piece, bound, pieces
 from pinotwin.reconstruction.settings import Settings, imu_link, passive_joint, priors
 from pinotwin.reconstruction.unused import unused
-from pinotwin.threads import one_blas_thread
+from pinotwin.system.threads import one_blas_thread
 
 Report = Callable[[str, float], None]
 Logs = LogLike | Sequence[LogLike]

@@ -32,7 +32,7 @@ from pinotwin.scaffold.chain import (
     write_urdf,
 )
 from pinotwin.scaffold.guess import Guesses, guess_columns
-from pinotwin.writing import as_path, whole_folder
+from pinotwin.system.writing import as_path, whole_folder
 
 ROTOR = {True: 0.01, False: 1.0}
 """Whether an axis turns -> inertia of its rotor [kg·m² or kg] where its URDF has no mass on it."""

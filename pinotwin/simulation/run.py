@@ -22,7 +22,7 @@ from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.state import Command, Record
-from pinotwin.threads import one_blas_thread
+from pinotwin.system.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin

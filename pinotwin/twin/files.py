@@ -19,10 +19,10 @@ from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
 from pinotwin.machine.urdf import with_inertias
 from pinotwin.machine.yaml_file import read_yaml
+from pinotwin.system.writing import whole_folder, write_bytes, write_text
 from pinotwin.twin.misfit import FILE, Misfit, read_misfit, write_misfit
 from pinotwin.twin.parameters import Parameter
 from pinotwin.twin.twin import Twin
-from pinotwin.writing import whole_folder, write_bytes, write_text
 
 SCHEMA = "pinotwin.twin/1"
 

@@ -13,9 +13,9 @@ from pinotwin.logs.files.given import LogLike
 from pinotwin.logs.prepare import prepare
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
+from pinotwin.system.writing import as_path
 from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.open_loop import OpenLoop
-from pinotwin.writing import as_path
 
 if TYPE_CHECKING:
     from pinotwin.loop import Controller, LoopModel, Servo

@@ -15,9 +15,9 @@ from meshcat.animation import Animation
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
+from pinotwin.system.writing import write_text
 from pinotwin.viewer.scene import Scene, joint_path, joint_poses, place_joints
 from pinotwin.viewer.stage import corners, set_stage
-from pinotwin.writing import write_text
 
 MAX_FRAMES = 1800
 """Longest animation; a longer log is shown at fewer frames per second."""

@@ -19,9 +19,9 @@ from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.simulation.score import bound
+from pinotwin.system.writing import write_bytes
 from pinotwin.viewer.scene import joint_poses, visual_model
 from pinotwin.viewer.still import triangles_of
-from pinotwin.writing import write_bytes
 
 FRAMES = 1500
 """Postures of a recording; signals are kept whole."""

@@ -15,7 +15,7 @@ from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.files import isolated
 from pinotwin.logs.files.content import Seen, to_log
-from pinotwin.writing import as_path
+from pinotwin.system.writing import as_path
 
 # Format -> module with `load(path: Path, source: str) -> Content`. Imported on use: pyarrow, h5py
 # and scipy.io are slow to import and a CSV user needs only one of them.
