@@ -12,6 +12,7 @@ from pinotwin.effects import Coulomb, CoulombAsymmetric, Offset, Viscous, Viscou
 from pinotwin.identification.assemble import assemble
 from pinotwin.machine import DataSettings, Machine
 from pinotwin.solve.linear import Options, linear
+from tests.stated_gap import check_stated_gap
 
 AUTHORS = DataSettings(cutoff=100.0, order=4, decimate=10, filter_effort=False, drop=(49, 0))
 
@@ -43,6 +44,11 @@ def test_the_authors_recipe_gives_the_published_digits(log):
     assert 100 * found.relative_error == pytest.approx(4.0834, abs=5e-5)
     assert np.linalg.cond(found.problem.W) == pytest.approx(25.9883, abs=5e-5)
     assert np.linalg.norm(found.residual) == pytest.approx(108.7569, abs=5e-5)
+
+
+def test_a_diagnosis_states_the_gap_of_the_twin(log):
+    twin = pt.identify(Machine.load("emps"), log, loop=False)
+    check_stated_gap(twin, log)
 
 
 def test_asymmetric_friction_gives_the_published_digits(log):

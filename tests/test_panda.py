@@ -13,6 +13,7 @@ import pytest
 import pinotwin as pt
 from pinotwin.report import identification_report
 from tests.screenshot import browser
+from tests.stated_gap import check_stated_gap
 
 # Published Coulomb friction [N·m], RA-L 2019, by classical least squares.
 PUBLISHED = (0.2450, 0.1523, 0.1827, 0.3591, 0.2669, 0.1658, 0.2109)
@@ -22,6 +23,11 @@ PUBLISHED = (0.2450, 0.1523, 0.1827, 0.3591, 0.2669, 0.1658, 0.2109)
 def twin(data_dir: Path) -> pt.Twin:
     folder = data_dir / "franka_panda"
     return pt.identify(pt.Machine.load(folder / "machine.yaml"), pt.read(folder / "exciting_traj.csv"))
+
+
+def test_a_diagnosis_states_the_gap_of_the_twin(twin: pt.Twin, data_dir: Path) -> None:
+    log = pt.read(data_dir / "franka_panda" / "exciting_traj.csv")
+    check_stated_gap(twin, log)
 
 
 def test_the_error_at_a_corner_of_20_hz_is_near_the_published(data_dir: Path) -> None:

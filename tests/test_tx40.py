@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 
 import pinotwin as pt
+from tests.stated_gap import check_stated_gap
 
 # Essential friction parameters of ref_TX40_ep_5.csv, which leaves fs6 out (so do we, below).
 REFERENCE = {
@@ -35,6 +36,10 @@ def log(data_dir):
 @pytest.fixture(scope="module")
 def twin(log):
     return pt.identify(pt.Machine.load("tx40"), log)
+
+
+def test_a_diagnosis_states_the_gap_of_the_twin(twin, log):
+    check_stated_gap(twin, log)
 
 
 def test_it_has_61_parameters_and_the_log_determines_all_of_them(twin):
