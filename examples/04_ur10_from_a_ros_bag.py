@@ -4,7 +4,7 @@ Run: .venv/bin/python examples/04_ur10_from_a_ros_bag.py. Bag and truth are made
 
 You see 6 joints found, how many parameters the motion tells, what the twin leaves of each joint's effort on
 the other bag, some 0.4 to 4 %, and the diagnosis of a third bag in which one joint rubs three times as much:
-that joint, dry friction, from what to what. A push of 0.07 s beside it is false, see docs/limits.md.
+that joint, dry friction, from what to what.
 """
 
 from __future__ import annotations

@@ -161,3 +161,9 @@ def test_what_cannot_be_simulated_says_so_in_one_line(name, monkeypatch):
     with pytest.raises(DataError, match=f"{name} does not settle") as caught:
         left(twin_with(name))
     assert "\n" not in str(caught.value)
+
+
+def test_friction_says_from_which_speed_it_has_turned() -> None:
+    assert EFFECTS["coulomb"]("X").turned(rotary=False) == pytest.approx(2e-3)
+    assert EFFECTS["stribeck"]("X", width=0.03).turned(rotary=True) == pytest.approx(0.06)
+    assert EFFECTS["viscous"]("X").turned(rotary=True) == 0.0

@@ -280,6 +280,11 @@ class Effect(abc.ABC):
         del theta
         return True
 
+    def turned(self, rotary: bool) -> float:
+        """Return the speed from which its dry friction has turned round with the motion [m/s or rad/s]; 0 for none."""
+        del rotary
+        return 0.0
+
     def includes(self, name: str) -> bool:
         """Whether an effect of this name is this one, or a special case of it as it is set."""
         return name == self.name or name in self.contains

@@ -43,6 +43,16 @@ def _d(motion: AxisMotion, width: float | None) -> Floats:
     return direction(motion, default_width(motion.rotary) if width is None else width)
 
 
+class Turning:
+    """Friction that turns round with the motion over a width of speeds."""
+
+    width: float | None
+
+    def turned(self, rotary: bool) -> float:
+        """See :meth:`Effect.turned`: from one direction to the other it is two widths."""
+        return 2.0 * (default_width(rotary) if self.width is None else self.width)
+
+
 @dataclass(frozen=True)
 class Viscous(AxisEffect):
     """Friction in proportion to speed: tau = b v."""
@@ -107,7 +117,7 @@ class ViscousAsymmetric(AxisEffect):
 
 
 @dataclass(frozen=True)
-class Coulomb(AxisEffect):
+class Coulomb(Turning, AxisEffect):
     """Dry friction: tau = c d(v).
 
     Attributes:
@@ -143,7 +153,7 @@ class Coulomb(AxisEffect):
 
 
 @dataclass(frozen=True)
-class CoulombAsymmetric(AxisEffect):
+class CoulombAsymmetric(Turning, AxisEffect):
     """Dry friction with its own level per direction: tau = c+ max(d, 0) + c- min(d, 0).
 
     Identical to ``coulomb`` with an ``offset``: list one or the other.
@@ -184,7 +194,7 @@ class CoulombAsymmetric(AxisEffect):
 
 
 @dataclass(frozen=True)
-class Stribeck(AxisEffect):
+class Stribeck(Turning, AxisEffect):
     """The part of dry friction that fades with speed: tau = s d(v) exp(-|v / v_s|^k), beside coulomb.
 
     Attributes:
@@ -271,7 +281,7 @@ class QuadraticDrag(AxisEffect):
 
 
 @dataclass(frozen=True)
-class LoadFriction(Effect):
+class LoadFriction(Turning, Effect):
     """Dry friction that grows with the load on bearing, guide or gear: tau = mu |load| d(v).
 
     The load is what the bodies ask of the axis (gravity, inertia, coupling), and with ``total`` the

@@ -231,7 +231,9 @@ def _rivals(found: Found, joint: int) -> list[Scored]:
 
 
 def _moving_share(c: Comparison, pushed: Episodes, rules: Rules) -> float:
-    """Return the share of a push's rows at which its axis moves."""
+    """Return the share of a push's rows at which its axis moves, fast enough for its twin's friction to have turned."""
+    axis = c.machine.axes[c.machine.names[pushed.joint]]
     speed = np.abs(c.new.motion.v[:, pushed.joint])
-    moves = speed[c.new.samples(pushed.joint)] > rules.stands * speed.max(initial=0.0)
-    return float(np.mean(moves[pushed.rows]))
+    turned = [e.turned(axis.rotary) for e in c.twin.effects if e.axis == axis.name]
+    least = max(rules.stands * speed.max(initial=0.0), *turned, 0.0)
+    return float(np.mean(speed[c.new.samples(pushed.joint)][pushed.rows] > least))
