@@ -90,7 +90,21 @@ def test_without_rerun_one_line_says_so(tmp_path: Path, capfd) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_view_records_logs_alone(tmp_path: Path, capfd) -> None:
+    recording = str(tmp_path / "p.rrd")
+    for words, said in (
+        (["view", "emps", "--rrd", recording], "records the motion of a log"),
+        (["view", "emps", "no.csv", "--rrd", str(tmp_path / "p.mcap")], "is written as .rrd"),
+        (["view", "emps", "no.csv", "--rrd", recording, "--html", "p.html"], "leave out --html"),
+    ):
+        assert main(words) == 2
+        assert said in capfd.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_recording_for_rerun_is_written(twin, predicted, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="Rerun is not installed")
-    write_recording(tmp_path / "p.rrd", twin.machine, measured(twin, predicted, 0.02), predicted)
-    assert (tmp_path / "p.rrd").read_bytes()[:3] == b"RRF"
+    log = measured(twin, predicted, 0.02)
+    for name, moves in (("p.rrd", predicted), ("log.rrd", None)):
+        write_recording(tmp_path / name, twin.machine, log, moves)
+        assert (tmp_path / name).read_bytes()[:3] == b"RRF"

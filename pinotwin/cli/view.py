@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--servo", action="store_true", help="servo loops closed, for --mode; takes a twin")
     parser.add_argument("--html", metavar="FILE", help="write one page that opens without network")
+    parser.add_argument("--rrd", metavar="FILE", help="write LOG as a recording for the Rerun viewer (.rrd)")
     parser.add_argument("--no-frames", action="store_true", help="leave out joint frames and masses")
     parser.add_argument("--overlay", metavar="MACHINE|TWIN", help="draw a second one through the first")
     add_meshes(parser)
@@ -47,6 +48,8 @@ def run(args: argparse.Namespace) -> int:
     from pinotwin.viewer.live import serve
 
     _check(args)
+    if args.rrd:
+        return _record(args)
     machine = with_meshes(Machine.load(args.machine), args.meshes)
     missing = missing_meshes(machine.urdf, machine.meshes)
     if missing:
@@ -70,6 +73,19 @@ def run(args: argparse.Namespace) -> int:
                 time.sleep(1.0)
         except KeyboardInterrupt:
             return 0
+
+
+def _record(args: argparse.Namespace) -> int:
+    """Write the log as a recording for Rerun."""
+    from pinotwin.logs.files import read_argument
+    from pinotwin.machine import Machine
+    from pinotwin.viewer.rerun import write_recording
+
+    write_recording(
+        Path(args.rrd), with_meshes(Machine.load(args.machine), args.meshes), read_argument(args.log)
+    )
+    say(f"recording written to {args.rrd}; open it with: rerun {args.rrd}")
+    return 0
 
 
 def _page(machine: Machine, args: argparse.Namespace) -> str:
@@ -116,6 +132,22 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError("--servo belongs to --mode N, in place of --free")
     if args.mode is not None and args.log:
         raise InputError("--mode shows a vibration, a log its own motion; give one of them")
+    if args.rrd:
+        _check_recording(args)
+
+
+def _check_recording(args: argparse.Namespace) -> None:
+    """Refuse a recording of nothing, under another suffix, or where Rerun is not installed."""
+    from pinotwin.errors import InputError
+    from pinotwin.viewer.rerun import require
+
+    if args.log is None:
+        raise InputError("--rrd records the motion of a log; give one")
+    if Path(args.rrd).suffix != ".rrd":
+        raise InputError(f"--rrd: {Path(args.rrd).name}: a recording for Rerun is written as .rrd")
+    if args.html or args.out or args.mode is not None:
+        raise InputError("--rrd is a result of its own; leave out --html, --out and --mode")
+    require()
 
 
 def _facts(machine: Machine, args: argparse.Namespace) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A simulation as a recording for the Rerun viewer: the machine moving, with its signals over the same time.
+"""A log or a simulation as a recording for the Rerun viewer: the machine moving, its signals over the same time.
 
 Rerun (rerun.io) is not installed with pinotwin; ``pip install rerun-sdk`` brings it.
 """
@@ -39,14 +39,14 @@ def require() -> None:
         raise InputError("--rrd: Rerun is not installed; pip install rerun-sdk, or leave --rrd out")
 
 
-def write_recording(path: Path, machine: Machine, log: Log, predicted: Log) -> None:
-    """Write a ``.rrd`` with the predicted motion, and what is predicted and measured of every axis.
+def write_recording(path: Path, machine: Machine, log: Log, predicted: Log | None = None) -> None:
+    """Write a ``.rrd`` with the predicted motion, or the measured one, and the signals of every axis.
 
     Args:
         path: of the recording.
         machine: whose motion it is.
         log: what was measured; its command at least.
-        predicted: what ``simulate`` returned.
+        predicted: what ``simulate`` returned; without it the machine moves as measured.
 
     Raises:
         InputError: Rerun is not installed.
@@ -63,17 +63,17 @@ def write_recording(path: Path, machine: Machine, log: Log, predicted: Log) -> N
         write_bytes(path, draft.read_bytes())
 
 
-def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Log) -> None:
-    _machine(rr, stream, machine, predicted)
+def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Log | None) -> None:
+    _machine(rr, stream, machine, log if predicted is None else predicted)
     log = bound(machine, log)
-    t = np.asarray(predicted.t - predicted.t[0])
+    t = np.asarray(log.t - log.t[0])
     for axis in machine.axes:
         turns = machine.axis(axis).rotary
         for signal, name in SIGNALS.items():
-            lines = {"predicted": predicted[f"{axis}.{signal}"]}
+            lines = {} if predicted is None else {"predicted": predicted[f"{axis}.{signal}"]}
             if signal == "u" and f"{axis}.u" in log:
                 lines["measured"] = log[f"{axis}.u"]
-            if signal == "e" and machine.regulated(axis) in log:
+            if signal == "e" and {machine.regulated(axis), f"{axis}.qr"} <= set(log.channels):
                 lines["measured"] = log[f"{axis}.qr"] - log[machine.regulated(axis)]
             for who, y in lines.items():
                 entity = rr.new_entity_path([axis, name, who])
@@ -86,9 +86,9 @@ def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Lo
                 stream.send_columns(entity, indexes=[time], columns=rr.Scalars.columns(scalars=y))
 
 
-def _machine(rr: ModuleType, stream: Any, machine: Machine, predicted: Log) -> None:
+def _machine(rr: ModuleType, stream: Any, machine: Machine, moves: Log) -> None:
     """Write the shapes once, in the frames of their joints, and the frames over time."""
-    motion = prepare(machine, predicted, decimate=1)
+    motion = prepare(machine, moves, decimate=1)
     model = machine.model
     rows = np.unique(np.linspace(0, len(motion) - 1, min(FRAMES, len(motion))).astype(int))
     start = joint_poses(model, pin.neutral(model))
