@@ -44,7 +44,7 @@ def _check_sizes(path: Path) -> None:
 
 
 def _claimed(packed: zipfile.ZipFile, item: zipfile.ZipInfo) -> int:
-    with packed.open(item) as file:
+    with packed.open(item.filename) as file:
         return _promised(file) if item.filename.endswith(".npy") else item.file_size // 8
 
 
