@@ -22,6 +22,7 @@ from pinotwin.identification.servo import (
     settle,
     shared,
 )
+from pinotwin.identification.servo.problem import SKIP
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.logs.quality import lattice
@@ -36,6 +37,8 @@ WINDOW = 6.0
 """Longest window that is simulated at every evaluation [s]."""
 WINDOWS = 4
 """Most windows of a log that the controllers are fitted to."""
+LEAST = 20
+"""Rows of a window at least, behind those that are not compared."""
 BETTER = 0.9
 """Another form than the usual one must bring the held-out error below this share of it."""
 NO_WORSE = 1.01
@@ -218,14 +221,17 @@ def command_velocity(raw: Motion) -> Floats:
 
 
 def _windows(raw: Motion, vr: Floats) -> tuple[slice, ...]:
-    """Return the windows of a few seconds in which the axis moves most, in order."""
-    found = []
+    """Return the windows of a few seconds in which the axis moves most, in order.
+
+    Gaps may leave stretches that are over before the rows that count begin.
+    """
+    found, least = [], int(SKIP / raw.step) + LEAST
     for s in raw.segments:
         count = max(1, int(np.ceil((s.stop - s.start) * raw.step / WINDOW)))
         if s.stop - s.start > 60:
             count = max(count, min(3, (s.stop - s.start) // 60))
         edges = np.linspace(s.start, s.stop, count + 1).astype(int)
-        found += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= 20]
+        found += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= least]
     usable = [s for s in found if np.ptp(vr[s]) > 0.0]
     most = sorted(usable, key=lambda s: -float(np.mean(vr[s] ** 2)))[:WINDOWS]
     return tuple(sorted(most, key=lambda s: s.start))
