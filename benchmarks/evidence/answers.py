@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections import Counter
@@ -59,6 +60,23 @@ class Runs:
     out: Path
     seed: int
     machines: int
+
+    @classmethod
+    def beside(cls, out: Path, seed: int, machines: int, data: str | None = None) -> Runs:
+        """Return who asks the scripts beside the recordings; ``$PINOTWIN_DATA`` has these unless ``data`` is given.
+
+        Raises:
+            FileNotFoundError: they are not at hand.
+        """
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        out = out.resolve()
+        at = Elsewhere.at_hand(out / "cases", data)
+        if at is None:
+            raise FileNotFoundError(
+                "recordings and the scripts beside them are not at hand: set PINOTWIN_DATA"
+            )
+        out.mkdir(parents=True, exist_ok=True)
+        return cls(at, out, seed, machines)
 
     @property
     def seeds(self) -> str:

@@ -12,7 +12,6 @@ import datetime
 import inspect
 import json
 import math
-import os
 import re
 import subprocess
 import sys
@@ -25,7 +24,6 @@ from typing import Any
 from benchmarks.evidence import store
 from benchmarks.evidence.answers import Answers, Given, Row, Runs, Source, effects
 from benchmarks.evidence.store import Figure, Kind
-from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.statistics import calibration
 from pinotwin.system.writing import write_text
 
@@ -355,10 +353,8 @@ def main() -> None:
         if args.scores:
             parts, source = args.parts or list(GIVEN), Given.read(args.scores)
         else:
-            parts, source = (
-                args.parts or list(PARTS),
-                _runs(args.seed, args.machines, Path(args.out), args.data),
-            )
+            parts = args.parts or list(PARTS)
+            source = Runs.beside(Path(args.out), args.seed, args.machines, args.data)
         lines = measured(parts, source, Path(args.out), args.commit)
     except (FileNotFoundError, ValueError) as error:
         sys.exit(str(error))
@@ -366,8 +362,7 @@ def main() -> None:
 
 
 def keep(lines: Mapping[str, Sequence[Row]]) -> None:
-    """Write the table of diagnose.md and the part of figures.json."""
-    write_page(PAGE, table(lines))
+    """Write the part of figures.json; :func:`measured` has written the table of diagnose.md."""
     store.keep(
         "diagnosis",
         inspect.cleandoc(__doc__ or ""),
@@ -375,15 +370,6 @@ def keep(lines: Mapping[str, Sequence[Row]]) -> None:
         command="python -m benchmarks.evidence.diagnosis",
         seeds="those of the command beside each figure",
     )
-
-
-def _runs(seed: int, machines: int, out: Path, data: str | None = None) -> Runs:
-    """Return who asks; ``$PINOTWIN_DATA`` has the recordings unless ``data`` is given."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    at = Elsewhere.at_hand(out.resolve() / "cases", data)
-    if at is None:
-        raise FileNotFoundError("recordings and the scripts beside them are not at hand: set PINOTWIN_DATA")
-    return Runs(at, out.resolve(), seed, machines)
 
 
 def measured(
@@ -427,7 +413,7 @@ SLOW = True
 def figures() -> list[Figure]:
     """Measure all parts; see the module."""
     out = ROOT / "out" / "evidence"
-    return figures_of(measured(list(PARTS), _runs(SEED, MACHINES, out), out))
+    return figures_of(measured(list(PARTS), Runs.beside(out, SEED, MACHINES), out))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ import numpy as np
 from benchmarks.evidence import store
 from benchmarks.evidence.answers import Answers, Given, Row, Runs
 from benchmarks.evidence.store import Figure
-from pinotwin.bench.elsewhere import Elsewhere
 
 ROOT = Path(__file__).resolve().parents[2]
 SEED, MACHINES = 490, 10
@@ -26,14 +25,8 @@ SLOW = True
 
 def figures() -> list[Figure]:
     """Ask about every machine and count; see the module."""
-    out = ROOT / "out" / "evidence"
-    at = Elsewhere.at_hand(out / "cases")
-    if at is None:
-        raise FileNotFoundError("recordings and the scripts beside them are not at hand: set PINOTWIN_DATA")
-    out.mkdir(parents=True, exist_ok=True)
-    return figures_of(
-        Runs(at, out, SEED, MACHINES).score("score.py", "loop", "--seeds", f"{SEED}:{SEED + MACHINES}").rows
-    )
+    runs = Runs.beside(ROOT / "out" / "evidence", SEED, MACHINES)
+    return figures_of(runs.score("score.py", "loop", "--seeds", runs.seeds).rows)
 
 
 def figures_of(rows: Sequence[Row]) -> list[Figure]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.each import REPLACES, Asked, Fill, run_each
 from pinotwin.cli.inputs import add_meshes, add_resample, read_logs, resampled, with_meshes
-from pinotwin.cli.output import add_common, columns, made, say, write_json
+from pinotwin.cli.output import add_common, columns, say, stamp, write_json
 from pinotwin.cli.progress import Report, progress, silent
 from pinotwin.errors import InputError, PinotwinError
 from pinotwin.system.writing import whole_folder, write_text
@@ -152,9 +152,7 @@ def write(found: Diagnosis, folder: Path) -> None:
 
 def dated(found: Diagnosis, began: float) -> Diagnosis:
     """Return the diagnosis with the date and the time that it took."""
-    told = made(began)
-    del told["options"]
-    return replace(found, provenance={**found.provenance, **told})
+    return replace(found, provenance={**found.provenance, **stamp(began)})
 
 
 BESIDE = {

@@ -60,10 +60,14 @@ def made(began: float, **options: Any) -> dict[str, Any]:
         began: ``time.monotonic()`` at its beginning.
         options: as they were given; those that were not are left out.
     """
+    return {**stamp(began), "options": {k: v for k, v in options.items() if v is not None}}
+
+
+def stamp(began: float) -> dict[str, Any]:
+    """Return the date, and the time taken since ``time.monotonic()`` was ``began``."""
     return {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "seconds_taken": round(time.monotonic() - began, 1),
-        "options": {k: v for k, v in options.items() if v is not None},
     }
 
 

@@ -83,14 +83,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot be written before the work for it is done."""
-    from pinotwin.errors import InputError
-    from pinotwin.viewer.rerun import require
+    from pinotwin.viewer.rerun import check_recording
 
     check_page(args.report)
     if args.rrd is not None:
-        if Path(args.rrd).suffix != ".rrd":
-            raise InputError(f"--rrd: {Path(args.rrd).name}: a recording for Rerun is written as .rrd")
-        require()
+        check_recording(args.rrd)
 
 
 def _extras(
@@ -107,8 +104,7 @@ def _extras(
     if args.rrd is not None:
         from pinotwin.viewer.rerun import write_recording
 
-        write_recording(Path(args.rrd), twin.machine, log, predicted)
-        said.append(f"recording written to {args.rrd}; open it with: rerun {args.rrd}")
+        said.append(write_recording(args.rrd, twin.machine, log, predicted))
     return said
 
 

@@ -81,10 +81,8 @@ def _record(args: argparse.Namespace) -> int:
     from pinotwin.machine import Machine
     from pinotwin.viewer.rerun import write_recording
 
-    write_recording(
-        Path(args.rrd), with_meshes(Machine.load(args.machine), args.meshes), read_argument(args.log)
-    )
-    say(f"recording written to {args.rrd}; open it with: rerun {args.rrd}")
+    machine = with_meshes(Machine.load(args.machine), args.meshes)
+    say(write_recording(args.rrd, machine, read_argument(args.log)))
     return 0
 
 
@@ -139,15 +137,13 @@ def _check(args: argparse.Namespace) -> None:
 def _check_recording(args: argparse.Namespace) -> None:
     """Refuse a recording of nothing, under another suffix, or where Rerun is not installed."""
     from pinotwin.errors import InputError
-    from pinotwin.viewer.rerun import require
+    from pinotwin.viewer.rerun import check_recording
 
     if args.log is None:
         raise InputError("--rrd records the motion of a log; give one")
-    if Path(args.rrd).suffix != ".rrd":
-        raise InputError(f"--rrd: {Path(args.rrd).name}: a recording for Rerun is written as .rrd")
     if args.html or args.out or args.mode is not None:
         raise InputError("--rrd is a result of its own; leave out --html, --out and --mode")
-    require()
+    check_recording(args.rrd)
 
 
 def _facts(machine: Machine, args: argparse.Namespace) -> dict[str, Any]:

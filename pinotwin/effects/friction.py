@@ -39,10 +39,6 @@ WARMING = (5.0, 15.0, 40.0)
 """Time constants of warming that are tried [s]."""
 
 
-def _d(motion: AxisMotion, width: float | None) -> Floats:
-    return direction(motion, default_width(motion.rotary) if width is None else width)
-
-
 class Turning:
     """Friction that turns round with the motion over a width of speeds."""
 
@@ -50,7 +46,13 @@ class Turning:
 
     def turned(self, rotary: bool) -> float:
         """See :meth:`Effect.turned`: from one direction to the other it is two widths."""
-        return 2.0 * (default_width(rotary) if self.width is None else self.width)
+        return 2.0 * self._width(rotary)
+
+    def _width(self, rotary: bool) -> float:
+        return default_width(rotary) if self.width is None else self.width
+
+    def _direction(self, motion: AxisMotion) -> Floats:
+        return direction(motion, self._width(motion.rotary))
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,7 @@ class Coulomb(Turning, AxisEffect):
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
-        return _d(motion, self.width)[:, None]
+        return self._direction(motion)[:, None]
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,7 @@ class CoulombAsymmetric(Turning, AxisEffect):
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
-        d = _d(motion, self.width)
+        d = self._direction(motion)
         return np.stack([np.maximum(d, 0.0), np.minimum(d, 0.0)], axis=-1)
 
 
@@ -232,7 +234,7 @@ class Stribeck(Turning, AxisEffect):
         without limit, and hold the simulated axis with a force that no row has shown.
         """
         least, high = (1e-3, 3.0) if self.rotary else (5e-4, 0.3)
-        low = max(least, 2.0 * (default_width(self.rotary) if self.width is None else self.width))
+        low = max(least, self.turned(self.rotary))
         return (Shape("v_s", f"{length(self.rotary)}/s", low, high),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -251,7 +253,7 @@ class Stribeck(Turning, AxisEffect):
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
         fade = np.exp(-(np.abs(motion.v / self.v_s) ** self.exponent))
-        return (_d(motion, self.width) * fade)[:, None]
+        return (self._direction(motion) * fade)[:, None]
 
 
 @dataclass(frozen=True)
@@ -328,7 +330,7 @@ class LoadFriction(Turning, Effect):
         if self.total == 2:  # without what accelerates: weight and the forces of speed
             mass = channel(self, motion, "mass")
             load = load - np.einsum("nj,nj->n", mass[:, own.index], motion.a)
-        slides = motion.passed(np.abs(load) * _d(own, self.width))
+        slides = motion.passed(np.abs(load) * self._direction(own))
         return Columns((own.index,), slides[:, None, None])
 
 

@@ -22,7 +22,7 @@ from pinotwin.identification.servo import (
     settle,
     shared,
 )
-from pinotwin.identification.servo.problem import SKIP
+from pinotwin.identification.servo.problem import skipped
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.logs.quality import lattice
@@ -225,7 +225,7 @@ def _windows(raw: Motion, vr: Floats) -> tuple[slice, ...]:
 
     Gaps may leave stretches that are over before the rows that count begin.
     """
-    found, least = [], int(SKIP / raw.step) + LEAST
+    found, least = [], skipped(raw.step) + LEAST
     for s in raw.segments:
         count = max(1, int(np.ceil((s.stop - s.start) * raw.step / WINDOW)))
         if s.stop - s.start > 60:

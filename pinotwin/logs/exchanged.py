@@ -6,7 +6,7 @@ names, and one that runs the other way, spoil the efforts of all axes: the whole
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -21,6 +21,26 @@ _NEITHER = 0.9  # the same of each of them alone: neither may be spoiled for the
 _PLAIN = 0.005  # share of an effort's power below which a better fit is not worth a word
 _CLEAR = 0.05  # the same from which it is one
 _POOR = 0.2  # share of an effort's power left from which positions are doubted
+_FINDINGS = {  # what was found -> signal, words, code
+    "effort": (
+        "u",
+        "the effort of {0} fits the motion of {1} and the other way round: exchange their columns "
+        "in machine.yaml (or those of their positions)",
+        "effort_exchanged",
+    ),
+    "position": (
+        "q",
+        "with the positions of {0} and {1} exchanged the efforts of the machine fit: exchange the columns of "
+        "position and command in machine.yaml",
+        "position_exchanged",
+    ),
+    "sign": (
+        "q",
+        "with the position of {0} reversed the efforts of the machine fit: give the columns of its position and "
+        "command in machine.yaml a negative factor",
+        "position_sign",
+    ),
+}
 
 
 def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]) -> Iterator[Finding]:
@@ -32,7 +52,8 @@ def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]
         at: rows of it.
         axes: those whose efforts are no nonsense by themselves.
     """
-    left = {(a.name, b.name): left_of(a.u[b.rows], basis_of(b.columns)) for a in axes for b in axes}
+    bases = [(b.name, b.rows, basis_of(b.columns)) for b in axes]
+    left = {(a.name, name): left_of(a.u[rows], basis) for name, rows, basis in bases for a in axes}
     own = {a.name: left[a.name, a.name] for a in axes}
     place = {name: machine.axes[name].index for name in own}
     ratios: dict[tuple[str, ...], float] = {}
@@ -46,7 +67,8 @@ def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]
     for (what, *names), ratio in sorted(ratios.items(), key=lambda item: item[1]):
         if ratio < _CLOSER and not done & set(names):
             done |= set(names)
-            yield _FINDINGS[what](*names)
+            signal, text, code = _FINDINGS[what]
+            yield Finding("warning", ", ".join(f"{n}.{signal}" for n in names), text.format(*names), code)
 
 
 def _put_back(machine: Machine, u: Floats, at: Course, own: Mapping[str, float], who: Sequence[str]) -> float:
@@ -67,36 +89,3 @@ def _ratio(own: Sequence[float], other: Sequence[float]) -> float:
     """Return the product of two shares over that of what they are now; 1 where either is not clearly smaller."""
     closer = all(o - x > _PLAIN and x < _NEITHER * o for o, x in zip(own, other, strict=True))
     return float(np.prod(other) / np.prod(own)) if closer else 1.0
-
-
-def _efforts(a: str, b: str) -> Finding:
-    return Finding(
-        "warning",
-        f"{a}.u, {b}.u",
-        f"the effort of {a} fits the motion of {b} and the other way round: exchange their columns "
-        "in machine.yaml (or those of their positions)",
-        "effort_exchanged",
-    )
-
-
-def _positions(a: str, b: str) -> Finding:
-    return Finding(
-        "warning",
-        f"{a}.q, {b}.q",
-        f"with the positions of {a} and {b} exchanged the efforts of the machine fit: exchange the columns of "
-        "position and command in machine.yaml",
-        "position_exchanged",
-    )
-
-
-def _sign(a: str) -> Finding:
-    return Finding(
-        "warning",
-        f"{a}.q",
-        f"with the position of {a} reversed the efforts of the machine fit: give the columns of its position and "
-        "command in machine.yaml a negative factor",
-        "position_sign",
-    )
-
-
-_FINDINGS: Mapping[str, Callable[..., Finding]] = {"effort": _efforts, "position": _positions, "sign": _sign}

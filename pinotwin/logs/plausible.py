@@ -23,6 +23,7 @@ from pinotwin.logs.quality.sampling import SLOW
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation
+from pinotwin.solve.jackknife import jackknife
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.units import ELECTRICAL, si_factor
 
@@ -132,7 +133,7 @@ def _spread(axis: Explained, basis: Floats, shifts: Ints) -> float:
         y = axis.u[axis.rows + k]
         power[i] = np.add.reduceat((y - basis @ (basis.T @ y)) ** 2, starts)
     best = shifts[np.argmin(power.sum(axis=1)[:, None] - power, axis=0)]
-    return float(np.sqrt((BLOCKS - 1) * np.var(best)))
+    return float(np.sqrt(jackknife(best[:, None].astype(float))[0, 0]))
 
 
 def _alone(axis: Explained, raw: Floats, step: float, reach: int) -> tuple[Finding | None, _Fit]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.diagnosis.conclusion.provenance import log_facts
+from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import (
@@ -67,22 +67,10 @@ def identification_report(
         DataError: the logs hold no row that the twin can be compared with.
     """
     page = identification_page(twin, logs, validate)
-    return page.section(
-        "How this was made", *provenance_blocks(_provenance(twin, logs, validate, made or {}))
-    ).html()
-
-
-def _provenance(
-    twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log], made: Mapping[str, Any]
-) -> dict[str, Any]:
-    from pinotwin import __version__
-
-    fitted = [logs] if isinstance(logs, Log) else list(logs)
-    facts = [
-        *(log_facts(log, "fitted") for log in fitted),
-        *(log_facts(log, "validation") for log in validate),
-    ]
-    return {"version": __version__, "machine": str(twin.machine.path), **made, "logs": facts}
+    fitted = [logs] if isinstance(logs, Log) else logs
+    used = [*((log, "fitted") for log in fitted), *((log, "validation") for log in validate)]
+    told = made_of(twin.machine, used, **(made or {}))
+    return page.section("How this was made", *provenance_blocks(told)).html()
 
 
 def identification_page(twin: Twin, logs: Log | Sequence[Log], validate: Sequence[Log] = ()) -> Page:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.diagnosis.conclusion.provenance import log_facts
+from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
 from pinotwin.report import display
@@ -252,13 +252,6 @@ LAWS = {
 
 
 def _provenance(twin: Twin, log: Log, form: str, made: Mapping[str, Any]) -> dict[str, Any]:
-    from pinotwin import __version__
-
-    return {
-        "version": __version__,
-        "machine": str(twin.machine.path),
-        "twin_from": [dict(row) for row in twin.data],
-        **made,
-        "options": {"controller": form, **made.get("options", {})},
-        "logs": [log_facts(log, "command")],
-    }
+    options = {"controller": form, **made.get("options", {})}
+    rest = {"twin_from": [dict(row) for row in twin.data], **made, "options": options}
+    return made_of(twin.machine, [(log, "command")], **rest)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.analysis.decomposition import Decomposition, decompose
-from pinotwin.diagnosis.conclusion.provenance import log_facts
+from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.errors import DataError, InputError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -109,10 +109,7 @@ def study(
 
 def made_page(found: Studied, machine: Machine, logs: Sequence[Log], made: Mapping[str, Any]) -> Page:
     """Return the page with its last section: version, ``made`` (date, time taken, options), and the logs."""
-    from pinotwin import __version__
-
-    facts = [log_facts(log, "studied") for log in logs]
-    told = {"version": __version__, "machine": str(machine.path), **made, "logs": facts}
+    told = made_of(machine, [(log, "studied") for log in logs], **made)
     return found.page.section("How this was made", *provenance_blocks(told))
 
 

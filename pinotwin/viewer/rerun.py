@@ -29,6 +29,17 @@ SIGNALS = {"e": "tracking error", "u": "effort"}
 UNITS = {"e": ("m", "rad"), "u": ("N", "N·m")}
 
 
+def check_recording(path: str | Path) -> None:
+    """Refuse a recording under another suffix, or where Rerun is not installed.
+
+    Raises:
+        InputError: either.
+    """
+    if Path(path).suffix != ".rrd":
+        raise InputError(f"--rrd: {Path(path).name}: a recording for Rerun is written as .rrd")
+    require()
+
+
 def require() -> None:
     """Refuse when Rerun is not installed.
 
@@ -39,8 +50,8 @@ def require() -> None:
         raise InputError("--rrd: Rerun is not installed; pip install rerun-sdk, or leave --rrd out")
 
 
-def write_recording(path: Path, machine: Machine, log: Log, predicted: Log | None = None) -> None:
-    """Write a ``.rrd`` with the predicted motion, or the measured one, and the signals of every axis.
+def write_recording(path: str | Path, machine: Machine, log: Log, predicted: Log | None = None) -> str:
+    """Write a ``.rrd`` with the predicted motion, or the measured one, and all signals; return how to see it.
 
     Args:
         path: of the recording.
@@ -61,6 +72,7 @@ def write_recording(path: Path, machine: Machine, log: Log, predicted: Log | Non
         _fill(rr, stream, machine, log, predicted)
         stream.disconnect()
         write_bytes(path, draft.read_bytes())
+    return f"recording written to {path}; open it with: rerun {path}"
 
 
 def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Log | None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +23,19 @@ def provenance(
         validation: those that nothing was fitted to.
         options: as they were given.
     """
-    from pinotwin import __version__
-
     twin = subject if isinstance(subject, Twin) else None
     machine = subject.machine if isinstance(subject, Twin) else subject
-    return {
-        "version": __version__,
-        "machine": str(machine.path),
-        "twin_from": [dict(row) for row in twin.data] if twin is not None else None,
-        "options": options,
-        "logs": [
-            *(log_facts(log, "diagnosed") for log in logs),
-            *(log_facts(log, "validation") for log in validation),
-        ],
-    }
+    used = [*((log, "diagnosed") for log in logs), *((log, "validation") for log in validation)]
+    twin_from = [dict(row) for row in twin.data] if twin is not None else None
+    return made_of(machine, used, twin_from=twin_from, options=options)
+
+
+def made_of(machine: Machine, logs: Iterable[tuple[Log, str]], **rest: Any) -> dict[str, Any]:
+    """Return version, machine and logs of a result, with what each log was used for, and what else is known."""
+    from pinotwin import __version__
+
+    facts = [log_facts(log, role) for log, role in logs]
+    return {"version": __version__, "machine": str(machine.path), **rest, "logs": facts}
 
 
 def log_facts(log: Log, role: str) -> dict[str, Any]:

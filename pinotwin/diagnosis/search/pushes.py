@@ -2,8 +2,8 @@
 
 A push is no friction: it must stand out of what the twin leaves anyway, the axis must move meanwhile, and no cause
 that comes with the motion may close as much, be it one that is too small to be named itself, or friction that is a
-little more in one run than in another. How sure it is, is
-measured: the pushes found are put into stretches of the twin's own residual, laid in another order.
+little more in one run than in another. How sure it is, is measured: the pushes found are put into stretches of the
+twin's own residual, laid in another order.
 """
 
 from __future__ import annotations

@@ -36,6 +36,11 @@ Factors = tuple[float, float, float, float]
 AS_FOUND: Factors = (1.0, 1.0, 1.0, 1.0)
 
 
+def skipped(step: float) -> int:
+    """Return the rows at the beginning of a window that are not compared, ``step`` seconds apart."""
+    return int(SKIP / step)
+
+
 @dataclass(frozen=True)
 class AxisProblem:
     """One axis alone: its command, what was measured, and what the plant says of it.
@@ -78,7 +83,7 @@ class AxisProblem:
     @property
     def skip(self) -> int:
         """Rows at the beginning of a window that are not compared."""
-        return int(SKIP / self.step)
+        return skipped(self.step)
 
     def within(self, windows: Sequence[slice]) -> AxisProblem:
         """Return the same axis with other windows."""

@@ -21,6 +21,7 @@ from pinotwin.signals import (
     edge_samples,
     interior,
     low_pass,
+    runs,
     segments,
     suggest_cutoff,
 )
@@ -290,11 +291,11 @@ def _factor_at_rest(q: Floats, command: Floats) -> tuple[float, float]:
     In motion a controller may overshoot by a tenth: only where the command stands does its size show.
     """
     speed = np.abs(np.diff(command, prepend=command[:1]))
-    edges = np.flatnonzero(np.diff(np.r_[False, speed <= _STANDS * speed.max(initial=0.0), False]))
-    low, high = (x[edges[1::2] - edges[::2] >= _STAY] for x in (edges[::2], edges[1::2]))
-    if len(low) < _PLACES:
+    rests = [s for s in runs(speed <= _STANDS * speed.max(initial=0.0)) if s.stop - s.start >= _STAY]
+    if len(rests) < _PLACES:
         return 1.0, np.inf
-    low = (low + high) // 2
+    high = np.array([s.stop for s in rests])
+    low = (np.array([s.start for s in rests]) + high) // 2
     rows = np.column_stack([low, high - 1]).ravel()  # reduceat sums from low to the row before the last
     x, y = (np.add.reduceat(z, rows)[::2] / (high - 1 - low) for z in (command, q))
     if not np.ptp(x) > 0.1 * np.ptp(command):
