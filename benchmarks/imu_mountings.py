@@ -155,22 +155,55 @@ def table(outcomes: Sequence[Outcome]) -> str:
     """Return worst and RMS error, their limit, and the share of 95 % intervals with the truth."""
     lines = [f"{'':<10}{'worst':>11}{'RMS':>11}{'limit':>9}      failed   in 95 %   RMS z   worst z"]
     for name, limit in LIMITS.items():
-        each = np.array(
-            [
-                np.linalg.norm(o.error[name])
-                if name in ("mounting", "upward")
-                else np.abs(o.error[name]).max()
-                for o in outcomes
-            ]
-        )
-        z = np.concatenate([o.error[name] / o.sd[name] for o in outcomes])
-        every = np.concatenate([o.error[name] for o in outcomes])
+        x = summary(name, outcomes)
+        failed = f"{x.failed:.0f}/{len(outcomes)}"
         lines.append(
-            f"{name:<10}{each.max():>11.3g}{np.sqrt(np.mean(every**2)):>11.3g}{limit:>9.3g} "
-            f"{UNITS[name]:<4} {np.sum(each > limit):>3}/{len(each):<5}"
-            f"{np.mean(np.abs(z) < 1.96):>8.1%}{np.sqrt(np.mean(z**2)):>8.2f}{np.abs(z).max():>9.1f}"
+            f"{name:<10}{x.worst:>11.3g}{x.rms:>11.3g}{limit:>9.3g} {UNITS[name]:<4} {failed:>8}"
+            f"{x.held / x.of:>11.1%}{x.z_rms:>8.2f}{x.z_worst:>9.1f}"
         )
     return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Errors of one quantity over all cases: worst and RMS in UNITS, cases beyond LIMITS, 95 % intervals that hold."""
+
+    worst: float
+    rms: float
+    failed: int
+    held: int
+    of: int
+    z_rms: float
+    z_worst: float
+
+
+def summary(name: str, outcomes: Sequence[Outcome]) -> Summary:
+    """Return what is said of one quantity."""
+    turned = name in ("mounting", "upward")
+    each = [np.linalg.norm(o.error[name]) if turned else np.abs(o.error[name]).max() for o in outcomes]
+    z = np.abs(np.concatenate([o.error[name] / o.sd[name] for o in outcomes]))
+    every = np.concatenate([o.error[name] for o in outcomes])
+    return Summary(
+        worst=float(max(each)),
+        rms=float(np.sqrt(np.mean(every**2))),
+        failed=int(np.sum(np.array(each) > LIMITS[name])),
+        held=int(np.sum(z < 1.96)),
+        of=len(z),
+        z_rms=float(np.sqrt(np.mean(z**2))),
+        z_worst=float(z.max()),
+    )
+
+
+def outcomes_of(cases: int, seconds: float, command: str, rough: bool, each: bool = False) -> list[Outcome]:
+    """Return what is found in each case, printed if ``each``; ``rough``: hysteresis and hardening in the joint."""
+    vm = rough_rig(0.05, 0.10) if rough else None
+    out = []
+    for case in range(cases):
+        out.append(one := study(case, seconds, command, vm))
+        if each:
+            pairs = (f"{n} {e.round(5)} z {(e / one.sd[n]).round(1)}" for n, e in one.error.items())
+            print(case, *pairs, flush=True)
+    return out
 
 
 def main() -> None:
@@ -182,13 +215,7 @@ def main() -> None:
     parser.add_argument("--each", action="store_true", help="print every case")
     args, _ = parser.parse_known_args()
     start = time.perf_counter()
-    vm = rough_rig(0.05, 0.10) if args.rough else None
-    outcomes = []
-    for case in range(args.cases):
-        outcomes.append(one := study(case, args.seconds, args.command, vm))
-        if args.each:
-            pairs = (f"{n} {e.round(5)} z {(e / one.sd[n]).round(1)}" for n, e in one.error.items())
-            print(case, *pairs, flush=True)
+    outcomes = outcomes_of(args.cases, args.seconds, args.command, args.rough, args.each)
     print(table(outcomes))
     print(f"{args.cases} cases of {args.seconds:g} s: {time.perf_counter() - start:.0f} s")
     for kind in SILENT:
