@@ -75,7 +75,7 @@ def find_leads(machine: Machine, motion: Motion, plant: Plant) -> dict[str, Lead
         columns, motors = _columns(machine, motion, problem.W @ plant.theta, rows)
         problem = problem.rows(mask)
         options = fit_options(machine, plant.effects, motion)
-        before = linear(problem, options).residual
+        before = linear(problem, replace(options, inference="none")).residual
         wide = _Widened(problem, options, columns[mask], mask)
         found, error, after = _search(machine, motion, rows, wide, motors)
     except DataError:  # too few such rows
@@ -143,7 +143,7 @@ def _search(
         y = _efforts(machine, motion, rows, motors, found)[wide.mask]
         W = np.column_stack([wide.problem.W, wide.columns])
         last = k == _PASSES - 1
-        inference = options.inference if last else "ols"
+        inference = options.inference if last else "none"
         result = linear(replace(wide.problem, W=W, y=y, names=names), replace(options, inference=inference))
         found = np.clip(found + result.theta[p:], -2.0 * LONGEST, 2.0 * LONGEST)
     return found, np.sqrt(np.diag(result.covariance)[p:]), result.residual

@@ -16,7 +16,6 @@ from pinotwin.identification.plant import fit_options
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation, rms
 from pinotwin.solve.crossval import HeldOut, fold_order, held_out
-from pinotwin.solve.linear import linear
 from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop, Twin
 from pinotwin.twin.misfit import Misfit
@@ -51,7 +50,7 @@ def misfit_of(plant: OpenLoop, motion: Motion) -> Misfit | None:
         held = held_out(problem, folds=FOLDS, options=options)
     except DataError:
         return None
-    moved = plant.theta - linear(problem, options).theta
+    moved = plant.theta - held.whole
     theta = held.theta + moved
     fold = _fold_of_rows(problem, rows, len(motion))
     foreseen = _foreseen(motion, problem, rows, held)

@@ -13,6 +13,7 @@ between axes counts too. Three estimates of Omega:
 * ``"stationary"``: the residuals' own spectrum, as an autoregression per axis with correlated
   innovations. Narrower and steadier, if the noise is the same everywhere.
 * ``"ols"``: independent residuals. For comparison; it is wrong for filtered data.
+* ``"none"``: no covariance (nan), where only the estimate is asked for.
 
 A fit with p parameters takes power away from the residuals. For white ones that is p / n; under
 coloured noise it is tr(Omega) / n in units of the residual variance, often five times more, and
@@ -26,7 +27,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.signal import lfilter
@@ -36,7 +37,7 @@ from pinotwin.errors import DataError, nearest
 from pinotwin.solve.autoregression import Autoregression, autoregressions, whiten
 from pinotwin.solve.problem import Problem
 
-Inference = Literal["hac", "stationary", "ols"]
+Inference = Literal["hac", "stationary", "ols", "none"]
 MAX_INFLATION = 4.0
 """Largest factor n / (n - p_eff): beyond it the data are too few for any estimate."""
 LEAST_LEFT = 0.2
@@ -58,16 +59,22 @@ class Spread:
     lags: int
 
 
-def spread(problem: Problem, error: Floats, root: Floats, inference: Inference = "hac") -> Spread:
+def spread(
+    problem: Problem, sigma: Floats, error: Floats, root: Floats, inference: Inference = "hac"
+) -> Spread:
     """Return the covariance of a weighted least-squares estimate.
 
     Args:
-        problem: rows divided by the noise level of their axis.
-        error: residuals divided likewise, shape (rows,).
-        root: F with F F' = (W'W)^-1, shape (p, rank).
+        problem: rows.
+        sigma: noise level of each axis that has any.
+        error: residuals, shape (rows,).
+        root: F with F F' = (W'W)^-1 of rows divided by their noise level, shape (p, rank).
         inference: which estimate of Omega.
     """
-    V = problem.W @ root
+    if inference == "none":
+        return Spread(np.full((len(root), len(root)), np.nan), np.nan, 0)
+    level = np.asarray(sigma)[problem.axis_place]
+    V, error = problem.product(root) / level[:, None], error / level
     if inference == "hac":
         left = np.maximum(1 - np.sum(V**2, axis=1), LEAST_LEFT)
         Omega, dof, lags = _hac(problem, V * (error / left)[:, None])
@@ -77,9 +84,7 @@ def spread(problem: Problem, error: Floats, root: Floats, inference: Inference =
         Omega = np.eye(root.shape[1]) * np.mean(error**2)
         dof, lags = float(max(len(error) - root.shape[1], 1)), 0
     else:
-        raise DataError(
-            f"unknown inference {inference!r}; {nearest(inference, ('hac', 'stationary', 'ols'))}"
-        )
+        raise DataError(f"unknown inference {inference!r}; {nearest(inference, get_args(Inference))}")
     factor = inflation(Omega, error)
     if inference == "hac":
         factor = max(factor * (1 - min(root.shape[1] / len(error), 0.5)), 1.0)
@@ -111,11 +116,11 @@ def bandwidth(problem: Problem, scores: Floats) -> int:
     total = problem.grid.spread(scores, 1)
     there = problem.grid.spread(np.ones((len(scores), 1)), 1)[:, 0] > 0
     pair = there[1:] & there[:-1]
-    first, second = total[:-1][pair], total[1:][pair]
-    variance = np.sum(total**2, axis=0)
+    variance = np.einsum("tk,tk->k", total, total)
     ok = variance > 0
     share = float(np.mean(pair)) / max(float(np.mean(there)), 1e-12)
-    rho = np.sum(first * second, axis=0)[ok] / variance[ok] / max(share, 1e-12)
+    lagged = np.einsum("tk,tk->k", total[:-1], total[1:])  # holes are zero
+    rho = lagged[ok] / variance[ok] / max(share, 1e-12)
     rho = np.clip(rho, -0.97, 0.97)
     weight = (1 - rho**2) ** 2 / (1 - rho) ** 4
     alpha = np.sum(weight * 4 * rho**2 / ((1 - rho**2) ** 2)) / max(float(np.sum(weight)), 1e-12)

@@ -15,7 +15,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
-from pinotwin.solve.linear import Options, Reduced, linear, reduce, solve
+from pinotwin.solve.linear import Options, Reduced, reduce, solve
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.tsqr import r_factor
 
@@ -36,6 +36,7 @@ class HeldOut:
         sigma: noise level of every axis with which the rows were weighted, shape (axes,).
         factors: R of the weighted rows that each fold was fitted to, shape (folds, p, p).
         fold: of every row, shape (rows,).
+        whole: coefficients of a fit of all rows, shape (p,).
     """
 
     rms: Floats
@@ -46,6 +47,7 @@ class HeldOut:
     sigma: Floats
     factors: Floats
     fold: Ints
+    whole: Floats
 
     def unsure(self, problem: Problem) -> Floats:
         """Return the variance of each row's prediction over that of the noise, shape (rows,).
@@ -61,10 +63,11 @@ class HeldOut:
         size = np.sqrt(np.maximum(np.diagonal(N, axis1=1, axis2=2).max(axis=0), 1e-300))
         weight = 1.0 / self.sigma[problem.axis_place]
         for k, each in enumerate(N):
-            rows = self.fold == k
-            x = problem.W[rows] * weight[rows, None] / size
-            scaled = each / np.outer(size, size) + RIDGE * np.eye(len(size))
-            out[rows] = np.einsum("np,np->n", x, np.linalg.solve(scaled, x.T).T)
+            spread = np.linalg.inv(each / np.outer(size, size) + RIDGE * np.eye(len(size)))
+            for i, part in problem.slices.items():
+                own, rows = problem.filled[i], np.flatnonzero(self.fold[part] == k) + part.start
+                x = problem.W[np.ix_(rows, own)] * weight[rows, None] / size[own]
+                out[rows] = np.einsum("np,np->n", x @ spread[np.ix_(own, own)], x)
         return out
 
 
@@ -87,12 +90,12 @@ def held_out(
     if folds < 2 or times < 2 * folds:
         raise DataError(f"{times} instants cannot be split into {folds} folds of at least two")
     guard = times // (20 * folds) if guard is None else guard
-    if options.sigma is None:
-        options = replace(options, sigma=linear(problem, options).sigma)
     edges = np.linspace(0, times, folds + 1).astype(int)
     cuts = np.unique(np.clip(np.concatenate([edges - guard, edges, edges + guard]), 0, times))
     pieces = [problem.rows((order >= a) & (order < b)) for a, b in pairwise(cuts)]
     factors = [reduce(piece) for piece in pieces]
+    whole = solve(_merge(problem, zip(pieces, factors, strict=True)), options)
+    options = replace(options, sigma=whole.sigma)
     theta = np.empty((folds, problem.parameters))
     held = np.empty((folds, problem.parameters, problem.parameters))
     error, fold = np.empty(len(problem.y)), np.empty(len(problem.y), dtype=np.intp)
@@ -103,8 +106,7 @@ def held_out(
         theta[k], held[k] = found.theta, found.factor
         inside = (order >= a) & (order < b)
         error[inside], fold[inside] = problem.y[inside] - problem.W[inside] @ theta[k], k
-    sigma = np.asarray(options.sigma, dtype=float)
-    return HeldOut(*_sizes(problem, error), theta, error, sigma, held, fold)
+    return HeldOut(*_sizes(problem, error), theta, error, whole.sigma, held, fold, whole.theta)
 
 
 def fold_order(problem: Problem) -> tuple[Ints, int]:

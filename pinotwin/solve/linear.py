@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class Reduced:
     """Rows of a problem reduced to one factor per axis; all that the estimate itself needs.
 
     Attributes:
-        factors: R of ``[W_i y_i]`` per axis, each of shape (p + 1, p + 1).
+        factors: R of ``[W_i y_i]`` per axis, each of shape (k, p + 1), k the columns that it has.
         rows: number of rows per axis.
     """
 
@@ -97,10 +98,12 @@ class Solution:
     Attributes:
         theta: shape (p,).
         sigma: noise level per axis.
-        rank: analysis of the weighted factor (and of the soft prior, if any).
+        rank: analysis of the weighted factor (of soft prior and ridge as well, if any).
         active: parameters on a bound, shape (p,).
         factor: weighted R, shape (p, p).
         right: weighted z, shape (p,).
+        told: R with the soft prior, but without the ridge, shape (k, p).
+        options: how it was solved.
     """
 
     theta: Floats
@@ -109,6 +112,16 @@ class Solution:
     active: Mask
     factor: Floats
     right: Floats
+    told: Floats
+    options: Options
+
+    @cached_property
+    def seen(self) -> Rank:
+        """What the data determine without the ridge."""
+        if self.options.ridge is None:
+            return self.rank
+        prior = self.options.prior
+        return analyse(self.told, self.options.tolerance, None if prior is None else prior.std)
 
 
 def reduce(problems: Problem | Iterable[Problem]) -> Reduced:
@@ -118,9 +131,11 @@ def reduce(problems: Problem | Iterable[Problem]) -> Reduced:
     rows: dict[int, int] = {}
     for piece in pieces:
         for i, part in piece.slices.items():
-            block = np.column_stack([piece.W[part], piece.y[part]])
-            old = [factors[i]] if i in factors else []
-            factors[i] = r_factor(np.concatenate([*old, block]) if old else block)
+            own = piece.filled[i]
+            factor = np.zeros((len(own) + 1, piece.parameters + 1))
+            block = np.column_stack([piece.W[part, own], piece.y[part]])
+            factor[:, [*own, -1]] = r_factor(block)
+            factors[i] = r_factor(np.concatenate([factors[i], factor])) if i in factors else factor
             rows[i] = rows.get(i, 0) + len(block)
     order = sorted(factors)
     return Reduced(tuple(factors[i] for i in order), tuple(rows[i] for i in order))
@@ -153,15 +168,14 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
 def _fit(problem: Problem, options: Options) -> LinearFit:
     """Return the fit of the rows as they are."""
     found = solve(reduce(problem), options)
-    if len(problem.y) <= found.rank.rank:
+    seen = found.seen
+    if len(problem.y) <= seen.rank:
         raise DataError(
             f"{len(problem.y)} rows for {problem.parameters} parameters leave nothing to judge the "
             "fit by: record more motion, or relax the data selection"
         )
-    weight = 1.0 / found.sigma[problem.axis_place]
-    scaled = replace(problem, W=problem.W * weight[:, None], y=problem.y * weight)
-    error = scaled.y - scaled.W @ found.theta
-    spreading = spread(scaled, error, found.rank.root, options.inference)
+    error = problem.y - problem.W @ found.theta
+    spreading = spread(problem, found.sigma, error, found.rank.root, options.inference)
     covariance = spreading.covariance
     if options.prior is not None and options.prior.soft and options.prior.std is not None:
         believed = found.rank.root.T @ (found.rank.root / options.prior.std[:, None] ** 2)
@@ -173,11 +187,11 @@ def _fit(problem: Problem, options: Options) -> LinearFit:
         covariance=covariance,
         dof=spreading.dof,
         sigma=found.sigma,
-        rank=found.rank.rank,
-        condition=found.rank.condition,
-        determined=found.rank.determined,
-        unexcited=found.rank.unexcited,
-        groups=found.rank.groups,
+        rank=seen.rank,
+        condition=seen.condition,
+        determined=seen.determined,
+        unexcited=seen.unexcited,
+        groups=seen.groups,
         active=found.active,
         lower=_or(options.lower, -np.inf, p),
         upper=_or(options.upper, np.inf, p),
@@ -218,32 +232,20 @@ def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
     A, b = R, z
     if prior is not None and prior.soft and std is not None:
         A, b = np.concatenate([R, np.diag(1 / std)]), np.concatenate([z, mean / std])
-    rank = analyse(A, options.tolerance, std)
+    told = A
     if options.ridge is not None:
         weak = np.flatnonzero(np.isfinite(options.ridge))
         extra = np.zeros((len(weak), p))
         extra[np.arange(len(weak)), weak] = 1.0 / options.ridge[weak]
         A, b = np.concatenate([A, extra]), np.concatenate([b, extra @ mean])
-        rank = _with_ridge(rank, analyse(A, options.tolerance, std))
+    rank = analyse(A, options.tolerance, std)
     theta = mean + rank.nearest(rank.root @ (rank.root.T @ (A.T @ (b - A @ mean))))
     theta += rank.root @ (rank.root.T @ (A.T @ (b - A @ theta)))
     active = np.zeros(p, bool)
     lower, upper = _or(options.lower, -np.inf, p), _or(options.upper, np.inf, p)
     if ((theta < lower) | (theta > upper)).any():
         theta, active = bounded(A, b, lower, upper, mean, rank)
-    return Solution(theta, sigma, rank, active, R, z)
-
-
-def _with_ridge(data: Rank, both: Rank) -> Rank:
-    """Return the solution's rank analysis with the ridge, and what the data alone determine."""
-    return replace(
-        both,
-        rank=data.rank,
-        condition=data.condition,
-        determined=data.determined,
-        unexcited=data.unexcited,
-        groups=data.groups,
-    )
+    return Solution(theta, sigma, rank, active, R, z, told, options)
 
 
 def _first_levels(reduced: Reduced) -> Floats:
@@ -259,7 +261,8 @@ def _levels(reduced: Reduced, found: Solution) -> Floats:
     out = np.empty(len(reduced.rows))
     step = np.concatenate([found.theta, [-1.0]])
     for i, (F, n) in enumerate(zip(reduced.factors, reduced.rows, strict=True)):
-        used = float(np.sum((F[:, :-1] @ found.rank.root) ** 2)) / found.sigma[i] ** 2
+        own = np.flatnonzero(F[:, :-1].any(axis=0))
+        used = float(np.sum((F[:, own] @ found.rank.root[own]) ** 2)) / found.sigma[i] ** 2
         left = max(n - used, 0.5 * n / (1 + used))
         out[i] = np.linalg.norm(F @ step) / np.sqrt(left)
     return np.maximum(out, floor)

@@ -93,6 +93,19 @@ class Problem:
         return np.searchsorted(np.array(list(self.slices)), self.axis)
 
     @cached_property
+    def filled(self) -> dict[int, Ints]:
+        """Columns that are not empty in the rows of each axis: those of an axis' own table are, in all others'."""
+        return {i: np.flatnonzero(self.W[part].any(axis=0)) for i, part in self.slices.items()}
+
+    def product(self, x: Floats) -> Floats:
+        """Return W @ x for x of shape (p, k), empty columns passed over, shape (rows, k)."""
+        out = np.empty((len(self.y), x.shape[1]))
+        for i, part in self.slices.items():
+            own = self.filled[i]
+            out[part] = self.W[part, own] @ x[own]
+        return out
+
+    @cached_property
     def grid(self) -> Grid:
         """The uniform time axis on which the rows of all axes lie."""
         return Grid.of(self.block, self.time)

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.solve.linear import Reduced
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.problem import Problem
 
@@ -181,6 +182,14 @@ class Projection:
             columns, index = self.on_axis(i, pieces)
             out.append(span.small(columns, index, width) / sigma[i])
         return np.concatenate(out)
+
+    def reduced(self, columns: Sequence[Floats] | None = None) -> Reduced:
+        """Return the factors of the fixed columns and the effort, and between them those of all blocks if given."""
+        pieces = [(b, C, self.numbers(b)) for b, C in enumerate(columns or ())]
+        width = self.fixed + 1 if columns is None else self.width
+        order = [*np.delete(np.arange(width), self.fixed), self.fixed]
+        factors = [span.small(*self.on_axis(i, pieces), width)[:, order] for i, span in enumerate(self.spans)]
+        return Reduced(tuple(factors), tuple(s.stop - s.start for s in self.parts))
 
     def on_axis(self, i: int, pieces: Sequence[tuple[int, Floats, Ints]]) -> tuple[Floats, Ints]:
         """Return the moving columns that touch an axis, on all its rows, and their numbers."""

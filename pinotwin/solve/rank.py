@@ -11,6 +11,7 @@ cannot tell apart.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
@@ -24,29 +25,63 @@ LINKED = 1e-6
 """Entries of the null space's projector above this tie two parameters together."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rank:
     """The split of the parameters' space into seen and unseen directions.
 
     Attributes:
-        rank: number of directions that the data determine.
-        condition: ratio of the largest to the smallest singular value of the seen, scaled columns.
         root: F with F F' = (W'W)^+ in the prior's metric, shape (p, rank).
         null: basis of the unseen directions, orthonormal in that metric, shape (p, p - rank).
         scale: the metric, one length per parameter, shape (p,).
-        determined: per parameter, shape (p,).
-        unexcited: parameters whose column is empty.
-        groups: parameters that cannot be told apart, each group ascending.
+        unit: inverse length of each column, 1 of an empty one, shape (p,).
+        empty: parameters whose column is, shape (p,).
+        factor: of the seen, scaled columns, shape (rank, number of columns that are not empty).
     """
 
-    rank: int
-    condition: float
     root: Floats
     null: Floats
     scale: Floats
-    determined: Mask
-    unexcited: tuple[int, ...]
-    groups: tuple[tuple[int, ...], ...]
+    unit: Floats
+    empty: Mask
+    factor: Floats
+
+    @property
+    def rank(self) -> int:
+        """Number of directions that the data determine."""
+        return len(self.factor)
+
+    @property
+    def unexcited(self) -> tuple[int, ...]:
+        """Parameters whose column is empty."""
+        return tuple(np.flatnonzero(self.empty).tolist())
+
+    @cached_property
+    def condition(self) -> float:
+        """Ratio of the largest to the smallest singular value of the seen, scaled columns."""
+        if not self.rank:
+            return np.inf
+        singular = np.linalg.svd(self.factor, compute_uv=False)
+        return float(singular[0] / singular[-1])
+
+    @cached_property
+    def determined(self) -> Mask:
+        """Whether the data determine each parameter, shape (p,)."""
+        return ~self.empty & (np.sum(self._unseen**2, axis=1) < LINKED)
+
+    @cached_property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """Parameters that cannot be told apart, each group ascending."""
+        index = np.flatnonzero(~self.determined & ~self.empty)
+        if not len(index):
+            return ()
+        tied = np.abs(self._unseen[index] @ self._unseen[index].T) > LINKED
+        count, label = connected_components(tied, directed=False)
+        return tuple(tuple(index[label == k].tolist()) for k in range(count))
+
+    @cached_property
+    def _unseen(self) -> Floats:
+        """Basis of the unseen directions, orthonormal in units of column length, shape (p, p - rank)."""
+        return np.linalg.qr(self.null * (self.scale / self.unit)[:, None])[0]
 
     def nearest(self, delta: Floats) -> Floats:
         """Return ``delta`` without its component in the unseen directions."""
@@ -68,8 +103,7 @@ def analyse(R: Floats, tolerance: float, scale: Floats | None = None) -> Rank:
     unit = np.where(empty, 1.0, 1.0 / np.where(empty, 1.0, length))
     scale = unit if scale is None else np.where(scale > 0, scale, unit)
     if not len(used):
-        eye = np.eye(p)
-        return Rank(0, np.inf, np.zeros((p, 0)), eye, scale, np.zeros(p, bool), tuple(range(p)), ())
+        return Rank(np.zeros((p, 0)), np.eye(p), scale, unit, empty, np.zeros((0, 0)))
     T, pivot = qr(R[:, used] * unit[used], mode="r", pivoting=True)[0:2]
     diagonal = np.abs(np.diag(T))
     rank = int(np.sum(diagonal > tolerance * diagonal[0]))
@@ -79,19 +113,7 @@ def analyse(R: Floats, tolerance: float, scale: Floats | None = None) -> Rank:
     root[used[pivot[:rank]]] = solve_triangular(T11, np.eye(rank))
     root *= unit[:, None]
     root -= scale[:, None] * (null @ (null.T @ (root / scale[:, None])))
-    singular = np.linalg.svd(T[:rank], compute_uv=False)
-    projector = _plain_projector(null, scale, unit)
-    determined = ~empty & (np.abs(np.diag(projector)) < LINKED)
-    return Rank(
-        rank,
-        float(singular[0] / singular[-1]),
-        root,
-        null,
-        scale,
-        determined,
-        tuple(np.flatnonzero(empty).tolist()),
-        _groups(projector, ~determined & ~empty),
-    )
+    return Rank(root, null, scale, unit, empty, T[:rank])
 
 
 def _null_space(
@@ -106,19 +128,3 @@ def _null_space(
     basis *= unit[:, None]
     basis[blank, missing:] = np.eye(len(blank))
     return np.linalg.qr(basis / scale[:, None])[0]
-
-
-def _plain_projector(null: Floats, scale: Floats, unit: Floats) -> Floats:
-    """Return the orthogonal projector on the unseen directions in units of column length."""
-    Q = np.linalg.qr(null * (scale / unit)[:, None])[0]
-    return Q @ Q.T
-
-
-def _groups(projector: Floats, among: Mask) -> tuple[tuple[int, ...], ...]:
-    """Return the sets of parameters that the projector ties together."""
-    index = np.flatnonzero(among)
-    if not len(index):
-        return ()
-    tied = np.abs(projector[np.ix_(index, index)]) > LINKED
-    count, label = connected_components(tied, directed=False)
-    return tuple(tuple(index[label == k].tolist()) for k in range(count))

@@ -28,7 +28,6 @@ from pinotwin.solve.projection import Projection
 from pinotwin.solve.rank import analyse
 from pinotwin.solve.scan import Basin, Scan
 from pinotwin.solve.shapes import SeparableFit, ShapeFit
-from pinotwin.solve.tsqr import r_factor
 
 SWEEPS = 3
 """Most sweeps over the blocks after the first look at each."""
@@ -80,7 +79,7 @@ class _Search:
         self.basins: list[list[Basin]] = [[] for _ in moving]
         self.evaluations = 0
         fixed = Options(sigma=options.sigma, tolerance=options.tolerance)
-        self.sigma = solve(reduce(problem), fixed).sigma
+        self.sigma = solve(self.projection.reduced(), fixed).sigma
 
     def look(self) -> None:
         """Scan every block alone and take the best of each as a first guess."""
@@ -130,7 +129,8 @@ class _Search:
         if self.options.sigma is not None:
             return False
         old = self.sigma
-        self.sigma = solve(reduce(self.full(self.x)), self.options).sigma
+        columns = [m.at(x) for m, x in zip(self.moving, self.x, strict=True)]
+        self.sigma = solve(self.projection.reduced(columns), self.options).sigma
         return bool(np.any(np.abs(self.sigma - old) > 0.01 * old))
 
     def finish(self) -> SeparableFit:
@@ -166,7 +166,7 @@ class _Search:
         """Return the result with the covariance of coefficients and shapes together."""
         full = self.full(self.x)
         sigma = self.sigma if self.options.sigma is None else self.options.sigma
-        fit = linear(full, replace(self.options, sigma=sigma))
+        fit = linear(full, replace(self.options, sigma=sigma, inference="none"))
         p = full.parameters
         slopes = np.zeros((len(full.y), len(best.x)))
         at, k = self.problem.parameters, 0
@@ -175,15 +175,9 @@ class _Search:
             slopes[m.rows, k : k + len(x)] = m.slopes(x, theta)
             at, k = at + len(m.names), k + len(x)
         names = (*self.names, *(f"{m.name}.{s}" for m in self.moving for s in m.shapes))
-        weight = 1.0 / fit.sigma[full.axis_place]
-        joint = replace(
-            full,
-            W=np.column_stack([full.W, slopes]) * weight[:, None],
-            y=full.y * weight,
-            names=names,
-        )
-        rank = analyse(r_factor(joint.W), self.options.tolerance)
-        found = spread(joint, fit.residual * weight, rank.root, self.options.inference)
+        joint = full.with_columns(np.column_stack([full.W, slopes]), names)
+        rank = analyse(reduce(joint).stacked(fit.sigma)[0], self.options.tolerance)
+        found = spread(joint, fit.sigma, fit.residual, rank.root, self.options.inference)
         fit = replace(
             fit,
             covariance=found.covariance[:p, :p],
