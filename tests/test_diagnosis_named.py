@@ -53,6 +53,15 @@ def with_residual(c: Comparison, r: np.ndarray) -> Comparison:
     return dataclasses.replace(c, new=dataclasses.replace(c.new, residual={0: r}))
 
 
+def test_friction_that_changed_against_a_twin_of_one_run_may_be_warmth(twin: Twin, worn: Log) -> None:
+    """LWR4: friction of two healthy runs differs by half of it."""
+    several = diagnose(twin, worn, quick=True)
+    alone = diagnose(dataclasses.replace(twin, data=twin.data[:1]), worn, quick=True)
+    assert [e.effect for e in alone.effects] == [e.effect for e in several.effects] == ["viscous"]
+    assert any("identified on one run" in text for text in alone.advice)
+    assert not any("identified on one run" in text for text in several.advice)
+
+
 @pytest.mark.parametrize(("times", "named"), [(0.03, False), (0.3, True)])
 def test_friction_that_scatters_from_run_to_run_is_no_change(twin: Twin, times: float, named: bool) -> None:
     c = compare(twin, [record(4)], [])

@@ -13,7 +13,7 @@ from pinotwin.diagnosis.candidates.catalogue import candidates
 from pinotwin.diagnosis.candidates.catalogue import named as named_of
 from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
-from pinotwin.diagnosis.conclusion.advice import advise, command, of_other_state, resting
+from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of_other_state, resting
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
 from pinotwin.diagnosis.conclusion.provenance import provenance
@@ -257,10 +257,11 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         remains=verdict.remains,
         noise=kind,
         advice=[
+            *of_one_run(c, named),
             *of_other_state(c, verdict.unexplained, rules),
             *advice,
             *_untold(named),
-            *resting(c.machine, gaps),
+            *resting(c.machine, {*gaps, *c.gate.unknown}),
             *verdict.notes,
         ],
         warnings=[*c.gate.warnings, *([] if c.apart is None else [c.apart.words(change=c.change)])],

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.rules import Rules
+from pinotwin.effects import EFFECTS
+from pinotwin.effects.family import FRICTION
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
@@ -88,12 +91,30 @@ def resting(machine: Machine, seen: Collection[str]) -> list[str]:
 
     Args:
         machine: whose axes.
-        seen: axes that have a gap.
+        seen: axes that have a gap, or that something else is said of.
     """
     silent = [name for name in machine.axes if name not in seen]
     return [
         f"{x} hardly moves in these logs, or its effort is not in them: nothing is said of it" for x in silent
     ]
+
+
+def of_one_run(c: Comparison, named: Sequence[Any]) -> list[str]:
+    """Return a word on friction that has changed against a twin that knows the friction of one run alone.
+
+    Two runs of one healthy LWR4 differ by 0.5 N·m of the 0.9 N·m that rub in its first joint.
+    """
+    axes = [str(e.axis) for e in named if _rubs(e.effect) or any(_rubs(o["effect"]) for o in e.alternatives)]
+    if not c.change or len(c.twin.data) != 1 or not axes:
+        return []
+    return [
+        f"the twin was identified on one run: by how much friction of {', '.join(dict.fromkeys(axes))} differs from "
+        "run to run, warm or cold, it cannot know; identify it on several healthy runs and ask again"
+    ]
+
+
+def _rubs(effect: str) -> bool:
+    return effect in EFFECTS and EFFECTS[effect].family is FRICTION
 
 
 def of_other_state(c: Comparison, unexplained: Collection[str], rules: Rules) -> list[str]:

@@ -141,6 +141,7 @@ def _rivals(step: Step, sure: float) -> list[Mapping[str, Any]]:
         r for r in step.rivals if r.gain > LIKELY * step.chosen.gain and not isinstance(r.effect, Pattern)
     ]
     total = sum(r.gain for r in near)
+    whole = step.chosen.gain / max(step.chosen.share, 1e-300)  # the gap of all joints that the winner acts on
     for r in near[:5]:
         effect = named(r.effect)
         out.append(
@@ -148,7 +149,7 @@ def _rivals(step: Step, sure: float) -> list[Mapping[str, Any]]:
                 "effect": effect.name,
                 "axis": effect.axis,
                 "probability": (1.0 - sure) * r.gain / total,
-                "why": f"closes {r.share:.0%} where {named(step.chosen.effect).name} closes "
+                "why": f"closes {r.gain / whole:.0%} where {named(step.chosen.effect).name} closes "
                 f"{step.chosen.share:.0%} of the squared gap",
             }
         )

@@ -116,7 +116,8 @@ def _note(axis: str, g: Gap) -> str:
 
 def _unjudged(c: Comparison) -> list[str]:
     """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
-    out = [f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in c.gate.silent.items()]
+    silent = {**c.gate.silent, **c.gate.unknown}
+    out = [f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in silent.items()]
     out += [f"No cause is named on {axis}: it {_short(why)}" for axis, why in c.gate.nameless.items()]
     barred = {axis: row for axis, row in c.gate.effects.items() if axis not in c.gate.nameless}
     if barred:

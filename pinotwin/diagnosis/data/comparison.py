@@ -168,7 +168,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     if own is not None:
         asked = run_away(asked, own.motion)
         new, strangers = _met(new, own)
-        asked = replace(asked, doubts=(*asked.doubts, *strangers))
+        asked = replace(asked, unknown=strangers)
     judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)
     new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
     floor = _floor(twin, new, own)
@@ -184,20 +184,21 @@ def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
         c: with every joint.
         lost: axes that go nowhere else; beside them joints whose twin is unsure by more than their effort.
     """
-    known = [j for j in c.new.joints if c.machine.names[j] not in lost]
-    judged = [j for j in known if c.floor[j] <= c.new.size(j)]
-    left = [c.machine.names[j] for j in c.new.joints if j not in judged]
-    if not left or not judged:
+    never = "its twin has never been there; identify it on the whole travel"
+    unsure = "its twin is off, or unsure, by more than its effort varies here; identify it on logs that move it more"
+    why = {j: never if c.machine.names[j] in lost else unsure for j in c.new.joints}
+    judged = [j for j in c.new.joints if why[j] is unsure and c.floor[j] <= c.new.size(j)]
+    if not judged or len(judged) == len(c.new.joints):
         return c
-    words = [f"{a}: not judged, its twin has never been there; identify it on the whole travel" for a in left]
-    gate = replace(c.gate, doubts=(*c.gate.doubts, *words))
+    left = {c.machine.names[j]: word for j, word in why.items() if j not in judged}
+    gate = replace(c.gate, unknown={**c.gate.unknown, **left})
     return replace(
         c, new=c.new.only(judged), own=_only(c.own, judged), unseen=_only(c.unseen, judged), gate=gate
     )
 
 
-def _met(new: Sample, own: Sample) -> tuple[Sample, list[str]]:
-    """Return the logs in question with the joints that moved when the twin was identified, and a word on others.
+def _met(new: Sample, own: Sample) -> tuple[Sample, dict[str, str]]:
+    """Return the logs in question with the joints that moved when the twin was identified, and why not the others.
 
     Raises:
         DataError: no joint moved in both.
@@ -209,10 +210,8 @@ def _met(new: Sample, own: Sample) -> tuple[Sample, list[str]]:
             f"{', '.join(strange)}: moved in no log of the twin, which cannot tell their change; identify the twin "
             "again on logs that move them"
         )
-    words = [
-        f"{axis}: not judged, it moved in no log of its twin; identify one that knows it" for axis in strange
-    ]
-    return new.only([j for j in new.joints if j in own.joints]), words
+    why = "it moved in no log of its twin; identify one that knows it"
+    return new.only([j for j in new.joints if j in own.joints]), dict.fromkeys(strange, why)
 
 
 def _only(s: Sample | None, joints: Collection[int]) -> Sample | None:

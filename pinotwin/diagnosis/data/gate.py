@@ -79,6 +79,7 @@ class Gate:
         silent: axis of which nothing is said -> why.
         turned: axes whose effort seems to have the other sign.
         strays: axis whose position does not go with its command -> why.
+        unknown: axis that its twin cannot judge in these logs -> why, and what to do.
     """
 
     doubts: tuple[str, ...] = ()
@@ -87,6 +88,7 @@ class Gate:
     silent: Mapping[str, str] = field(default_factory=dict)
     turned: frozenset[str] = frozenset()
     strays: Mapping[str, str] = field(default_factory=dict)
+    unknown: Mapping[str, str] = field(default_factory=dict)
 
     def admits(self, effect: str, axis: str | None) -> bool:
         """Whether an effect is looked for on an axis."""
@@ -104,8 +106,8 @@ class Gate:
 
     @property
     def warnings(self) -> list[str]:
-        """The doubts, and what is not looked for because of them."""
-        return [*self.doubts, *self.unasked]
+        """The doubts, what its twin cannot judge, and what is not looked for because of them."""
+        return [*self.doubts, *(f"{x}: not judged, {why}" for x, why in self.unknown.items()), *self.unasked]
 
     @property
     def unasked(self) -> list[str]:
