@@ -15,6 +15,7 @@ from pinotwin.log import Log
 from pinotwin.logs.columns import parse_columns
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Controller, Servo, close, command_rates, couple, margins
+from pinotwin.loop.margins import command_peak, stable
 from pinotwin.simulation import feedforward, simulate
 from pinotwin.simulation.coupled import LONGEST, biquad
 from pinotwin.simulation.plant import plant_of
@@ -382,6 +383,24 @@ def test_margins_are_where_the_closed_loop_becomes_unstable():
     assert close(replace(servo, dead=servo.dead + 0.9 * found.delay), M, B).poles.real.max() < 0.0
     with pytest.raises(pt.errors.DataError, match="unstable"):
         close(replace(servo, dead=servo.dead + 1.1 * found.delay), M, B)
+
+
+def test_a_law_that_throws_its_axis_off_is_told_from_one_that_holds_it():
+    """The error for a command of size 1 is that of the simulated loop; an absurd feed-forward makes it large."""
+    servo = cascade(velocity_lag=4e-4, output_lag=2e-4, dead=5e-4, ffv=0.5, ffa=0.0)
+    loop, f = close(servo, M, B), np.array([0.5, 3.0, 12.0])
+    t = np.arange(0.0, 12.0, 5e-4)
+    for x in f:
+        w = 2.0 * np.pi * x
+        qr, vr, ar = np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)
+        e = replace(loop, step=5e-4).simulate(qr, 0.0 * t, vr=vr, ar=ar)[len(t) // 2 :, 0]
+        assert np.sqrt(2.0 * np.mean(e**2)) == pytest.approx(
+            command_peak(servo, M, B, np.array([x])), rel=0.01
+        )
+    assert command_peak(servo, M, B, f) < 3.0
+    assert command_peak(replace(servo, gains=(*servo.gains[:5], 1e3 * M)), M, B, f) > 10.0
+    assert stable(servo, M, B)
+    assert not stable(servo.scaled(all=1.03 * margins(servo, M, B).gain), M, B)
 
 
 def test_the_effort_ahead_of_time_is_that_of_axes_that_follow_their_command():

@@ -165,11 +165,15 @@ def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) ->
         except DataError as error:  # what dry friction holds may be unstable without it
             notes.append(f"no poles of {name}: {error}")
             continue
-        data = loop_data(motion, disturbance, name)
-        loops[name], laws[name] = loop, identify_controller(data)
+        loops[name] = loop
         rows[name] = {"real_poles": loop.structure.real_poles, "pole_pairs": loop.structure.pole_pairs}
-        rows[name] |= {"fit": errors(data, loop), "held_out": errors(data, loop, held_out=True)}
         rows[name]["refined"] = False
+        try:
+            data = loop_data(motion, disturbance, name)
+            rows[name] |= {"fit": errors(data, loop), "held_out": errors(data, loop, held_out=True)}
+            laws[name] = identify_controller(data)
+        except DataError as error:  # a log of a few seconds with a hole has no rows for it
+            notes.append(f"no sampled law of {name}: {error}")
     return ClosedLoops(plant, loops, laws, quality={"loops": rows}, warnings=tuple(notes))
 
 

@@ -41,7 +41,7 @@ def couple(
         DataError: the loop is unstable.
     """
     delay = controller.delay + (0.5 * controller.step if hold else 0.0)
-    system = _closed(controller.matrices(delay), inertia, viscous)
+    system = closed(controller.matrices(delay), inertia, viscous)
     return _as_model(system, axis, controller.step)
 
 
@@ -57,7 +57,7 @@ def close(servo: Servo, inertia: float, viscous: float = 0.0, *, axis: str = "ax
     Raises:
         DataError: the loop is unstable.
     """
-    return _as_model(_closed(servo.matrices(), inertia, viscous, servo.dead), axis, servo.step)
+    return _as_model(closed(servo.matrices(), inertia, viscous, servo.dead), axis, servo.step)
 
 
 def _as_model(system: tuple[Floats, Floats, Floats, Floats], axis: str, step: float) -> LoopModel:
@@ -83,7 +83,7 @@ def _as_model(system: tuple[Floats, Floats, Floats, Floats], axis: str, step: fl
     )
 
 
-def _closed(
+def closed(
     law: tuple[Floats, Floats, Floats, Floats], inertia: float, viscous: float, dead: float = 0.0
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return A, B, C, D of the loop: inputs d, vr; outputs e, u; direct terms of vr, ar.

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinotwin.arrays import Floats
+from pinotwin.loop.couple import closed
 from pinotwin.loop.servo import Servo
 
 BAND = (0.05, 2000.0, 4000)
@@ -37,11 +39,32 @@ def open_loop(servo: Servo, inertia: float, viscous: float, f: Floats) -> Floats
     s = 2j * np.pi * f
     k_e, k_i, k_v = servo.gains[:3]
     law = k_e + k_i / s + k_v * s / (1.0 + s * servo.velocity_lag)
+    return np.asarray(law * _acts(servo, s) / (inertia * s**2 + viscous * s))
+
+
+def _acts(servo: Servo, s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
+    """Return what acts on the axis of what the law asks for: notch, current loop and dead time."""
+    out = np.exp(-s * servo.dead) / (1.0 + s * servo.output_lag)
     if servo.notch[0] > 0.0:
         w, zeros, poles = 2.0 * np.pi * servo.notch[0], servo.notch[1], servo.notch[2]
-        law = law * (s**2 + 2.0 * zeros * w * s + w**2) / (s**2 + 2.0 * poles * w * s + w**2)
-    law = law * np.exp(-s * servo.dead) / (1.0 + s * servo.output_lag)
-    return np.asarray(law / (inertia * s**2 + viscous * s))
+        out = out * (s**2 + 2.0 * zeros * w * s + w**2) / (s**2 + 2.0 * poles * w * s + w**2)
+    return out
+
+
+def command_peak(servo: Servo, inertia: float, viscous: float, f: Floats) -> float:
+    """Return the largest tracking error for a command of size 1 at some frequencies [Hz], friction left out."""
+    s = 2j * np.pi * f
+    k_e, k_i, _, k_vr, k_w, k_ar = servo.gains
+    asks = k_e + k_i / s + k_w + k_vr * s + k_ar * s**2
+    plant = inertia * s**2 + viscous * s
+    moves = asks * _acts(servo, s) / plant / (1.0 + open_loop(servo, inertia, viscous, f))
+    return float(np.max(np.abs(1.0 - moves)))
+
+
+def stable(servo: Servo, inertia: float, viscous: float = 0.0) -> bool:
+    """Whether the loop of a controller and a rigid axis is stable: whether all its poles decay."""
+    A = closed(servo.matrices(), inertia, viscous, servo.dead)[0]
+    return bool(np.isfinite(A).all() and np.max(np.linalg.eigvals(A).real) < 0.0)
 
 
 def margins(servo: Servo, inertia: float, viscous: float = 0.0) -> Margins:

@@ -167,7 +167,7 @@ def by_moments(p: AxisProblem, near: Servo, usual: Usual = USUAL) -> list[Found]
     def doubt(s: Solved, f: Found) -> float:
         return s.worse(solved[0]) + f.cost * len(f.residual) / (2.0 * CORRELATED)
 
-    kept = [(doubt(s, f), f) for s, f in found if f is not None]
+    kept = [(doubt(s, f), f) for s, f in found if f is not None and p.holds(f.servo)]
     return [f for _, f in sorted(kept, key=lambda pair: pair[0])]
 
 

@@ -160,6 +160,9 @@ def polish(
 ) -> Found | None:
     """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start.
 
+    A search that begins at a law that holds its axis keeps to such: windows of a few seconds, each begun in the
+    measured state, may be shown as well by a loop that grows slowly.
+
     Args:
         p: the axis.
         servo: where the search begins.
@@ -172,14 +175,36 @@ def polish(
     begun = x
     rows = sum(s.stop - s.start - p.skip for s in p.windows)
     doubt = np.sqrt(CORRELATED / max(rows, 1))
+    guarded = p.holds(servo)
 
     def at(x: Floats) -> Floats | None:
+        if guarded and not p.holds(search.servo(x), search.extra(x)):
+            return None
         r = misfit(p, search.servo(x), search.extra(x))
         if r is None:
             return None
         told = [search.doubt(x, p.usual, p.inertia), *([] if known is None else [known @ (x - begun)])]
         return np.concatenate([r, doubt * np.concatenate(told)])
 
+    found = descend(at, x, steps)
+    if found is None:
+        return None
+    x, r, J = found
+    cost = float(r @ r)
+    left = r[: 2 * rows]
+    return Found(search.servo(x), cost, search.extra(x), x, J, left, search, p.noise)
+
+
+def descend(
+    at: Callable[[Floats], Floats | None], x: Floats, steps: int = STEPS
+) -> tuple[Floats, Floats, Floats] | None:
+    """Return where a sum of squares is least near a start, its residuals and their slopes (Levenberg-Marquardt).
+
+    Args:
+        at: residuals at a point, or None where there are none.
+        x: the start, each coordinate in a size of its own.
+        steps: most steps.
+    """
     r = at(x)
     if r is None:
         return None
@@ -202,8 +227,7 @@ def polish(
         if gain < ENOUGH:
             break
         J = _slopes(at, x, r)
-    left = r[: 2 * rows]
-    return Found(search.servo(x), cost, search.extra(x), x, J, left, search, p.noise)
+    return x, r, J
 
 
 def _slopes(at: Callable[[Floats], Floats | None], x: Floats, r: Floats) -> Floats:

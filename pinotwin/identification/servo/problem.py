@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.loop.margins import command_peak, stable
 from pinotwin.loop.servo import Servo
 from pinotwin.simulation import axis_kernel, coupled
 from pinotwin.simulation.axis_kernel import Axis, Course
@@ -30,6 +31,9 @@ USUAL = {
 At 200 Hz a log tells lags of a millisecond and the flanks of a notch badly apart; what it leaves open is
 better usual than anything.
 """
+SLOWEST, FASTEST, COMMANDS, THROWN_OFF = 0.05, 0.4, 60, 10.0
+"""Frequencies of commands [Hz; share of the log's rate], how many, and the tracking error, over the command's size,
+with which a controller throws its axis off: what a slow ramp leaves open of a law may be a thousand times that."""
 PLANT = ("inertia", "viscous", "dry", "fading")
 Factors = tuple[float, float, float, float]
 """On inertia, viscous friction, dry friction at speed, and the part of it that fades with speed."""
@@ -106,6 +110,12 @@ class AxisProblem:
                 return None
             out.append(y[self.skip :])
         return np.concatenate(out)
+
+    def holds(self, servo: Servo, extra: Factors = AS_FOUND) -> bool:
+        """Whether a controller holds the axis on any command, where nothing but viscous friction helps it."""
+        plant = extra[0] * self.inertia, extra[1] * self.viscous
+        f = np.geomspace(SLOWEST, FASTEST / self.step, COMMANDS)
+        return stable(servo, *plant) and command_peak(servo, *plant, f) < THROWN_OFF
 
     def fine_error(
         self, servo: Servo, window: slice, command: tuple[Floats, Floats], substeps: int

@@ -57,7 +57,7 @@ def look(
         allowed: whether such factors leave the plant's own fit as good.
 
     A notch is looked for where the law without one leaves something of e, and taken where it pays on
-    windows that were not fitted.
+    windows that were not fitted. A law that does not hold the axis is none.
     """
     train, judge = p.split()
     begun = starts(train)
@@ -87,6 +87,11 @@ def look(
         min(same, key=lambda f: f.cost) for k in FORMS if (same := [f for f in forms if f.servo.form == k])
     ]
     best = better_of(judge, best, simple, 1.0 / SIMPLER) or best
+    if not judge.holds(best.servo):
+        tamed = [f for f in (*forms, *afresh(train)) if judge.holds(f.servo)]
+        best = min(tamed, key=lambda f: error_of(judge, f), default=None)
+        if best is None:
+            return None
     return replace(best, held_out=errors_of(judge, best), trial=best.servo, factors=factors)
 
 
@@ -130,6 +135,7 @@ def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]
     """
     p = replace(p.with_plant(found.factors), fine=coupled.LONGEST, noise=found.noise, usual=usual)
     last = polish(p, found.servo, steps=REPOLISH) or found
+    last = last if p.holds(last.servo) else found
     return _from_moments(p, found, last) or _from_output_error(p, found, last)
 
 
