@@ -11,11 +11,10 @@ import pytest
 
 import pinotwin.diagnosis.rules as rules
 from pinotwin.bench.calibrate import Limit, derived, least, reached, with_value, write_rules
-from pinotwin.bench.healthy import Question, asked, hunting
+from pinotwin.bench.healthy import Question, asked
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.errors import DataError
-from pinotwin.log import Log
 
 
 @pytest.mark.parametrize("needed", [0.013, 0.9, 7.0])
@@ -96,11 +95,3 @@ def test_a_healthy_machine_is_silent_from_where_its_limits_are(situation, tmp_pa
     found = diagnose(given.subject, given.logs, validate=given.validation, rules=quiet)
     assert found.effects == []
     assert found.verdict == "none"
-
-
-@pytest.mark.parametrize(("frequency", "lasts", "found"), [(100.0, 0.5, "Y"), (0.5, 8.0, None)])
-def test_a_loop_that_swings_between_its_limits_hunts(frequency, lasts, found):
-    t = np.arange(4000) * 0.002
-    calm = 10.0 * np.sign(np.sin(2.0 * np.pi * 0.3 * t))
-    rings = np.where(t < lasts, 100.0, 1.0) * np.sin(2.0 * np.pi * frequency * t)
-    assert hunting(Log({"t": t, "X.u": calm, "Y.u": rings})) == found

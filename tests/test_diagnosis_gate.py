@@ -159,7 +159,14 @@ def test_of_an_axis_whose_position_leaps_no_cause_is_named(twin, other, spoil, w
     assert found.possible == []
     assert found.verdict == "unexplained"
     assert why in found.remains["X"]
-    assert f"No cause is named on X: it {why}" in found.sentence
+    assert f"No cause is named on X: X.q {why}" in found.sentence
+
+
+def test_of_a_machine_with_an_unstable_loop_no_cause_is_named(twin, other):
+    rings = np.ptp(other["X.u"]) * np.sin(2.0 * np.pi * 60.0 * other.t)
+    found = diagnose(twin, changed(other, X_u=rings), quick=True)
+    assert (found.verdict, found.effects, found.possible) == ("unexplained", [], [])
+    assert "No cause is named on X: X.u swings" in found.sentence
 
 
 def test_the_twin_knows_an_effort_that_check_doubts(twin, other, monkeypatch):

@@ -186,6 +186,17 @@ def test_units_that_cannot_be() -> None:
     assert "Y.qr: command and position do not agree" in text
 
 
+@pytest.mark.parametrize(("frequency", "lasts", "seen"), [(100.0, 0.6, True), (0.5, 12.0, False)])
+def test_a_loop_that_swings_between_its_limits(frequency: float, lasts: float, seen: bool) -> None:
+    channels = motion()
+    t = channels["t"]
+    rings = np.where(t < lasts, 20.0, 0.5) * np.sin(2 * np.pi * frequency * t)
+    channels["Y.u"] = np.ptp(channels["Y.u"]) * rings
+    assert ("Y.u: swings" in said(look(channels))) == seen
+    channels["Y.qr"] = channels["Y.qr"] + 1e-3 * rings  # asked for
+    assert "Y.u: swings" not in said(look(channels))
+
+
 def test_a_velocity_in_another_unit() -> None:
     channels = motion()
     channels["A.v"] = np.gradient(channels["A.qr"], 1 / RATE) * 180 / np.pi

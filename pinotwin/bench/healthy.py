@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from pinotwin.bench.cases import Case
 from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.fingerprint import fingerprint
@@ -19,6 +17,7 @@ from pinotwin.bench.produce import produce
 from pinotwin.bench.twins import healthy_twin
 from pinotwin.errors import DataError
 from pinotwin.log import Log
+from pinotwin.logs.check import inspect_log
 from pinotwin.logs.files import read
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
@@ -104,8 +103,9 @@ def asked(question: Question, work: Path, elsewhere: Elsewhere | None) -> Asked:
         case = Case(0, question.machine, question.situation, "healthy", (), question.seed)
         sealed = produce(case).sealed
         for log in sealed.logs:
-            if axis := hunting(log):
-                raise DataError(f"axis {axis!r}: its loop hunts from one limit to the other: not healthy")
+            for finding in inspect_log(sealed.machine, log).findings:
+                if finding.code == "loop_unstable":
+                    raise DataError(f"{finding.channel}: {finding.message}")
         change = question.situation == "change"
         return Asked(
             healthy_twin(work / f"twins-{fingerprint()}", question.machine, 0) if change else sealed.machine,
@@ -118,26 +118,6 @@ def asked(question: Question, work: Path, elsewhere: Elsewhere | None) -> Asked:
     machine, own, test = elsewhere.real(question.machine)
     paths = {"own": [own[0]], "other": [test], "both": [own[-1], test]}[question.run]
     return Asked(twin_of(machine, tuple(own)), read_logs(paths))
-
-
-HUNTS, AT = 3.0, 0.9
-"""Swings a second between efforts of either sign, and the share of the largest effort from which they count: 18
-machines that do not hunt reach 0.75, one that does 6.9."""
-
-
-def hunting(log: Log) -> str | None:
-    """Return an axis whose loop is unstable in this log, None if there is none.
-
-    A random machine is tuned at the largest inertia of its CAD; where other joints leave an axis much less, its loop
-    may oscillate between the limits of its drive.
-    """
-    for channel in sorted(c for c in log.channels if c.endswith(".u")):
-        effort = log.channels[channel]
-        side = np.sign(effort) * (np.abs(effort) > AT * np.max(np.abs(effort)))
-        side = side[side != 0.0]
-        if np.count_nonzero(np.diff(side)) > HUNTS * (log.t[-1] - log.t[0]):
-            return channel.removesuffix(".u")
-    return None
 
 
 def foreign_case(folder: Path, situation: str) -> Asked:

@@ -118,7 +118,15 @@ def _unjudged(c: Comparison) -> list[str]:
     """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
     silent = {**c.gate.silent, **c.gate.unknown}
     out = [f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in silent.items()]
-    out += [f"No cause is named on {axis}: it {_short(why)}" for axis, why in c.gate.nameless.items()]
+    spoilt: dict[str, list[str]] = {}
+    for axis, why in c.gate.nameless.items():
+        spoilt.setdefault(_short(why), []).append(axis)
+    out += [f"No cause is named on {', '.join(axes)}: {why}" for why, axes in spoilt.items()]
+    out += [
+        f"{axis} does not go with its command: that has another unit, sign or axis, or the axis cannot follow it"
+        for axis in c.gate.strays
+        if not c.gate.asks("tracking", axis)
+    ]
     barred = {axis: row for axis, row in c.gate.effects.items() if axis not in c.gate.nameless}
     if barred:
         names = list(dict.fromkeys(name for row in barred.values() for name in row))

@@ -55,6 +55,7 @@ BARS: Mapping[str, Bar] = {
     "coarse_position": Bar((*MICRONS, "drive_flexibility", "joint_flexibility"), channel="q"),
     "few_digits": Bar(MICRONS, channel="q"),
     "command_disagrees": Bar(questions=("servo", "tracking")),
+    "loop_unstable": Bar(EVERY, ("servo", "tracking"), everywhere=True),
     "command_is_position": Bar(questions=("servo", "tracking")),
     "effort_unsigned": Bar(axis=True),
     "effort_noise": Bar(axis=True),
@@ -143,15 +144,20 @@ def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
         bar = BARS.get(finding.code)
         for axis in () if bar is None else _barred(machine, finding, bar):
             assert bar is not None
+            why = _about(finding)
             if bar.effects:
-                effects.setdefault(axis, {}).update(dict.fromkeys(bar.effects, finding.message))
+                effects.setdefault(axis, {}).update(dict.fromkeys(bar.effects, why))
             if bar.questions:
-                questions.setdefault(axis, {}).update(dict.fromkeys(bar.questions, finding.message))
+                questions.setdefault(axis, {}).update(dict.fromkeys(bar.questions, why))
             if bar.axis:
-                silent.setdefault(axis, f"{finding.channel} {finding.message}")
+                silent.setdefault(axis, why)
     turned = [a for _, f in found if f.code == "effort_sign" for a in _axes(machine, f, "")]
-    strays = {a: f.message for _, f in found if f.code == "command_disagrees" for a in _axes(machine, f, "")}
+    strays = {a: _about(f) for _, f in found if f.code == "command_disagrees" for a in _axes(machine, f, "")}
     return Gate(_said(found, len(logs)), effects, questions, silent, frozenset(turned), strays)
+
+
+def _about(finding: Finding) -> str:
+    return f"{finding.channel} {finding.message}".strip()
 
 
 def _barred(machine: Machine, finding: Finding, bar: Bar) -> list[str]:
