@@ -9,18 +9,14 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.scene import with_model
-from pinotwin.errors import DataError
 from pinotwin.identification.assemble import assemble
-from pinotwin.identification.plant import Plant, fit_options
+from pinotwin.identification.parted import FOLDS, Parted
+from pinotwin.identification.plant import Plant
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.consistency import ConsistentFit
-from pinotwin.solve.crossval import held_out
-from pinotwin.solve.linear import Options
 from pinotwin.solve.problem import Problem
 
-FOLDS = 5
-"""Parts of the log that are predicted from the others."""
 CONDITION_LIMIT = 1e4
 """Scaled condition number above which parameters trade off against each other."""
 
@@ -86,19 +82,22 @@ def warnings(quality: Mapping[str, Any], machine: Machine) -> list[str]:
     return out
 
 
-def judge(machine: Machine, motion: Motion, plant: Plant, later: Motion | None = None) -> dict[str, Any]:
+def judge(
+    machine: Machine, motion: Motion, plant: Plant, parted: Parted, later: Motion | None = None
+) -> dict[str, Any]:
     """Return the figures of a fitted plant, per axis and together.
 
     Args:
         machine: whose plant it is.
         motion: what was fitted.
         plant: the fit.
+        parted: its rows predicted part by part.
         later: what was not fitted; adds ``validation`` to every axis.
     """
     fit = plant.fit
     problem = fit.problem
     error = problem.y - problem.W @ plant.theta
-    held = _held_out_error(problem, fit_options(machine, plant.effects, motion))
+    held = np.full(len(problem.y), np.nan) if parted.held is None else parted.held.error
     axes = {}
     for joint, rows in problem.slices.items():
         own = error_row(problem.y[rows], error[rows])
@@ -135,10 +134,3 @@ def _constraint(found: ConsistentFit | None) -> dict[str, Any] | None:
     if found is None:
         return None
     return {"moved": found.moved, "cost_ratio": found.cost_ratio if np.isfinite(found.cost_ratio) else None}
-
-
-def _held_out_error(problem: Problem, options: Options) -> Floats:
-    try:
-        return held_out(problem, folds=FOLDS, options=options).error
-    except DataError:
-        return np.full(len(problem.y), np.nan)

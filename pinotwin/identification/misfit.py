@@ -12,15 +12,14 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects.scene import without_model
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
-from pinotwin.identification.plant import fit_options
+from pinotwin.identification.parted import FOLDS, Parted
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation, rms
-from pinotwin.solve.crossval import HeldOut, fold_order, held_out
+from pinotwin.solve.crossval import HeldOut, fold_order
 from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop, Twin
 from pinotwin.twin.misfit import Misfit
 
-FOLDS = 5
 MOST_ROWS = 60_000
 """Rows of the own logs that are kept: two minutes at 500 Hz say what a twin leaves."""
 UNSURE = 1.0
@@ -31,7 +30,7 @@ _PIECES = 12
 _BANDS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 
 
-def misfit_of(plant: OpenLoop, motion: Motion) -> Misfit | None:
+def misfit_of(plant: OpenLoop, motion: Motion, known: Parted) -> Misfit | None:
     """Return what a plant leaves of the logs it was identified from; None where they are too short.
 
     The parts are predicted by least squares on the others, moved by what physical consistency and the
@@ -40,15 +39,15 @@ def misfit_of(plant: OpenLoop, motion: Motion) -> Misfit | None:
     Args:
         plant: with its final effects and coefficients.
         motion: the logs it was identified from, prepared.
+        known: its rows as they were fitted, part by part; found anew where loops changed its effects.
     """
     motion = _shortened(without_model(motion))
-    rows = choose_rows(motion)
-    told = plant.scene(motion)
-    problem = assemble(told, plant.effects, rows)
-    options = fit_options(plant.machine, plant.effects, motion)
-    try:
-        held = held_out(problem, folds=FOLDS, options=options)
-    except DataError:
+    if not known.serves(plant.machine, plant.effects, motion):
+        rows = choose_rows(motion)
+        problem = assemble(plant.scene(motion), plant.effects, rows)
+        known = Parted.of(plant.machine, plant.effects, motion, rows, problem)
+    rows, problem, held = known.rows, known.problem, known.held
+    if held is None:
         return None
     moved = plant.theta - held.whole
     theta = held.theta + moved

@@ -16,6 +16,7 @@ from pinotwin.identification.judge import judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
+from pinotwin.identification.parted import Parted
 from pinotwin.identification.plant import Plant, fit_plant
 from pinotwin.identification.springs import find_springs
 from pinotwin.identification.table import at_bounds, open_loop
@@ -77,7 +78,9 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     unseen = [] if validate is None else bend_all(bending, as_logs(validate, "validate"))
     later = prepare(machine, unseen, **settings) if unseen else None
     plant = open_loop(machine, fit)
-    quality = judge(machine, motion, fit, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
+    parted = Parted.of(machine, fit.effects, motion, fit.rows, fit.fit.problem)
+    quality = judge(machine, motion, fit, parted, later)
+    quality |= {"leads": leads, "at_bound": at_bounds(plant.parameters)}
     plant, springs_found = _completed(plant, motion, springs, bending)
     closed = ClosedLoops(plant)
     if loop and motion.qr is not None:
@@ -89,7 +92,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         data=[_provenance(item, motion) for item in logs],
         settings=settings,
         groups=fit.fit.group_names(),
-        misfit=misfit_of(closed.plant, motion),
+        misfit=misfit_of(closed.plant, motion, parted),
     )
 
 
