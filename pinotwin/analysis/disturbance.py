@@ -47,7 +47,7 @@ CAUSES = (
 """Causes of the generalised disturbance; ``position`` is ripple, tables and offsets."""
 
 POSTURES = 64
-_BLOCK = 20000  # rows: keeps the regressor of a long log small
+_BLOCK = 20000  # rows: keeps the columns of a table small
 
 
 @dataclass(frozen=True)
@@ -121,12 +121,12 @@ def _ground(machine: Machine, M: Floats) -> Floats:
 def mean_inertia(plant: OpenLoop, postures: Floats) -> Floats:
     """Return the mean of M(q) over postures, shape (nv, nv)."""
     zero = np.zeros_like(postures)
-    held = _rigid_effort(plant, postures, zero, zero)
+    held = rigid_effort(plant, postures, zero, zero)
     out = np.zeros((postures.shape[1], postures.shape[1]))
     for i in range(len(out)):
         unit = zero.copy()
         unit[:, i] = 1.0
-        out[:, i] = np.mean(_rigid_effort(plant, postures, zero, unit) - held, axis=0)
+        out[:, i] = np.mean(rigid_effort(plant, postures, zero, unit) - held, axis=0)
     return out
 
 
@@ -140,7 +140,7 @@ def generalised_disturbance(plant: OpenLoop, motion: Motion, diagonal: Mapping[s
         motion: measured or simulated.
         diagonal: M_D, C, K as :func:`diagonal` returns them.
     """
-    total = _rigid_effort(plant, motion.q, motion.v, motion.a)
+    total = rigid_effort(plant, motion.q, motion.v, motion.a)
     motion = plant.scene(motion)
     for effect, theta in _effects(plant):
         if effect.axis is not None and not effect.logged_effort:
@@ -189,16 +189,16 @@ def _rigid_parts(plant: OpenLoop, motion: Motion, inertia: Floats) -> dict[str, 
     moving = np.array([name in plant.machine.axes for name in motion.names], dtype=bool)
     q, v, a = (_only(x, moving) for x in (motion.q, motion.v, motion.a))
     zero = np.zeros_like(q)
-    g = _rigid_effort(plant, q, zero, zero)
-    gc = _rigid_effort(plant, q, v, zero)
-    whole = _rigid_effort(plant, q, v, a)
+    g = rigid_effort(plant, q, zero, zero)
+    gc = rigid_effort(plant, q, v, zero)
+    whole = rigid_effort(plant, q, v, a)
     parts = {
         "gravity": g,
         "inertial_coupling": whole - gc - _only(inertia, moving),
         "coriolis_centrifugal": gc - g,
     }
     if not moving.all():
-        full = _rigid_effort(plant, motion.q, motion.v, motion.a)
+        full = rigid_effort(plant, motion.q, motion.v, motion.a)
         parts["flexibility"] = full - whole - (inertia - _only(inertia, moving))
     return parts
 
@@ -207,13 +207,10 @@ def _only(x: Floats, kept: Mask) -> Floats:
     return np.where(kept, x, 0.0)
 
 
-def _rigid_effort(plant: OpenLoop, q: Floats, v: Floats, a: Floats) -> Floats:
+def rigid_effort(plant: OpenLoop, q: Floats, v: Floats, a: Floats) -> Floats:
     """Return the effort of the tree with the coefficients that were found, shape (n, nv)."""
-    total = np.zeros_like(q)
     tree, where = rigid_body_of(plant.effects)
-    for s in _rows(len(q)):
-        total[s] = tree.base.regressor(tree.model, q[s], v[s], a[s]) @ plant.theta[where]
-    return total
+    return tree.effort(plant.theta[where], q, v, a)
 
 
 def _effort(effect: Effect, theta: Floats, motion: Motion, nv: int) -> Floats:

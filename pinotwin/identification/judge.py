@@ -82,14 +82,11 @@ def warnings(quality: Mapping[str, Any], machine: Machine) -> list[str]:
     return out
 
 
-def judge(
-    machine: Machine, motion: Motion, plant: Plant, parted: Parted, later: Motion | None = None
-) -> dict[str, Any]:
+def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None = None) -> dict[str, Any]:
     """Return the figures of a fitted plant, per axis and together.
 
     Args:
         machine: whose plant it is.
-        motion: what was fitted.
         plant: the fit.
         parted: its rows predicted part by part.
         later: what was not fitted; adds ``validation`` to every axis.
@@ -118,7 +115,7 @@ def judge(
         "not_separable": [list(group) for group in fit.group_names()],
         "consistency": _constraint(plant.consistency),
         "folds": FOLDS,
-        "preparation": list(motion.notes),
+        "preparation": list(plant.motion.notes),
     }
     if later is not None:
         later = with_model(later, plant.effects, plant.theta)

@@ -79,16 +79,14 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     later = prepare(machine, unseen, **settings) if unseen else None
     plant = open_loop(machine, fit)
     parted = Parted.of(machine, fit.effects, motion, fit.rows, fit.fit.problem)
-    quality = judge(machine, motion, fit, parted, later)
-    quality |= {"leads": leads, "at_bound": at_bounds(plant.parameters)}
+    quality = judge(machine, fit, parted, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
     plant, springs_found = _completed(plant, motion, springs, bending)
     closed = ClosedLoops(plant)
     if loop and motion.qr is not None:
         closed = close_loops(plant, motion, bent, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
-    said = bending.warnings if bending else []
-    quality["warnings"] = [*said, *warnings(quality, machine), *closed.warnings]
+    said = [*(bending.warnings if bending else []), *warnings(quality, machine), *closed.warnings]
     return closed.twin(
-        quality={**quality, "springs": springs_found, **closed.quality},
+        quality={**quality, "warnings": said, "springs": springs_found, **closed.quality},
         data=[_provenance(item, motion) for item in logs],
         settings=settings,
         groups=fit.fit.group_names(),

@@ -11,6 +11,7 @@ would have one.
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -59,40 +60,57 @@ def identify_controller(data: LoopData, *, kind: Literal["p_pi", "pid", "auto"] 
     return pid if pid.rms < 0.99 * cascade.rms else cascade
 
 
-def _rows(s: Signals, most: int | None = None) -> tuple[Ints, Ints]:
-    """Return the rows that are fitted and the segment of each, thinned to at most ``most``."""
-    rows = [np.arange(p.start + SETTLE, p.stop) for p in s.segments]
-    every = 1 if most is None else max(1, sum(map(len, rows)) // most)
-    thin = [r[::every] for r in rows]
-    return np.concatenate(thin), np.repeat(np.arange(len(thin)), [len(r) for r in thin])
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows that are fitted.
+
+    Attributes:
+        at: their numbers, shape (n,).
+        starts: first of each segment among them.
+        counts: rows of each segment.
+        u: their effort, each segment's mean taken off, shape (n,).
+        size: standard deviation of the effort, 1 where it has none.
+    """
+
+    at: Ints
+    starts: Ints
+    counts: Ints
+    u: Floats
+    size: float
+
+    @classmethod
+    def of(cls, s: Signals, most: int | None = None) -> _Rows:
+        """Return the rows of the segments behind their beginnings, thinned to at most ``most``."""
+        rows = [np.arange(p.start + SETTLE, p.stop) for p in s.segments]
+        every = 1 if most is None else max(1, sum(map(len, rows)) // most)
+        thin = [r[::every] for r in rows]
+        counts, at = np.array([len(r) for r in thin]), np.concatenate(thin)
+        bare = cls(at, np.concatenate([[0], np.cumsum(counts)[:-1]]), counts, np.zeros(0), 1.0)
+        u = s.u[at]
+        return replace(bare, u=bare.centred(u[:, None])[:, 0], size=float(np.std(u)) or 1.0)
+
+    def centred(self, x: Floats) -> Floats:
+        """Return x (n, k) less its mean over each segment: the constants projected out."""
+        means = np.add.reduceat(x, self.starts, axis=0) / self.counts[:, None]
+        return x - (means if len(means) == 1 else np.repeat(means, self.counts, axis=0))
 
 
-def _centred(x: Floats, segment: Ints) -> Floats:
-    """Return x less its mean over each segment: the constants projected out."""
-    count = np.bincount(segment)
-    x = x[:, None] if x.ndim == 1 else x
-    means = np.stack([np.bincount(segment, weights=c) / count for c in x.T], axis=1)
-    return x - means[segment]
-
-
-def _misfit(s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> tuple[Floats, Floats, Floats]:
+def _misfit(s: Signals, kind: Kind, shape: Floats, rows: _Rows) -> tuple[Floats, Floats, Floats]:
     """Return residual, gains and centred columns at a shape."""
-    W = _centred(law_columns(s, kind, shape)[rows[0]], rows[1])
-    u = _centred(s.u[rows[0]], rows[1])[:, 0]
-    size = np.maximum(np.sqrt(np.mean(W**2, axis=0)), 1e-300)
-    gains = np.linalg.lstsq(W / size, u, rcond=1e-10)[0] / size
-    return u - W @ gains, gains, W
+    W = rows.centred(law_columns(s, kind, shape)[rows.at])
+    size = np.maximum(np.sqrt(np.einsum("nk,nk->k", W, W) / len(W)), 1e-300)
+    gains = np.linalg.lstsq(W / size, rows.u, rcond=1e-10)[0] / size
+    return rows.u - W @ gains, gains, W
 
 
 def _fit(s: Signals, kind: Kind, axis: str) -> Controller:
     with threadpool_limits(1, "blas"):
         shape = _search(s, kind)
-        rows = _rows(s)
+        rows = _Rows.of(s)
         residual, gains, W = _misfit(s, kind, shape, rows)
         slopes = _slopes(s, kind, shape, rows)
-    u = _centred(s.u[rows[0]], rows[1])[:, 0]
     spread = block_covariance(np.column_stack([W, slopes]), residual)
-    offset = float(np.mean(s.u[rows[0]] - law_columns(s, kind, shape)[rows[0]] @ gains))
+    offset = float(np.mean(s.u[rows.at] - law_columns(s, kind, shape)[rows.at] @ gains))
     found = _named(s, kind, gains, shape)
     errors = _errors(s, kind, gains, shape, spread)
     return Controller(
@@ -101,7 +119,7 @@ def _fit(s: Signals, kind: Kind, axis: str) -> Controller:
         step=s.step,
         offset=offset,
         errors=errors,
-        r2=1.0 - float(residual @ residual / (u @ u)),
+        r2=1.0 - float(residual @ residual / (rows.u @ rows.u)),
         rms=float(np.sqrt(np.mean(residual**2))),
         notes=_notes(found, axis),
     )
@@ -109,7 +127,7 @@ def _fit(s: Signals, kind: Kind, axis: str) -> Controller:
 
 def _search(s: Signals, kind: Kind) -> Floats:
     """Return the shape: whole delays first, a fraction only where it pays."""
-    few, rows = _rows(s, GRID_ROWS), _rows(s)
+    few, rows = _Rows.of(s, GRID_ROWS), _Rows.of(s)
     rates = GRID[3] if kind == "p_pi" else (0.0,)
     inner = [np.array((0.0, *x)) for x in itertools.product(*GRID[1:3], rates)]
     best: list[tuple[float, Floats]] = []
@@ -127,14 +145,11 @@ def _search(s: Signals, kind: Kind) -> Floats:
     return _simplest(s, kind, fraction[1] if fraction[0] < PAYS**2 * whole[0] else whole[1], rows)
 
 
-def _refine(
-    s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints], *, whole: bool
-) -> tuple[float, Floats]:
+def _refine(s: Signals, kind: Kind, shape: Floats, rows: _Rows, *, whole: bool) -> tuple[float, Floats]:
     """Return cost and shape after a bounded search; ``whole`` keeps the delay."""
     scale = np.array([1.0, 1.0, 1.0, 30.0])
     high = np.array([*LONGEST, 0.2 / s.step]) / scale
     free = np.array([not whole, True, True, kind == "p_pi"])
-    size = float(np.std(s.u[rows[0]])) or 1.0
 
     def full(x: Floats) -> Floats:
         moved = shape.copy()
@@ -142,7 +157,7 @@ def _refine(
         return moved
 
     found = least_squares(
-        lambda x: _misfit(s, kind, full(x), rows)[0] / size,
+        lambda x: _misfit(s, kind, full(x), rows)[0] / rows.size,
         np.clip(shape[free] / scale[free], 0.02, 0.98 * high[free]),
         bounds=(np.zeros(free.sum()), high[free]),
         diff_step=1e-3,
@@ -150,10 +165,10 @@ def _refine(
         ftol=1e-8,
         max_nfev=30,
     )
-    return 2.0 * float(found.cost) * size**2, full(found.x)
+    return 2.0 * float(found.cost) * rows.size**2, full(found.x)
 
 
-def _simplest(s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
+def _simplest(s: Signals, kind: Kind, shape: Floats, rows: _Rows) -> Floats:
     """Return the shape with every part set to zero that explains nothing."""
     cost = float(np.sum(_misfit(s, kind, shape, rows)[0] ** 2))
     for i in range(len(shape)):
@@ -165,15 +180,15 @@ def _simplest(s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) ->
     return shape
 
 
-def _slopes(s: Signals, kind: Kind, shape: Floats, rows: tuple[Ints, Ints]) -> Floats:
+def _slopes(s: Signals, kind: Kind, shape: Floats, rows: _Rows) -> Floats:
     """Return the derivative of the fitted effort by the searched shapes, shape (n, 4)."""
     gains = _misfit(s, kind, shape, rows)[1]
-    out = np.zeros((len(rows[0]), len(shape)))
+    out = np.zeros((len(rows.at), len(shape)))
     for i in _searched(shape):
         move = np.zeros(len(shape))
         move[i] = 1e-3 * max(shape[i], 1e-2)
-        ahead, behind = (law_columns(s, kind, shape + f * move)[rows[0]] for f in (1.0, -1.0))
-        out[:, i] = _centred((ahead - behind) @ gains / (2.0 * move[i]), rows[1])[:, 0]
+        ahead, behind = (law_columns(s, kind, shape + f * move)[rows.at] for f in (1.0, -1.0))
+        out[:, [i]] = rows.centred(((ahead - behind) @ gains / (2.0 * move[i]))[:, None])
     return out
 
 

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pinotwin.analysis.disturbance import rigid_effort
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, nearest
 from pinotwin.identification.assemble import choose_rows, thin
@@ -19,8 +20,6 @@ from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
-
-_PIECE = 20_000  # rows of the rigid-body regressor held in memory at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,26 +128,15 @@ def _running(t: Floats, block: Ints, step: float) -> Floats:
 
 
 def _parts(twin: Twin, motion: Motion) -> dict[str, Floats]:
-    """Return the effort of each effect at every sample; the tree's regressor piece by piece."""
+    """Return the effort of each effect at every sample; the tree's without its regressor."""
     nv, motion = twin.machine.nv, twin.scene(motion)
     out = {}
     for key, effect, where in zip(twin.keys, twin.effects, twin.slices, strict=True):
         theta = twin.theta[where]
         if effect.axis is None:
-            out[key] = _rigid(twin, motion.q, motion.v, motion.a)
+            out[key] = rigid_effort(twin, motion.q, motion.v, motion.a)
         else:
             out[key] = effect.columns(motion).effort(theta, nv)
-    return out
-
-
-def _rigid(twin: Twin, q: Floats, v: Floats, a: Floats) -> Floats:
-    """Return the rigid-body effort from the base parameters that were fitted, shape (n, nv)."""
-    base, model = twin.machine.base, twin.machine.model
-    beta = twin.coefficients("rigid_body")
-    out = np.empty_like(q)
-    for start in range(0, len(q), _PIECE):
-        rows = slice(start, start + _PIECE)
-        out[rows] = base.regressor(model, q[rows], v[rows], a[rows]) @ beta
     return out
 
 
@@ -160,12 +148,12 @@ def split_rigid_body(twin: Twin, given: Evidence) -> Evidence:
     """
     q, v, a = given.q, given.v, given.a
     zero = np.zeros_like(q)
-    gravity = _rigid(twin, q, zero, zero)
-    coupling = _rigid(twin, q, v, a) - gravity
+    gravity = rigid_effort(twin, q, zero, zero)
+    coupling = rigid_effort(twin, q, v, a) - gravity
     for j in range(q.shape[1]):
         alone = zero.copy()
         alone[:, j] = a[:, j]
-        coupling[:, j] -= _rigid(twin, q, zero, alone)[:, j] - gravity[:, j]
+        coupling[:, j] -= rigid_effort(twin, q, zero, alone)[:, j] - gravity[:, j]
     rest = {key: part for key, part in given.parts.items() if key != "rigid_body"}
     inertia = given.parts["rigid_body"] - gravity - coupling
     return replace(given, parts={"inertia": inertia, "gravity": gravity, "coupling": coupling, **rest})
