@@ -120,12 +120,7 @@ def noted(
 ) -> Answer:
     """Return what a diagnosis said about a case."""
     return Answer(
-        case.number,
-        case.machine,
-        case.situation,
-        case.kind,
-        truth_of(case),
-        case.effects,
+        *_asked(case),
         made.sizes,
         made.raw,
         found.verdict,
@@ -142,19 +137,12 @@ def noted(
 
 def failed(case: Case, error: BaseException) -> Answer:
     """Return the answer of a case whose diagnosis did not come to an end."""
-    words = f"{type(error).__name__}: {error}"
-    return Answer(
-        case.number,
-        case.machine,
-        case.situation,
-        case.kind,
-        truth_of(case),
-        case.effects,
-        (),
-        (),
-        "error",
-        error=words,
-    )
+    return Answer(*_asked(case), (), (), "error", error=f"{type(error).__name__}: {error}")
+
+
+def _asked(case: Case) -> tuple[int, str, str, str, tuple[Key, ...], tuple[tuple[str, str, float], ...]]:
+    """Return what an answer holds of its case."""
+    return case.number, case.machine, case.situation, case.kind, truth_of(case), case.effects
 
 
 def _stated(found: Diagnosis) -> tuple[Key, ...]:

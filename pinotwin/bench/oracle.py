@@ -12,7 +12,7 @@ import numpy as np
 from pinotwin.bench.produce import Produced
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.evidence.moments import products
-from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.errors import DataError
 from pinotwin.log import Log
@@ -54,10 +54,10 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
     return min(sizes)
 
 
-def _least(c: Comparison, joint: int, rules: Rules = RULES) -> float:
+def _least(c: Comparison, joint: int) -> float:
     """Return the least RMS that a cause must close of the effort of an axis [N or N·m]."""
-    size = rules.least_size(change=c.change) * max(c.new.size(joint), 1e-300)
-    return float(max(size, np.sqrt(rules.excess) * c.floor[joint])) if c.change else size
+    size = RULES.least_size(change=c.change) * max(c.new.size(joint), 1e-300)
+    return float(max(size, np.sqrt(RULES.excess) * c.floor[joint])) if c.change else size
 
 
 def _course(twin: Twin, t: np.ndarray, course: Log, joint: int) -> np.ndarray:

@@ -83,10 +83,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot be written before the work for it is done."""
-    from pinotwin.viewer.rerun import check_recording
-
     check_page(args.report)
     if args.rrd is not None:
+        from pinotwin.viewer.rerun import check_recording
+
         check_recording(args.rrd)
 
 

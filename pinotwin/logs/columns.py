@@ -339,6 +339,6 @@ def _scalar(log: Log, factor: float | str, name: str) -> float:
     return value
 
 
-def _some(names: list[str], most: int = 8) -> str:
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return (", ".join(names[:most]) + rest) if names else "none"
+def _some(names: list[str]) -> str:
+    rest = f" and {len(names) - 8} more" if len(names) > 8 else ""
+    return (", ".join(names[:8]) + rest) if names else "none"

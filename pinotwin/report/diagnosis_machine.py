@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Html, escape
 from pinotwin.report.diagnosis_verdict import grade_of, machine_of
-from pinotwin.viewer.gap import COLOURS
-from pinotwin.viewer.scene import visual_model
-from pinotwin.viewer.still import GREY, Still, still
+
+if TYPE_CHECKING:
+    from pinotwin.viewer.still import Still
 
 _HIGH = 24  # pixels between the names of two axes
 _WIDE = 8.5  # of a letter
@@ -38,6 +39,10 @@ def machine_block(d: Diagnosis, log: Log | None = None) -> Html | None:
 
 
 def _drawn(d: Diagnosis, machine: Machine, log: Log | None) -> Still:
+    from pinotwin.viewer.gap import COLOURS  # half a second of meshcat, which other pages do not need
+    from pinotwin.viewer.scene import visual_model
+    from pinotwin.viewer.still import GREY, still
+
     rigid = machine.with_rigid_joints()
     q = rigid.posture()
     if log is not None:

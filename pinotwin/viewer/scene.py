@@ -16,7 +16,6 @@ import meshcat
 import meshcat.geometry as mg
 import numpy as np
 import pinocchio as pin
-from pinocchio.visualize import MeshcatVisualizer
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, MachineError, nearest
@@ -206,6 +205,8 @@ def add_copy(
 
 def _load_shapes(drawn: Scene, root: str = ROOT) -> None:
     """Hang every shape below its joint; the renamed copies carry the path in their name."""
+    from pinocchio.visualize import MeshcatVisualizer  # most of a second: it brings readers of meshes
+
     shapes = drawn.visual.clone()
     for shape in shapes.geometryObjects:
         shape.name = f"{drawn.model.names[shape.parentJoint]}/{shape.name}"

@@ -148,7 +148,7 @@ def _same(a: Servo, b: Servo) -> bool:
     return all(abs(x[k] - y[k]) < APART * abs(y[k]) for k in ("kp", "rate") if k in x)
 
 
-def by_moments(p: AxisProblem, near: Servo, usual: Usual = USUAL) -> list[Found]:
+def by_moments(p: AxisProblem, near: Servo) -> list[Found]:
     """Return the controller that the moments speak for, after it what they speak for as well; or none.
 
     Two ways round of kp and 1/ti between which the law's error does not tell are ordered with the output error,
@@ -157,10 +157,9 @@ def by_moments(p: AxisProblem, near: Servo, usual: Usual = USUAL) -> list[Found]
     Args:
         p: the axis.
         near: its controller, from the output error; its form is kept.
-        usual: shapes that are usual.
     """
     law, q = LawAlone.of(p, near), beside_moments(p)
-    solved = [] if law is None else answers(law, near, usual, max(1, int(BLOCK / p.step)))
+    solved = [] if law is None else answers(law, near, USUAL, max(1, int(BLOCK / p.step)))
     likely = [s for s in solved if s.worse(solved[0]) < TELLS]
     found = [(s, polish(q, s.servo, steps=STEPS, known=s.information)) for s in likely]
 

@@ -78,13 +78,13 @@ def _span(x: Floats) -> Floats:
     return np.asarray(maximum_filter1d(x, _ABOUT) - minimum_filter1d(x, _ABOUT))
 
 
-def _key(log: Log, rows: Mask, most: int = 4) -> str:
+def _key(log: Log, rows: Mask) -> str:
     """Return the key of machine.yaml that leaves these rows out, with the first few of their times [s]."""
     if "t" not in log:
         return ""
     times = [f"[{log.t[s.start]:.6g}, {log.t[s.stop - 1]:.6g}]" for s in runs(rows)]
-    more = ", ..." if len(times) > most else ""
-    return f" (data: {{leave_out: [{', '.join(times[:most])}{more}]}})"
+    more = ", ..." if len(times) > 4 else ""
+    return f" (data: {{leave_out: [{', '.join(times[:4])}{more}]}})"
 
 
 def _kinds(log: Log) -> tuple[dict[str, Floats], dict[str, Floats]]:
