@@ -12,9 +12,7 @@ from benchmarks.evidence import command, marks, store
 from tests.not_measured import NOT_MEASURED
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [
-    p for p in marks.pages(ROOT / "docs") if p.name not in ("figures.md", "bench_results.md", "vibration.md")
-]
+PAGES = [p for p in marks.pages(ROOT / "docs") if p.name not in ("figures.md", "bench_results.md")]
 BENCH = ROOT / "docs" / "bench_results.md"
 MADE = re.compile(r"<!-- measured -->.*?<!-- end of measured -->", re.S)
 """Written by `benchmarks.evidence.diagnosis`, counts marked."""

@@ -165,3 +165,28 @@ REAL: list[tuple[str, tuple[str, ...]]] = [
 def test_real_logs_raise_no_alarm(data_dir: Path, machine: str, files: tuple[str, ...]) -> None:
     log = pt.read(*(data_dir / f for f in files))
     assert causes(pt.Machine.load(machine.format(data=data_dir)), log) == set()
+
+
+def not_told(machine: str, channels: Channels) -> str:
+    findings = pt.check(pt.Machine.load(machine), pt.Log(channels)).findings
+    return " ".join(f.message for f in findings if f.code == "not_told")
+
+
+def test_what_a_motion_would_not_show_is_said() -> None:
+    """C of the trunnion is nearly all friction: what was done to its effort cannot be told, and that is said."""
+    for spoil in (lambda c: None, times(1 / 9, "C.u"), shifted("C.u", 10)):
+        channels = recorded()
+        spoil(channels)
+        said = not_told("trunnion", channels)
+        assert "another unit of the effort of C" in said
+        assert "20 ms late of C" in said
+        assert "of A" not in said
+
+
+def test_axes_that_move_alike_cannot_be_told_apart() -> None:
+    channels = recorded("laser_driller")
+    assert not_told("laser_driller", channels) == ""
+    channels.update({f"Y.{x}": channels[f"X.{x}"].copy() for x in ("q", "qr", "u")})
+    said = not_told("laser_driller", channels)
+    assert "exchanged efforts of X and Y" in said
+    assert "exchanged positions of X and Y" in said

@@ -17,9 +17,10 @@ from pinotwin.log import Log
 from pinotwin.logs.channels import finite
 from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.logs.plausible import effort_findings, unit_findings
+from pinotwin.logs.plausible import examined, unit_findings
 from pinotwin.logs.prepare import prepare, without
 from pinotwin.logs.quality import Finding, Limits, Quality, inspect
+from pinotwin.logs.unseen import unseen
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
@@ -140,7 +141,7 @@ def check(machine: MachineLike, log: LogLike | None = None) -> Check:
         except InputError as error:
             findings.append(Finding("error", "", str(error), "unusable"))
         else:
-            findings += _effort_findings(machine, motion, log)
+            findings += _effort_findings(machine, motion, log, own_limits=True)
             findings += _excitation_findings(machine, excited)
             known = set(excited.determined)
             determined = {label: label in known for label in machine.base.labels}
@@ -175,9 +176,16 @@ def doubts(machine: Machine, log: Log) -> tuple[Finding, ...]:
     return tuple(f for f in findings if f.severity != "info")
 
 
-def _effort_findings(machine: Machine, motion: Motion, log: Log) -> list[Finding]:
+def _effort_findings(
+    machine: Machine, motion: Motion, log: Log, *, own_limits: bool = False
+) -> list[Finding]:
+    """Return what is said of the efforts, and, with ``own_limits``, what could not be."""
     bound = bind(log, machine.columns)
-    return [*effort_findings(machine, motion, bound), *unit_findings(bound)]
+    efforts = examined(machine, motion, bound)
+    found = [] if efforts is None else list(efforts.findings)
+    if efforts is not None and own_limits:
+        found += unseen(machine, motion, efforts)
+    return [*found, *unit_findings(bound)]
 
 
 def inspect_log(machine: Machine, log: Log) -> Quality:
