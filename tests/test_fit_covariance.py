@@ -196,3 +196,17 @@ def test_leaving_blocks_out_by_sums_is_leaving_their_rows_out():
     usual = np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
     assert_allclose(error, usual, rtol=0.8)
     assert (error > 0.3 * usual).all()
+
+
+def test_standard_errors_do_not_hang_on_rounding():
+    """Columns in other units differ in their last digit: another pivot comes first, the errors stay."""
+    rng = np.random.default_rng(5)
+    n, p = 3000, 12
+    W = lfilter([1.0], [1.0, -0.99], rng.standard_normal((n, p)), axis=0)
+    y = W @ rng.standard_normal(p) + lfilter([1.0], [1.0, -0.99], rng.standard_normal(n))
+    errors = []
+    for factor in (1.0, 1.5, 1.1, 0.7, 1.3):
+        scale = np.where(np.arange(p) % 3 == 1, factor, 1.0)
+        fit = linear(Problem.stack([AxisRows(W * scale, y, np.arange(n))], [f"p{k}" for k in range(p)]))
+        errors.append(fit.standard_errors * scale)
+    assert_allclose(errors, np.tile(errors[0], (5, 1)), rtol=1e-9)
