@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from pinotwin.effects.presliding import Presliding, contact, encoder_noise
+import pinotwin as pt
+from pinotwin.effects.presliding import EXPONENTIAL, Presliding, contact, encoder_noise, yields
 from pinotwin.motion import AxisMotion
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.slide import slide
@@ -51,6 +52,34 @@ class TestClosedForms:
         q = np.linspace(0.0, 100.0 * X_S, 2000)
         W = Presliding("Y", x_s=X_S, stribeck=0).axis_columns(moved(q))
         np.testing.assert_allclose(W[-1], [1.0, 0.0, 0.0], atol=1e-9)
+
+
+class TestSpread:
+    @pytest.mark.parametrize("spread", [0.1, 0.3, EXPONENTIAL])
+    def test_distances_have_the_mean_and_about_the_spread_that_are_stated(self, spread):
+        found = yields(spread)
+        assert found.mean() == pytest.approx(2.0, rel=0.05)
+        assert found.std() / found.mean() == pytest.approx(spread, rel=0.2)  # six medians of equal parts
+
+    def test_elements_that_slip_as_one_are_a_spring_that_lets_go(self):
+        q = np.concatenate([np.zeros(3), np.linspace(0.0, 4.0 * X_S, 2000)])
+        z = contact(moved(q), X_S, spread=0.1)[:, 0]
+        np.testing.assert_allclose(z[q < 1.6 * X_S], q[q < 1.6 * X_S] / (2.0 * X_S), rtol=0.02, atol=1e-12)
+        np.testing.assert_allclose(z[q > 2.4 * X_S], 1.0)
+
+    @pytest.mark.parametrize(("law", "found"), [("elastoplastic", True), ("lugre", False)])
+    def test_it_is_searched_where_the_log_asks_for_it(self, tmp_path, law, found):
+        folder = slide(tmp_path, law=law)
+        virtual = VirtualMachine.load(folder)
+        path = random_trajectory(virtual, 4.0, 1, dwell=(0.0, 0.1))
+        log = virtual.record(path, seed=1, noise=False).to_log()
+        twin = pt.identify(pt.Machine.load(folder), log, loop=False)
+        rows = {row.name: row.value for row in twin.parameters}
+        assert ("X.presliding.spread" in rows) == found
+        assert rows.get("X.presliding.spread", 0.0) < 0.3
+
+    def test_a_spread_of_next_to_nothing_is_the_least(self):
+        np.testing.assert_array_equal(yields(1e-9), yields(0.1))
 
 
 class TestEncoderNoise:

@@ -224,6 +224,10 @@ class Effect(abc.ABC):
         del tree
         return self
 
+    def wider(self) -> tuple[Self, ...]:
+        """Return the same effect with a further shape to search, at some values of it: taken where it pays."""
+        return ()
+
     def other_forms(self) -> tuple[Self, ...]:
         """Return the same effect in other usual forms of its law, to try where one has been fitted."""
         return ()
@@ -319,6 +323,7 @@ class Slipping(Effect):
     axis: str
     x_s: float | None
     play: float | None
+    spread: float
 
     @abc.abstractmethod
     def memory(self, theta: Floats) -> tuple[float, float]:

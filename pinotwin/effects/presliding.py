@@ -3,8 +3,10 @@
     tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'
 
 ``z`` is the mean of six slip elements in parallel (Iwan 1966, Masing), ``dz_i = clip(dq / x_i)`` within
-[-1, 1], which slip one after the other at displacements ``x_i`` spread so that the first slide from rest
-follows ``1 - exp(-x / x_s)``. They remember every reversal: small loops close. ``y`` is one bristle,
+[-1, 1], which slip one after the other at displacements ``x_i`` of mean 2 x_s. They are spread like a gamma
+distribution whose standard deviation is ``spread`` times its mean: 0.71 makes the first slide from rest follow
+``1 - exp(-x / x_s)``, as a rough contact of many sizes does; a small one a spring that lets go at once, as rolling
+contacts and seals do. They remember every reversal: small loops close. ``y`` is one bristle,
 ``dy = (1 - y sign(dq)) dq / x_s`` (Dahl 1968), with the same first slide, which forgets as it creeps.
 Contacts lie between the two (Al-Bender 2005, 10.1109/TAC.2005.858676), and m, zero or the size of c + s
 at the ends, says where. ``d`` is the damping of the contact before it slips. Both terms vanish once the
@@ -17,7 +19,8 @@ then used to identify it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import functools
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numba
@@ -32,12 +35,26 @@ from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.signals import roughness
 
-# Medians of six equal parts of the gamma(2) distribution, whose slip elements add up to 1 - exp(-x).
-YIELDS = gammaincinv(2.0, (np.arange(6) + 0.5) / 6.0)
+ELEMENTS = 6
+EXPONENTIAL = float(np.sqrt(0.5))
+"""Spread of the distances at which slip elements add up to 1 - exp(-x / x_s): a gamma(2) distribution."""
+SPREADS, OTHER_SPREADS, NEARER = (0.1, 1.2), (0.1, 0.25, 0.45, 1.1), (0.3, 0.45, 0.7, 1.0, 1.4)
+"""Least and largest spread, those that are tried, and at which shares of the distance found for the usual one.
+
+Below the least the elements slip as one, within what an encoder tells."""
 DISTANCES = (2.0, 4.0, 8.0, 16.0, 40.0, 100.0)
 """Presliding distances that are tried, times that of an ordinary guide or bearing (5 um, 20 urad)."""
 PAST = 20.0
 """Samples before a stretch in which the axis is taken to have moved as at its start."""
+
+
+@functools.lru_cache(maxsize=256)
+def yields(spread: float) -> Floats:
+    """Return the distances at which the elements slip, over x_s: medians of equal parts of a gamma distribution."""
+    k = min(max(spread, SPREADS[0]), SPREADS[1]) ** -2
+    out = np.asarray(2.0 / k * gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float)
+    out.flags.writeable = False
+    return out
 
 
 @numba.njit(cache=True)
@@ -62,7 +79,7 @@ def _slip(q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past
         out[k, 2] = v[k] * (1.0 - y * np.sign(v[k])) / x_s if step != 0.0 else 0.0
 
 
-def contact(motion: AxisMotion, x_s: float, play: float = 0.0) -> Floats:
+def contact(motion: AxisMotion, x_s: float, play: float = 0.0, spread: float = EXPONENTIAL) -> Floats:
     """Return bend z of the elements, y of the bristle (from -1 to 1) and y' [1/s], shape (n, 3).
 
     A stretch that starts in motion starts bent by the last few samples of it; one that starts at rest
@@ -72,7 +89,7 @@ def contact(motion: AxisMotion, x_s: float, play: float = 0.0) -> Floats:
     for s in motion.segments:
         past = PAST * motion.step * float(motion.v[s.start])
         q, v = (np.ascontiguousarray(x[s]) for x in (motion.q, motion.v))
-        _slip(q, v, x_s * YIELDS, (x_s, play), past, out[s])
+        _slip(q, v, x_s * yields(spread), (x_s, play), past, out[s])
     return out
 
 
@@ -87,6 +104,7 @@ class Presliding(AxisEffect, Slipping):
 
     Attributes:
         x_s: displacement over which friction turns round [m or rad]; searched.
+        spread: of the distances at which the elements slip, over their mean; searched where that pays.
         v_s: speed at which the Stribeck part has fallen to 1/e [m/s or rad/s]; searched.
         stribeck: number of Stribeck terms, 1 or 0.
         exponent: of the Stribeck term, as in :class:`Stribeck`.
@@ -116,6 +134,8 @@ class Presliding(AxisEffect, Slipping):
     exponent: float = 1.0
     bristle: int = 1
     play: float | None = None
+    spread: float = EXPONENTIAL
+    free_spread: bool = field(default=False, metadata={"internal": True})
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stribeck", int(self.stribeck))
@@ -152,12 +172,24 @@ class Presliding(AxisEffect, Slipping):
         x = length(self.rotary)
         bend = Shape("x_s", x, *((1e-6, 1e-2) if self.rotary else (1e-7, 1e-3)))
         fade = Shape("v_s", f"{x}/s", *((1e-3, 3.0) if self.rotary else (5e-4, 0.3)))
-        return (bend, fade) if self.stribeck else (bend,)
+        found = (bend, fade) if self.stribeck else (bend,)
+        return (*found, Shape("spread", "-", *SPREADS)) if self.free_spread else found
+
+    def wider(self) -> tuple[Self, ...]:
+        """See :meth:`Effect.wider`: other spreads, at distances near the one found."""
+        if not self.bristle or self.free_spread:
+            return ()
+        assert self.x_s is not None
+        near = [(k * self.x_s, spread) for spread in OTHER_SPREADS for k in NEARER]
+        return tuple(replace(self, x_s=x_s, spread=spread, free_spread=True) for x_s, spread in near)
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """See :meth:`Effect.grid`: the curves are smooth in both shapes, so few values will do."""
+        """See :meth:`Effect.grid`: the curves are smooth in all shapes, so few values will do, one of the spread."""
         del motion
-        return tuple(np.geomspace(s.lower, s.upper, 9) for s in self.shapes())
+        return tuple(
+            np.array([self.spread]) if s.name == "spread" else np.geomspace(s.lower, s.upper, 9)
+            for s in self.shapes()
+        )
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """See :meth:`Effect.trials`: slip elements alone, over distances that position and rate resolve.
@@ -191,7 +223,7 @@ class Presliding(AxisEffect, Slipping):
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
         assert self.x_s is not None
-        z, y, rate = contact(motion, self.x_s, self.play or 0.0).T
+        z, y, rate = contact(motion, self.x_s, self.play or 0.0, self.spread).T
         columns = [z]
         if self.stribeck:
             columns.append(z * np.exp(-(np.abs(motion.v / self.v_s) ** self.exponent)))

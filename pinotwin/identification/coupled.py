@@ -43,8 +43,9 @@ BETTER = 0.9
 """Another form than the usual one must bring the held-out error below this share of it."""
 NO_WORSE = 1.01
 """Refined friction may raise the plant's own error on rows it did not see to this, not beyond."""
-JUDGED, LEAD = 20.0, 1.0
-"""Longest stretch of the log on which the forms are compared, and what is run before it [s]."""
+JUDGED, LEAD, BEGINNING = 20.0, 1.0, 60.0
+"""Longest stretch of the log on which the forms are compared, what is run before it, and the longest from the log's
+beginning on which another form than the usual one is not to be worse [s]."""
 
 
 @dataclass
@@ -292,10 +293,19 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
     best = min(errors, key=lambda form: errors[form] / (1.0 if form == usual else BETTER))
     if not np.isfinite(errors[best]):
         best = "coupled" if "coupled" in errors else best
+    if best != usual and usual in errors and not _bears(trial, log, best, usual):
+        best = usual
     kept = {form: None if not np.isfinite(x) else x for form, x in errors.items()}
     tracking = both[best][0] if np.isfinite(both[best][0]) else None
     times = {"from": float(part.t[start]), "to": float(part.t[-1])}
     return {"use": best, "held_out": kept, "tracking": tracking, **times}
+
+
+def _bears(trial: Twin, log: Log, form: str, usual: str) -> bool:
+    """Whether a form predicts a log from its beginning on as well as the usual one: some drift off within seconds."""
+    part = bind(log, trial.machine.columns)
+    part = part.rows(slice(0, int(np.searchsorted(part.t, part.t[0] + BEGINNING)) + 1))
+    return sum(forecast_errors(trial, part, 0, form)) <= sum(forecast_errors(trial, part, 0, usual))
 
 
 def _end(log: Log) -> tuple[Log, int]:

@@ -138,8 +138,13 @@ def _solve(motion: Motion, effects: tuple[Effect, ...], rows: Rows, options: Opt
         count = sum(len(effect.shapes()) for effect in effects)
         fit = linear(assemble(motion, effects, rows), options)
         return fit, effects, np.full(count, np.nan), np.zeros(count, bool)
-    from pinotwin.identification.shapes import search_shapes
+    from pinotwin.identification.shapes import search_shapes, widened
 
+    found = search_shapes(motion, effects, rows, searched, options)
+    wider = widened(motion, found[1], rows)
+    if not wider:
+        return found
+    effects = tuple(wider.get(k, effect) for k, effect in enumerate(effects))
     return search_shapes(motion, effects, rows, searched, options)
 
 

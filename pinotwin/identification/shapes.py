@@ -10,12 +10,15 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
-from pinotwin.identification.assemble import Rows, assemble, coefficient_names, thin
+from pinotwin.identification.assemble import Rows, assemble, coefficient_names, joint_columns, thin
 from pinotwin.motion import Motion
 from pinotwin.solve.linear import Options, Prior
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.result import LinearFit
 from pinotwin.solve.separable import separable
+
+PAYS = 0.95
+"""A further shape is searched where some value of it brings what an axis leaves below this share."""
 
 Found = tuple[LinearFit, tuple[Effect, ...], Floats, Mask]
 
@@ -51,6 +54,51 @@ def search_shapes(
     found = separable(problem, blocks, _permuted(options, order))
     shaped, errors, bounds = _with_shapes(effects, searched, found.shapes)
     return _restored(found.fit, np.argsort(order)), shaped, errors, bounds
+
+
+def widened(motion: Motion, effects: Sequence[Effect], rows: Rows) -> dict[int, Effect]:
+    """Return which effects are worth a further shape, with it, by their place: each axis by itself.
+
+    Args:
+        motion: prepared log.
+        effects: all effects, at the shapes found.
+        rows: rows to fit.
+    """
+    found = {}
+    for k, effect in enumerate(effects):
+        joint = None if effect.axis is None else motion.index(effect.axis)
+        forms = effect.wider() if joint in rows.joints else ()
+        if joint is None or not forms:
+            continue
+        y, others = _alone(motion, [e for e in effects if e is not effect], rows, joint)
+        basis = np.linalg.qr(others)[0]
+
+        def left(form: Effect, joint: int = joint, y: Floats = y, basis: Floats = basis) -> float:
+            W = _rows_of(motion, form, rows, joint)
+            assert W is not None
+            W = W - basis @ (basis.T @ W)
+            theta = np.linalg.lstsq(W, y, rcond=1e-9)[0]
+            return float(np.linalg.norm(y - W @ theta))
+
+        y -= basis @ (basis.T @ y)
+        best = min(forms, key=left)
+        if left(best) < PAYS * left(effect):
+            found[k] = best
+    return found
+
+
+def _alone(motion: Motion, effects: Sequence[Effect], rows: Rows, joint: int) -> tuple[Floats, Floats]:
+    """Return effort and columns of one joint on the rows to fit, shapes (m,) and (m, p)."""
+    parts = [_rows_of(motion, effect, rows, joint) for effect in effects]
+    u = motion.u if motion.external is None else motion.u + motion.external
+    kept = rows.kept[rows.joints.index(joint)]
+    y = thin(motion, np.nan_to_num(u[:, joint]))[kept]
+    return y, np.concatenate([x for x in parts if x is not None], axis=1)
+
+
+def _rows_of(motion: Motion, effect: Effect, rows: Rows, joint: int) -> Floats | None:
+    columns = joint_columns(motion, effect, joint)
+    return None if columns is None else columns[rows.kept[rows.joints.index(joint)]]
 
 
 def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], rows: Rows) -> Moving:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -26,12 +27,13 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import Effect
 from pinotwin.effects.direction import default_width
 from pinotwin.effects.effect import Paired, Slipping
-from pinotwin.effects.presliding import YIELDS
+from pinotwin.effects.presliding import ELEMENTS, yields
 from pinotwin.effects.scene import moves
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.simulation.state import Lookup
 
+S = TypeVar("S")
 SPEEDS = 1024
 """Intervals of a table over speed."""
 _FINE = 2e-5
@@ -98,14 +100,14 @@ def tabulate(
         slope=1.0 / np.array([*(x for _, x in dry), *(default_width(True) for _ in sliding)]),
         dry=np.array([*dry.values(), *(_level(c) for *_, c in sliding)]).reshape(-1, 2, SPEEDS + 1),
         slips=_joints(slip),
-        give=np.array([1.0 / (x * YIELDS) for _, x in slip]).reshape(-1, len(YIELDS)),
+        give=np.array([1.0 / (x * yields(spread)) for _, (x, spread) in slip]).reshape(-1, ELEMENTS),
         slip=np.array(list(slip.values())).reshape(-1, 1, SPEEDS + 1),
         memory=_memories(machine, forms.get("displacement", ()), slip),
     )
     return Tables(lookup, tuple((i, j, inertia, b) for i, j, inertia, b, _ in partners), tuple(other))
 
 
-def _joints(tables: dict[tuple[int, float], Floats]) -> Ints:
+def _joints(tables: dict[tuple[int, S], Floats]) -> Ints:
     return np.array([i for i, _ in tables], dtype=np.intp)
 
 
@@ -225,11 +227,11 @@ def _sliding(effort: _Effort, v: Floats) -> Floats:
 def _merge(
     machine: Machine,
     effects: Sequence[tuple[Effect, Floats]],
-    shape: Callable[[Effect, bool], float],
+    shape: Callable[[Effect, bool], S],
     table: Callable[[_Effort, int], Floats],
-) -> dict[tuple[int, float], Floats]:
+) -> dict[tuple[int, S], Floats]:
     """Return tables by (joint, shape): elements of the same shape move together."""
-    found: dict[tuple[int, float], Floats] = {}
+    found: dict[tuple[int, S], Floats] = {}
     for effect, theta in effects:
         assert effect.axis is not None
         i = machine.names.index(effect.axis)
@@ -260,18 +262,18 @@ def _width(effect: Effect, rotary: bool) -> float:
     return float(width) if width else default_width(rotary)
 
 
-def _bend(effect: Effect, rotary: bool) -> float:
+def _bend(effect: Effect, rotary: bool) -> tuple[float, float]:
     del rotary
-    return float(effect.x_s)  # type: ignore[attr-defined]
+    return float(effect.x_s), float(effect.spread)  # type: ignore[attr-defined]
 
 
 def _memories(
     machine: Machine,
     effects: Sequence[tuple[Effect, Floats]],
-    found: dict[tuple[int, float], Floats],
+    found: dict[tuple[int, tuple[float, float]], Floats],
 ) -> Floats:
     """Return 1/x_s, play, m and d of every element, in the order of its tables, shape (m, 4)."""
-    out = {(i, x_s): np.array([1.0 / x_s, 0.0, 0.0, 0.0]) for i, x_s in found}
+    out = {(i, shape): np.array([1.0 / shape[0], 0.0, 0.0, 0.0]) for i, shape in found}
     for effect, theta in effects:
         assert isinstance(effect, Slipping)
         i = machine.names.index(effect.axis)
