@@ -20,7 +20,7 @@ from typing import Any
 from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.engine import engine
 from pinotwin.bench.healthy import Asked, Question, asked
-from pinotwin.diagnosis.conclusion.gaps import gap_table
+from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, stays
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.others.servo import servo_changes
 from pinotwin.diagnosis.pipeline import tried
@@ -112,13 +112,10 @@ def reached(given: Asked, rules: Rules = RULES) -> dict[str, float]:
 
 
 def _stays(c: Comparison, nothing: Found) -> float:
-    """Return the largest gap of an axis: of a change in misfits, else as a share of its effort's variation."""
-    out = [0.0]
-    for axis, row in gap_table(c, nothing, {}, dict.fromkeys(c.new.joints, 0.0)).items():
-        g, j = row["u"], c.machine.names.index(axis)
-        if j in c.new.joints:
-            out.append(g.rms / (g.misfit if c.change and g.misfit > 0.0 else c.new.size(j)))
-    return max(out)
+    """Return the most that stays of an axis' gap where nothing is named."""
+    gaps = gap_table(c, nothing, {}, noise_levels(c)[0])
+    judged = (c.machine.names[j] for j in c.new.joints)
+    return max((stays(c, axis, gaps[axis]["u"]) for axis in judged), default=0.0)
 
 
 def derived(values: Sequence[Mapping[str, float]], alpha: float = ALPHA, rules: Rules = RULES) -> list[Limit]:

@@ -79,7 +79,7 @@ def grade(
         return "partly explained"
     if own:
         return "above misfit" if rms <= RULES.open_change * level else "not explained"
-    large = size is not None and rms > RULES.open_structure * size
+    large = size is not None and rms > math.hypot(RULES.open_structure * size, n)
     return "not explained" if large or after is not None else "not judged"
 
 

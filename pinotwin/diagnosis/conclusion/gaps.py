@@ -10,7 +10,10 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.samples import judged_rows
+from pinotwin.diagnosis.data.scatter import scatter
+from pinotwin.diagnosis.grade import left_anyway
 from pinotwin.diagnosis.result import Gap, Traces
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.logs.repeats import labels
@@ -56,26 +59,48 @@ def gap_table(
     return out
 
 
+def stays(c: Comparison, axis: str, g: Gap) -> float:
+    """Return what stays of an axis' gap: against a known misfit in levels that are left anyway, else as a share.
+
+    The share is of the effort's variation (a weight that is carried tells nothing of a model), without the noise.
+    """
+    if c.change and np.isfinite(g.misfit):
+        return g.after / max(left_anyway(g.noise, g.misfit), 1e-300)
+    j = c.machine.names.index(axis)
+    size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
+    noise = g.noise if np.isfinite(g.noise) else 0.0
+    return float(np.sqrt(max(g.after**2 - noise**2, 0.0))) / max(size, 1e-300)
+
+
 def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
     """Return joint -> RMS of the noise, and where it comes from: ``repeats`` or ``assumed``.
 
     Two runs of one command differ by noise and by the scatter from run to run; of a single run only the
-    roughness from row to row is known.
+    roughness from row to row is known. Noise that is locked to the position is the same in both runs: what is rough in
+    the residual counts in any case. A twin adds what friction scatters from its runs to these.
     """
     motions = c.motions[: len(c.logs)]
     known = labels(motions)
     pairs = [(a, b) for b, label in enumerate(known) for a in range(b) if known[a] == label]
     out = {}
     for j in c.new.joints:
+        rough = _rough(c, j)
         if pairs:
             each = [_difference(motions[a], motions[b], j) for a, b in pairs]
-            out[j] = float(np.sqrt(np.mean(np.square(each))))
-        else:
-            u = c.new.motion.u[:, j]
-            out[j] = float(
-                roughness([u[s] for s in c.new.motion.segments if np.isfinite(u[s]).all()] or [np.zeros(4)])
-            )
+            rough = max(rough, float(np.sqrt(np.mean(np.square(each)))))
+        out[j] = float(np.hypot(rough, scatter(c, j, RULES.scatter))) if c.change else rough
     return out, "repeats" if pairs else "assumed"
+
+
+def _rough(c: Comparison, joint: int) -> float:
+    """Return the noise of the residual from row to row; where no rows follow each other, that of the effort."""
+    rows, left = c.new.samples(joint), c.new.residual[joint]
+    breaks = np.flatnonzero(np.diff(rows) > 1) + 1
+    parts = [x for x in np.split(left, breaks) if len(x) > 3]
+    if sum(map(len, parts)) > 0.5 * len(rows):
+        return roughness(parts)
+    u = c.new.motion.u[:, joint]
+    return roughness([u[s] for s in c.new.motion.segments if np.isfinite(u[s]).all()] or [np.zeros(4)])
 
 
 def _difference(a: Motion, b: Motion, joint: int) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.diagnosis.candidates.patterns import Pattern
+from pinotwin.diagnosis.conclusion.gaps import stays
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.grade import left_anyway
@@ -96,11 +97,8 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
 
     Of a machine it is held against the variation of the effort: a weight that is carried tells nothing of a model.
     """
-    if c.change and np.isfinite(g.misfit):
-        return g.after > rules.open_change * left_anyway(g.noise, g.misfit)
-    j = c.machine.names.index(axis)
-    size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
-    return g.after > rules.open_structure * size
+    known = c.change and np.isfinite(g.misfit)
+    return stays(c, axis, g) > (rules.open_change if known else rules.open_structure)
 
 
 def _odd(g: Gap, rules: Rules) -> bool:

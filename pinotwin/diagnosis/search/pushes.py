@@ -16,6 +16,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.scatter import scattered
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.evidence.habit import habit
 from pinotwin.diagnosis.rules import Rules
@@ -46,7 +47,7 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         pushed = _in_all(c, *seen)
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
-        if pushed.gain > rules.push_better * max(before - rest, rival, scattered(c, j, rules)):
+        if pushed.gain > rules.push_better * max(before - rest, rival, scattered(c, j, rules.scatter)):
             out.append(pushed)
     return out
 
@@ -96,22 +97,6 @@ def without_habit(c: Comparison, joint: int, rules: Rules) -> Comparison | None:
     own = replace(c.own, residual={**c.own.residual, joint: known.own})
     unit = max(known.left, rules.habit_unit)
     return replace(c, new=new, own=own, floor={**c.floor, joint: unit * c.floor[joint]})
-
-
-def scattered(c: Comparison, joint: int, rules: Rules) -> float:
-    """Return what friction that differs from run to run closes on an axis [squared floors].
-
-    In every log all of the twin's friction is scaled by what suits it best, within ``rules.scatter``.
-    """
-    rows, left, rubs = c.new.samples(joint), c.new.residual[joint], c.rubbing[joint]
-    closed = 0.0
-    for part in c.new.motion.segments:
-        here = (rows >= part.start) & (rows < part.stop)
-        with_it, power = float(left[here] @ rubs[here]), float(rubs[here] @ rubs[here])
-        if power > 0.0:
-            more = float(np.clip(with_it / power, -rules.scatter, rules.scatter))
-            closed += more * (2.0 * with_it - more * power)
-    return closed / c.floor[joint] ** 2
 
 
 def _episodes(c: Comparison, left: Floats, joint: int, rules: Rules) -> Episodes | None:
@@ -175,7 +160,9 @@ def _confidence(
         again = _episodes(trial, residual, j, rules)
         if again is None or not stands_out(trial, again, rules) or not _same(trial, again, pushed):
             continue
-        wins += again.gain > rules.push_better * max(_closed(trial, rivals), scattered(trial, j, rules))
+        wins += again.gain > rules.push_better * max(
+            _closed(trial, rivals), scattered(trial, j, rules.scatter)
+        )
     return posterior(wins, TRIALS, rules)
 
 
