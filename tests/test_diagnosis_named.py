@@ -9,10 +9,13 @@ import pytest
 
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.candidates.catalogue import candidates, named
+from pinotwin.diagnosis.conclusion.gaps import noise_levels, stays
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows, sample, sliding
+from pinotwin.diagnosis.data.scatter import scatter
 from pinotwin.diagnosis.evidence.springs import fits
+from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.duel import duel
 from pinotwin.diagnosis.search.forward import Found, search
@@ -47,6 +50,27 @@ def twin(machine: Machine) -> Twin:
 @pytest.fixture(scope="module")
 def worn(twin: Twin) -> Log:
     return record(4, "viscous:X=0.5")
+
+
+@pytest.mark.parametrize(("times", "counts"), [(0.02, 0.02), (0.3, 0.05)])
+def test_what_friction_scatters_is_noise_up_to_a_share_of_it(twin: Twin, times: float, counts: float) -> None:
+    c = compare(twin, [record(4)], [])
+    c = with_residual(c, times * c.rubbing[0])
+    assert scatter(c, 0, RULES.scatter) == pytest.approx(counts * c.friction[0])
+    noise, kind = noise_levels(c)
+    assert kind == "assumed"
+    assert counts * c.friction[0] <= noise[0] < counts * c.friction[0] + 0.2 * times * c.friction[0]
+    gap = Gap(
+        rms=times * c.friction[0], nrmse=0.1, noise=noise[0], after=times * c.friction[0], misfit=c.floor[0]
+    )
+    assert (stays(c, "X", gap) > RULES.open_change) == (times > 0.1)
+
+
+def test_of_a_machine_noise_is_no_open_gap(machine: Machine) -> None:
+    c = compare(machine, [record(4)], [])
+    size = c.new.size(0)
+    noisy = Gap(rms=0.3 * size, nrmse=0.3, noise=0.29 * size, after=0.3 * size)
+    assert stays(c, "X", noisy) == pytest.approx(np.sqrt(0.3**2 - 0.29**2))
 
 
 def with_residual(c: Comparison, r: np.ndarray) -> Comparison:

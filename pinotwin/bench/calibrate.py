@@ -37,8 +37,9 @@ ALPHA = 0.02
 """Probability of a false alarm by each rule, of another healthy question."""
 CHANGE = ("excess", "push", "law_level", "open_change")
 """Rules derived from questions of change."""
-STRUCTURE = ("size_structure", "open_structure")
-"""Rules derived from questions of structure."""
+STRUCTURE = ("size_structure",)
+"""Rules derived from questions of structure. What a model leaves open is none: of virtual machines it is 3 % of an
+axis' effort, of real ones ten times as much."""
 MORE = 1.05
 """What is added: of 34 questions the most demanding moved by 1 % with rows left out at the ends of its log."""
 
@@ -107,7 +108,7 @@ def reached(given: Asked, rules: Rules = RULES) -> dict[str, float]:
     if c.change:
         out["push"] = least("push", lambda x: not pushes(c, nothing, x), rules)
         out["law_level"] = least("law_level", lambda x: not servo_changes(c, (), (), x), rules)
-    out["open_change" if c.change else "open_structure"] = _stays(c, nothing)
+        out["open_change"] = _stays(c, nothing)
     return out
 
 

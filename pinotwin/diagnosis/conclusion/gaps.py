@@ -98,7 +98,7 @@ def _rough(c: Comparison, joint: int) -> float:
     breaks = np.flatnonzero(np.diff(rows) > 1) + 1
     parts = [x for x in np.split(left, breaks) if len(x) > 3]
     if sum(map(len, parts)) > 0.5 * len(rows):
-        return roughness(parts)
+        return min(roughness(parts), rms(left))
     u = c.new.motion.u[:, joint]
     return roughness([u[s] for s in c.new.motion.segments if np.isfinite(u[s]).all()] or [np.zeros(4)])
 
