@@ -86,7 +86,10 @@ def solve(law: LawAlone, start: Servo, usual: Usual, block: int) -> Solved | Non
             Z = law.instruments(search, x)
         r = law.left(search.servo(x))
         A, W = Z.T @ Z, np.linalg.pinv(_scatter(Z, r, block), hermitian=True)
-        move = np.linalg.solve(P + A.T @ W @ A, A.T @ W @ (Z.T @ r) - P @ (x - middle))
+        try:
+            move = np.linalg.solve(P + A.T @ W @ A, A.T @ W @ (Z.T @ r) - P @ (x - middle))
+        except np.linalg.LinAlgError:  # windows between holes that tell nothing of a gain
+            return None
         x = x + move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-300))
         if not np.isfinite(x).all():
             return None
