@@ -10,7 +10,11 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.cli.identify import summary
+from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.result import Gap
+from pinotwin.diagnosis.search.forward import Found
+from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.identification.misfit import correlation_time, own_residual
 from pinotwin.solve.crossval import held_out
 from pinotwin.solve.problem import AxisRows, Problem
@@ -123,6 +127,20 @@ def test_a_twin_of_one_short_log_accuses_no_healthy_motion_that_it_hardly_knows(
     found = pt.diagnose(twin, log)
     assert (found.verdict, found.effects) == ("none", [])
     assert any("never been" in w for w in found.warnings)
+
+
+def test_the_sentence_speaks_of_the_axis_that_is_open_and_not_of_the_noisiest(twin: pt.Twin) -> None:
+    virtual = VirtualMachine.load(pt.machines()["trunnion"])
+    log = virtual.record(random_trajectory(virtual, 4.0, 3), seed=3).to_log()
+    c = replace(compare(twin, [log], []), change=False)
+    sizes = {c.machine.names[j]: c.new.size(j) for j in c.new.joints}
+    noisy = Gap(rms=0.5 * sizes["Y"], nrmse=0.5, noise=0.5 * sizes["Y"], after=0.5 * sizes["Y"])
+    open_one = Gap(rms=0.2 * sizes["A"], nrmse=0.2, noise=0.0, after=0.2 * sizes["A"])
+    searcher = Searcher(c)
+    nothing = Found((), None, (), searcher, searcher)
+    found = judge(c, nothing, {"Y": {"u": noisy}, "A": {"u": open_one}}, [])
+    assert (found.verdict, list(found.unexplained)) == ("unexplained", ["A"])
+    assert found.sentence.startswith("The gap of A (20.0% of its effort)")
 
 
 def test_an_axis_that_goes_only_where_its_twin_has_never_been_is_not_judged(twin: pt.Twin) -> None:

@@ -86,7 +86,8 @@ def judge(
     runs = [] if c.apart is None else [c.apart.words(change=c.change)]
     maybe = [f"Possible, not sure: {'; '.join(_said(e) for e in possible)}"] if possible else []
     gone = [f"{axis} {words}" for axis, words in controllers.items()]
-    first = _sentence(c, verdict, effects, judged, patterns)
+    still = {axis: row for axis, row in judged.items() if axis in unexplained}
+    first = _sentence(c, verdict, effects, still or judged, patterns)
     sentence = ". ".join([*first, *gone, *maybe, *runs, *_unjudged(c)])
     remains = {**controllers, **patterns, **c.gate.nameless, **c.gate.silent}
     return Judgement(verdict, sentence, unexplained, remains, notes)
