@@ -17,7 +17,7 @@ TABLE = [
     (0.20, 0.1, 0.25, None, "agrees"),
     (0.37, 0.1, 0.25, None, "agrees"),
     (4.49, 4.4, 0.248, None, "within misfit"),
-    (4.49, 2.0, 0.248, None, "above misfit"),
+    (4.49, 2.7, 0.248, None, "above misfit"),
     (4.49, 0.3, 0.248, None, "not explained"),
     (4.49, None, 0.248, None, "not judged"),
     (22.5, 1.0, 2.06, 2.28, "gap explained"),

@@ -75,9 +75,10 @@ class Load:
 def springs(twin: Twin) -> tuple[PassiveSpring, ...]:
     """Return the passive joints of a twin whose stiffness it knows."""
     out = []
+    told = {row.name: row.determined for row in twin.parameters}
     for name, part in twin.machine.passive.items():
         key = f"{name}.spring"
-        if key in twin.keys:
+        if key in twin.keys and told.get(f"{key}.k", True):  # else its number is rounding, of either sign
             k, c = (float(x) for x in twin.theta[twin.slices[twin.keys.index(key)]])
             if k > 0.0:
                 out.append(PassiveSpring(name, part.index, k, c))
