@@ -9,12 +9,13 @@ import pytest
 
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.candidates.catalogue import candidates, named
-from pinotwin.diagnosis.conclusion.gaps import noise_levels, stays
+from pinotwin.diagnosis.conclusion.gaps import noise_levels
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows, sample, sliding
 from pinotwin.diagnosis.data.scatter import scatter
 from pinotwin.diagnosis.evidence.springs import fits
+from pinotwin.diagnosis.grade import stays
 from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.duel import duel
@@ -63,14 +64,14 @@ def test_what_friction_scatters_is_noise_up_to_a_share_of_it(twin: Twin, times: 
     gap = Gap(
         rms=times * c.friction[0], nrmse=0.1, noise=noise[0], after=times * c.friction[0], misfit=c.floor[0]
     )
-    assert (stays(c, "X", gap) > RULES.open_change) == (times > 0.1)
+    assert (stays(gap.after, gap.noise, gap.misfit, None) > RULES.open_change) == (times > 0.1)
 
 
 def test_of_a_machine_noise_is_no_open_gap(machine: Machine) -> None:
     c = compare(machine, [record(4)], [])
     size = c.new.size(0)
     noisy = Gap(rms=0.3 * size, nrmse=0.3, noise=0.29 * size, after=0.3 * size)
-    assert stays(c, "X", noisy) == pytest.approx(np.sqrt(0.3**2 - 0.29**2))
+    assert stays(noisy.after, noisy.noise, noisy.misfit, size) == pytest.approx(np.sqrt(0.3**2 - 0.29**2))
 
 
 def with_residual(c: Comparison, r: np.ndarray) -> Comparison:

@@ -20,8 +20,9 @@ from typing import Any
 from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.engine import engine
 from pinotwin.bench.healthy import Asked, Question, asked
-from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, stays
+from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels
 from pinotwin.diagnosis.data.comparison import Comparison, compare
+from pinotwin.diagnosis.grade import stays
 from pinotwin.diagnosis.others.servo import servo_changes
 from pinotwin.diagnosis.pipeline import tried
 from pinotwin.diagnosis.rules import RULES, Rules
@@ -114,9 +115,11 @@ def reached(given: Asked, rules: Rules = RULES) -> dict[str, float]:
 
 def _stays(c: Comparison, nothing: Found) -> float:
     """Return the most that stays of an axis' gap where nothing is named."""
-    gaps = gap_table(c, nothing, {}, noise_levels(c)[0])
-    judged = (c.machine.names[j] for j in c.new.joints)
-    return max((stays(c, axis, gaps[axis]["u"]) for axis in judged), default=0.0)
+    gaps, out = gap_table(c, nothing, {}, noise_levels(c)[0]), [0.0]
+    for j in c.new.joints:
+        g = gaps[c.machine.names[j]]["u"]
+        out.append(stays(g.after, g.noise, g.misfit, c.new.size(j)))
+    return max(out)
 
 
 def derived(values: Sequence[Mapping[str, float]], alpha: float = ALPHA, rules: Rules = RULES) -> list[Limit]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.rules import RULES, Rules
 
 Grade = Literal[
     "agrees",
@@ -77,10 +77,28 @@ def grade(
         return "gap explained"
     if share >= RULES.explained_part:
         return "partly explained"
+    large = is_open(rms, noise, misfit, size)
     if own:
-        return "above misfit" if rms <= RULES.open_change * level else "not explained"
-    large = size is not None and rms > math.hypot(RULES.open_structure * size, n)
+        return "not explained" if large else "above misfit"
     return "not explained" if large or after is not None else "not judged"
+
+
+def is_open(
+    left: float, noise: float | None, misfit: float | None, size: float | None, rules: Rules = RULES
+) -> bool:
+    """Whether more of a gap stays than a model leaves of a healthy axis; see :func:`stays`."""
+    return stays(left, noise, misfit, size) > (rules.open_change if _known(misfit) else rules.open_structure)
+
+
+def stays(left: float, noise: float | None, misfit: float | None, size: float | None) -> float:
+    """Return what stays of a gap: of one with a known misfit in levels that are left anyway, else as a share.
+
+    The share is of the signal's size, without the noise; 0 where that is not known.
+    """
+    level = left_anyway(noise, misfit)
+    if _known(misfit):
+        return left / max(level, 1e-300)
+    return 0.0 if size is None else math.sqrt(max(left**2 - level**2, 0.0)) / max(size, 1e-300)
 
 
 def left_anyway(noise: float | None, misfit: float | None) -> float:

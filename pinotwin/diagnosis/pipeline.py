@@ -232,7 +232,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
     quick: bool,
     rules: Rules,
 ) -> Diagnosis:
-    noise, kind = noise_levels(c)
+    noise, kind = noise_levels(c, rules)
     gaps = gap_table(c, found, {p.joint: p.share for p in pushed}, noise)
     ordered = sorted(every, key=lambda e: -_closes(e, every))
     named = [e for e in ordered if e.confidence >= rules.named]

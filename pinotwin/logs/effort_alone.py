@@ -193,8 +193,7 @@ def _jackknife(columns: Floats, y: Floats, measure: Floats) -> tuple[float, floa
     for low, high in pairwise(bounds):
         keep = np.r_[0:low, high : len(y)]
         values.append(measure @ (np.linalg.lstsq(scaled[keep], y[keep], rcond=1e-6)[0] / size))
-    spread = np.array(values)
-    error = float(np.sqrt((BLOCKS - 1) * np.mean((spread - spread.mean()) ** 2)))
+    error = float(np.sqrt(jackknife(np.array(values)[:, None])[0, 0]))
     return float(measure @ whole), error, whole
 
 

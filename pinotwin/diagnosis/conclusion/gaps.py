@@ -11,9 +11,8 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.data.scatter import scatter
-from pinotwin.diagnosis.grade import left_anyway
 from pinotwin.diagnosis.result import Gap, Traces
-from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.logs.repeats import labels
@@ -59,20 +58,7 @@ def gap_table(
     return out
 
 
-def stays(c: Comparison, axis: str, g: Gap) -> float:
-    """Return what stays of an axis' gap: against a known misfit in levels that are left anyway, else as a share.
-
-    The share is of the effort's variation (a weight that is carried tells nothing of a model), without the noise.
-    """
-    if c.change and np.isfinite(g.misfit):
-        return g.after / max(left_anyway(g.noise, g.misfit), 1e-300)
-    j = c.machine.names.index(axis)
-    size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
-    noise = g.noise if np.isfinite(g.noise) else 0.0
-    return float(np.sqrt(max(g.after**2 - noise**2, 0.0))) / max(size, 1e-300)
-
-
-def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
+def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float], str]:
     """Return joint -> RMS of the noise, and where it comes from: ``repeats`` or ``assumed``.
 
     Two runs of one command differ by noise and by the scatter from run to run; of a single run only the
@@ -88,7 +74,7 @@ def noise_levels(c: Comparison) -> tuple[dict[int, float], str]:
         if pairs:
             each = [_difference(motions[a], motions[b], j) for a, b in pairs]
             rough = max(rough, float(np.sqrt(np.mean(np.square(each)))))
-        out[j] = float(np.hypot(rough, scatter(c, j, RULES.scatter))) if c.change else rough
+        out[j] = float(np.hypot(rough, scatter(c, j, rules.scatter))) if c.change else rough
     return out, "repeats" if pairs else "assumed"
 
 

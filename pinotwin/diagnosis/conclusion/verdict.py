@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinotwin.diagnosis.candidates.patterns import Pattern
-from pinotwin.diagnosis.conclusion.gaps import stays
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.grade import left_anyway
+from pinotwin.diagnosis.grade import is_open, left_anyway
 from pinotwin.diagnosis.result import Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
@@ -98,8 +97,9 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
 
     Of a machine it is held against the variation of the effort: a weight that is carried tells nothing of a model.
     """
-    known = c.change and np.isfinite(g.misfit)
-    return stays(c, axis, g) > (rules.open_change if known else rules.open_structure)
+    j = c.machine.names.index(axis)
+    size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
+    return is_open(g.after, g.noise, g.misfit, size, rules)
 
 
 def _odd(g: Gap, rules: Rules) -> bool:
