@@ -32,7 +32,15 @@ def ground(new: Sample, own: Sample | None = None, base: np.ndarray | None = Non
     width = 0 if base is None else base.shape[1]
     table = {} if base is None else {0: base}
     own_base = None if own is None else base_of(own, {}, floor, 0)
-    return Ground(base_of(new, table, floor, width), own_base, None, 1e-9 * np.eye(width))
+    free = np.zeros(width, dtype=bool)
+    return Ground(base_of(new, table, floor, width), own_base, None, 1e-9 * np.ones(width), free)
+
+
+def at_bounds(new: Sample, base: np.ndarray, bound: list[bool]) -> Ground:
+    """Return the ground of a model some of whose coefficients rest on a lower bound, at which they are kept."""
+    free = ground(new, base=base)
+    size = np.einsum("kjbb->b", free.new.XX)
+    return replace(free, precision=np.where(bound, 1e6, 1e-6) * size, bound=np.array(bound))
 
 
 def test_a_coefficient_and_what_it_leaves_are_those_of_least_squares() -> None:
@@ -171,6 +179,50 @@ def test_numbers_that_outnumber_the_blocks_are_not_certain_for_that() -> None:
     assert found.strength < 2.0
     few = Judged(theta[:2], folds[:, :2], np.zeros((2, 2)), nothing, nothing, True, nothing, nothing)
     assert few.strength == pytest.approx(theta[:2] @ np.linalg.solve(few.covariance, theta[:2]) / 2.0)
+
+
+def test_a_coefficient_leaves_its_lower_bound_beside_the_cause_for_want_of_which_it_fell_there() -> None:
+    """An axis with drag and Coulomb friction, whose model has viscous friction in place of both."""
+    m = motion()
+    v = m.v[:, 0]
+    drag, viscous, coulomb = v * np.abs(v), v, np.sign(v)
+    new = rows(9.0 * drag + 0.5 * coulomb)
+    base = new.picked(np.stack([viscous, coulomb], axis=-1), 0)
+    g = at_bounds(new, base, [False, True])
+    assert abs(g.alone.base[1]) < 1e-5
+    found = judged(g, products(g.new, {0: new.picked(drag[:, None], 0)}), None, None)
+    assert found.theta == pytest.approx([9.0], rel=1e-4)
+    assert found.base == pytest.approx([0.0, 0.5], abs=1e-3)
+    assert found.left.sum() < 1e-6 * g.alone.left.sum()
+
+
+def test_a_coefficient_that_would_fall_below_its_bound_stays_there() -> None:
+    m = motion()
+    v = m.v[:, 0]
+    drag, viscous, coulomb = v * np.abs(v), v, np.sign(v)
+    new = rows(9.0 * drag - 0.5 * coulomb)
+    base = new.picked(np.stack([viscous, coulomb], axis=-1), 0)
+    g = at_bounds(new, base, [False, True])
+    found = judged(g, products(g.new, {0: new.picked(drag[:, None], 0)}), None, None)
+    assert abs(found.base[1]) < 1e-5
+    freed = ground(new, base=base)
+    below = judged(freed, products(freed.new, {0: new.picked(drag[:, None], 0)}), None, None)
+    assert below.base[1] == pytest.approx(-0.5, abs=1e-3)
+
+
+def test_rows_are_left_out_for_a_table_alone_whatever_else_is_unsure() -> None:
+    """A Stribeck term of which a log tells little makes the whole effort unsure, everywhere; its rows are judged."""
+    virtual = VirtualMachine.load(bundled_path("emps"))
+    machine = Machine.load("emps")
+    axis = machine.axes["X"]
+    stribeck = EFFECTS["stribeck"].on(machine, "X")
+    machine = replace(machine, axes={"X": replace(axis, effects=(*axis.effects, stribeck))})
+    short, other = (virtual.record(random_trajectory(virtual, 5.0, s), seed=s).to_log() for s in (3, 4))
+    twin = identify(machine, short, loop=False)
+    unsure = replace(twin, covariance=1e6 * twin.covariance)
+    c = compare(unsure, [other], [])
+    assert len(c.new.samples(0)) == len(compare(twin, [other], []).new.samples(0))
+    assert not [d for d in c.gate.doubts if "never been" in d]
 
 
 def test_where_the_twin_has_never_been_its_table_is_a_guess_and_no_change() -> None:

@@ -176,6 +176,8 @@ class Effect(abc.ABC):
     held: ClassVar[bool] = False
     """Whether its coefficients are held weakly within the size of the effort: knots that a log hardly
     passes would run away."""
+    local: ClassVar[bool] = False
+    """Whether each of its coefficients is told at one place of the travel alone, as a table's knots are."""
 
     causes: ClassVar[tuple[Cause, ...]] = ("other",)
     """What its effort counts as in the generalised disturbance: one word for all coefficients, or one

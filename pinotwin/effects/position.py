@@ -285,6 +285,7 @@ class PositionTable(AxisEffect):
     imitates: ClassVar[tuple[str, ...]] = ("ripple", "ripple_modulated", "spring", "geometric_error")
     searched: ClassVar[int] = 1  # how many knots
     held: ClassVar[bool] = True
+    local: ClassVar[bool] = True
     causes: ClassVar[tuple[Cause, ...]] = ("position",)
     depends: ClassVar[Depends] = "position"
     axis: str

@@ -10,7 +10,7 @@ import numpy as np
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.grade import is_open, left_anyway
+from pinotwin.diagnosis.grade import grade, is_open, left_anyway
 from pinotwin.diagnosis.result import Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
@@ -102,6 +102,13 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     return is_open(g.after, g.noise, g.misfit, size, rules)
 
 
+def _quiet(g: Gap) -> bool:
+    """Whether what a gap was, and what is left of it, is what the model leaves anyway, or noise."""
+    if np.isfinite(g.misfit):
+        return not _odd(g, RULES)
+    return grade(g.rms, None, g.noise) == "agrees"
+
+
 def _odd(g: Gap, rules: Rules) -> bool:
     return bool(np.isfinite(g.misfit) and g.after > rules.odd * left_anyway(g.noise, g.misfit))
 
@@ -153,11 +160,10 @@ def _sentence(
         return ["Nothing is missing that these logs could show"]
     parts = [_said(e) for e in effects]
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
-    largest = max(gaps, key=lambda a: _relative(gaps[a]["u"]))
-    misfit = gaps[largest]["u"].misfit
-    quiet = np.isfinite(misfit) and not _odd(gaps[largest]["u"], RULES) and largest not in patterns
-    asked = effects or not c.gate.silent or _open(c, largest, gaps[largest]["u"], RULES)
-    if asked and not quiet and largest not in {e.axis for e in effects}:
+    loud = [a for a, row in gaps.items() if a in patterns or not _quiet(row["u"])]
+    largest = max(loud, key=lambda a: _relative(gaps[a]["u"]), default="")
+    asked = largest and (effects or not c.gate.silent or _open(c, largest, gaps[largest]["u"], RULES))
+    if asked and largest not in {e.axis for e in effects}:
         text += ("; " if text else "") + _largest(largest, gaps[largest]["u"], patterns.get(largest))
     head = {
         "explained": "has changed: " if c.change else "the model misses ",

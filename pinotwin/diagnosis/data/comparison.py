@@ -280,7 +280,7 @@ def _known(
 def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float]) -> Mask:
     """Return where a twin with effects that are told knot by knot tells an effort to its misfit, shape (n, nv)."""
     out = np.ones(motion.q.shape, dtype=bool)
-    placed = [e for e in twin.effects if e.held and e.axis in twin.machine.axes]
+    placed = [e for e in twin.effects if e.local and e.axis in twin.machine.axes]
     error = twin.effort_error(motion) if placed else np.zeros(motion.q.shape)
     for effect in placed:
         j = twin.machine.axes[str(effect.axis)].index

@@ -11,15 +11,17 @@ whose model is fitted to these very logs) nothing is taken off, and the model's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.evidence.moments import Base, Products
 from pinotwin.solve.jackknife import jackknife, solved, without_each
 
+FREE, HELD = 1e-6, 1e6
+"""Precision of a coefficient of the model over what the rows say of it: one that is free, one at its bound."""
 RIDGE = 1e-9
 """Of the mean diagonal: keeps a singular system solvable, moves nothing that is determined."""
 SCALED_RIDGE = 1e-6
@@ -36,13 +38,15 @@ class Ground:
         new: the logs in question.
         own: the twin's own logs; None where the model is fitted to ``new``.
         unseen: validation logs, or None.
-        precision: what holds the model's own columns, shape (b, b).
+        precision: what holds the model's own columns, shape (b,).
+        bound: columns that ``precision`` keeps at a lower bound, a mask (b,).
     """
 
     new: Base
     own: Base | None
     unseen: Base | None
     precision: Floats
+    bound: Mask
 
     @cached_property
     def folds(self) -> Floats:
@@ -54,6 +58,18 @@ class Ground:
         """The same for all own logs, shape (1, b, b)."""
         assert self.own is not None
         return _inverses(self.own, self.precision, leave_out=False)
+
+    def released(self, columns: Mask) -> Ground:
+        """Return the same with some of the columns at a bound free, made once for each choice of them."""
+        key = columns.tobytes()
+        if key not in self._released:
+            free = np.where(columns, self.precision * (FREE / HELD), self.precision)
+            self._released[key] = replace(self, precision=free, bound=self.bound & ~columns)
+        return self._released[key]
+
+    @cached_property
+    def _released(self) -> dict[bytes, Ground]:
+        return {}
 
     @cached_property
     def alone(self) -> Judged:
@@ -117,7 +133,31 @@ def judged(ground: Ground, new: Products, own: Products | None, unseen: Products
         new: sums of the candidate on the logs in question.
         own: on the twin's own logs; None where there are none or it has no rows there.
         unseen: on the validation logs.
+
+    A coefficient of the model at its lower bound may leave it beside the candidate, for it may have come to rest there
+    for want of it: of an axis that lacks its drag, viscous friction takes what Coulomb's had (least squares with
+    inequalities, by their active set).
     """
+    found = _judged(ground, new, own, unseen)
+    if not ground.bound.any() or not new.Cr.shape[1]:
+        return found
+    rising = ground.bound & (_slopes(ground.new, new, found) > 0.0)
+    while rising.any():
+        beside = _judged(ground.released(rising), new, own, unseen)
+        falling = rising & (beside.base < 0.0)
+        if not falling.any():
+            return beside
+        rising &= ~falling
+    return found
+
+
+def _slopes(base: Base, c: Products, found: Judged) -> Floats:
+    """Return by what half the squared residual falls with each coefficient of the model, shape (b,)."""
+    said = c.CX.sum(axis=0).T @ found.theta + base.XX.sum(axis=(0, 1)) @ found.base
+    return np.asarray(base.Xr.sum(axis=(0, 1)) - said)
+
+
+def _judged(ground: Ground, new: Products, own: Products | None, unseen: Products | None) -> Judged:
     base = ground.new
     theta, delta, determined = _solve(ground.folds, base, new, leave_out=True)
     p = theta.shape[1]
@@ -144,7 +184,7 @@ def _inverses(base: Base, precision: Floats, *, leave_out: bool) -> Floats:
     if b == 0:
         return np.zeros((len(systems), 0, 0))
     ridge = RIDGE * max(float(np.trace(total)) / b, 1e-300) * np.eye(b)
-    return np.linalg.inv(systems + precision + ridge)
+    return np.linalg.inv(systems + np.diag(precision) + ridge)
 
 
 def _solve(inverse: Floats, base: Base, c: Products, *, leave_out: bool) -> tuple[Floats, Floats, bool]:

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import named
 from pinotwin.diagnosis.data.comparison import Comparison, thinned_model
-from pinotwin.diagnosis.evidence.held_out import Ground, Judged, judged
+from pinotwin.diagnosis.evidence.held_out import FREE, HELD, Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import Base, Products, base_of, products
 from pinotwin.effects import Effect
 
@@ -54,10 +54,6 @@ class Scored:
         return len(self.judged.theta) + type(self.effect).searched
 
 
-FREE, HELD = 1e-6, 1e6
-"""Precision of a coefficient of the model over what the rows say of it: one that is free, one at its bound."""
-
-
 class Searcher:
     """The candidates of a comparison, scored beside the causes found so far."""
 
@@ -85,7 +81,7 @@ class Searcher:
         held = np.zeros(width, dtype=bool)
         held[: len(c.held)] = c.held_beside({named(one.effect).axis for one in self.found} - {None})
         diagonal = np.where(held, HELD * diagonal, FREE * diagonal)
-        return Ground(bases[0], own, unseen, np.diag(diagonal + 1e-300))
+        return Ground(bases[0], own, unseen, diagonal + 1e-300, held)
 
     def residual(self) -> dict[int, Floats]:
         """Return what the model leaves of the logs in question with all its columns fitted, floor units."""
