@@ -107,6 +107,27 @@ def test_friction_that_scatters_from_run_to_run_is_no_change(twin: Twin, times: 
         assert "runs of one machine" in found.last[1]
 
 
+def test_what_closes_less_than_the_scatter_of_friction_is_no_cause_either(twin: Twin) -> None:
+    """Friction is 4 % higher than in the twin's runs: no change, nor is a scale that looks a little like it."""
+    c = compare(twin, [record(4)], [])
+    c = dataclasses.replace(c, floor={0: 0.01 * c.floor[0]})
+    noise = 0.5 * c.floor[0] * np.random.default_rng(0).normal(size=len(c.rubbing[0]))
+    assert c.own is not None
+    quiet = c.floor[0] * np.random.default_rng(1).normal(size=len(c.own.residual[0]))
+    c = dataclasses.replace(c, own=dataclasses.replace(c.own, residual={0: quiet}))
+    c = with_residual(c, 0.04 * c.rubbing[0] + noise)
+    scale = EFFECTS["effort_scale"].on(c.machine, "X")
+    friction = [EFFECTS[name].on(c.machine, "X") for name in ("coulomb", "viscous")]
+    assert [s.chosen.key for s in search(c, [scale]).steps] == [("effort_scale", "X")]
+    found = search(c, [scale, *friction])
+    assert not found.steps
+    assert found.left[0].effect.name == "coulomb"
+    more = with_residual(
+        c, c.new.residual[0] + 0.1 * c.new.effort[0]
+    )  # and the drive's scale is wrong as well
+    assert [s.chosen.key for s in search(more, [scale, *friction]).steps] == [("effort_scale", "X")]
+
+
 def test_an_axis_that_trembles_while_its_command_stands_has_no_rows(twin: Twin) -> None:
     m = compare(twin, [record(4)], []).new.motion
     assert m.vr is not None

@@ -125,7 +125,9 @@ class Judged:
         return float(self.theta @ np.linalg.solve(C, self.theta)) / p
 
 
-def judged(ground: Ground, new: Products, own: Products | None, unseen: Products | None) -> Judged:
+def judged(
+    ground: Ground, new: Products, own: Products | None, unseen: Products | None, hold: float = 0.0
+) -> Judged:
     """Return what a candidate leaves; see the module's docstring.
 
     Args:
@@ -133,17 +135,18 @@ def judged(ground: Ground, new: Products, own: Products | None, unseen: Products
         new: sums of the candidate on the logs in question.
         own: on the twin's own logs; None where there are none or it has no rows there.
         unseen: on the validation logs.
+        hold: precision by which the candidate's coefficients are held near zero [1 / unit²].
 
     A coefficient of the model at its lower bound may leave it beside the candidate, for it may have come to rest there
     for want of it: of an axis that lacks its drag, viscous friction takes what Coulomb's had (least squares with
     inequalities, by their active set).
     """
-    found = _judged(ground, new, own, unseen)
+    found = _judged(ground, new, own, unseen, hold)
     if not ground.bound.any() or not new.Cr.shape[1]:
         return found
     rising = ground.bound & (_slopes(ground.new, new, found) > 0.0)
     while rising.any():
-        beside = _judged(ground.released(rising), new, own, unseen)
+        beside = _judged(ground.released(rising), new, own, unseen, hold)
         falling = rising & (beside.base < 0.0)
         if not falling.any():
             return beside
@@ -157,15 +160,17 @@ def _slopes(base: Base, c: Products, found: Judged) -> Floats:
     return np.asarray(base.Xr.sum(axis=(0, 1)) - said)
 
 
-def _judged(ground: Ground, new: Products, own: Products | None, unseen: Products | None) -> Judged:
+def _judged(
+    ground: Ground, new: Products, own: Products | None, unseen: Products | None, hold: float
+) -> Judged:
     base = ground.new
-    theta, delta, determined = _solve(ground.folds, base, new, leave_out=True)
+    theta, delta, determined = _solve(ground.folds, base, new, hold, leave_out=True)
     p = theta.shape[1]
     spread = np.zeros((p, p))
     if ground.own is not None and own is not None:
-        there, moved, _ = _solve(ground.own_inverse, ground.own, own, leave_out=False)
+        there, moved, _ = _solve(ground.own_inverse, ground.own, own, hold, leave_out=False)
         theta, delta = theta - there[-1], delta - moved[-1]
-        spread = _spread(own)
+        spread = _spread(own, hold)
     left = _left(base, new, theta[:-1], delta[:-1])
     beyond = np.zeros(0)
     if ground.unseen is not None and unseen is not None:
@@ -187,7 +192,9 @@ def _inverses(base: Base, precision: Floats, *, leave_out: bool) -> Floats:
     return np.linalg.inv(systems + np.diag(precision) + ridge)
 
 
-def _solve(inverse: Floats, base: Base, c: Products, *, leave_out: bool) -> tuple[Floats, Floats, bool]:
+def _solve(
+    inverse: Floats, base: Base, c: Products, hold: float, *, leave_out: bool
+) -> tuple[Floats, Floats, bool]:
     """Return candidate's and model's coefficients, one row a fold and the last for all blocks."""
 
     def without(x: Floats) -> Floats:
@@ -203,7 +210,7 @@ def _solve(inverse: Floats, base: Base, c: Products, *, leave_out: bool) -> tupl
     else:
         whole = np.maximum(np.diagonal(CC[-1]), 1e-300)
         determined = bool(np.max(np.diagonal(S[-1]) / whole) > COLLINEAR)
-        theta = solved(S, s, SCALED_RIDGE, np.sqrt(whole))
+        theta = solved(S + hold * np.eye(p), s, SCALED_RIDGE, np.sqrt(whole))
     delta = np.einsum("kbc,kc->kb", inverse, Xr - np.einsum("kpb,kp->kb", CX, theta))
     return theta, delta, determined
 
@@ -221,11 +228,13 @@ def _left(base: Base, c: Products, theta: Floats, delta: Floats) -> Floats:
     )
 
 
-def _spread(c: Products) -> Floats:
+def _spread(c: Products, hold: float) -> Floats:
     """Return the block jackknife covariance of a candidate fitted alone to the own logs."""
     if c.Cr.shape[1] == 0:
         return np.zeros((0, 0))
-    return jackknife(solved(without_each(c.CC), without_each(c.Cr), SCALED_RIDGE)[:-1])
+    return jackknife(
+        solved(without_each(c.CC) + hold * np.eye(c.Cr.shape[1]), without_each(c.Cr), SCALED_RIDGE)[:-1]
+    )
 
 
 def _nothing(base: Base, b: int) -> Products:

@@ -3,12 +3,13 @@
 A candidate is taken in if it closes a positive share of its axis' residual on rows that were not fitted,
 with an interval above zero, and if its size is many times what leaving out stretches of motion moves it
 by. Of candidates that close as much, the one with fewest numbers is taken. Patterns without a name compete
-with the effects: where one of them wins, what is there is in no catalogue, and nothing is named for it.
+with the effects: where one of them wins, what is there is in no catalogue, and nothing is named for it. So does
+friction by which runs of one machine may differ: it is no cause, and what closes less than it is judged beside it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -51,7 +52,7 @@ class Found:
     Attributes:
         steps: turns, in order.
         last: the best candidate that was not taken in, and why not; None if there was none.
-        left: the best candidates of the last turn, one a name and axis, best first.
+        left: friction by which runs differ, then the best candidates of the last turn, one a name and axis, best first.
         first: the ground without any cause.
         searcher: the ground with all causes among its columns.
     """
@@ -83,6 +84,7 @@ def search(
     first = searcher = Searcher(comparison)
     shortlist = Shortlist(candidates, rules)
     steps: list[Step] = []
+    habits: list[Scored] = []
     last, ranked = None, list[Scored]()
     while len(steps) < (most or rules.most):
         if tell:
@@ -97,6 +99,11 @@ def search(
         last = next(((r, refused(r, searcher, rules)) for r in ranked if r.key not in taken), None)
         if not fit:
             break
+        habit = _habit_before(fit, ranked, {h.joint for h in habits}, searcher, rules)
+        if habit is not None:
+            habits.append(habit)
+            searcher = Searcher(comparison, [*(s.chosen for s in steps), *habits])
+            continue
         able = _richest(fit)
         winner = simplest(able, searcher, rules)
         held = duel(winner, able, comparison, rules)
@@ -104,9 +111,27 @@ def search(
         rivals = [r for r in one_each(ranked) if r.key != winner.key]
         steps.append(Step(winner, rivals, searcher, held))
         if not isinstance(winner.effect, Pattern):
-            steps = _without_superfluous(comparison, steps, rules)
+            steps = _without_superfluous(comparison, steps, habits, rules)
+        searcher = Searcher(comparison, [*(s.chosen for s in steps), *habits])
+    if habits:
         searcher = Searcher(comparison, [s.chosen for s in steps])
-    return Found(steps, last, one_each(ranked), first, searcher)
+    return Found(steps, last, [*habits, *one_each(ranked)], first, searcher)
+
+
+def _habit_before(
+    fit: Sequence[Scored], ranked: Sequence[Scored], known: Collection[int], searcher: Searcher, rules: Rules
+) -> Scored | None:
+    """Return friction by which runs may differ that closes more than what would be named on its axis, if there is any.
+
+    Were it passed over, a cause would be named for what is none: a twentieth of the friction looks a little like a
+    table or a drive's scale. One of an axis is enough.
+    """
+    best = {one.joint: one for one in reversed(fit)}
+    for one in ranked:
+        beaten = one.joint in best and one.gain > best[one.joint].gain and one.joint not in known
+        if beaten and not _too_little(one, searcher, rules) and _scatters(one, searcher, rules):
+            return one
+    return None
 
 
 def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
@@ -132,11 +157,13 @@ def _richest(fit: Sequence[Scored]) -> list[Scored]:
     return [one for one in fit if one.numbers == most[one.key]]
 
 
-def _without_superfluous(comparison: Comparison, steps: Sequence[Step], rules: Rules) -> list[Step]:
+def _without_superfluous(
+    comparison: Comparison, steps: Sequence[Step], habits: Sequence[Scored], rules: Rules
+) -> list[Step]:
     """Return the causes without those that the last one has made needless."""
     kept = list(steps)
     for step in list(steps[:-1]):
-        others = Searcher(comparison, [s.chosen for s in kept if s is not step])
+        others = Searcher(comparison, [*(s.chosen for s in kept if s is not step), *habits])
         again = others.score(step.chosen.effect, step.chosen.table)
         if again is None or again.gain < rules.needless * step.chosen.gain:
             kept.remove(step)
@@ -267,6 +294,13 @@ def known(effect: Effect, comparison: Comparison) -> Sequence[float]:
 
 def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     """Return why a candidate is not taken in; empty if it is."""
+    words = _too_little(one, searcher, rules)
+    if not words and _scatters(one, searcher, rules):
+        return f"is no more than {rules.scatter:.0%} of the friction, by which runs of one machine may differ"
+    return words
+
+
+def _too_little(one: Scored, searcher: Searcher, rules: Rules) -> str:
     c = searcher.comparison
     share = rules.share if c.change else rules.share_structure
     if one.share < share:
@@ -278,14 +312,24 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     closed = float(sum(x.sum() for x in searcher.main_gains(one)))
     if c.change and closed < rules.excess * _rows(one, c):
         return "closes less than what the twin's own misfit may differ by"
-    closed = c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
-    moved = closed / max(c.new.size(one.joint), 1e-300)
+    moved = _moved(one, searcher) / max(c.new.size(one.joint), 1e-300)
     if moved < rules.least_size(change=c.change):
         return f"moves its axis' effort by {moved:.1%}"
-    rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
-    if c.change and rubs and closed < rules.scatter * c.friction[one.joint]:
-        return f"is no more than {rules.scatter:.0%} of the friction, by which runs of one machine may differ"
     return ""
+
+
+def _scatters(one: Scored, searcher: Searcher, rules: Rules) -> bool:
+    """Whether a candidate is friction by which runs of one machine may differ."""
+    c = searcher.comparison
+    rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
+    return c.change and rubs and _moved(one, searcher) < rules.scatter * c.friction[one.joint]
+
+
+def _moved(one: Scored, searcher: Searcher) -> float:
+    """Return the RMS effort that a candidate closes of the joint it moves most [N or N·m]."""
+    closed = float(sum(x.sum() for x in searcher.main_gains(one)))
+    c = searcher.comparison
+    return c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
 
 
 def _fails_elsewhere(one: Scored, searcher: Searcher) -> bool:

@@ -111,7 +111,7 @@ class Searcher:
             for base, part in zip(self._bases(), self._filled(table), strict=True)
         ]
         assert parts[0] is not None
-        found = judged(self.ground, parts[0], parts[1], parts[2])
+        found = judged(self.ground, parts[0], parts[1], parts[2], self._hold(effect))
         if not found.determined or not np.isfinite(found.left).all():
             return None
         alone = self.ground.alone
@@ -120,6 +120,13 @@ class Searcher:
         names = self.comparison.machine.names
         order = names.index(effect.axis) if effect.axis in names else 0
         return Scored(effect, table, found, gain, gain / max(self.power(table[0]), 1e-300), joint, order)
+
+    def _hold(self, effect: Effect) -> float:
+        """Return the precision that keeps knots which hardly a row tells within their axis' effort [1 / unit²]."""
+        axis = self.comparison.machine.axes.get(effect.axis or "")
+        if axis is None or not effect.held:
+            return 0.0
+        return 1.0 / max(self.comparison.new.size(axis.index), 1e-300) ** 2
 
     def main_gains(self, one: Scored) -> tuple[Floats, Floats]:
         """Return what a candidate closes of its main joint alone, floor units: blocks (K,), validation blocks (L,).
