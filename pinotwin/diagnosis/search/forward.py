@@ -84,7 +84,7 @@ def search(
     first = searcher = Searcher(comparison)
     shortlist = Shortlist(candidates, rules)
     steps: list[Step] = []
-    habits: list[Scored] = []
+    usual: list[Scored] = []
     last, ranked = None, list[Scored]()
     while len(steps) < (most or rules.most):
         if tell:
@@ -99,10 +99,10 @@ def search(
         last = next(((r, refused(r, searcher, rules)) for r in ranked if r.key not in taken), None)
         if not fit:
             break
-        habit = _habit_before(fit, ranked, {h.joint for h in habits}, searcher, rules)
-        if habit is not None:
-            habits.append(habit)
-            searcher = Searcher(comparison, [*(s.chosen for s in steps), *habits])
+        friction = _usual_before(fit, ranked, {one.joint for one in usual}, searcher, rules)
+        if friction is not None:
+            usual.append(friction)
+            searcher = Searcher(comparison, [*(s.chosen for s in steps), *usual])
             continue
         able = _richest(fit)
         winner = simplest(able, searcher, rules)
@@ -111,14 +111,14 @@ def search(
         rivals = [r for r in one_each(ranked) if r.key != winner.key]
         steps.append(Step(winner, rivals, searcher, held))
         if not isinstance(winner.effect, Pattern):
-            steps = _without_superfluous(comparison, steps, habits, rules)
-        searcher = Searcher(comparison, [*(s.chosen for s in steps), *habits])
-    if habits:
+            steps = _without_superfluous(comparison, steps, usual, rules)
+        searcher = Searcher(comparison, [*(s.chosen for s in steps), *usual])
+    if usual:
         searcher = Searcher(comparison, [s.chosen for s in steps])
-    return Found(steps, last, [*habits, *one_each(ranked)], first, searcher)
+    return Found(steps, last, [*usual, *one_each(ranked)], first, searcher)
 
 
-def _habit_before(
+def _usual_before(
     fit: Sequence[Scored], ranked: Sequence[Scored], known: Collection[int], searcher: Searcher, rules: Rules
 ) -> Scored | None:
     """Return friction by which runs may differ that closes more than what would be named on its axis, if there is any.
@@ -158,12 +158,12 @@ def _richest(fit: Sequence[Scored]) -> list[Scored]:
 
 
 def _without_superfluous(
-    comparison: Comparison, steps: Sequence[Step], habits: Sequence[Scored], rules: Rules
+    comparison: Comparison, steps: Sequence[Step], usual: Sequence[Scored], rules: Rules
 ) -> list[Step]:
     """Return the causes without those that the last one has made needless."""
     kept = list(steps)
     for step in list(steps[:-1]):
-        others = Searcher(comparison, [*(s.chosen for s in kept if s is not step), *habits])
+        others = Searcher(comparison, [*(s.chosen for s in kept if s is not step), *usual])
         again = others.score(step.chosen.effect, step.chosen.table)
         if again is None or again.gain < rules.needless * step.chosen.gain:
             kept.remove(step)
