@@ -128,6 +128,22 @@ def test_what_closes_less_than_the_scatter_of_friction_is_no_cause_either(twin: 
     assert [s.chosen.key for s in search(more, [scale, *friction]).steps] == [("effort_scale", "X")]
 
 
+@pytest.mark.parametrize(("steps", "named"), [(0.3, False), (1.0, True)])
+def test_an_effort_that_leads_by_less_than_half_a_step_is_held_over_a_cycle(
+    machine: Machine, steps: float, named: bool
+) -> None:
+    c = compare(machine, [record(4)], [])
+    delay = EFFECTS["delay"].on(c.machine, "X").shaped([c.new.motion.step])
+    late = steps * c.new.motion.step * c.new.columns(delay)[0][:, 0]
+    noise = 0.05 * np.std(late) * np.random.default_rng(0).normal(size=len(late))
+    c = dataclasses.replace(with_residual(c, late + noise), floor={0: 0.05 * np.std(late)})
+    found = search(c, [delay], rules=dataclasses.replace(RULES, size_structure=0.0))
+    assert bool(found.steps) is named
+    if not named:
+        assert found.last is not None
+        assert "half a step" in found.last[1]
+
+
 def test_an_axis_that_trembles_while_its_command_stands_has_no_rows(twin: Twin) -> None:
     m = compare(twin, [record(4)], []).new.motion
     assert m.vr is not None

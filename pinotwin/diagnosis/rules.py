@@ -52,6 +52,9 @@ class Rules:
     size_structure: float = 0.0095
     """[of the effort's variation] Least that what a machine lacks closes of its axis' effort, RMS. Of 53 healthy
     machines (own and foreign) one needs 0.009 (EMPS) and three 0.005 to 0.007, for a delay of a sample."""
+    cycle: float = 0.5
+    """[of the log's step] Least delay that is missing in a machine. By hand: a drive holds its effort over a cycle, so
+    that what is logged leads by half of one, and a log's step is one cycle at least."""
     size_change: float = 0.005
     """The same for a change, whose twin knows its misfit: for so little nobody stops a machine. No healthy twin of 16
     foreign and 13 own machines needs it beside the misfit."""

@@ -315,6 +315,12 @@ def _too_little(one: Scored, searcher: Searcher, rules: Rules) -> str:
     moved = _moved(one, searcher) / max(c.new.size(one.joint), 1e-300)
     if moved < rules.least_size(change=c.change):
         return f"moves its axis' effort by {moved:.1%}"
+    if (
+        not c.change
+        and one.effect.name == "delay"
+        and abs(one.judged.theta[0]) < rules.cycle * c.new.motion.step
+    ):
+        return "is less than half a step, by which any drive leads that holds its effort over a cycle"
     return ""
 
 
