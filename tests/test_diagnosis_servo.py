@@ -9,10 +9,12 @@ import pytest
 
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
-from pinotwin.diagnosis.others.servo import broken_laws, servo_changes
+from pinotwin.diagnosis.others.servo import Law, broken_laws, servo_changes
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
+from pinotwin.signals import rms
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 
@@ -90,6 +92,27 @@ def test_a_feed_forward_is_told_by_what_it_closes_beyond_what_the_law_leaves_any
     fed = log["X.u"] + (times - 1.0) * 95.0 * a
     found = servo_changes(compare(twin, [Log({**log.channels, "X.u": fed}, source="fed.csv")], []), ())
     assert [x.effect for x in found] == ([] if times == 1.0 else ["feedforward"])
+
+
+def noisy(log, seed, times=1.0, ahead=0.0):
+    """Return a log with 15 % of noise in its effort, all of the effort `times` as large, and more feed-forward."""
+    a = np.gradient(np.gradient(log["X.qr"], log.t), log.t)
+    noise = 0.15 * np.std(log["X.u"]) * np.random.default_rng(seed).normal(size=len(a))
+    return Log({**log.channels, "X.u": times * log["X.u"] + ahead * 95.0 * a + noise}, source="noisy.csv")
+
+
+@pytest.mark.parametrize(
+    ("times", "ahead", "named"), [(1.0, 0.0, []), (1.0, 0.1, ["feedforward"]), (1.06, 0.0, [])]
+)
+def test_gains_that_alone_close_what_noise_nearly_hides_have_changed(machine, urdf_dir, times, ahead, named):
+    """The law leaves less than two and a half times the noise; a common factor on all gains goes along with a load."""
+    own = [noisy(record(urdf_dir, 7, 1), 1), noisy(record(urdf_dir, 9, 2), 2)]
+    twin = identify(machine, own, loop=False)
+    c = compare(twin, [noisy(record(urdf_dir, 8, 11), 3, times, ahead)], [])
+    old, new = (Law.of(x.motion, 0) for x in (c.own, c.new))
+    gains, rest = old.fitted()
+    assert rms(new.left(gains)) < RULES.law_worse * rms(rest)
+    assert [x.effect for x in servo_changes(c, ())] == named
 
 
 @pytest.mark.parametrize("runs", [1, 2])

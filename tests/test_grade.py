@@ -7,7 +7,9 @@ import math
 
 import pytest
 
+from pinotwin.diagnosis.conclusion.strayed import strayed
 from pinotwin.diagnosis.grade import KIND, MEANING, explained, grade
+from pinotwin.diagnosis.result import Diagnosis, Gap
 from pinotwin.diagnosis.rules import RULES
 
 NAN = float("nan")
@@ -38,6 +40,27 @@ TABLE = [
 @pytest.mark.parametrize(("rms", "misfit", "noise", "after", "expected"), TABLE)
 def test_grades(rms, misfit, noise, after, expected):
     assert grade(rms, misfit, noise, after) == expected
+
+
+def test_a_tracking_error_is_open_from_further_on():
+    """Of healthy axes the tracking error differs by up to 3.5 times what the simulation left of the own logs."""
+    assert grade(3.5, 1.0, 0.0) == "not explained"
+    assert grade(3.5, 1.0, 0.0, open_from=RULES.open_tracking) == "above misfit"
+    assert grade(5.0, 1.0, 0.0, open_from=RULES.open_tracking) == "not explained"
+
+
+def diagnosed(verdict, e, effects=()):
+    gap = {"X": {"u": Gap(1.0, 0.1, 1.0, 1.0, 1.0), "e": Gap(e, 0.02, 0.0, e, 1.0)}}
+    return Diagnosis(verdict, "No change.", gap, (), effects, (), {}, {}, "assumed", (), "change", {})
+
+
+def test_an_axis_that_follows_otherwise_than_its_twin_is_no_unchanged_one():
+    quiet = diagnosed("none", 3.5)
+    assert strayed(quiet) is quiet
+    off = strayed(diagnosed("none", 6.7))
+    assert (off.verdict, off.unexplained) == ("unexplained", {"X": {"e": 1.0}})
+    assert off.sentence.startswith("X follows its command otherwise than its twin (6.7 times")
+    assert off.grade("X", "e") == "not explained"
 
 
 def test_a_gap_of_eighteen_times_the_noise_never_agrees():

@@ -54,6 +54,7 @@ def grade(
     after: float | None = None,
     *,
     size: float | None = None,
+    open_from: float = RULES.open_change,
 ) -> Grade:
     """Return the grade of one axis and signal.
 
@@ -63,6 +64,7 @@ def grade(
         noise: scatter of repeats, or the assumed noise [same]; None, NaN or 0 when not known.
         after: gap with the named causes modelled [same]; None where no cause is named for it.
         size: RMS of the signal itself [same]; a machine without a twin is held against it.
+        open_from: levels from which a gap with a known misfit is open.
     """
     quiet, own = _positive(noise), _known(misfit)
     if not _known(rms) or not (quiet or own):
@@ -77,9 +79,9 @@ def grade(
         return "gap explained"
     if share >= RULES.explained_part:
         return "partly explained"
-    large = is_open(rms, noise, misfit, size)
     if own:
-        return "not explained" if large else "above misfit"
+        return "not explained" if rms > open_from * level else "above misfit"
+    large = is_open(rms, noise, misfit, size)
     return "not explained" if large or after is not None else "not judged"
 
 

@@ -17,6 +17,7 @@ from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
 from pinotwin.diagnosis.conclusion.provenance import provenance
+from pinotwin.diagnosis.conclusion.strayed import strayed
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
@@ -103,7 +104,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     if closed_loop and not quick:
         tell("tracking error", 0.9)
         causes = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
-        result = _with_tracking(result, *tracking_gaps(c, causes))
+        result = strayed(_with_tracking(result, *tracking_gaps(c, causes)), rules)
     result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, c.logs))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))

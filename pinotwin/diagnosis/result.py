@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from pinotwin.arrays import Floats, plain
 from pinotwin.diagnosis.grade import Grade, grade
+from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.notebook import Card, Shown
 from pinotwin.system.writing import as_path
@@ -222,7 +223,8 @@ class Diagnosis(Card):
             return "not judged"  # the log itself is in doubt
         named = self._acts(axis, signal)
         size = g.rms / g.nrmse if g.nrmse > 0.0 else None
-        word = grade(g.rms, g.misfit, g.noise, g.after if named else None, size=size)
+        beyond = RULES.open_tracking if signal == "e" else RULES.open_change
+        word = grade(g.rms, g.misfit, g.noise, g.after if named else None, size=size, open_from=beyond)
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
         if signal in self.unexplained.get(axis, {}) and word != "partly explained":

@@ -135,18 +135,29 @@ def _decided(new: Law, gains: Floats, held: float, rules: Rules) -> _Decided | N
         rules: thresholds.
     """
     plain = new.left(gains)
-    level = rms(plain)
-    if level < max(rules.law_worse * held, rules.law_level * new.size):
+    level, scaled = rms(plain), new.scaled(gains)
+    if level < rules.law_level * new.size:
         return None
-    left = new.refitted(plain, FORWARD)
-    if level**2 - left**2 > rules.law_forward * (level**2 - held**2):
-        return _Decided("feedforward", FORWARD, level, left)
-    left = new.refitted(plain, FEEDBACK)
-    if new.scaled(gains) < rules.law_scaled * left:
+    faint = level < rules.law_worse * held
+    forward, feedback = (new.refitted(plain, which) for which in (FORWARD, FEEDBACK))
+    if faint:
+        ahead = _share(forward, level) > rules.law_part and forward < min(feedback, scaled)
+    else:
+        ahead = level**2 - forward**2 > rules.law_forward * (level**2 - held**2)
+    if ahead:
+        return _Decided("feedforward", FORWARD, level, forward)
+    if scaled < rules.law_scaled * feedback:
         return None  # feedback and feed-forward went along with a load: its cause is in the plant
-    if 1.0 - (left / level) ** 2 > rules.law_share and left < rules.law_worse * held:
-        return _Decided("loop_gain", FEEDBACK, level, left)
-    return _Decided("saturation", (), level, left) if level > rules.law_broken * new.size else None
+    least = rules.law_part if faint else rules.law_share
+    if _share(feedback, level) > least and feedback < rules.law_worse * held:
+        return _Decided("loop_gain", FEEDBACK, level, feedback)
+    if faint:
+        return None
+    return _Decided("saturation", (), level, feedback) if level > rules.law_broken * new.size else None
+
+
+def _share(left: float, level: float) -> float:
+    return 1.0 - (left / level) ** 2
 
 
 SAID = {"feedforward": "acceleration feed-forward", "loop_gain": "feedback gains"}

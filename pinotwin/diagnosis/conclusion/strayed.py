@@ -1,0 +1,38 @@
+"""Axes whose efforts are the twin's while their tracking error is not: what the verdict says of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pinotwin.diagnosis.grade import left_anyway
+from pinotwin.diagnosis.result import Diagnosis, Gap
+from pinotwin.diagnosis.rules import RULES, Rules
+
+
+def strayed(found: Diagnosis, rules: Rules = RULES) -> Diagnosis:
+    """Return the diagnosis with axes left open that follow their command otherwise than the twin does.
+
+    Where a cause is named its own consequences are in the tracking error, of other axes too: nothing is added then.
+    """
+    if found.effects or found.possible:
+        return found
+    times = {a: _times(row["e"]) for a, row in found.gap.items() if "e" in row and a not in found.unexplained}
+    off = {axis: x for axis, x in times.items() if x > rules.open_tracking}
+    if not off:
+        return found
+    said = [
+        f"{axis} follows its command otherwise than its twin ({x:.1f} times what the simulation left of the twin's own "
+        "logs) though its effort agrees: look at its controller and at what shapes its command"
+        for axis, x in off.items()
+    ]
+    before = [] if found.verdict == "none" else [found.sentence]
+    unexplained = {**found.unexplained, **{axis: {"e": 1.0} for axis in off}}
+    return replace(
+        found, verdict="unexplained", sentence=". ".join([*before, *said]), unexplained=unexplained
+    )
+
+
+def _times(g: Gap) -> float:
+    """Return how many times what is left anyway a gap is; 0 where that is not known."""
+    level = left_anyway(g.noise, g.misfit)
+    return g.rms / level if level > 0.0 else 0.0
