@@ -9,7 +9,8 @@ import pytest
 
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
-from pinotwin.diagnosis.others.servo import Law, broken_laws, servo_changes
+from pinotwin.diagnosis.others.servo import Law, ServoChange, broken_laws, servo_changes
+from pinotwin.diagnosis.others.tracking import tracking_gaps, with_gains
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.identification import identify
 from pinotwin.log import Log
@@ -113,6 +114,24 @@ def test_gains_that_alone_close_what_noise_nearly_hides_have_changed(machine, ur
     gains, rest = old.fitted()
     assert rms(new.left(gains)) < RULES.law_worse * rms(rest)
     assert [x.effect for x in servo_changes(c, ())] == named
+
+
+def test_the_tracking_error_is_simulated_with_the_gains_as_they_are_now(machine, urdf_dir):
+    twin = identify(machine, [record(urdf_dir, 7, 1), record(urdf_dir, 9, 2)])
+    softer = ServoChange(
+        "loop_gain", "X", "feedback gains", 1.0, 0.7, (0.6, 0.8), "of what it was", 0.9, (9.0, 1.0)
+    )
+    other = twin.servos["X"].scaled(e=0.7, integral=0.7, v=0.7, vr=0.7, slip=0.7)
+    log = record(urdf_dir, 8, 11)
+    said = dataclasses.replace(twin, servos={"X": other}).simulate(log)
+    follows = {"t": said.t, "X.qr": said["X.q"] + said["X.e"], "X.q": said["X.q"], "X.u": said["X.u"]}
+    c = compare(twin, [Log(follows, source="softer.csv")], [])
+    gaps, shrinks = tracking_gaps(c, [], [softer])
+    assert shrinks["X"].share > 0.99
+    assert gaps["X"].after < 0.1 * gaps["X"].rms
+    assert tracking_gaps(c, [])[1] == {}
+    by_transfer = dataclasses.replace(twin, quality={**twin.quality, "simulation": {"use": "black"}})
+    assert with_gains(by_transfer, [softer]) == (by_transfer, set())
 
 
 @pytest.mark.parametrize("runs", [1, 2])

@@ -221,7 +221,7 @@ class Diagnosis(Card):
         g = self.gap[axis][signal]
         if math.isnan(g.noise) and math.isnan(g.misfit):
             return "not judged"  # the log itself is in doubt
-        named = self._acts(axis, signal)
+        named = self._acts(axis, signal) or (signal == "e" and g.after < g.rms)
         size = g.rms / g.nrmse if g.nrmse > 0.0 else None
         beyond = RULES.open_tracking if signal == "e" else RULES.open_change
         word = grade(g.rms, g.misfit, g.noise, g.after if named else None, size=size, open_from=beyond)

@@ -1,8 +1,8 @@
 """The tracking error's gap: the log's against that of the twin simulated from the command alone.
 
-Before: the twin as it is. After: the twin with the causes that were named, its own numbers changed or
-the effects added. The misfit is the same difference on the twin's own logs. Where the twin has no closed
-loop, or the simulation cannot carry a cause, nothing is said.
+Before: the twin as it is. After: the twin with the causes that were named: its own numbers changed, effects added,
+the gains of its controllers as they are now. The misfit is the same difference on the twin's own logs. Where the
+twin has no closed loop, or the simulation cannot carry a cause, nothing is said.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.others.servo import ServoChange
 from pinotwin.diagnosis.payload import loaded_twin, physical
 from pinotwin.diagnosis.result import Gap, Shrink
 from pinotwin.diagnosis.search.scan import Scored
@@ -25,18 +26,24 @@ from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
+from pinotwin.simulation.run import preferred
 from pinotwin.twin import Twin
 
+TURNED = {"feedforward": ("ar",), "loop_gain": ("e", "integral", "v", "vr", "slip")}
+"""Change of a servo -> the gains of its law that have one factor."""
 LONGEST = 120_000
 """Samples of the logs in question beyond which the tracking error is not simulated."""
 
 
-def tracking_gaps(c: Comparison, causes: Sequence[Scored]) -> tuple[dict[str, Gap], dict[str, Shrink]]:
+def tracking_gaps(
+    c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange] = ()
+) -> tuple[dict[str, Gap], dict[str, Shrink]]:
     """Return axis -> gap of the tracking error, and how far the causes shrink it.
 
     Args:
         c: of a twin with closed loops and logs with commands.
         causes: what was named.
+        changed: changes of controllers that were named.
     """
     if not c.change or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
         return {}, {}
@@ -49,6 +56,9 @@ def tracking_gaps(c: Comparison, causes: Sequence[Scored]) -> tuple[dict[str, Ga
     except PinotwinError:
         return {}, {}
     later, held = with_causes(c.twin, causes)
+    turned, turned_axes = with_gains(later or c.twin, changed)
+    if turned_axes:
+        later, held = turned, held | turned_axes
     try:
         after = before if later is None else [_errors(later, log) for log in logs]
     except PinotwinError:
@@ -147,6 +157,22 @@ def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[
     for axis, pi in bodies:
         later = loaded_twin(later, axis, pi)
     return later, held - beyond
+
+
+def with_gains(twin: Twin, changed: Sequence[ServoChange]) -> tuple[Twin, set[str]]:
+    """Return the twin with the gains of its controllers as they were found, and the axes of which it holds them.
+
+    A twin that is simulated by transfer functions, and a limit of a drive, are left as they are.
+    """
+    servos, held = dict(twin.servos), set[str]()
+    if preferred(twin) != "coupled":
+        return twin, held
+    for one in changed:
+        factors = dict.fromkeys(TURNED.get(one.effect, ()), one.after)
+        if one.axis in servos and factors:
+            servos[one.axis] = servos[one.axis].scaled(**factors)
+            held.add(one.axis)
+    return replace(twin, servos=servos), held
 
 
 def _copied(twin: Twin) -> dict[str, Floats]:
