@@ -10,12 +10,14 @@ import pytest
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.conclusion.gaps import noise_levels
+from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows, sample, sliding
 from pinotwin.diagnosis.data.scatter import scatter
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.grade import stays
+from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.duel import duel
@@ -332,6 +334,20 @@ def test_what_is_not_sure_is_possible_and_names_nothing(twin: Twin, worn: Log) -
     assert found.verdict == "unexplained"
     assert "Possible, not sure: X viscous" in found.sentence
     assert found.to_dict()["possible"][0]["effect"] == "viscous"
+
+
+@pytest.mark.parametrize(("rms", "verdict"), [(1.4, "none"), (4.0, "unexplained")])
+def test_what_is_not_sure_opens_no_gap_that_is_no_larger_than_what_is_left_anyway(
+    twin: Twin, worn: Log, rms: float, verdict: str
+) -> None:
+    c = compare(twin, [worn], [])
+    searcher = Searcher(c)
+    nothing = Found((), None, (), searcher, searcher)
+    faint = Named("viscous", "X", 0.17, {}, {}, {}, [])
+    gap = {"X": {"u": Gap(rms=rms, nrmse=0.1, noise=0.8, after=0.9, misfit=0.6)}}
+    found = judge(c, nothing, gap, [], [faint])
+    assert (found.verdict, list(found.unexplained)) == (verdict, ["X"] if verdict == "unexplained" else [])
+    assert "Possible, not sure: X viscous" in found.sentence
 
 
 def test_a_validation_log_of_before_the_change_is_asked_about(twin: Twin, worn: Log) -> None:

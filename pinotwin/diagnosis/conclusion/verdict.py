@@ -51,7 +51,8 @@ def judge(
         found: the search for causes.
         gaps: axis -> signal -> gap.
         effects: what is named.
-        possible: what was found and is not sure enough to be named: its axes stay open.
+        possible: what was found and is not sure enough to be named: its axes stay open where their gap is more than
+            what is left anyway.
         rules: thresholds.
         controllers: axis -> what is said of a controller whose law is gone.
     """
@@ -68,7 +69,7 @@ def judge(
         for axis, g in open_axes.items()
     }
     told = {e.axis for e in effects}
-    unsure = [str(e.axis) for e in possible if e.axis not in told]
+    unsure = [str(e.axis) for e in possible if e.axis not in told and not _agrees(gaps, str(e.axis))]
     for axis in (*patterns, *unsure, *(name for name in c.gate.silent if name in gaps)):
         unexplained.setdefault(axis, {"u": 1.0})
     for axis in controllers:
@@ -100,6 +101,12 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     j = c.machine.names.index(axis)
     size = c.new.size(j) if j in c.new.joints else g.rms / max(g.nrmse, 1e-300)
     return is_open(g.after, g.noise, g.misfit, size, rules)
+
+
+def _agrees(gaps: Mapping[str, Mapping[str, Gap]], axis: str) -> bool:
+    """Whether the gap of an axis, before any cause, is no more than what is left anyway."""
+    g = gaps[axis]["u"] if axis in gaps else None
+    return g is not None and grade(g.rms, g.misfit, g.noise) in ("agrees", "within misfit")
 
 
 def _quiet(g: Gap) -> bool:
