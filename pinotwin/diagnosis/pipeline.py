@@ -23,7 +23,7 @@ from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
 from pinotwin.diagnosis.evidence.bodies import undetermined
 from pinotwin.diagnosis.others.encoders import Seen, admitted, second_encoders, with_encoders
-from pinotwin.diagnosis.others.servo import ServoChange, broken_laws, servo_changes
+from pinotwin.diagnosis.others.servo import broken_laws, servo_changes
 from pinotwin.diagnosis.others.tracking import tracking_gaps
 from pinotwin.diagnosis.others.vibration import Vibrations, look_at_vibration, unused
 from pinotwin.diagnosis.result import Diagnosis, Gap, Region, Shrink
@@ -93,21 +93,18 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     whole_logs, c = c, s.rest
     named = [*effects_named(c, found, sure), *pushes_named(c, pushed, sure_pushes)]
     named = with_encoders(named, measured, leave_out)
-    gone: Mapping[str, str] = {}
-    turned: Sequence[ServoChange] = ()
-    if closed_loop:
-        put_in = courses(whole_logs, [s.chosen for s in found.steps], pushed)
-        turned = servo_changes(c, _mismeasured(named), leave_out, rules, put_in)
-        named += servo_named(turned)
-        gone = broken_laws(c, {str(e.axis) for e in named}, rules)
+    put_in = courses(whole_logs, [s.chosen for s in found.steps], pushed) if closed_loop else {}
+    turned = servo_changes(c, _mismeasured(named), leave_out, rules, put_in) if closed_loop else []
+    named += servo_named(turned)
+    gone = broken_laws(c, {str(e.axis) for e in named}, rules) if closed_loop else {}
     shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
     named += shaken.effects
     result = _concluded(subject, c, found, pushed, named, gone, seed, quick, rules)
     if closed_loop and not quick:
         tell("tracking error", 0.9)
         causes = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
-        sure_of = [x for x in turned if x.confidence >= rules.named]
-        result = strayed(_with_tracking(result, *tracking_gaps(c, causes, sure_of)), rules)
+        changed = [x for x in turned if x.confidence >= rules.named]
+        result = strayed(_with_tracking(result, *tracking_gaps(c, causes, changed)), rules)
     result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, c.logs))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
