@@ -10,6 +10,7 @@ import pytest
 from pinotwin.diagnosis.conclusion.strayed import strayed
 from pinotwin.diagnosis.grade import KIND, MEANING, explained, grade
 from pinotwin.diagnosis.result import Diagnosis, Gap
+from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.rules import RULES
 
 NAN = float("nan")
@@ -61,6 +62,14 @@ def test_an_axis_that_follows_otherwise_than_its_twin_is_no_unchanged_one():
     assert (off.verdict, off.unexplained) == ("unexplained", {"X": {"e": 1.0}})
     assert off.sentence.startswith("X follows its command otherwise than its twin (6.7 times")
     assert off.grade("X", "e") == "not explained"
+
+
+@pytest.mark.parametrize(("rms", "after", "word"), [(9.0, 1.2, "gap explained"), (2.3, 2.29, "above misfit")])
+def test_a_tracking_error_may_shrink_by_what_was_named_on_another_axis(rms, after, word):
+    gap = {"X": {"u": Gap(1.0, 0.1, 1.0, 1.0, 1.0), "e": Gap(rms, 0.02, 0.0, after, 1.0)}}
+    other = Named("feedforward", "Y", 0.9, {}, {}, {}, [])
+    given = Diagnosis("explained", "", gap, (), [other], (), {}, {}, "assumed", (), "change", {})
+    assert given.grade("X", "e") == word
 
 
 def test_a_gap_of_eighteen_times_the_noise_never_agrees():

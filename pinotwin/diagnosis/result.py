@@ -221,10 +221,11 @@ class Diagnosis(Card):
         g = self.gap[axis][signal]
         if math.isnan(g.noise) and math.isnan(g.misfit):
             return "not judged"  # the log itself is in doubt
-        named = self._acts(axis, signal) or (signal == "e" and g.after < g.rms)
+        named = self._acts(axis, signal)
+        shrinks = named or (signal == "e" and g.after < g.rms)  # by what was named on another axis
         size = g.rms / g.nrmse if g.nrmse > 0.0 else None
         beyond = RULES.open_tracking if signal == "e" else RULES.open_change
-        word = grade(g.rms, g.misfit, g.noise, g.after if named else None, size=size, open_from=beyond)
+        word = grade(g.rms, g.misfit, g.noise, g.after if shrinks else None, size=size, open_from=beyond)
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
         if signal in self.unexplained.get(axis, {}) and word != "partly explained":
