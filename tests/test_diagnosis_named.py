@@ -21,7 +21,7 @@ from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.duel import duel
-from pinotwin.diagnosis.search.forward import Found, search
+from pinotwin.diagnosis.search.forward import Found, search, simplest
 from pinotwin.diagnosis.search.injections import confidences
 from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
@@ -144,6 +144,23 @@ def test_an_effort_that_leads_by_less_than_half_a_step_is_held_over_a_cycle(
     if not named:
         assert found.last is not None
         assert "half a step" in found.last[1]
+
+
+@pytest.mark.parametrize(("per_row", "wins"), [(100.0, "coulomb"), (1e4, "position_table")])
+def test_a_simpler_stranger_does_not_pass_over_what_it_leaves_of_a_very_large_gap(
+    twin: Twin, worn: Log, per_row: float, wins: str
+) -> None:
+    c = compare(twin, [worn], [])
+    searcher = Searcher(c)
+    table = next(e for e in candidates(c) if named(e).name == "position_table")
+    scored = [searcher.score(e) for e in (table, EFFECTS["coulomb"].on(c.machine, "X"))]
+    gain = per_row * len(c.new.residual[0])
+    ranked = [
+        dataclasses.replace(one, gain=share * gain)
+        for one, share in zip(scored, (1.0, 0.98), strict=True)
+        if one is not None
+    ]
+    assert simplest(ranked, searcher, RULES).effect.name == wins
 
 
 def test_an_axis_that_trembles_while_its_command_stands_has_no_rows(twin: Twin) -> None:

@@ -66,6 +66,9 @@ class Rules:
     differs from run to run of one machine, and a twin of one log cannot know how much."""
     as_good: float = 0.97
     """[of the best gain] A candidate with fewer numbers that reaches this is taken instead."""
+    as_good_most: float = 30.0
+    """[squared misfits per row, of a change] Most that a candidate which is no relative of the best may leave more than
+    it, however large the gap: the weight of a load is 0.98 of its gap, and the rest, 400 of these, is its inertia."""
     as_good_kin: float = 0.92
     """The same where it is a relative of the best, or an effect beside a pattern of few numbers."""
     as_good_curve: float = 0.6

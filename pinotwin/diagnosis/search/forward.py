@@ -205,19 +205,21 @@ def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scor
     """Return the candidate with fewest numbers among those that close as much as the best.
 
     A relative of the best with fewer numbers may close a little less, for the richer one can bend itself
-    to what the model never had; likewise an effect of the catalogue beside a pattern without a name. Of
-    bodies that ride on several links the one on the last is taken. What closes the gaps of several axes at once is
+    to what the model never had; likewise an effect of the catalogue beside a pattern without a name. What no
+    relative leaves of a very large gap is many times what the twin leaves: it is not passed over. Of bodies
+    that ride on several links the one on the last is taken. What closes the gaps of several axes at once is
     not replaced by what closes one of them.
     """
     best = _best_effect(ranked, rules)
     several = _also_closed(best, searcher, rules)
     kin = {*named(best.effect).contains, *named(best.effect).imitates, *named(best.effect).inseparable}
+    most = rules.as_good_most * _rows(best, searcher.comparison) if searcher.comparison.change else np.inf
     close = []
     for one in ranked:
-        enough = rules.as_good
-        if one.joint == best.joint and named(one.effect).name in kin:
-            enough = rules.as_good_kin
-        if one.gain >= enough * best.gain and several <= set(one.table[0]):
+        related = one is best or (one.joint == best.joint and named(one.effect).name in kin)
+        enough = rules.as_good_kin if related else rules.as_good
+        near = one.gain >= enough * best.gain and (related or best.gain - one.gain < most)
+        if near and several <= set(one.table[0]):
             close.append(one)
     return min(close, key=lambda s: (s.numbers, -_link(s), -s.gain))
 
