@@ -131,6 +131,12 @@ def test_a_question_that_was_asked_twice_is_not_chosen_from(tmp_path: Path):
         Given.read([asked(tmp_path / "c", row, {**row, "right": False})])
 
 
+def test_friction_with_the_load_that_became_an_asymmetry_is_no_question_asked_twice(tmp_path: Path):
+    row = {"what": "diagnose", "seed": 7, "kind": "coulomb_asymmetric", "first": False, "named": []}
+    given = Given.read([asked(tmp_path / "c", row, {**row, "first": True})])
+    assert [r.get("asked") for r in given.rows] == [None, "load_friction"]
+
+
 def test_every_line_has_a_name_of_its_own():
     names = [name for part in PARTS for name in NAMES[part]]
     assert len(set(names)) == len(names)
