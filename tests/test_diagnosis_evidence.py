@@ -13,7 +13,7 @@ from pinotwin.diagnosis.data.samples import Sample
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.evidence.habit import habit
-from pinotwin.diagnosis.evidence.held_out import Ground, Judged, judged
+from pinotwin.diagnosis.evidence.held_out import FREE, HELD, Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import base_of, products
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.forward import Found
@@ -21,8 +21,10 @@ from pinotwin.diagnosis.search.pushes import pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import EFFECTS
 from pinotwin.identification import identify
+from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import bundled_path
+from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.one_slide import motion, rows
 
@@ -40,7 +42,7 @@ def at_bounds(new: Sample, base: np.ndarray, bound: list[bool]) -> Ground:
     """Return the ground of a model some of whose coefficients rest on a lower bound, at which they are kept."""
     free = ground(new, base=base)
     size = np.einsum("kjbb->b", free.new.XX)
-    return replace(free, precision=np.where(bound, 1e6, 1e-6) * size, bound=np.array(bound))
+    return replace(free, precision=np.where(bound, HELD, FREE) * size, bound=np.array(bound))
 
 
 def test_a_coefficient_and_what_it_leaves_are_those_of_least_squares() -> None:
@@ -210,15 +212,20 @@ def test_a_coefficient_that_would_fall_below_its_bound_stays_there() -> None:
     assert below.base[1] == pytest.approx(-0.5, abs=1e-3)
 
 
-def test_rows_are_left_out_for_a_table_alone_whatever_else_is_unsure() -> None:
-    """A Stribeck term of which a log tells little makes the whole effort unsure, everywhere; its rows are judged."""
+def with_effect(name: str) -> tuple[Twin, Log, Log]:
+    """Return the twin of an EMPS that lists one effect more, its log of 5 s, and one that goes farther."""
     virtual = VirtualMachine.load(bundled_path("emps"))
     machine = Machine.load("emps")
     axis = machine.axes["X"]
-    stribeck = EFFECTS["stribeck"].on(machine, "X")
-    machine = replace(machine, axes={"X": replace(axis, effects=(*axis.effects, stribeck))})
-    short, other = (virtual.record(random_trajectory(virtual, 5.0, s), seed=s).to_log() for s in (3, 4))
-    twin = identify(machine, short, loop=False)
+    more = EFFECTS[name].on(machine, "X")
+    machine = replace(machine, axes={"X": replace(axis, effects=(*axis.effects, more))})
+    short, wide = (virtual.record(random_trajectory(virtual, 5.0, s), seed=s).to_log() for s in (3, 4))
+    return identify(machine, short, loop=False), short, wide
+
+
+def test_rows_are_left_out_for_a_table_alone_whatever_else_is_unsure() -> None:
+    """A Stribeck term of which a log tells little makes the whole effort unsure, everywhere; its rows are judged."""
+    twin, _, other = with_effect("stribeck")
     unsure = replace(twin, covariance=1e6 * twin.covariance)
     c = compare(unsure, [other], [])
     assert len(c.new.samples(0)) == len(compare(twin, [other], []).new.samples(0))
@@ -226,13 +233,7 @@ def test_rows_are_left_out_for_a_table_alone_whatever_else_is_unsure() -> None:
 
 
 def test_where_the_twin_has_never_been_its_table_is_a_guess_and_no_change() -> None:
-    virtual = VirtualMachine.load(bundled_path("emps"))
-    machine = Machine.load("emps")
-    axis = machine.axes["X"]
-    table = EFFECTS["position_table"].on(machine, "X")
-    machine = replace(machine, axes={"X": replace(axis, effects=(*axis.effects, table))})
-    short, wide = (virtual.record(random_trajectory(virtual, 5.0, s), seed=s).to_log() for s in (3, 4))
-    twin = identify(machine, short, loop=False)
+    twin, short, wide = with_effect("position_table")
     low, high = short["X.q"].min(), short["X.q"].max()
     assert wide["X.q"].max() > high + 0.05  # goes where the twin has never been
     c = compare(twin, [wide], [])

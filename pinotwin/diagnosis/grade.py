@@ -54,7 +54,7 @@ def grade(
     after: float | None = None,
     *,
     size: float | None = None,
-    open_from: float = RULES.open_change,
+    signal: str = "u",
 ) -> Grade:
     """Return the grade of one axis and signal.
 
@@ -64,7 +64,7 @@ def grade(
         noise: scatter of repeats, or the assumed noise [same]; None, NaN or 0 when not known.
         after: gap with the named causes modelled [same]; None where no cause is named for it.
         size: RMS of the signal itself [same]; a machine without a twin is held against it.
-        open_from: levels from which a gap with a known misfit is open.
+        signal: ``e`` for the tracking error, whose gaps are open from further on.
     """
     quiet, own = _positive(noise), _known(misfit)
     if not _known(rms) or not (quiet or own):
@@ -79,17 +79,24 @@ def grade(
         return "gap explained"
     if share >= RULES.explained_part:
         return "partly explained"
+    large = is_open(rms, noise, misfit, size, signal=signal)
     if own:
-        return "not explained" if rms > open_from * level else "above misfit"
-    large = is_open(rms, noise, misfit, size)
+        return "not explained" if large else "above misfit"
     return "not explained" if large or after is not None else "not judged"
 
 
 def is_open(
-    left: float, noise: float | None, misfit: float | None, size: float | None, rules: Rules = RULES
+    left: float,
+    noise: float | None,
+    misfit: float | None,
+    size: float | None,
+    rules: Rules = RULES,
+    *,
+    signal: str = "u",
 ) -> bool:
     """Whether more of a gap stays than a model leaves of a healthy axis; see :func:`stays`."""
-    return stays(left, noise, misfit, size) > (rules.open_change if _known(misfit) else rules.open_structure)
+    known = rules.open_tracking if signal == "e" else rules.open_change
+    return stays(left, noise, misfit, size) > (known if _known(misfit) else rules.open_structure)
 
 
 def stays(left: float, noise: float | None, misfit: float | None, size: float | None) -> float:

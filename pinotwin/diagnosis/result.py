@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 from pinotwin.arrays import Floats, plain
 from pinotwin.diagnosis.grade import Grade, grade
-from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.notebook import Card, Shown
 from pinotwin.system.writing import as_path
@@ -224,8 +223,7 @@ class Diagnosis(Card):
         named = self._acts(axis, signal)
         shrinks = named or (signal == "e" and g.after < g.rms)  # by what was named on another axis
         size = g.rms / g.nrmse if g.nrmse > 0.0 else None
-        beyond = RULES.open_tracking if signal == "e" else RULES.open_change
-        word = grade(g.rms, g.misfit, g.noise, g.after if shrinks else None, size=size, open_from=beyond)
+        word = grade(g.rms, g.misfit, g.noise, g.after if shrinks else None, size=size, signal=signal)
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
         if signal in self.unexplained.get(axis, {}) and word != "partly explained":

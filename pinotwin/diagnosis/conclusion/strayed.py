@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pinotwin.diagnosis.grade import left_anyway
-from pinotwin.diagnosis.result import Diagnosis, Gap
+from pinotwin.diagnosis.grade import is_open, stays
+from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.diagnosis.rules import RULES, Rules
 
 
@@ -16,8 +16,12 @@ def strayed(found: Diagnosis, rules: Rules = RULES) -> Diagnosis:
     """
     if found.effects or found.possible:
         return found
-    times = {a: _times(row["e"]) for a, row in found.gap.items() if "e" in row and a not in found.unexplained}
-    off = {axis: x for axis, x in times.items() if x > rules.open_tracking}
+    closed = {a: row["e"] for a, row in found.gap.items() if "e" in row and a not in found.unexplained}
+    off = {
+        axis: stays(g.rms, g.noise, g.misfit, None)
+        for axis, g in closed.items()
+        if is_open(g.rms, g.noise, g.misfit, None, rules, signal="e")
+    }
     if not off:
         return found
     said = [
@@ -30,9 +34,3 @@ def strayed(found: Diagnosis, rules: Rules = RULES) -> Diagnosis:
     return replace(
         found, verdict="unexplained", sentence=". ".join([*before, *said]), unexplained=unexplained
     )
-
-
-def _times(g: Gap) -> float:
-    """Return how many times what is left anyway a gap is; 0 where that is not known."""
-    level = left_anyway(g.noise, g.misfit)
-    return g.rms / level if level > 0.0 else 0.0

@@ -135,10 +135,10 @@ def _decided(new: Law, gains: Floats, held: float, rules: Rules) -> _Decided | N
         rules: thresholds.
     """
     plain = new.left(gains)
-    level, scaled = rms(plain), new.scaled(gains)
+    level = rms(plain)
     if level < rules.law_level * new.size:
         return None
-    faint = level < rules.law_worse * held
+    faint, scaled = level < rules.law_worse * held, new.scaled(gains)
     forward, feedback = (new.refitted(plain, which) for which in (FORWARD, FEEDBACK))
     if faint:
         ahead = _share(forward, level) > rules.law_part and forward < min(feedback, scaled)
@@ -222,7 +222,7 @@ def _law_change(
         return None
     factor, error = new.factor(new.left(gains), gains, found.names)
     interval = (factor - 1.645 * error, factor + 1.645 * error)
-    share = 1.0 - (found.left / found.level) ** 2
+    share = _share(found.left, found.level)
     said = new.columns @ new.changed(gains, found.names)
     rng = np.random.default_rng(joint)
     size = max(1, round(1.0 / c.new.motion.step))

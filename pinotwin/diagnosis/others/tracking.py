@@ -26,7 +26,7 @@ from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
-from pinotwin.simulation.run import preferred
+from pinotwin.simulation import preferred
 from pinotwin.twin import Twin
 
 TURNED = {"feedforward": ("ar",), "loop_gain": ("e", "integral", "v", "vr", "slip")}
@@ -56,7 +56,7 @@ def tracking_gaps(
     except PinotwinError:
         return {}, {}
     later, held = with_causes(c.twin, causes)
-    turned, turned_axes = with_gains(later or c.twin, changed)
+    turned, turned_axes = with_gains(c.twin if later is None else later, changed)
     if turned_axes:
         later, held = turned, held | turned_axes
     try:

@@ -91,15 +91,13 @@ def search(
             tell("searching for causes", len(steps) / (len(steps) + 2.0))
         ranked = rank(searcher, shortlist.of(searcher))
         taken = {s.chosen.key for s in steps}
-        fit = [
-            r
-            for r in ranked
-            if r.key not in taken and not refused(r, searcher, rules) and not _a_trace(r, steps, rules)
-        ]
-        last = next(((r, refused(r, searcher, rules)) for r in ranked if r.key not in taken), None)
+        answers = [(r, refused(r, searcher, rules)) for r in ranked if r.key not in taken]
+        fit = [r for r, why in answers if not why and not _a_trace(r, steps, rules)]
+        last = answers[0] if answers else None
         if not fit:
             break
-        friction = _usual_before(fit, ranked, {one.joint for one in usual}, searcher, rules)
+        scatters = [r for r, why in answers if why == _by_scatter(rules)]
+        friction = _usual_before(fit, scatters, {one.joint for one in usual})
         if friction is not None:
             usual.append(friction)
             searcher = Searcher(comparison, [*(s.chosen for s in steps), *usual])
@@ -118,20 +116,15 @@ def search(
     return Found(steps, last, [*usual, *one_each(ranked)], first, searcher)
 
 
-def _usual_before(
-    fit: Sequence[Scored], ranked: Sequence[Scored], known: Collection[int], searcher: Searcher, rules: Rules
-) -> Scored | None:
+def _usual_before(fit: Sequence[Scored], scatters: Sequence[Scored], known: Collection[int]) -> Scored | None:
     """Return friction by which runs may differ that closes more than what would be named on its axis, if there is any.
 
     Were it passed over, a cause would be named for what is none: a twentieth of the friction looks a little like a
     table or a drive's scale. One of an axis is enough.
     """
     best = {one.joint: one for one in reversed(fit)}
-    for one in ranked:
-        beaten = one.joint in best and one.gain > best[one.joint].gain and one.joint not in known
-        if beaten and not _too_little(one, searcher, rules) and _scatters(one, searcher, rules):
-            return one
-    return None
+    beating = (s for s in scatters if s.joint in best and s.gain > best[s.joint].gain)
+    return next((s for s in beating if s.joint not in known), None)
 
 
 def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
@@ -296,13 +289,6 @@ def known(effect: Effect, comparison: Comparison) -> Sequence[float]:
 
 def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     """Return why a candidate is not taken in; empty if it is."""
-    words = _too_little(one, searcher, rules)
-    if not words and _scatters(one, searcher, rules):
-        return f"is no more than {rules.scatter:.0%} of the friction, by which runs of one machine may differ"
-    return words
-
-
-def _too_little(one: Scored, searcher: Searcher, rules: Rules) -> str:
     c = searcher.comparison
     share = rules.share if c.change else rules.share_structure
     if one.share < share:
@@ -314,7 +300,8 @@ def _too_little(one: Scored, searcher: Searcher, rules: Rules) -> str:
     closed = float(sum(x.sum() for x in searcher.main_gains(one)))
     if c.change and closed < rules.excess * _rows(one, c):
         return "closes less than what the twin's own misfit may differ by"
-    moved = _moved(one, searcher) / max(c.new.size(one.joint), 1e-300)
+    closed = c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
+    moved = closed / max(c.new.size(one.joint), 1e-300)
     if moved < rules.least_size(change=c.change):
         return f"moves its axis' effort by {moved:.1%}"
     if (
@@ -323,21 +310,14 @@ def _too_little(one: Scored, searcher: Searcher, rules: Rules) -> str:
         and abs(one.judged.theta[0]) < rules.cycle * c.new.motion.step
     ):
         return "is less than half a step, by which any drive leads that holds its effort over a cycle"
+    rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
+    if c.change and rubs and closed < rules.scatter * c.friction[one.joint]:
+        return _by_scatter(rules)
     return ""
 
 
-def _scatters(one: Scored, searcher: Searcher, rules: Rules) -> bool:
-    """Whether a candidate is friction by which runs of one machine may differ."""
-    c = searcher.comparison
-    rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
-    return c.change and rubs and _moved(one, searcher) < rules.scatter * c.friction[one.joint]
-
-
-def _moved(one: Scored, searcher: Searcher) -> float:
-    """Return the RMS effort that a candidate closes of the joint it moves most [N or N·m]."""
-    closed = float(sum(x.sum() for x in searcher.main_gains(one)))
-    c = searcher.comparison
-    return c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
+def _by_scatter(rules: Rules) -> str:
+    return f"is no more than {rules.scatter:.0%} of the friction, by which runs of one machine may differ"
 
 
 def _fails_elsewhere(one: Scored, searcher: Searcher) -> bool:
