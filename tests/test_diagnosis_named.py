@@ -353,6 +353,17 @@ def test_what_is_not_sure_is_possible_and_names_nothing(twin: Twin, worn: Log) -
     assert found.to_dict()["possible"][0]["effect"] == "viscous"
 
 
+def test_a_coefficient_that_rests_at_zero_was_none_before(twin: Twin, worn: Log) -> None:
+    """LWR4: "viscous b 2.134e-14 -> 1.881, x 8.8e+13"."""
+    where = next(w for e, w in zip(twin.effects, twin.slices, strict=True) if e.name == "viscous")
+    theta = twin.theta.copy()
+    theta[where] = 2e-14
+    found = diagnose(dataclasses.replace(twin, theta=theta), worn, quick=True)
+    assert [e.effect for e in found.effects] == ["viscous"]
+    assert found.effects[0].size[0].before == 0.0
+    assert "e-" not in found.sentence
+
+
 @pytest.mark.parametrize(("rms", "verdict"), [(1.4, "none"), (4.0, "unexplained")])
 def test_what_is_not_sure_opens_no_gap_that_is_no_larger_than_what_is_left_anyway(
     twin: Twin, worn: Log, rms: float, verdict: str

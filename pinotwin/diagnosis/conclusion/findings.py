@@ -63,6 +63,10 @@ def _rows(c: Comparison) -> int:
     return sum(len(r) for r in c.new.residual.values())
 
 
+ROUNDED = 1e-9
+"""Share of what a number is now below which it was none before: a fit leaves 2e-14 of what rests at zero."""
+
+
 def sizes_of(c: Comparison, one: Scored) -> list[Size]:
     """Return what changed from what to what, in the effect's own numbers."""
     effect = named(one.effect)
@@ -75,7 +79,8 @@ def sizes_of(c: Comparison, one: Scored) -> list[Size]:
     for k, x in enumerate(one.effect.coefficients()):
         after = before[k] + float(theta[k])
         half = 1.645 * float(error[k])
-        rows.append(Size(f"{effect.name}.{x.name}", before[k], after, x.unit, (after - half, after + half)))
+        was = before[k] if abs(before[k]) > ROUNDED * abs(after) else 0.0
+        rows.append(Size(f"{effect.name}.{x.name}", was, after, x.unit, (after - half, after + half)))
     resonance = _resonance(c, one)
     return rows if resonance is None else [resonance, *rows]
 
