@@ -92,7 +92,7 @@ def with_measurement(problem: AxisProblem, servo: Servo, rng, noise: float) -> A
     q = np.round(q / 1e-7) * 1e-7
     u = u + noise * np.std(u) * rng.normal(size=len(u))
     found = replace(problem, q=q, v=v, u=u, windows=problem.windows[1:])
-    return replace(found, sizes=np.sqrt(np.mean(found.measured() ** 2, axis=0)))
+    return replace(found, sizes=np.sqrt(np.mean(found.measured**2, axis=0)))
 
 
 def test_the_law_of_a_cascade_is_that_of_its_named_gains():
@@ -152,7 +152,7 @@ def test_gains_of_a_drive_come_with_intervals_that_hold_them():
     u = u + 0.01 * np.std(u) * rng.normal(size=len(u))
     vr = command_rates(problem.qr, problem.step)[0]
     problem = replace(problem, q=q, u=u, v=np.gradient(q, problem.step), vr=vr)
-    problem = replace(problem, sizes=np.sqrt(np.mean(problem.measured() ** 2, axis=0)))
+    problem = replace(problem, sizes=np.sqrt(np.mean(problem.measured**2, axis=0)))
     found = find(problem)
     assert found is not None
     told = found.servo.intervals()

@@ -29,7 +29,7 @@ def logged() -> AxisProblem:
     u = u + 0.01 * np.std(u) * rng.normal(size=len(u))
     vr = command_rates(problem.qr, problem.step)[0]
     problem = replace(problem, q=q, u=u, v=np.gradient(q, problem.step), vr=vr, fine=LONGEST)
-    sizes = np.sqrt(np.mean(problem.measured() ** 2, axis=0))
+    sizes = np.sqrt(np.mean(problem.measured**2, axis=0))
     return replace(problem, sizes=sizes, noise=np.array([0.01, 0.01]))
 
 

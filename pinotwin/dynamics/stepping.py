@@ -8,10 +8,11 @@ equal to Pinocchio's.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, typeof
 
 from pinotwin.arrays import Floats, Ints
 
@@ -22,13 +23,30 @@ def leaf(function: Callable[..., Any]) -> Callable[..., Any]:
     numba counts references of every array that it takes out of a tuple. A stepping loop takes some
     hundred of them out per step and creates none; the counting then costs three times the arithmetic
     (1.8 against 0.55 microseconds a step, measured on the trunnion). ``_nrt=False`` leaves it out; the
-    option is numba's own and may go some day.
+    option is numba's own and may go some day. Other threads run meanwhile: axes are searched side by side.
     """
-    options: dict[str, Any] = {"cache": True, "_nrt": False}
+    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
     try:
         return njit(**options)(function)  # type: ignore[no-any-return]
     except (KeyError, TypeError):
-        return njit(cache=True)(function)
+        return njit(cache=True, nogil=True)(function)
+
+
+def entry(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a compiled function that takes named tuples, as Python calls it: in 4 microseconds instead of 200.
+
+    numba knows the type of a named tuple again by a number that dies with the type; where none of them is kept,
+    every call goes the long way round of finding a compiled function (numba 0.68).
+    """
+    kept: list[Any] = []
+
+    @wraps(kernel)
+    def call(*args: Any) -> Any:
+        if not kept:
+            kept.extend(typeof(x) for x in args)
+        return kernel(*args)
+
+    return call
 
 
 @leaf

@@ -31,6 +31,7 @@ from pinotwin.motion import Motion
 from pinotwin.simulation import simulate
 from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.state import Lookup
+from pinotwin.system.threads import side_by_side
 from pinotwin.twin import OpenLoop, Twin
 
 WINDOW = 6.0
@@ -77,34 +78,13 @@ def fit_servos(plant: OpenLoop, motion: Motion, raw: Motion, tell: Callable[[str
         tell: called with the stage and the share of this step done.
     """
     found = Servos()
-    assert raw.qr is not None
-    vr = command_velocity(raw)
-    lookup = plant_of(plant, raw.qr, vr).tables
     d = generalised_disturbance(plant, motion, plant.diagonal)
-    axes = list(plant.machine.axes)
-    problems: dict[str, AxisProblem] = {}
-    first: dict[str, Found] = {}
-    for k, name in enumerate(axes):
-        tell(f"controller of {name}", k / len(axes))
-        i = plant.machine.axes[name].index
-        if np.ptp(raw.qr[:, i]) == 0.0 or not np.isfinite(raw.u[:, i]).any():
-            found.notes.append(f"no controller of {name}: it does not move, or its effort is not logged")
-            continue
-        dry = _friction_effort(plant, motion, name)
-        problem = axis_problem(plant, motion, raw, vr, dry - d[:, i], lookup, name)
-        servo = None
-        if problem is not None:
-            friction, allowed = _refinable(plant, motion, problem, dry, name)
-            servo = look(problem, friction, allowed)
-        if problem is None or servo is None:
-            found.notes.append(
-                f"no controller of {name}: no law keeps the simulated axis on its command; plant and log "
-                "do not fit together"
-            )
-            continue
-        problems[name], first[name] = problem, servo
-    for name, usual in zip(first, shared(list(first.values())), strict=True):
-        servo = settle(problems[name], first[name], usual)
+    told = _looked_at(plant, motion, raw, d, tell)
+    first = {name: look for name, look in told.items() if not isinstance(look, str)}
+    found.notes += [f"no controller of {name}: {why}" for name, why in told.items() if isinstance(why, str)]
+    usual = shared([look for _, look in first.values()])
+    settled = side_by_side(lambda x: settle(*x[0], x[1]), list(zip(first.values(), usual, strict=True)))
+    for name, servo in zip(first, settled, strict=True):
         found.servos[name] = servo.servo
         found.trials[name] = servo.trial or servo.servo
         found.factors[name] = servo.factors
@@ -116,6 +96,34 @@ def fit_servos(plant: OpenLoop, motion: Motion, raw: Motion, tell: Callable[[str
                 "may be missing"
             )
     return found
+
+
+def _looked_at(
+    plant: OpenLoop, motion: Motion, raw: Motion, d: Floats, tell: Callable[[str, float], None]
+) -> dict[str, tuple[AxisProblem, Found] | str]:
+    """Return every axis alone with a first controller, or why it has none."""
+    assert raw.qr is not None
+    vr = command_velocity(raw)
+    lookup = plant_of(plant, raw.qr, vr).tables
+
+    def one(name: str) -> tuple[AxisProblem, Found] | str:
+        i = plant.machine.axes[name].index
+        assert raw.qr is not None
+        if np.ptp(raw.qr[:, i]) == 0.0 or not np.isfinite(raw.u[:, i]).any():
+            return "it does not move, or its effort is not logged"
+        dry = _friction_effort(plant, motion, name)
+        problem = axis_problem(plant, motion, raw, vr, dry - d[:, i], lookup, name)
+        servo = None if problem is None else look(problem, *_refinable(plant, motion, problem, dry, name))
+        if problem is None or servo is None:
+            return "no law keeps the simulated axis on its command; plant and log do not fit together"
+        return problem, servo
+
+    out, axes = {}, list(plant.machine.axes)
+    looks = side_by_side(one, axes)
+    for k, name in enumerate(axes):
+        tell(f"controller of {name}", k / len(axes))
+        out[name] = next(looks)
+    return out
 
 
 def _refinable(
@@ -207,7 +215,7 @@ def axis_problem(
         tables=own_friction(lookup, i),
         windows=windows,
     )
-    y = problem.measured()
+    y = problem.measured
     return replace(problem, sizes=np.maximum(np.sqrt(np.mean(y**2, axis=0)), 1e-300))
 
 

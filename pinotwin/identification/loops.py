@@ -37,6 +37,7 @@ from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.system.threads import side_by_side
 from pinotwin.twin import OpenLoop, Twin
 
 SLOWEST = 1.0 / 50.0
@@ -203,41 +204,63 @@ def fit_loops(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None
     found = Loops(plant.effects, plant.theta.copy())
     disturbance = generalised_disturbance(plant, motion, plant.diagonal)
     axes = list(plant.machine.axes)
+    fits = side_by_side(lambda name: _fit_loop(plant, motion, disturbance, name), axes)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))
-        try:
-            data = loop_data(motion, disturbance, name)
-            trial = _choose(plant, data, name)
-            data, trial = _refined(plant, motion, found, data, trial)
-            model = _refit(data, trial, _bounds(plant.machine, name), afresh=True, judged=True)
-        except DataError as error:
-            found.notes.append(f"no closed loop of {name}: {error}")
-            continue
-        found.models[name] = model
-        found.quality[name] = _judged(data, model, trial)
-        found.quality[name]["refined"] = name in found.refined
-        try:
-            found.controllers[name] = identify_controller(data)
-        except DataError as error:
-            found.notes.append(f"no controller of {name}: {error}")
+        fit = next(fits)
+        found.notes += fit.notes
+        if fit.model is not None:
+            found.models[name], found.quality[name] = fit.model, fit.quality
+        if fit.refined is not None:
+            _keep(found, *fit.refined)
+        if fit.controller is not None:
+            found.controllers[name] = fit.controller
     return found
 
 
+@dataclass(frozen=True)
+class _Fit:
+    """What was found of one axis: its loop and its judgement, sampled law, effects before and after refinement."""
+
+    model: LoopModel | None = None
+    quality: dict[str, Any] = field(default_factory=dict)
+    controller: Controller | None = None
+    refined: tuple[AxisEffects, AxisEffects] | None = None
+    notes: tuple[str, ...] = ()
+
+
+def _fit_loop(plant: OpenLoop, motion: Motion, disturbance: Floats, name: str) -> _Fit:
+    """Return the loop of one axis; a note where there is none."""
+    try:
+        data = loop_data(motion, disturbance, name)
+        trial = _choose(plant, data, name)
+        data, trial, refined = _refined(plant, motion, data, trial)
+        model = _refit(data, trial, _bounds(plant.machine, name), afresh=True, judged=True)
+    except DataError as error:
+        return _Fit(notes=(f"no closed loop of {name}: {error}",))
+    fit = _Fit(model, _judged(data, model, trial) | {"refined": refined is not None}, refined=refined)
+    try:
+        return replace(fit, controller=identify_controller(data))
+    except DataError as error:
+        return replace(fit, notes=(f"no controller of {name}: {error}",))
+
+
 def _refined(
-    plant: OpenLoop, motion: Motion, found: Loops, data: LoopData, trial: LoopModel
-) -> tuple[LoopData, LoopModel]:
+    plant: OpenLoop, motion: Motion, data: LoopData, trial: LoopModel
+) -> tuple[LoopData, LoopModel, tuple[AxisEffects, AxisEffects] | None]:
     """Refine an axis' friction and position effects through its loop, unless held-out data object.
 
     The first part of the log refines, the rest judges. Loop and effects are found in turn: poles that
     were fitted beside wrong friction pull the friction along, most of all where a structure bends.
 
     Returns:
-        Data with the disturbance of the effects that were kept, and the loop of its first part.
+        Data with the disturbance of the effects that were kept, the loop of its first part, and the effects before
+        and after; None where they stay as they are.
     """
     deviations = np.sqrt(np.maximum(np.diag(plant.covariance), 0.0))
-    mine = axis_effects(plant.effects, plant.slices, found.theta, deviations, data.axis)
+    mine = axis_effects(plant.effects, plant.slices, plant.theta, deviations, data.axis)
     if mine is None:
-        return data, trial
+        return data, trial, None
     kept, before = mine, errors(data, trial, held_out=True)
     for turn in range(ROUNDS):
         near = replace(kept, error=mine.error)
@@ -253,9 +276,7 @@ def _refined(
         kept, data, trial, before = better, renewed, retried, after
         if gain < ENOUGH:
             break
-    if kept is not mine:
-        _keep(found, mine, kept)
-    return data, trial
+    return data, trial, None if kept is mine else (mine, kept)
 
 
 def _gain(before: dict[str, float], after: dict[str, float]) -> float:

@@ -13,12 +13,12 @@ from pinotwin.arrays import Floats, Ints
 TINY = 1e-200
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _flush(x: float) -> float:
     return 0.0 if abs(x) < TINY else x
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a first-order section and by its derivative with respect to log p.
 
@@ -42,7 +42,7 @@ def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: F
             out[m, 1, k - first] = dx
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a second-order section and by its derivatives with respect to log wn, log zeta.
 
@@ -81,7 +81,7 @@ def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Fl
             out[m, 4, i], out[m, 5, i] = ex, ey
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
     A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, start: int, stop: int, out: Floats
 ) -> None:

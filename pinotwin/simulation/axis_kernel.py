@@ -6,12 +6,14 @@ general kernel's. The general kernel is the reference: a test holds both to the 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.stepping import leaf
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.stepping import entry, leaf
+from pinotwin.simulation.state import Lookup
 
 
 class Axis(NamedTuple):
@@ -76,23 +78,12 @@ class Memory(NamedTuple):
         bend: of presliding elements, shape (m, 7).
         where: their positions, shape (m,).
         one: effort, damping and stiffness of the element last moved, shape (3,).
-        x: position, velocity, velocity seen, integral, effort, two of the notch, the
-            velocity before, shape (8,).
-        c: command and its two derivatives, shape (3,).
-        at: place of the present effort in ``late``, shape (1,).
     """
 
     late: Floats
     bend: Floats
     where: Floats
     one: Floats
-    x: Floats
-    c: Floats
-    at: Ints
-
-
-Q, V, SEEN, WOUND, OUT, FIRST, SECOND, BEFORE = range(8)
-"""Places in ``Memory.x``."""
 
 
 @leaf
@@ -139,116 +130,160 @@ def bend(tables, k, q, v, pace, memory):  # type: ignore[no-untyped-def]
 
 
 @leaf
-def _law(axis, h, c, memory):  # type: ignore[no-untyped-def]
-    """Step the controller; return the effort that acts."""
-    x, g = memory.x, axis.gains
-    e = c[0] - shown(x[Q], axis.tick, axis.origin)
-    v = 1.5 * x[V] - 0.5 * x[BEFORE]  # the velocity of the scheme is half a step late
-    x[BEFORE] = x[V]
-    x[SEEN] += axis.see * (v - x[SEEN])
-    u = g[0] * e + x[WOUND] - g[2] * x[SEEN] + g[3] * c[1] + g[5] * c[2]
-    if axis.notched == 1:
-        b = axis.notch
-        y = b[0] * u + x[FIRST]
-        x[FIRST] = b[1] * u - b[3] * y + x[SECOND]
-        x[SECOND] = b[2] * u - b[4] * y
-        u = y
-    if abs(u) <= axis.limit:
-        x[WOUND] += h * (g[1] * e + g[4] * c[1])
-    else:
-        u = axis.limit if u > 0.0 else -axis.limit
-    x[OUT] += axis.lag * (u - x[OUT])
-    late, size = memory.late, len(memory.late)
-    at = memory.at[0] + 1
-    if at == size:
-        at = 0
-    memory.at[0] = at
-    late[at] = x[OUT]
-    i = at - axis.whole
-    if i < 0:
-        i += size
-    return late[i] + axis.part * (late[i - 1 if i > 0 else size - 1] - late[i])
+def _command(course, rate, row, s):  # type: ignore[no-untyped-def]
+    """Return the command and its two derivatives at a share ``s`` of the way from a row to the next.
+
+    ``rate`` is that of the log: a division costs as much as the rest.
+    """
+    step, begun = course.step, course.qr[row]
+    dq, c1, v1 = course.qr[row + 1] - begun, step * course.vr[row], step * course.vr[row + 1]
+    c2, c3 = 3.0 * dq - 2.0 * c1 - v1, c1 + v1 - 2.0 * dq
+    q = begun + s * (c1 + s * (c2 + s * c3))
+    return q, (c1 + s * (2.0 * c2 + s * 3.0 * c3)) * rate, (2.0 * c2 + 6.0 * s * c3) * (rate * rate)
 
 
 @leaf
-def _move(axis, tables, h, force, memory):  # type: ignore[no-untyped-def]
-    """Move the axis over a step under a force, less its friction."""
-    x = memory.x
-    v, top = x[V], float(tables.velocity.shape[2] - 1)
-    force -= axis.viscous * v
-    A = axis.inertia + h * axis.viscous
-    share = abs(v) * tables.slowness[0]
-    pace = top * np.sqrt(share) if share < 1.0 else top
-    for k in range(len(tables.speeds)):
-        effort = level_at(tables.velocity, k, 0 if v >= 0.0 else 1, pace)
-        force -= effort
-        if abs(v) > 1e-12:
-            A += h * max(effort / v, 0.0)
-    for k in range(len(tables.slips)):
-        bend(tables, k, x[Q], v, pace, memory)
-        force -= memory.one[0] + h * memory.one[2] * v
-        A += h * (memory.one[1] + h * memory.one[2])
-    w = v + h * force / A
+def _asked(axis, h, c, q, v, law):  # type: ignore[no-untyped-def]
+    """Step the law; return its state: velocity seen, integral, effort after the current loop, two of the notch."""
+    g = axis.gains
+    seen, wound, out, first, second = law
+    e = c[0] - shown(q, axis.tick, axis.origin)
+    seen += axis.see * (v - seen)
+    u = g[0] * e + wound - g[2] * seen + g[3] * c[1] + g[5] * c[2]
+    if axis.notched == 1:
+        b = axis.notch
+        y = b[0] * u + first
+        first = b[1] * u - b[3] * y + second
+        second = b[2] * u - b[4] * y
+        u = y
+    if abs(u) <= axis.limit:
+        wound += h * (g[1] * e + g[4] * c[1])
+    else:
+        u = axis.limit if u > 0.0 else -axis.limit
+    return seen, wound, out + axis.lag * (u - out), first, second
+
+
+@leaf
+def _acts(axis, late, at, out):  # type: ignore[no-untyped-def]
+    """Put an effort in its place ``at``; return the one that acts after the dead time."""
+    late[at] = out
+    i = at - axis.whole
+    if i < 0:
+        i += len(late)
+    return late[i] + axis.part * (late[i - 1 if i > 0 else len(late) - 1] - late[i])
+
+
+@leaf
+def _dry(tables, pace):  # type: ignore[no-untyped-def]
+    """Return the least and the largest effort of dry friction."""
     low, high = 0.0, 0.0
     for k in range(len(tables.dry)):
         low += level_at(tables.dry, k, 1, pace)
         high += level_at(tables.dry, k, 0, pace)
-    if low > high:
-        low = high = 0.5 * (low + high)
-    stop = w * A / h
-    stop = high if stop > high else (low if stop < low else stop)
-    x[V] = w - h * stop / A
-    x[Q] += h * x[V]
+    return (low, high) if low <= high else (0.5 * (low + high), 0.5 * (low + high))
+
+
+@leaf
+def _nothing(tables, h, q, v, pace, memory):  # type: ignore[no-untyped-def]
+    """Return effort and damping where friction is viscous and dry alone."""
+    return 0.0, 0.0
+
+
+@leaf
+def _further(tables, h, q, v, pace, memory):  # type: ignore[no-untyped-def]
+    """Return effort and damping over a step of friction of the velocity and of presliding elements; move these."""
+    effort, damping = 0.0, 0.0
+    for k in range(len(tables.speeds)):
+        slows = level_at(tables.velocity, k, 0 if v >= 0.0 else 1, pace)
+        effort += slows
+        if abs(v) > 1e-12:
+            damping += max(slows / v, 0.0)
+    for k in range(len(tables.slips)):
+        bend(tables, k, q, v, pace, memory)
+        effort += memory.one[0] + h * memory.one[2] * v
+        damping += memory.one[1] + h * memory.one[2]
+    return effort, damping
+
+
+@leaf
+def _pace(tables, v):  # type: ignore[no-untyped-def]
+    """Return the place of a velocity in the tables."""
+    top, share = float(tables.velocity.shape[2] - 1), abs(v) * tables.slowness[0]
+    return top * np.sqrt(share) if share < 1.0 else top
+
+
+@leaf
+def _move(tables, A, h, force, q, v, pace):  # type: ignore[no-untyped-def]
+    """Return position and velocity of a mass A after a step under a force less its dry friction."""
+    low, high = _dry(tables, pace)
+    force += v * (A / h)  # what stops the axis within the step
+    v = (h / A) * (force - (high if force > high else (low if force < low else force)))
+    return q + h * v, v
 
 
 @leaf
 def _begin(axis, c, start, memory):  # type: ignore[no-untyped-def]
-    """Begin at position, velocity and effort ``start``."""
-    x, g, b = memory.x, axis.gains, axis.notch
+    """Return the state of the law at position, velocity and effort ``start``; fill the memory likewise."""
+    g, b = axis.gains, axis.notch
     q, v, u = start[0], start[1], start[2]
     law = g[0] * (c[0] - shown(q, axis.tick, axis.origin)) - g[2] * v + g[3] * c[1] + g[5] * c[2]
-    x[Q], x[V], x[SEEN], x[OUT], x[BEFORE] = q, v, v, u, v
-    x[WOUND] = u - law if np.isnan(axis.offset) else axis.offset
-    x[FIRST], x[SECOND] = u * (1.0 - b[0]), u * (b[2] - b[4])
     for k in range(len(memory.late)):
         memory.late[k] = u
     for k in range(len(memory.where)):
         memory.where[k] = q
+    return v, u - law if np.isnan(axis.offset) else axis.offset, u, u * (1.0 - b[0]), u * (b[2] - b[4])
 
 
-@leaf
-def run(axis, tables, course, memory, start, out):  # type: ignore[no-untyped-def]
+def _loop(further: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the stepping loop of an axis with a further friction; see :func:`run`."""
+
+    @leaf
+    def loop(axis, tables, course, memory, start, out):  # type: ignore[no-untyped-def]
+        n, sub, at = len(course.qr), course.substeps, 0
+        h, rate = course.step / sub, 1.0 / course.step
+        q, v, before = start[0], start[1], start[1]
+        law = _begin(axis, _command(course, rate, 0, 0.0), start, memory)
+        for row in range(n - 1):
+            load, rise = course.load[row], course.load[row + 1] - course.load[row]
+            for k in range(sub):
+                s = k / sub
+                c = _command(course, rate, row, s)
+                e = c[0] - q
+                law = _asked(axis, h, c, q, 1.5 * v - 0.5 * before, law)  # the scheme's v is half a step late
+                at = at + 1 if at + 1 < len(memory.late) else 0
+                force = _acts(axis, memory.late, at, law[2]) + load + s * rise
+                if k == 0:
+                    out[row, 0], out[row, 1] = e, law[2]
+                    if not abs(e) <= course.error:
+                        return row
+                pace, before = _pace(tables, v), v
+                effort, damping = further(tables, h, q, v, pace, memory)
+                force -= axis.viscous * v + effort
+                A = axis.inertia + h * (axis.viscous + damping)
+                q, v = _move(tables, A, h, force, q, v, pace)
+        out[n - 1, 0], out[n - 1, 1] = course.qr[n - 1] - q, law[2]
+        return -1
+
+    return entry(loop)
+
+
+_plain, _whole = _loop(_nothing), _loop(_further)
+
+
+def run(axis: Axis, tables: Lookup, course: Course, memory: Memory, start: Floats, out: Floats) -> int:
     """Step through a command from position, velocity and effort ``start``; fill e and u, (n, 2).
+
+    The state is handed on as plain numbers, and an axis of viscous and dry friction has a loop of its own: arrays,
+    and what is never done, triple the time of a step.
 
     Returns:
         Row at which the tracking error exceeded its limit, or -1.
     """
-    n, sub, step = len(course.qr), course.substeps, course.step
-    h, x, c = step / sub, memory.x, memory.c
-    qr, vr, load = course.qr, course.vr, course.load
-    for row in range(n - 1):
-        dq, c1, v1 = qr[row + 1] - qr[row], step * vr[row], step * vr[row + 1]
-        c2, c3 = 3.0 * dq - 2.0 * c1 - v1, c1 + v1 - 2.0 * dq
-        for k in range(sub):
-            s = k / sub
-            c[0] = qr[row] + s * (c1 + s * (c2 + s * c3))
-            c[1] = (c1 + s * (2.0 * c2 + s * 3.0 * c3)) / step
-            c[2] = (2.0 * c2 + 6.0 * s * c3) / (step * step)
-            if row == 0 and k == 0:
-                _begin(axis, c, start, memory)
-            e = c[0] - x[Q]
-            act = _law(axis, h, c, memory)
-            if k == 0:
-                out[row, 0], out[row, 1] = e, x[OUT]
-                if not abs(e) <= course.error:
-                    return row
-            _move(axis, tables, h, act + load[row] + s * (load[row + 1] - load[row]), memory)
-    out[n - 1, 0], out[n - 1, 1] = qr[n - 1] - x[Q], x[OUT]
-    return -1
+    loop = _whole if len(tables.slips) or len(tables.speeds) else _plain
+    return int(loop(axis, tables, course, memory, start, out))
 
 
 def room(whole: int, slips: int, elements: int) -> Memory:
     """Return fresh memory."""
     z = np.zeros
-    at = np.zeros(1, dtype=np.intp)
-    return Memory(z(whole + 2), z((slips, elements + 1)), z(slips), z(3), z(8), z(3), at)
+    return Memory(z(whole + 2), z((slips, elements + 1)), z(slips), z(3))

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinotwin.dynamics.stepping import gather, leaf, replay
+from pinotwin.dynamics.stepping import entry, gather, leaf, replay
 from pinotwin.simulation.axis_kernel import bend, level_at, shown
 from pinotwin.simulation.kernel import _command, _cubic
 from pinotwin.simulation.lookup import along
@@ -217,6 +217,7 @@ def begin(servos, c, s):  # type: ignore[no-untyped-def]
             s.late[j, k] = s.u[j]
 
 
+@entry
 @leaf
 def settle(plant, tables, servos, command, s):  # type: ignore[no-untyped-def]
     """Begin as the command does: no tracking error, the effort that this motion takes."""
@@ -279,6 +280,7 @@ def _row(plant, tables, servos, command, row, s, record):  # type: ignore[no-unt
     return -1
 
 
+@entry
 @leaf
 def run(plant, tables, servos, command, s, record):  # type: ignore[no-untyped-def]
     """Step through the whole command from the state ``s``.

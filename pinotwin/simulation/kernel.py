@@ -17,7 +17,7 @@ step, at the predicted state, the scheme is of second order.
 
 from __future__ import annotations
 
-from pinotwin.dynamics.stepping import gather, leaf, replay
+from pinotwin.dynamics.stepping import entry, gather, leaf, replay
 from pinotwin.simulation.blocks import (
     D_RATE,
     D_RATE2,
@@ -231,6 +231,7 @@ def _write(record, row, s):  # type: ignore[no-untyped-def]
             record.v[row, j], record.a[row, j], record.d[row, j] = s.v[j], s.a[j], s.d[j]
 
 
+@entry
 @leaf
 def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
     """Put the loops in equilibrium under the first command: cold start, friction not yet loaded.
@@ -269,6 +270,7 @@ def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
     _finish(plant, blocks, s.old, s)
 
 
+@entry
 @leaf
 def run(plant, tables, blocks, command, s, record):  # type: ignore[no-untyped-def]
     """Step through the whole command from the state ``s``.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -122,19 +123,24 @@ def free_gains(form: Servo) -> list[int]:
 
 @dataclass(frozen=True)
 class Found:
-    """A controller with its error on the windows it was fitted to."""
+    """A controller with its error on the windows it was fitted to; ``slopes`` finds its Jacobian."""
 
     servo: Servo
     cost: float
     extra: Factors
     x: Floats
-    jacobian: Floats
+    slopes: Callable[[], Floats]
     residual: Floats
     search: Search
     noise: Floats
     held_out: tuple[float, float] = (np.nan, np.nan)
     trial: Servo | None = None
     factors: Factors = AS_FOUND
+
+    @cached_property
+    def jacobian(self) -> Floats:
+        """Slopes of the residuals and of the doubts, shape (m, k); only the last answer of a search is asked."""
+        return self.slopes()
 
     @property
     def errors(self) -> tuple[float, float]:
@@ -148,7 +154,7 @@ def misfit(p: AxisProblem, servo: Servo, extra: Factors = AS_FOUND) -> Floats | 
     y = p.response(servo, extra)
     if y is None or not np.isfinite(y).all():
         return None
-    return ((y - p.measured()) / (p.sizes * p.noise)).ravel() / np.sqrt(len(y))
+    return ((y - p.measured) / (p.sizes * p.noise)).ravel() / np.sqrt(len(y))
 
 
 def polish(
@@ -160,7 +166,7 @@ def polish(
 ) -> Found | None:
     """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start.
 
-    A search that begins at a law that holds its axis keeps to such: windows of a few seconds, each begun in the
+    A search that begins at a law that holds its axis goes to such alone: windows of a few seconds, each begun in the
     measured state, may be shown as well by a loop that grows slowly.
 
     Args:
@@ -177,45 +183,48 @@ def polish(
     doubt = np.sqrt(CORRELATED / max(rows, 1))
     guarded = p.holds(servo)
 
+    def allowed(x: Floats) -> bool:
+        return not guarded or p.holds(search.servo(x), search.extra(x))
+
     def at(x: Floats) -> Floats | None:
-        if guarded and not p.holds(search.servo(x), search.extra(x)):
-            return None
         r = misfit(p, search.servo(x), search.extra(x))
         if r is None:
             return None
         told = [search.doubt(x, p.usual, p.inertia), *([] if known is None else [known @ (x - begun)])]
         return np.concatenate([r, doubt * np.concatenate(told)])
 
-    found = descend(at, x, steps)
+    found = descend(at, x, allowed, steps)
     if found is None:
         return None
-    x, r, J = found
+    x, r = found
     cost = float(r @ r)
-    left = r[: 2 * rows]
-    return Found(search.servo(x), cost, search.extra(x), x, J, left, search, p.noise)
+    return Found(
+        search.servo(x), cost, search.extra(x), x, lambda: slopes(at, x, r), r[: 2 * rows], search, p.noise
+    )
 
 
 def descend(
-    at: Callable[[Floats], Floats | None], x: Floats, steps: int = STEPS
-) -> tuple[Floats, Floats, Floats] | None:
-    """Return where a sum of squares is least near a start, its residuals and their slopes (Levenberg-Marquardt).
+    at: Callable[[Floats], Floats | None], x: Floats, allowed: Callable[[Floats], bool], steps: int = STEPS
+) -> tuple[Floats, Floats] | None:
+    """Return where a sum of squares is least near a start, and its residuals there (Levenberg-Marquardt).
 
     Args:
         at: residuals at a point, or None where there are none.
         x: the start, each coordinate in a size of its own.
+        allowed: where a step may end.
         steps: most steps.
     """
     r = at(x)
     if r is None:
         return None
     damping, cost = 1e-3, float(r @ r)
-    J = _slopes(at, x, r)
     for _ in range(steps):
+        J = slopes(at, x, r)
         A, g, trial, move = J.T @ J, J.T @ r, None, x
         for _ in range(9):
             full = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-12), -g)
             move = np.asarray(full * min(1.0, LONGEST / max(float(np.abs(full).max()), 1e-300)), dtype=float)
-            trial = at(x + move)
+            trial = at(x + move) if allowed(x + move) else None
             if trial is not None and float(trial @ trial) < cost:
                 break
             trial, damping = None, damping * 6.0
@@ -226,11 +235,11 @@ def descend(
         damping = max(damping / 30.0, 1e-9)
         if gain < ENOUGH:
             break
-        J = _slopes(at, x, r)
-    return x, r, J
+    return x, r
 
 
-def _slopes(at: Callable[[Floats], Floats | None], x: Floats, r: Floats) -> Floats:
+def slopes(at: Callable[[Floats], Floats | None], x: Floats, r: Floats) -> Floats:
+    """Return the slopes of residuals r at a point, shape (m, k), by difference quotients; 0 where there are none."""
     J = np.zeros((len(r), len(x)))
     for i in range(len(x)):
         for step in (1e-3, -1e-3):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -38,6 +39,12 @@ PLANT = ("inertia", "viscous", "dry", "fading")
 Factors = tuple[float, float, float, float]
 """On inertia, viscous friction, dry friction at speed, and the part of it that fades with speed."""
 AS_FOUND: Factors = (1.0, 1.0, 1.0, 1.0)
+
+
+@cache
+def _commands(step: float) -> Floats:
+    """Return the frequencies of the commands that a controller has to bear [Hz]; asked for thousands of times."""
+    return np.geomspace(SLOWEST, FASTEST / step, COMMANDS)
 
 
 def skipped(step: float) -> int:
@@ -79,6 +86,10 @@ class AxisProblem:
     noise: Floats = field(default_factory=lambda: np.ones(2))
     usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: USUAL)
 
+    @cached_property
+    def _travel(self) -> float:
+        return float(np.ptp(self.qr))
+
     @property
     def substeps(self) -> int:
         """Internal steps a sample."""
@@ -114,8 +125,7 @@ class AxisProblem:
     def holds(self, servo: Servo, extra: Factors = AS_FOUND) -> bool:
         """Whether a controller holds the axis on any command, where nothing but viscous friction helps it."""
         plant = extra[0] * self.inertia, extra[1] * self.viscous
-        f = np.geomspace(SLOWEST, FASTEST / self.step, COMMANDS)
-        return stable(servo, *plant) and command_peak(servo, *plant, f) < THROWN_OFF
+        return stable(servo, *plant) and command_peak(servo, *plant, _commands(self.step)) < THROWN_OFF
 
     def fine_error(
         self, servo: Servo, window: slice, command: tuple[Floats, Floats], substeps: int
@@ -155,7 +165,7 @@ class AxisProblem:
         self, axis: Axis, s: slice, course: tuple[Floats, Floats, Floats], step: float, substeps: int
     ) -> Floats | None:
         """Return e and u of a window that begins in the measured state, shape (n, 2); None if it runs away."""
-        tables, limit = self.tables, 0.2 * float(np.ptp(self.qr)) + 1e-9
+        tables, limit = self.tables, 0.2 * self._travel + 1e-9
         qr, vr, load = (np.ascontiguousarray(x) for x in course)
         memory = axis_kernel.room(axis.whole, len(tables.slips), tables.give.shape[1])
         effort = float(np.mean(self.u[s.start : s.start + 3]))
@@ -177,7 +187,8 @@ class AxisProblem:
         cut = max(1, round(TRAINED * len(self.windows)))
         return self.within(self.windows[:cut]), self.within(self.windows[cut:] or self.windows[-1:])
 
+    @cached_property
     def measured(self) -> Floats:
-        """Return e and u on all windows, shape (rows, 2)."""
+        """Error and effort on all windows, shape (rows, 2)."""
         parts = [slice(s.start + self.skip, s.stop) for s in self.windows]
         return np.concatenate([np.column_stack([(self.qr - self.q)[s], self.u[s]]) for s in parts])
