@@ -41,8 +41,11 @@ def assert_channels(log: Log, names: list[str], table: np.ndarray) -> None:
         np.testing.assert_array_equal(log[name], column)
 
 
+ROOM = tempfile.TemporaryDirectory()  # one for all examples: away at the end, not thousands of directories in /tmp
+
+
 def fresh(name: str) -> Path:
-    return Path(tempfile.mkdtemp()) / name
+    return Path(tempfile.mkdtemp(dir=ROOM.name)) / name
 
 
 @few

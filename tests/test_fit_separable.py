@@ -158,6 +158,18 @@ def test_search_is_deterministic():
     assert one.evaluations == two.evaluations
 
 
+def test_blocks_that_are_known_are_not_scanned_again():
+    """The way back from a wider effect of one axis: the same answer for a fraction of the search."""
+    machine = Machine(3)
+    problem = machine.problem(np.random.default_rng(3), 0.002)
+    whole = separable(problem, machine.moving)
+    known = {b: whole.shape_values(m.name) for b, m in enumerate(machine.moving[:-1])}
+    again = separable(problem, machine.moving, known=known)
+    assert again.evaluations < 0.5 * whole.evaluations
+    assert_allclose([s.value for s in again.shapes], [s.value for s in whole.shapes], rtol=1e-5)
+    assert_allclose(again.fit.theta, whole.fit.theta, rtol=1e-4, atol=1e-6)
+
+
 def test_small_coordinates_keep_cost_and_gradient():
     machine = Machine(2, n=300)
     problem = machine.problem(np.random.default_rng(2), 0.1)

@@ -144,8 +144,9 @@ def _solve(motion: Motion, effects: tuple[Effect, ...], rows: Rows, options: Opt
     wider = widened(motion, found[1], rows)
     if not wider:
         return found
-    effects = tuple(wider.get(k, effect) for k, effect in enumerate(effects))
-    return search_shapes(motion, effects, rows, searched, options)
+    effects = tuple(wider.get(k, effect) for k, effect in enumerate(found[1]))
+    again = [k for k in searched if effects[k].axis in {effect.axis for effect in wider.values()}]
+    return search_shapes(motion, effects, rows, searched, options, again)
 
 
 def _consistent(machine: Machine, fit: LinearFit, effects: Sequence[Effect], pi0: Floats) -> ConsistentFit:

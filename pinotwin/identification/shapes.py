@@ -29,6 +29,7 @@ def search_shapes(
     rows: Rows,
     searched: Sequence[int],
     options: Options,
+    unknown: Sequence[int] | None = None,
 ) -> Found:
     """Find the shapes of some effects together with all coefficients.
 
@@ -38,6 +39,7 @@ def search_shapes(
         rows: rows to fit.
         searched: indices of the effects whose shapes are searched.
         options: prior and bounds in the order of theta.
+        unknown: those of them that are searched all over; about the others' present shapes only. All by default.
 
     Returns:
         The linear fit in the order of the effects, the effects at the shapes found, and for every
@@ -51,7 +53,9 @@ def search_shapes(
     keys, names = effect_keys(effects), coefficient_names(effects)
     problem = problem.with_columns(problem.W, [names[k] for k in order[: problem.parameters]])
     blocks = [_moving(motion, effects[i], keys[i], tuple(names[slices[i]]), rows) for i in searched]
-    found = separable(problem, blocks, _permuted(options, order))
+    present = {k: np.array(effects[i].shape_values()) for k, i in enumerate(searched)}
+    known = {} if unknown is None else {k: x for k, x in present.items() if searched[k] not in unknown}
+    found = separable(problem, blocks, _permuted(options, order), known)
     shaped, errors, bounds = _with_shapes(effects, searched, found.shapes)
     return _restored(found.fit, np.argsort(order)), shaped, errors, bounds
 

@@ -12,7 +12,7 @@ widens that of theta.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,13 +37,19 @@ POLISHED = 3
 """Most rival basins that are polished beside the best."""
 
 
-def separable(problem: Problem, moving: Sequence[Moving], options: Options | None = None) -> SeparableFit:
+def separable(
+    problem: Problem,
+    moving: Sequence[Moving],
+    options: Options | None = None,
+    known: Mapping[int, Floats] | None = None,
+) -> SeparableFit:
     """Fit fixed columns and moving blocks together.
 
     Args:
         problem: rows whose regressor holds the fixed columns (at least none).
         moving: the blocks with shapes.
         options: prior and bounds cover fixed coefficients first, then those of each block in turn.
+        known: shape values about which some blocks are right already, by block: these are polished, not scanned.
 
     Raises:
         DataError: options that do not fit.
@@ -54,7 +60,7 @@ def separable(problem: Problem, moving: Sequence[Moving], options: Options | Non
     if not moving:
         fit = linear(problem, options)
         return SeparableFit(fit, (), np.zeros(0), np.zeros((0, 0)), (), 0, True)
-    search = _Search(problem, tuple(moving), options)
+    search = _Search(problem, tuple(moving), options, known or {})
     search.look()
     search.sweep()
     return search.finish()
@@ -63,7 +69,9 @@ def separable(problem: Problem, moving: Sequence[Moving], options: Options | Non
 class _Search:
     """The state of one search: where the shapes are now, and what has been found on the way."""
 
-    def __init__(self, problem: Problem, moving: tuple[Moving, ...], options: Options) -> None:
+    def __init__(
+        self, problem: Problem, moving: tuple[Moving, ...], options: Options, known: Mapping[int, Floats]
+    ) -> None:
         self.problem = problem
         self.moving = moving
         self.options = options
@@ -75,23 +83,27 @@ class _Search:
             np.full(p, np.inf) if options.upper is None else options.upper,
             options.tolerance,
         )
-        self.x = [np.array([g[len(g) // 2] for g in m.grids]) for m in moving]
-        self.basins: list[list[Basin]] = [[] for _ in moving]
+        middle = [np.array([g[len(g) // 2] for g in m.grids]) for m in moving]
+        self.x = [moving[b].search(known[b]) if b in known else x for b, x in enumerate(middle)]
+        self.unknown = [b for b in range(len(moving)) if b not in known]
+        self.basins: list[list[Basin]] = [[Basin(x, 0.0)] for x in self.x]
         self.evaluations = 0
         fixed = Options(sigma=options.sigma, tolerance=options.tolerance)
         self.sigma = solve(self.projection.reduced(), fixed).sigma
 
     def look(self) -> None:
-        """Scan every block alone and take the best of each as a first guess."""
-        for b in range(len(self.moving)):
-            self.scan(b, [], refine=False)
+        """Scan every unknown block beside the known ones and take the best of each as a first guess."""
+        known = [b for b in range(len(self.moving)) if b not in self.unknown]
+        columns = [(b, self.moving[b].at(self.x[b])) for b in known]
+        for b in self.unknown:
+            self.scan(b, columns, refine=False)
         self.reweigh()
 
     def sweep(self) -> None:
-        """Scan every block with the others in place, strongest first, until none jumps."""
+        """Scan every unknown block with the others in place, strongest first, until none jumps."""
         columns = [m.at(x) for m, x in zip(self.moving, self.x, strict=True)]
         for _ in range(SWEEPS):
-            order = sorted(range(len(self.moving)), key=lambda b: -self.basins[b][0].gain)
+            order = sorted(self.unknown, key=lambda b: -self.basins[b][0].gain)
             jumped = False
             for b in order:
                 before = self.x[b]
