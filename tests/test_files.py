@@ -41,7 +41,8 @@ def assert_channels(log: Log, names: list[str], table: np.ndarray) -> None:
         np.testing.assert_array_equal(log[name], column)
 
 
-ROOM = tempfile.TemporaryDirectory()  # one for all examples: away at the end, not thousands of directories in /tmp
+ROOM = tempfile.TemporaryDirectory()
+"""One for all examples: gone at the end, where thousands of directories stayed in /tmp."""
 
 
 def fresh(name: str) -> Path:
