@@ -100,6 +100,17 @@ def test_a_push_of_any_length_is_found_with_its_time_and_force(start: float, len
     assert push.force == pytest.approx(-4.0, abs=4.0 * push.error + 0.3)
 
 
+def test_a_strong_part_of_a_push_is_counted_once() -> None:
+    """Foreign 809: the parts of a half sine, each with the mean of all that lies in it, came to twice the push."""
+    m, rng = motion(), np.random.default_rng(4)
+    pushed = 60.0 * np.clip(np.sin(np.pi * (m.t - 5.0) / 0.3), 0.0, None) * ((m.t > 5.0) & (m.t < 5.3))
+    new, own = rows(pushed + rng.normal(size=len(m))), rows(rng.normal(size=len(m)), 3)
+    found = episodes(new, new.residual, own.residual, own, {0: 1.0}, 0)
+    assert found is not None
+    assert len(found.episodes) > 1
+    assert np.sum((new.residual[0] - found.course) ** 2) < 0.1 * np.sum(new.residual[0] ** 2)
+
+
 def test_noise_alone_holds_no_push() -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.data.samples import judged_rows, sample, sliding
 from pinotwin.diagnosis.data.scatter import scatter
+from pinotwin.diagnosis.evidence.held_out import Judged
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.grade import stays
 from pinotwin.diagnosis.result import Found as Named
@@ -22,11 +26,11 @@ from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.duel import duel
 from pinotwin.diagnosis.search.forward import Found, search, simplest
-from pinotwin.diagnosis.search.injections import confidences
+from pinotwin.diagnosis.search.injections import confidences, same_cause
 from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
-from pinotwin.diagnosis.search.scan import Searcher
+from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import lacked
-from pinotwin.effects import EFFECTS, Effect, Offset, Presliding, Viscous
+from pinotwin.effects import EFFECTS, Effect, InertialCoupling, Offset, Presliding, Viscous
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -74,6 +78,23 @@ def test_of_a_machine_noise_is_no_open_gap(machine: Machine) -> None:
     size = c.new.size(0)
     noisy = Gap(rms=0.3 * size, nrmse=0.3, noise=0.29 * size, after=0.3 * size)
     assert stays(noisy.after, noisy.noise, noisy.misfit, size) == pytest.approx(np.sqrt(0.3**2 - 0.29**2))
+
+
+def one_number(effect: Effect, joints: Sequence[int], gain: float) -> Scored:
+    """Return a candidate of one number with a gain."""
+    found = SimpleNamespace(theta=np.ones(1))
+    return Scored(effect, [{j: np.ones((2, 1)) for j in joints}], cast(Judged, found), gain, 0.5, joints[0])
+
+
+def test_of_two_causes_that_no_motion_tells_apart_the_one_on_a_single_axis_is_named() -> None:
+    """Foreign 807: a constant force of one of three upright slides is an inertia between two of them as well."""
+    searcher = cast(Searcher, SimpleNamespace(comparison=SimpleNamespace(change=False)))
+    pairs = ("Z", "Y"), ("Y", "Z")
+    shared = [one_number(InertialCoupling(a, partner=b), (0, 1), 1.001) for a, b in pairs]
+    alone = one_number(Offset("Y"), (1,), 1.0)
+    assert simplest([*shared, alone], searcher, RULES) is alone
+    assert same_cause(*shared)
+    assert not same_cause(shared[0], one_number(InertialCoupling("X", partner="Y"), (1, 2), 1.0))
 
 
 def with_residual(c: Comparison, r: np.ndarray) -> Comparison:

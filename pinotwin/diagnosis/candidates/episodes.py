@@ -52,7 +52,8 @@ class Episodes:
         interval: 90 % interval of the share, over stretches of the log drawn with replacement.
         gains: the gain of every block, shape (K,).
         rows: which rows of the axis lie in an episode, shape (m,).
-        places: first row of each episode, and the row after its last.
+        course: what the pushes add to the residual; a strong part of a longer push is an episode within another one,
+            so that it is no sum of the episodes' forces [N or N·m], shape (m,).
     """
 
     joint: int
@@ -62,7 +63,7 @@ class Episodes:
     interval: tuple[float, float]
     gains: Floats
     rows: Mask
-    places: Sequence[tuple[int, int]]
+    course: Floats
 
 
 def episodes(
@@ -115,7 +116,8 @@ def episodes(
     listed = [_episode(sample, joint, floor[joint], r, t, segment, a, b) for a, b in sorted(found)]
     share = gain / max(float(r @ r), 1e-300)
     interval = share_interval(before, after)
-    return Episodes(joint, listed, gain, share, interval, before - after, inside, sorted(found))
+    course = floor[joint] * (r - _levelled(r, found))
+    return Episodes(joint, listed, gain, share, interval, before - after, inside, course)
 
 
 def _time(sample: Sample, joint: int) -> tuple[Floats, Ints]:
@@ -178,6 +180,14 @@ def _typical(r: Floats, t: Floats, segment: Ints) -> float:
         gain = _windows(r, t, segment, float(width))[0]
         worst = max(worst, float(np.quantile(gain, 0.75)))
     return max(6.0 * worst, 1e-300)
+
+
+def _levelled(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:
+    """Return what the mean of one episode after the other leaves, as they were found."""
+    left = r.copy()
+    for a, b in found:
+        left[a:b] -= left[a:b].mean()
+    return left
 
 
 def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:

@@ -199,9 +199,10 @@ def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scor
 
     A relative of the best with fewer numbers may close a little less, for the richer one can bend itself
     to what the model never had; likewise an effect of the catalogue beside a pattern without a name. What no
-    relative leaves of a very large gap is many times what the twin leaves: it is not passed over. Of bodies
-    that ride on several links the one on the last is taken. What closes the gaps of several axes at once is
-    not replaced by what closes one of them.
+    relative leaves of a very large gap is many times what the twin leaves: it is not passed over. Of those with
+    as many numbers the one that acts on fewer axes is taken: a constant force of one of two slides that stand upright
+    on each other looks like an inertia that they share. Of bodies that ride on several links the one on the last is
+    taken. What closes the gaps of several axes of a change at once is not replaced by what closes one of them.
     """
     best = _best_effect(ranked, rules)
     several = _also_closed(best, searcher, rules)
@@ -214,7 +215,7 @@ def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scor
         near = one.gain >= enough * best.gain and (related or best.gain - one.gain < most)
         if near and several <= set(one.table[0]):
             close.append(one)
-    return min(close, key=lambda s: (s.numbers, -_link(s), -s.gain))
+    return min(close, key=lambda s: (s.numbers, -_link(s), len(s.table[0]), -s.gain))
 
 
 def _best_effect(ranked: Sequence[Scored], rules: Rules) -> Scored:

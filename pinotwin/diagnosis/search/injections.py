@@ -19,6 +19,7 @@ from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found, Step, refused, simplest
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import TRIALS, trial
+from pinotwin.effects.effect import Effect, Paired
 
 RIVALS = 5
 NEAR = 0.9
@@ -54,7 +55,14 @@ def same_cause(a: Scored, b: Scored) -> bool:
     """Whether two candidates are one cause as far as any motion can tell."""
     one, other = named(a.effect), named(b.effect)
     alike = other.name in one.inseparable or one.name in other.inseparable
-    return a.key == b.key or (alike and one.axis == other.axis)
+    return a.key == b.key or (alike and one.axis == other.axis) or _one_pair(one, other)
+
+
+def _one_pair(a: Effect, b: Effect) -> bool:
+    """Whether two effects are that between the same two axes, listed on either of them."""
+    if not (isinstance(a, Paired) and isinstance(b, Paired) and a.name == b.name):
+        return False
+    return {a.axis, a.partner} == {b.axis, b.partner}
 
 
 def pairs_alike(steps: Sequence[Step]) -> list[tuple[str, str]]:

@@ -150,7 +150,7 @@ def _confidence(
     j = pushed.joint
     seen = _standing(c, found, j, rules)
     ground = c if seen is None else seen[0]
-    course = _course(c, pushed)
+    course = pushed.course
     rivals = _rivals(found, j)[:RIVALS]
     anyway = ground.own.residual[j] if ground.own else found.searcher.residual()[j] * c.floor[j]
     wins = 0
@@ -158,7 +158,7 @@ def _confidence(
         residual = laid(c.new, anyway, len(course), rng) + course
         trial = replace(ground, new=replace(ground.new, residual={**ground.new.residual, j: residual}))
         again = _episodes(trial, residual, j, rules)
-        if again is None or not stands_out(trial, again, rules) or not _same(trial, again, pushed):
+        if again is None or not stands_out(trial, again, rules) or not _same(again, pushed):
             continue
         wins += again.gain > rules.push_better * max(
             _closed(trial, rivals), scattered(trial, j, rules.scatter)
@@ -170,14 +170,6 @@ def _closed(c: Comparison, rivals: Sequence[Scored]) -> float:
     searcher = Searcher(c)
     again = (searcher.score(r.effect, r.table) for r in rivals)
     return max((r.gain for r in again if r is not None), default=0.0)
-
-
-def _course(c: Comparison, pushed: Episodes) -> Floats:
-    """Return what the pushes add to the residual of their axis, shape (m,)."""
-    out = np.zeros(len(pushed.rows))
-    for e, (a, b) in zip(pushed.episodes, pushed.places, strict=True):
-        out[a:b] -= e.force
-    return out
 
 
 def courses(c: Comparison, causes: Sequence[Scored], pushed: Sequence[Episodes]) -> dict[int, Floats]:
@@ -197,17 +189,18 @@ def courses(c: Comparison, causes: Sequence[Scored], pushed: Sequence[Episodes])
     for p in pushed:
         rows = c.new.samples(p.joint)
         course = out.setdefault(p.joint, np.zeros(len(motion)))
-        for e, (a, b) in zip(p.episodes, p.places, strict=True):
-            course[rows[a] : rows[b - 1] + motion.decimation] -= e.force
+        for k in range(motion.decimation):
+            inside = rows + k < len(course)
+            course[rows[inside] + k] += p.course[inside]
     return out
 
 
-def _same(c: Comparison, a: Episodes, b: Episodes) -> bool:
+def _same(a: Episodes, b: Episodes) -> bool:
     """Whether two findings lie at the same time for the most part, or are one course of force."""
     if float(np.sum(a.rows & b.rows)) > 0.5 * max(float(a.rows.sum()), float(b.rows.sum())):
         return True
-    x, y = _course(c, a), _course(c, b)
-    return float(x @ y) > 0.5 * max(float(x @ x), float(y @ y))
+    both = float(a.course @ b.course)
+    return both > 0.5 * max(float(a.course @ a.course), float(b.course @ b.course))
 
 
 def _rivals(found: Found, joint: int) -> list[Scored]:
