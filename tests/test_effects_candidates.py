@@ -11,6 +11,7 @@ from scipy.signal import lsim
 
 from pinotwin.dynamics.batch import inverse
 from pinotwin.effects import EFFECTS, LISTED, Tree
+from pinotwin.effects.transmission import LOAD
 from pinotwin.errors import DataError, MachineError
 from pinotwin.machine import Machine
 from pinotwin.machine.yaml_file import make_effects
@@ -151,10 +152,22 @@ def test_a_flexible_drive_passes_on_what_its_transfer_function_does(motion):
     drive = EFFECTS["drive_flexibility"].on(tree(), "Y").shaped((25.0, 0.1))
     column = drive.columns(motion).values[:, 0, 0]
     w = 2 * np.pi * 25.0
-    load = motion.rigid[:, 0]
+    itself = motion.mass[:, 0, 0] * motion.a[:, 0]
+    load = itself + (motion.rigid[:, 0] - itself) / LOAD  # of the inertia a share, of all else the whole
     _, passed, _ = lsim(([2 * 0.1 * w, w * w], [1.0, 2 * 0.1 * w, w * w]), load, motion.t)
     later = motion.t > 2.0
     assert np.abs(column - (passed - load))[later].max() < 1e-3 * np.abs(column[later]).max()
+
+
+def test_a_spring_whose_swing_at_the_start_is_not_known_is_at_rest_where_its_load_is(motion):
+    """Foreign 807: a load that dropped on its spring when the log began rang on for two seconds in the column."""
+    still, moves = motion.t < 0.8, motion.t >= 0.8
+    a = np.where(moves, motion.a[:, 0], 50.0 * np.exp(-motion.t / 0.02))[:, None]
+    dropped = dataclasses.replace(motion, a=np.hstack([a, motion.a[:, 1:]]), rigid=60.0 * a * [1.0, 0.0])
+    drive = EFFECTS["drive_flexibility"].on(tree(), "Y").shaped((15.0, 0.01))
+    column = np.abs(drive.columns(dropped).values[:, 0, 0])
+    late = still & (motion.t > 0.5)
+    assert column[late].max() < 1e-3 * column[moves].max()
 
 
 def test_a_delay_is_the_shifted_effort_where_the_span_is_the_delay(motion):
@@ -174,6 +187,15 @@ def test_an_encoder_error_is_an_acceleration_that_the_log_does_not_hold(motion):
     inner = slice(10, -10)
     expected = -motion.mass[inner, 1, 1] * bend[inner]
     assert np.abs(column[inner] - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_no_period_of_a_linear_encoder_is_missed(motion):
+    """Foreign 805: 20 mm on 0.6 m lay between 30 waves and 27, and a tenth beside it nothing is left of it."""
+    q = motion.axis("Y").q
+    travel = float(np.ptp(q))
+    tried = np.array([travel / e.period for e in found("encoder_error", "Y", motion)])
+    for waves in np.linspace(3.0, 0.9 * tried.max(), 50):
+        assert np.min(np.abs(tried - waves)) < 0.13
 
 
 def test_several_encoder_errors_and_ripples_but_one_friction():

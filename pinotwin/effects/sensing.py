@@ -184,9 +184,16 @@ class EncoderError(Effect):
         return (np.clip(float(np.ptp(motion.axis(self.axis).q)) / WAVES[::-1], shape.lower, shape.upper),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: parts of a turn or of the travel that the rows resolve."""
-        low = max(3.0 * sight.pace, 10.0 * sight.noise)
-        return self.over([p for p in self.grid(motion)[0] if p >= low])
+        """See :meth:`Effect.trials`: parts of a turn or of the travel that the rows resolve.
+
+        On a travel L, errors whose frequencies differ by 1/L are told apart: a quarter of that misses none.
+        """
+        (shape,) = self.shapes()
+        low = max(3.0 * sight.pace, 10.0 * sight.noise, shape.lower)
+        if self.rotary:
+            return self.over([p for p in self.grid(motion)[0] if p >= low])
+        each = sight.travel / np.arange(float(WAVES[0]), float(WAVES[-1]), 0.25)
+        return self.over([p for p in each if low <= p <= shape.upper])
 
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""

@@ -28,6 +28,8 @@ from pinotwin.motion import Motion
 LOAD = 0.65
 """Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it, and where it
 changes with the posture."""
+BEGINNING = 1.0
+"""Of a stretch, in which a spring is taken to be at rest once, and before that to be stiff [s]."""
 LEAST_LOAD = 0.05
 """[of the mean inertia] What stays behind the spring in every posture."""
 MODES = 15
@@ -114,6 +116,25 @@ def _carried(
     return out
 
 
+def _steadiest(load: Floats, period: float, step: float) -> int:
+    """Return where a spring may be at rest when a stretch begins: amid the steadiest period of its load there.
+
+    How a load swings when a log begins is not known, and a swing that is guessed wrongly rings on for seconds.
+
+    Args:
+        load: that acts on the spring, shape (n,).
+        period: of the mode [s].
+        step: sampling interval [s].
+    """
+    width = max(2, round(period / step))
+    first = load[: max(width + 1, min(round(BEGINNING / step), len(load) // 2))]
+    if len(first) <= width:
+        return 0
+    sums = [np.concatenate([[0.0], np.cumsum((first - first.mean()) ** k)]) for k in (1, 2)]
+    mean, square = ((x[width:] - x[:-width]) / width for x in sums)
+    return int(np.argmin(square - mean**2)) + width // 2
+
+
 def _posture(own: Floats) -> Floats:
     """Return the mean inertia behind the spring over that of every row, shape (n,).
 
@@ -165,13 +186,18 @@ class _Flexible(Effect):
     def columns(self, motion: Motion) -> Columns:
         """See :meth:`Effect.columns`."""
         joint = motion.index(self.axis)
-        load = channel(self, motion, "rigid")[:, joint]  # all the spring carries: gravity and coupling too
         own = inertia(self, motion, joint)
+        itself = own * motion.a[:, joint]
+        rest = channel(self, motion, "rigid")[:, joint] - itself
+        load = (
+            itself + rest / LOAD
+        )  # the spring carries all of gravity and coupling, of the inertia its share
         ratio, w = _posture(own), 2.0 * np.pi * self.frequency
         out = np.zeros(len(load))
         for part in motion.segments:
-            if part.stop > part.start:
-                out[part] = _sprung(load[part], ratio[part], w, self.damping, motion.step) - load[part]
+            at = slice(part.start + _steadiest(load[part], 1.0 / self.frequency, motion.step), part.stop)
+            if at.stop > at.start:
+                out[at] = _sprung(load[at], ratio[at], w, self.damping, motion.step) - load[at]
         return shaken(self, motion, joint, out[:, None], LOAD)
 
 
