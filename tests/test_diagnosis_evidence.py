@@ -9,7 +9,8 @@ import pytest
 
 from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
 from pinotwin.diagnosis.data.comparison import Comparison, compare
-from pinotwin.diagnosis.data.samples import Sample
+from pinotwin.diagnosis.data.noise import residual_noise
+from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.evidence.habit import habit
@@ -24,6 +25,7 @@ from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import bundled_path
+from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.one_slide import motion, rows
@@ -36,6 +38,18 @@ def ground(new: Sample, own: Sample | None = None, base: np.ndarray | None = Non
     own_base = None if own is None else base_of(own, {}, floor, 0)
     free = np.zeros(width, dtype=bool)
     return Ground(base_of(new, table, floor, width), own_base, None, 1e-9 * np.ones(width), free)
+
+
+def test_noise_is_what_two_runs_of_one_command_do_not_leave_alike() -> None:
+    m = motion()
+    alike, slow = 3.0 * np.sin(2.0 * m.q), np.sqrt(2.0) * np.sin(5.0 * m.t)[:, None]
+    both = Motion.join([m, m])
+    left = np.concatenate([alike + slow, alike - slow])
+    new = sample(both, left, RULES.block_time)
+    assert residual_noise(new, left, [m, m])[0] == pytest.approx(np.sqrt(2.0), rel=0.02)
+    assert (
+        residual_noise(new, left, [m, motion(3)])[0] < 0.1
+    )  # two other motions: only what is rough is known
 
 
 def at_bounds(new: Sample, base: np.ndarray, bound: list[bool]) -> Ground:

@@ -173,7 +173,7 @@ def test_the_twin_knows_an_effort_that_check_doubts(twin, other, monkeypatch):
     """A push against the motion may look like friction that drives: the twin says whose effort it is."""
     doubted = gate(twin.machine, [changed(other, X_u=-other["X.u"])])
     assert "X" in doubted.silent
-    monkeypatch.setattr("pinotwin.diagnosis.data.comparison.gate", lambda machine, logs: doubted)
+    monkeypatch.setattr("pinotwin.diagnosis.data.comparison.gate", lambda machine, logs, sized: doubted)
     assert "X" not in compare(twin, [other], []).gate.silent
 
 

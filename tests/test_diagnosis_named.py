@@ -25,18 +25,19 @@ from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.duel import duel
-from pinotwin.diagnosis.search.forward import Found, search, simplest
+from pinotwin.diagnosis.search.forward import Found, _doubtful, search, simplest
 from pinotwin.diagnosis.search.injections import confidences, same_cause
 from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import lacked
-from pinotwin.effects import EFFECTS, Effect, InertialCoupling, Offset, Presliding, Viscous
+from pinotwin.effects import EFFECTS, Effect, InertialCoupling, Offset, Presliding, Ripple, Viscous
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import bundled_path
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
+from tests.test_effects_battery import tree
 
 
 def record(path: int, *inject: str) -> Log:
@@ -97,6 +98,20 @@ def test_of_two_causes_that_no_motion_tells_apart_the_one_on_a_single_axis_is_na
     assert not same_cause(shared[0], one_number(InertialCoupling("X", partner="Y"), (1, 2), 1.0))
 
 
+def test_a_delay_that_play_may_be_is_not_named_beside_play_that_closes_more_and_is_not_certain() -> None:
+    """Foreign 806: play that the weight crosses a few times passed for a delay."""
+    delay, play, spring = (EFFECTS[x].on(tree(), "A") for x in ("delay", "backlash", "drive_flexibility"))
+    late, loose, bent = (
+        dataclasses.replace(one_number(Offset("A"), (0,), gain), effect=e)
+        for e, gain in ((delay, 1.0), (play, 1.1), (spring, 0.9))
+    )
+    unsure = "is 6.7 squared standard errors a number"
+    assert _doubtful(late, [(loose, unsure), (late, "")])
+    assert not _doubtful(late, [(loose, "closes 5% of its axis' residual"), (late, "")])
+    assert not _doubtful(late, [(bent, unsure), (late, "")])
+    assert not _doubtful(loose, [(dataclasses.replace(late, gain=2.0), unsure)])
+
+
 def with_residual(c: Comparison, r: np.ndarray) -> Comparison:
     return dataclasses.replace(c, new=dataclasses.replace(c.new, residual={0: r}))
 
@@ -149,6 +164,18 @@ def test_what_closes_less_than_the_scatter_of_friction_is_no_cause_either(twin: 
         c, c.new.residual[0] + 0.1 * c.new.effort[0]
     )  # and the drive's scale is wrong as well
     assert [s.chosen.key for s in search(more, [scale, *friction]).steps] == [("effort_scale", "X")]
+
+
+@pytest.mark.parametrize(("known", "named"), [(0.0, False), (1.0, True)])
+def test_a_cause_closes_a_share_of_what_is_no_noise(machine: Machine, known: float, named: bool) -> None:
+    """Foreign 806: a table of 1.7 % of the effort closed 19 % of a gap that was noise by a third."""
+    c = compare(machine, [record(4)], [])
+    sigma = 0.05 * c.new.size(0)
+    wave = Ripple("X", period=0.03)
+    r = c.new.columns(wave)[0] @ [0.4 * sigma, 0.4 * sigma]
+    r = r + sigma * np.random.default_rng(0).normal(size=len(r))
+    c = dataclasses.replace(with_residual(c, r), floor={0: sigma}, noise={0: known * sigma})
+    assert bool(search(c, [wave]).steps) is named
 
 
 @pytest.mark.parametrize(("steps", "named"), [(0.3, False), (1.0, True)])

@@ -85,6 +85,19 @@ def test_an_axis_that_cannot_follow_has_met_a_limit_and_a_command_in_another_uni
     assert servo_changes(millimetres, ()) == []
 
 
+def test_an_axis_that_fell_far_off_its_command_has_met_a_limit_and_is_in_no_other_unit(twin, urdf_dir):
+    """Foreign 807: a drive too weak for its weight fell by 150 m, "looks like mm", and nothing was said of it."""
+    log = record(urdf_dir, 8, 11)
+    weak = 0.3 * np.abs(log["X.u"]).max() * (1.0 + 0.01 * np.random.default_rng(0).normal(size=len(log.t)))
+    fallen = Log({**log.channels, "X.q": log["X.q"] - 3.0 * log.t**2, "X.u": weak}, source="fallen.csv")
+    c = compare(twin, [fallen], [])
+    assert not c.gate.nameless
+    assert not any("looks like" in text for text in c.gate.warnings)
+    assert [x.effect for x in servo_changes(c, ())] == ["saturation"]
+    millimetres = compare(twin, [Log({**log.channels, "X.q": 1000.0 * log["X.q"]})], [])
+    assert set(millimetres.gate.nameless) == {"X"}
+
+
 @pytest.mark.parametrize("times", [1.0, 1.1])
 def test_a_feed_forward_is_told_by_what_it_closes_beyond_what_the_law_leaves_anyway(twin, urdf_dir, times):
     """What the law leaves of the own logs, no feed-forward closes: of a small change it is a tenth."""

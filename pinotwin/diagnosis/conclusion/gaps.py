@@ -9,15 +9,14 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.noise import difference, repeats, rough
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.data.scatter import scatter
 from pinotwin.diagnosis.result import Gap, Traces
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.scan import Searcher
-from pinotwin.logs.repeats import labels
-from pinotwin.motion import Motion
-from pinotwin.signals import rms, roughness
+from pinotwin.signals import rms
 
 
 def gap_table(
@@ -66,35 +65,18 @@ def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float],
     the residual counts in any case. A twin adds what friction scatters from its runs to these.
     """
     motions = c.motions[: len(c.logs)]
-    known = labels(motions)
-    pairs = [(a, b) for b, label in enumerate(known) for a in range(b) if known[a] == label]
+    pairs = list(repeats(motions))
     out = {}
     for j in c.new.joints:
-        rough = _rough(c, j)
+        level = rough(c.new, j)
         if pairs:
-            each = [_difference(motions[a], motions[b], j) for a, b in pairs]
-            rough = max(rough, float(np.sqrt(np.mean(np.square(each)))))
-        out[j] = float(np.hypot(rough, scatter(c, j, rules.scatter))) if c.change else rough
+            each = [
+                difference(motions[a], motions[b], motions[a].u[:, j], motions[b].u[:, j], j)
+                for a, b in pairs
+            ]
+            level = max(level, float(np.sqrt(np.mean(np.square(each)))))
+        out[j] = float(np.hypot(level, scatter(c, j, rules.scatter))) if c.change else level
     return out, "repeats" if pairs else "assumed"
-
-
-def _rough(c: Comparison, joint: int) -> float:
-    """Return the noise of the residual from row to row; where no rows follow each other, that of the effort."""
-    rows, left = c.new.samples(joint), c.new.residual[joint]
-    breaks = np.flatnonzero(np.diff(rows) > 1) + 1
-    parts = [x for x in np.split(left, breaks) if len(x) > 3]
-    if sum(map(len, parts)) > 0.5 * len(rows):
-        return min(roughness(parts), rms(left))
-    u = c.new.motion.u[:, joint]
-    return roughness([u[s] for s in c.new.motion.segments if np.isfinite(u[s]).all()] or [np.zeros(4)])
-
-
-def _difference(a: Motion, b: Motion, joint: int) -> float:
-    n = min(len(a), len(b))
-    rows = judged_rows(a, joint)[:n] & judged_rows(b, joint)[:n]
-    if not rows.any():
-        return 0.0
-    return rms((a.u[:n, joint] - b.u[:n, joint])[rows]) / np.sqrt(2.0)
 
 
 def traces(c: Comparison, searcher: Searcher) -> list[Traces]:

@@ -15,7 +15,8 @@ import numpy as np
 
 from pinotwin.analysis.deflection import bent
 from pinotwin.arrays import Floats, Mask
-from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, run_away
+from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, off_command, run_away
+from pinotwin.diagnosis.data.noise import residual_noise
 from pinotwin.diagnosis.data.runs import Apart, apart
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.rules import RULES
@@ -50,6 +51,7 @@ class Comparison:
         motions: every log in question and then every validation log, prepared.
         kept: place of every log in question among those that were given.
         apart: runs of one command that are not those of one machine, one side of which was left out.
+        noise: joint -> RMS of the noise of what is left, which no cause closes [N or N·m].
     """
 
     twin: Twin
@@ -64,6 +66,7 @@ class Comparison:
     motions: Sequence[Motion] = ()
     kept: tuple[int, ...] = ()
     apart: Apart | None = None
+    noise: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def machine(self) -> Machine:
@@ -157,9 +160,12 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     lost = list[str]()
     if change:
         motions, sealed, strange, lost = _known(twin, motions, sealed, own)
-    new = _sample(twin, _joined(motions), block)
+    whole, left = _left(twin, _joined(motions))
+    new = sample(whole, left, block)
+    noise = residual_noise(new, left, motions)
     unseen = within(_sample(twin, _joined(sealed), block), new) if sealed else None
-    asked = gate(twin.machine, [*logs, *validation])
+    sized = [] if own is None else off_command(own.motion, new.motion)
+    asked = gate(twin.machine, [*logs, *validation], sized)
     if change:
         asked = replace(asked, doubts=(*asked.doubts, *strange))
     if change and asked.silent:
@@ -173,7 +179,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
     floor = _floor(twin, new, own)
     every = (*motions, *sealed)
-    c = Comparison(twin, change, logs, validation, new, own, unseen, floor, asked, every, kept, differ)
+    c = Comparison(twin, change, logs, validation, new, own, unseen, floor, asked, every, kept, differ, noise)
     return _without_lost(c, lost) if change else c
 
 
@@ -299,8 +305,13 @@ def _joined(motions: Sequence[Motion]) -> Motion:
 
 
 def _sample(twin: Twin, motion: Motion, block: float) -> Sample:
+    return sample(*_left(twin, motion), block)
+
+
+def _left(twin: Twin, motion: Motion) -> tuple[Motion, Floats]:
+    """Return a motion with the channels of the twin's effort, and the measured effort less that, shape (n, nv)."""
     motion = told(motion, twin.effects, twin.theta)
-    return sample(motion, motion.u - twin.effort(motion), block)
+    return motion, motion.u - twin.effort(motion)
 
 
 def _floor(twin: Twin, new: Sample, own: Sample | None) -> dict[int, float]:

@@ -8,7 +8,7 @@ position leaps no cause is named: the speed there is none, and the effort asked 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -129,14 +129,15 @@ class Gate:
         return [*out, *(f"{axis}: not judged" for axis in self.silent)]
 
 
-def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
+def gate(machine: Machine, logs: Sequence[Log], sized: Collection[str] = ()) -> Gate:
     """Return what logs of a machine can be asked: what one of them cannot show, none is asked.
 
     Args:
         machine: whose logs.
         logs: in the names of the contract.
+        sized: axes whose positions are known to be in the right unit, however far they go.
     """
-    found = [(log, finding) for log in logs for finding in doubts(machine, log)]
+    found = [(log, f) for log in logs for f in doubts(machine, log) if not _answered(machine, f, sized)]
     effects: dict[str, dict[str, str]] = {}
     questions: dict[str, dict[str, str]] = {}
     silent: dict[str, str] = {}
@@ -154,6 +155,36 @@ def gate(machine: Machine, logs: Sequence[Log]) -> Gate:
     turned = [a for _, f in found if f.code == "effort_sign" for a in _axes(machine, f, "")]
     strays = {a: _about(f) for _, f in found if f.code == "command_disagrees" for a in _axes(machine, f, "")}
     return Gate(_said(found, len(logs)), effects, questions, silent, frozenset(turned), strays)
+
+
+def _answered(machine: Machine, finding: Finding, sized: Collection[str]) -> bool:
+    """Whether a finding doubts the unit of nothing but positions that are known."""
+    return finding.code == "position_unit" and set(_axes(machine, finding, "q")) <= set(sized)
+
+
+def off_command(own: Motion, new: Motion) -> list[str]:
+    """Return axes that kept to their command on the twin's own logs, and that no factor brings onto it now.
+
+    The unit of such a position is not in doubt, however far it has run: in another one it would go with its command.
+    """
+    if own.qr is None or new.qr is None:
+        return []
+    kept = [name for name in own.names if name in new.names and _keeps(own, name)]
+    return [name for name in kept if _no_multiple(new, name)]
+
+
+def _keeps(own: Motion, axis: str) -> bool:
+    j = own.index(axis)
+    return bool(np.std(own.error[:, j]) < FOLLOWS * np.std(own.q[:, j]))
+
+
+def _no_multiple(new: Motion, axis: str) -> bool:
+    """Whether the position of an axis is its command under no factor."""
+    assert new.qr is not None
+    j = new.index(axis)
+    q, asked = (x[:, j] - np.mean(x[:, j]) for x in (new.q, new.qr))
+    factor = float(asked @ q) / max(float(asked @ asked), 1e-300)
+    return bool(np.std(q - factor * asked) > FOLLOWS * np.std(q))
 
 
 def _about(finding: Finding) -> str:
@@ -203,8 +234,7 @@ def run_away(gate: Gate, own: Motion) -> Gate:
         return gate
     questions = {axis: dict(row) for axis, row in gate.questions.items()}
     for axis, why in gate.strays.items():
-        j = own.index(axis)
-        if np.std(own.error[:, j]) < FOLLOWS * np.std(own.q[:, j]):
+        if _keeps(own, axis):
             questions[axis] = {q: x for q, x in questions.get(axis, {}).items() if x != why}
     return replace(gate, questions=questions)
 

@@ -146,7 +146,7 @@ def _decided(new: Law, gains: Floats, held: float, rules: Rules) -> _Decided | N
         ahead = level**2 - forward**2 > rules.law_forward * (level**2 - held**2)
     if ahead:
         return _Decided("feedforward", FORWARD, level, forward)
-    if scaled < rules.law_scaled * feedback:
+    if scaled < rules.law_scaled * feedback and scaled < rules.law_holds * new.size:
         return None  # feedback and feed-forward went along with a load: its cause is in the plant
     least = rules.law_part if faint else rules.law_share
     if _share(feedback, level) > least and feedback < rules.law_worse * held:

@@ -92,7 +92,9 @@ def search(
         ranked = rank(searcher, shortlist.of(searcher))
         taken = {s.chosen.key for s in steps}
         answers = [(r, refused(r, searcher, rules)) for r in ranked if r.key not in taken]
-        fit = [r for r, why in answers if not why and not _a_trace(r, steps, rules)]
+        fit = [
+            r for r, why in answers if not why and not _a_trace(r, steps, rules) and not _doubtful(r, answers)
+        ]
         last = answers[0] if answers else None
         if not fit:
             break
@@ -140,6 +142,25 @@ def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
     kin = any(name in e.imitates or name in e.contains for e in same)
     least = rules.second_share_kin if kin else rules.second_share
     return one.gain < least * first.power({one.joint: one.table[0][one.joint]})
+
+
+_UNCERTAIN = "squared standard errors a number"
+
+
+def _doubtful(one: Scored, answers: Sequence[tuple[Scored, str]]) -> bool:
+    """Whether play or a spring that looks like a candidate closes more of its axis, and only its size is not certain.
+
+    Play that the weight on it crosses a few times shows in as many impacts, none of which is foreseen well; what they
+    have in common with a delay is less, but the same each time.
+    """
+    return any(
+        why.endswith(_UNCERTAIN)
+        and better.key[1] == one.key[1]
+        and better.gain > one.gain
+        and named(better.effect).family is TRANSMISSION
+        and named(one.effect).name in named(better.effect).imitates
+        for better, why in answers
+    )
 
 
 def _richest(fit: Sequence[Scored]) -> list[Scored]:
@@ -291,11 +312,11 @@ def known(effect: Effect, comparison: Comparison) -> Sequence[float]:
 def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     """Return why a candidate is not taken in; empty if it is."""
     c = searcher.comparison
-    share = rules.share if c.change else rules.share_structure
-    if one.share < share:
-        return f"closes {one.share:.0%} of its axis' residual"
+    share = one.share if c.change else _beyond_noise(one, searcher)
+    if share < (rules.share if c.change else rules.share_structure):
+        return f"closes {share:.0%} of its axis' residual"
     if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
-        return f"is {one.judged.strength:.1f} squared standard errors a number"
+        return f"is {one.judged.strength:.1f} {_UNCERTAIN}"
     if lower_bound(one.judged, searcher.ground) <= 0.0 or _fails_elsewhere(one, searcher):
         return "closes nothing for certain on rows not fitted"
     closed = float(sum(x.sum() for x in searcher.main_gains(one)))
@@ -315,6 +336,19 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     if c.change and rubs and closed < rules.scatter * c.friction[one.joint]:
         return _by_scatter(rules)
     return ""
+
+
+def _beyond_noise(one: Scored, searcher: Searcher) -> float:
+    """Return the share that a candidate closes of what is left without the noise, at the joints it acts on."""
+    c = searcher.comparison
+    parts = [s for s in (c.new, c.unseen) if s is not None]
+    noise = sum(
+        len(s.residual[j]) * (c.noise.get(j, 0.0) / c.floor[j]) ** 2
+        for s in parts
+        for j in one.table[0]
+        if j in s.joints
+    )
+    return one.gain / max(searcher.power(one.table[0]) - noise, one.gain, 1e-300)
 
 
 def _by_scatter(rules: Rules) -> str:

@@ -1,0 +1,60 @@
+"""The noise of what a model leaves: what two runs of one command do not leave alike, and what is rough."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.samples import Sample, judged_rows
+from pinotwin.logs.repeats import labels
+from pinotwin.motion import Motion
+from pinotwin.signals import rms, roughness
+
+
+def repeats(motions: Sequence[Motion]) -> Iterator[tuple[int, int]]:
+    """Yield the places of every two logs of one command."""
+    known = labels(motions)
+    for b, label in enumerate(known):
+        yield from ((a, b) for a in range(b) if known[a] == label)
+
+
+def residual_noise(new: Sample, residual: Floats, motions: Sequence[Motion]) -> dict[int, float]:
+    """Return joint -> RMS of the noise of what is left [N or N·m].
+
+    Noise that is locked to the position, as that of an encoder's steps, is the same in both runs: what is rough counts
+    in any case.
+
+    Args:
+        new: rows of the logs in question.
+        residual: what is left of all of them at the log's rate, shape (n, nv).
+        motions: the logs one by one, in the same order.
+    """
+    edges = np.cumsum([0, *(len(m) for m in motions)])
+    parts = [residual[a:b] for a, b in pairwise(edges)]
+    pairs = list(repeats(motions))
+    out = {}
+    for j in new.joints:
+        each = [difference(motions[a], motions[b], parts[a][:, j], parts[b][:, j], j) for a, b in pairs]
+        out[j] = max(rough(new, j), float(np.sqrt(np.mean(np.square(each or [0.0])))))
+    return out
+
+
+def rough(new: Sample, joint: int) -> float:
+    """Return the noise of what is left from row to row; where no rows follow each other, that of the effort."""
+    rows, left = new.samples(joint), new.residual[joint]
+    breaks = np.flatnonzero(np.diff(rows) > 1) + 1
+    parts = [x for x in np.split(left, breaks) if len(x) > 3]
+    if sum(map(len, parts)) > 0.5 * len(rows):
+        return min(roughness(parts), rms(left))
+    u = new.motion.u[:, joint]
+    return roughness([u[s] for s in new.motion.segments if np.isfinite(u[s]).all()] or [np.zeros(4)])
+
+
+def difference(a: Motion, b: Motion, x: Floats, y: Floats, joint: int) -> float:
+    """Return the noise of one channel by which two runs differ, x of one and y of the other, on rows in motion."""
+    n = min(len(a), len(b))
+    rows = judged_rows(a, joint)[:n] & judged_rows(b, joint)[:n] & np.isfinite(x[:n]) & np.isfinite(y[:n])
+    return rms((x[:n] - y[:n])[rows]) / float(np.sqrt(2.0)) if rows.any() else 0.0
