@@ -47,9 +47,7 @@ def test_noise_is_what_two_runs_of_one_command_do_not_leave_alike() -> None:
     left = np.concatenate([alike + slow, alike - slow])
     new = sample(both, left, RULES.block_time)
     assert residual_noise(new, left, [m, m])[0] == pytest.approx(np.sqrt(2.0), rel=0.02)
-    assert (
-        residual_noise(new, left, [m, motion(3)])[0] < 0.1
-    )  # two other motions: only what is rough is known
+    assert residual_noise(new, left, [m, motion(3)]) == {}  # two other motions: what is noise is not known
 
 
 def at_bounds(new: Sample, base: np.ndarray, bound: list[bool]) -> Ground:

@@ -44,8 +44,8 @@ class Rules:
     share: float = 0.10
     """[of the squared residual] Least that a change closes on rows not fitted, of the joints it acts on."""
     share_structure: float = 0.2
-    """The same for what a machine lacks, of the squared residual without its noise: nothing closes that, and it is half
-    and more of what a good model leaves."""
+    """The same for what a machine lacks, of the squared residual without its noise if repeats tell it: nothing closes
+    that, and it is half and more of what a good model leaves."""
     strength_change: float = 12.0
     """[squared standard errors per number] Least size of a change against the twin's own logs."""
     strength_structure: float = 12.0

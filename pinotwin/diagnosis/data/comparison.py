@@ -51,7 +51,7 @@ class Comparison:
         motions: every log in question and then every validation log, prepared.
         kept: place of every log in question among those that were given.
         apart: runs of one command that are not those of one machine, one side of which was left out.
-        noise: joint -> RMS of the noise of what is left, which no cause closes [N or N·m].
+        noise: joint -> RMS of the noise of what is left, which no cause closes [N or N·m]; empty if no repeats tell it.
     """
 
     twin: Twin

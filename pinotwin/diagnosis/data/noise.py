@@ -22,10 +22,10 @@ def repeats(motions: Sequence[Motion]) -> Iterator[tuple[int, int]]:
 
 
 def residual_noise(new: Sample, residual: Floats, motions: Sequence[Motion]) -> dict[int, float]:
-    """Return joint -> RMS of the noise of what is left [N or N·m].
+    """Return joint -> RMS of the noise of what is left [N or N·m]; of single runs none is known.
 
-    Noise that is locked to the position, as that of an encoder's steps, is the same in both runs: what is rough counts
-    in any case.
+    Noise that is locked to the position, as that of an encoder's steps, is the same in both runs: beside them what is
+    rough counts in any case.
 
     Args:
         new: rows of the logs in question.
@@ -35,10 +35,10 @@ def residual_noise(new: Sample, residual: Floats, motions: Sequence[Motion]) -> 
     edges = np.cumsum([0, *(len(m) for m in motions)])
     parts = [residual[a:b] for a, b in pairwise(edges)]
     pairs = list(repeats(motions))
-    out = {}
-    for j in new.joints:
+    out: dict[int, float] = {}
+    for j in new.joints if pairs else ():
         each = [difference(motions[a], motions[b], parts[a][:, j], parts[b][:, j], j) for a, b in pairs]
-        out[j] = max(rough(new, j), float(np.sqrt(np.mean(np.square(each or [0.0])))))
+        out[j] = max(rough(new, j), float(np.sqrt(np.mean(np.square(each)))))
     return out
 
 
