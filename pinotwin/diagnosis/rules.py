@@ -46,6 +46,9 @@ class Rules:
     share_structure: float = 0.2
     """The same for what a machine lacks, of the squared residual without its noise if repeats tell it: nothing closes
     that, and it is half and more of what a good model leaves."""
+    noise_part: float = 0.5
+    """[of the squared residual] Most of it that counts as noise there. By hand: where all of it was noise (foreign 810,
+    axes of coarse encoders), play and springs that are none closed 3 and 6 %; what was missing closed 13 % and more."""
     strength_change: float = 12.0
     """[squared standard errors per number] Least size of a change against the twin's own logs."""
     strength_structure: float = 12.0

@@ -312,7 +312,7 @@ def known(effect: Effect, comparison: Comparison) -> Sequence[float]:
 def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     """Return why a candidate is not taken in; empty if it is."""
     c = searcher.comparison
-    share = one.share if c.change else _beyond_noise(one, searcher)
+    share = one.share if c.change else _beyond_noise(one, searcher, rules)
     if share < (rules.share if c.change else rules.share_structure):
         return f"closes {share:.0%} of its axis' residual"
     if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
@@ -338,7 +338,7 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     return ""
 
 
-def _beyond_noise(one: Scored, searcher: Searcher) -> float:
+def _beyond_noise(one: Scored, searcher: Searcher, rules: Rules) -> float:
     """Return the share that a candidate closes of what is left without the noise, at the joints it acts on."""
     c = searcher.comparison
     parts = [s for s in (c.new, c.unseen) if s is not None]
@@ -348,7 +348,8 @@ def _beyond_noise(one: Scored, searcher: Searcher) -> float:
         for j in one.table[0]
         if j in s.joints
     )
-    return one.gain / max(searcher.power(one.table[0]) - noise, one.gain, 1e-300)
+    power = searcher.power(one.table[0])
+    return one.gain / max(power - min(noise, rules.noise_part * power), 1e-300)
 
 
 def _by_scatter(rules: Rules) -> str:
