@@ -132,8 +132,14 @@ class VariableProjection:
         return theta, free
 
 
-def polish(problem: VariableProjection, start: Floats, lower: Floats, upper: Floats) -> Polished:
-    """Return the optimum of all shapes near ``start``, within bounds, in search coordinates."""
+def polish(
+    problem: VariableProjection,
+    start: Floats,
+    lower: Floats,
+    upper: Floats,
+    most: int = MAX_EVALUATIONS,
+) -> Polished:
+    """Return the optimum of all shapes near ``start``, within bounds, in search coordinates; most evaluations."""
     width = upper - lower
     inside = np.clip(start, lower + 1e-9 * width, upper - 1e-9 * width)
     found = least_squares(
@@ -145,6 +151,6 @@ def polish(problem: VariableProjection, start: Floats, lower: Floats, upper: Flo
         ftol=CLOSE,
         xtol=1e-9,
         gtol=1e-12,
-        max_nfev=MAX_EVALUATIONS,
+        max_nfev=most,
     )
     return Polished(np.asarray(found.x), 2 * float(found.cost), int(found.nfev), found.status > 0)

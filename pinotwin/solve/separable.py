@@ -35,6 +35,9 @@ RIVAL = 0.9
 """Share of the best gain from which another basin counts as a rival."""
 POLISHED = 3
 """Most rival basins that are polished beside the best."""
+GLANCE, NEAR = 4, 1.02
+"""Evaluations after which a rival is given up, unless its cost is below this many times the best one's by then: the
+search converges quadratically, so that little is left to fall."""
 
 
 def separable(
@@ -150,9 +153,16 @@ class _Search:
         low = np.concatenate([m.bounds[0] for m in self.moving])
         high = np.concatenate([m.bounds[1] for m in self.moving])
         reduced = VariableProjection(self.projection, self.sigma, self.limits)
-        found = [polish(reduced, start, low, high) for start in self.starts()]
-        best = min(found, key=lambda p: p.cost)
-        self.evaluations += sum(p.evaluations for p in found)
+        first, *rivals = self.starts()
+        best = polish(reduced, first, low, high)
+        self.evaluations += best.evaluations
+        for rival in rivals:
+            found = polish(reduced, rival, low, high, GLANCE)
+            self.evaluations += found.evaluations
+            if found.cost < NEAR * best.cost:
+                found = polish(reduced, found.x, low, high)
+                self.evaluations += found.evaluations
+                best = min(best, found, key=lambda p: p.cost)
         for _ in range(3):
             self.x = reduced.split(best.x)
             if not self.reweigh():
