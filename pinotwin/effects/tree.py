@@ -67,7 +67,7 @@ class Tree:
     def endless(self, axis: str) -> bool:
         """Whether an axis is a rotation without stops, whose position repeats with every turn."""
         k = self.index(axis)
-        span = self.model.upperPositionLimit[k] - self.model.lowerPositionLimit[k]
+        span = float(self.model.upperPositionLimit[k]) - float(self.model.lowerPositionLimit[k])
         return bool(self.rotary[k] and span > ENDLESS)
 
     def apart(self, a: str, b: str) -> int | None:

@@ -11,7 +11,9 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.parameters import body_count, parameters
 from pinotwin.effects import Effect, needs_model, told
 from pinotwin.effects.layout import effect_slices, rigid_body_of
+from pinotwin.identification.abridged import abridged
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
+from pinotwin.identification.shapes import search_shapes, widened
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.consistency import Bodies, ConsistentFit, Evidence, consistent
@@ -132,14 +134,24 @@ def _beta(effects: Sequence[Effect]) -> slice:
 
 
 def _solve(motion: Motion, effects: tuple[Effect, ...], rows: Rows, options: Options) -> Solved:
-    searched = [i for i, effect in enumerate(effects) if effect.shapes()]
-    searched = [i for i in searched if _joint(motion, effects[i]) in rows.joints]
+    searched = _with_shapes(motion, effects, rows)
     if not searched:
         count = sum(len(effect.shapes()) for effect in effects)
         fit = linear(assemble(motion, effects, rows), options)
         return fit, effects, np.full(count, np.nan), np.zeros(count, bool)
-    from pinotwin.identification.shapes import search_shapes, widened
+    short = abridged(motion, rows)
+    if short is None:
+        return _searched(motion, effects, rows, searched, options)
+    told: list[int] = []
+    if short.use.any() and (told := _with_shapes(short, effects, few := choose_rows(short))):
+        effects = _searched(short, effects, few, told, options)[1]
+    return search_shapes(motion, effects, rows, searched, options, [k for k in searched if k not in told])
 
+
+def _searched(
+    motion: Motion, effects: tuple[Effect, ...], rows: Rows, searched: Sequence[int], options: Options
+) -> Solved:
+    """Search the shapes all over, then further ones on the axes where these pay."""
     found = search_shapes(motion, effects, rows, searched, options)
     wider = widened(motion, found[1], rows)
     if not wider:
@@ -147,6 +159,12 @@ def _solve(motion: Motion, effects: tuple[Effect, ...], rows: Rows, options: Opt
     effects = tuple(wider.get(k, effect) for k, effect in enumerate(found[1]))
     again = [k for k in searched if effects[k].axis in {effect.axis for effect in wider.values()}]
     return search_shapes(motion, effects, rows, searched, options, again)
+
+
+def _with_shapes(motion: Motion, effects: Sequence[Effect], rows: Rows) -> list[int]:
+    """Return the places of the effects whose shapes the rows can tell."""
+    shaped = [k for k, effect in enumerate(effects) if effect.shapes()]
+    return [k for k in shaped if _joint(motion, effects[k]) in rows.joints]
 
 
 def _consistent(machine: Machine, fit: LinearFit, effects: Sequence[Effect], pi0: Floats) -> ConsistentFit:
