@@ -15,6 +15,8 @@ from pinotwin.loop import Controller, LoopModel
 from pinotwin.loop.data import LoopData
 from pinotwin.motion import Motion
 
+LONG, SHORT, PIECES, LEAST = 50_000, 24_000, 12, 400
+"""Rows of a log beyond which loops are fitted to pieces of it, how many rows then, how many pieces, and the shortest."""
 TRAINED = 2.0 / 3.0
 """Share of the log on which the orders are compared; the rest judges them."""
 
@@ -55,7 +57,15 @@ def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
         raise DataError(f"{motion.source}: no effort of axis {name}")
     data = LoopData.of_axis(motion, i, disturbance[:, i])
     data.require_motion()
-    return data
+    return data if data.rows <= LONG else data.within(_pieces(data))
+
+
+def _pieces(data: LoopData) -> list[slice]:
+    """Return pieces of long data in which the axis moves, evenly spread: ten poles need no hour of it."""
+    width = SHORT // PIECES
+    every = [slice(a, min(a + width, s.stop)) for s in data.segments for a in range(s.start, s.stop, width)]
+    moving = [s for s in every if s.stop - s.start > LEAST and np.ptp(data.qr[s]) > 0.0]
+    return [moving[k] for k in np.unique(np.linspace(0, len(moving) - 1, PIECES).astype(int))]
 
 
 def first_part(data: LoopData) -> LoopData:
