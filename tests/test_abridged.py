@@ -8,7 +8,7 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.effects import Coulomb, Ripple, Viscous
-from pinotwin.identification import abridged
+from pinotwin.identification import abridged, loop_parts
 
 PITCH = 0.031  # m
 
@@ -63,3 +63,19 @@ def test_pieces_too_short_to_tell_are_none(monkeypatch):
     twin = found(log())
     period = next(p for p in twin.parameters if p.name.endswith("ripple.period"))
     assert period.value == pytest.approx(PITCH, abs=4.0 * period.error)
+
+
+def test_a_long_loop_is_fitted_to_pieces_in_which_the_axis_moves(monkeypatch):
+    monkeypatch.setattr(loop_parts, "LONG", 4000)
+    monkeypatch.setattr(loop_parts, "SHORT", 2400)
+    monkeypatch.setattr(loop_parts, "LEAST", 50)
+    moving = log()
+    rest = np.full(5000, moving["X.q"][-1])
+    q = np.concatenate([moving["X.q"], rest])
+    t = np.arange(len(q)) * 0.004
+    u = np.concatenate([moving["X.u"], np.zeros(5000)])
+    motion = pt.prepare(slide(), pt.Log({"t": t, "X.q": q, "X.qr": q, "X.u": u}, source="slide"))
+    data = loop_parts.loop_data(motion, np.zeros((len(motion), 1)), "X")
+    assert 1200 <= data.rows <= 2400
+    assert all(np.ptp(data.qr[s]) > 0.0 for s in data.segments)
+    assert data.segments[-1].stop > 0.8 * len(moving)  # over all of the motion, not its beginning

@@ -16,7 +16,7 @@ from pinotwin.loop.data import LoopData
 from pinotwin.motion import Motion
 
 LONG, SHORT, PIECES, LEAST = 50_000, 24_000, 12, 400
-"""Rows of a log beyond which loops are fitted to pieces of it, how many rows then, how many pieces, and the shortest."""
+"""Rows beyond which loops are fitted to pieces of a log, how many rows then, how many pieces, and the shortest."""
 TRAINED = 2.0 / 3.0
 """Share of the log on which the orders are compared; the rest judges them."""
 
