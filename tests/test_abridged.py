@@ -74,8 +74,8 @@ def test_a_long_loop_is_fitted_to_pieces_in_which_the_axis_moves(monkeypatch):
     q = np.concatenate([moving["X.q"], rest])
     t = np.arange(len(q)) * 0.004
     u = np.concatenate([moving["X.u"], np.zeros(5000)])
-    motion = pt.prepare(slide(), pt.Log({"t": t, "X.q": q, "X.qr": q, "X.u": u}, source="slide"))
-    data = loop_parts.loop_data(motion, np.zeros((len(motion), 1)), "X")
+    motion = pt.prepare(slide(), pt.Log({"t": t, "X.q": q, "X.qr": q + 1e-6 * u, "X.u": u}, source="slide"))
+    data = loop_parts.loop_data(motion, np.sin(motion.q), "X")
     assert 1200 <= data.rows <= 2400
     assert all(np.ptp(data.qr[s]) > 0.0 for s in data.segments)
     assert data.segments[-1].stop > 0.8 * len(moving)  # over all of the motion, not its beginning
