@@ -9,8 +9,9 @@ import pytest
 
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.others.retuned import retuned
 from pinotwin.diagnosis.others.servo import Law, ServoChange, broken_laws, servo_changes
-from pinotwin.diagnosis.others.tracking import tracking_gaps, with_gains
+from pinotwin.diagnosis.others.tracking import track, with_gains
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.identification import identify
 from pinotwin.log import Log
@@ -139,12 +140,41 @@ def test_the_tracking_error_is_simulated_with_the_gains_as_they_are_now(machine,
     said = dataclasses.replace(twin, servos={"X": other}).simulate(log)
     follows = {"t": said.t, "X.qr": said["X.q"] + said["X.e"], "X.q": said["X.q"], "X.u": said["X.u"]}
     c = compare(twin, [Log(follows, source="softer.csv")], [])
-    gaps, shrinks = tracking_gaps(c, [], [softer])
-    assert shrinks["X"].share > 0.99
-    assert gaps["X"].after < 0.1 * gaps["X"].rms
-    assert tracking_gaps(c, [])[1] == {}
+    tracked = track(c, [], [softer])
+    assert tracked.shrinks["X"].share > 0.99
+    assert tracked.gaps["X"].after < 0.1 * tracked.gaps["X"].rms
+    assert track(c, []).shrinks == {}
     by_transfer = dataclasses.replace(twin, quality={**twin.quality, "simulation": {"use": "black"}})
     assert with_gains(by_transfer, [softer]) == (by_transfer, set())
+
+
+@pytest.mark.parametrize(
+    ("effect", "gains"),
+    [
+        ("feedforward", {"ar": 0.5}),
+        ("loop_gain", dict.fromkeys(("e", "integral", "v", "vr", "slip"), 0.7)),
+        ("", {}),
+    ],
+)
+def test_gains_that_noise_hides_in_the_effort_are_told_from_the_tracking_error(
+    machine, urdf_dir, effect, gains
+):
+    twin = identify(machine, [noisy(record(urdf_dir, 7, 1), 1), noisy(record(urdf_dir, 9, 2), 2)])
+    other = dataclasses.replace(twin, servos={"X": twin.servos["X"].scaled(**gains)})
+    said = other.simulate(record(urdf_dir, 8, 11))
+    effort = said["X.u"] + 0.15 * np.std(said["X.u"]) * np.random.default_rng(4).normal(size=len(said.t))
+    log = Log(
+        {"t": said.t, "X.qr": said["X.q"] + said["X.e"], "X.q": said["X.q"], "X.u": effort},
+        source="later.csv",
+    )
+    found = retuned(compare(twin, [log], []), ["X"])
+    assert [x.effect for x in found] == [effect] * bool(effect)
+    if found:
+        factor = next(iter(gains.values()))
+        assert found[0].after == pytest.approx(factor, abs=0.02)
+        assert found[0].interval[0] <= factor + 0.005
+        assert found[0].interval[1] >= factor - 0.005
+        assert found[0].confidence > 0.9
 
 
 @pytest.mark.parametrize("runs", [1, 2])

@@ -17,16 +17,17 @@ from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
 from pinotwin.diagnosis.conclusion.provenance import provenance
-from pinotwin.diagnosis.conclusion.strayed import strayed
+from pinotwin.diagnosis.conclusion.strayed import off_track, strayed
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
 from pinotwin.diagnosis.evidence.bodies import undetermined
 from pinotwin.diagnosis.others.encoders import Seen, admitted, second_encoders, with_encoders
-from pinotwin.diagnosis.others.servo import broken_laws, servo_changes
-from pinotwin.diagnosis.others.tracking import tracking_gaps
+from pinotwin.diagnosis.others.retuned import retuned
+from pinotwin.diagnosis.others.servo import ServoChange, broken_laws, servo_changes
+from pinotwin.diagnosis.others.tracking import TURNED, Tracked, track
 from pinotwin.diagnosis.others.vibration import Vibrations, look_at_vibration, unused
-from pinotwin.diagnosis.result import Diagnosis, Gap, Region, Shrink
+from pinotwin.diagnosis.result import Diagnosis, Region
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import search
@@ -93,18 +94,24 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     whole_logs, c = c, s.rest
     named = [*effects_named(c, found, sure), *pushes_named(c, pushed, sure_pushes)]
     named = with_encoders(named, measured, leave_out)
-    put_in = courses(whole_logs, [s.chosen for s in found.steps], pushed) if closed_loop else {}
-    turned = servo_changes(c, _mismeasured(named), leave_out, rules, put_in) if closed_loop else []
-    named += servo_named(turned)
-    gone = broken_laws(c, {str(e.axis) for e in named}, rules) if closed_loop else {}
-    shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
-    named += shaken.effects
-    result = _concluded(subject, c, found, pushed, named, gone, seed, quick, rules)
+    turned, gone = list[ServoChange](), dict[str, str]()
+    if closed_loop:
+        put_in = courses(whole_logs, [s.chosen for s in found.steps], pushed)
+        turned = servo_changes(c, _mismeasured(named), leave_out, rules, put_in)
+        gone = broken_laws(c, {str(x.axis) for part in (named, turned) for x in part}, rules)
+    tracked = Tracked()
     if closed_loop and not quick:
         tell("tracking error", 0.9)
         causes = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
-        changed = [x for x in turned if x.confidence >= rules.named]
-        result = strayed(_with_tracking(result, *tracking_gaps(c, causes, changed)), rules)
+        tracked = track(c, causes, [x for x in turned if x.confidence >= rules.named])
+        if not (named or turned or gone):
+            turned = retuned(c, off_track(tracked.gaps, rules), leave_out, rules)
+            tracked = track(c, causes, turned) if turned else tracked
+    named += servo_named(turned)
+    shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
+    named += shaken.effects
+    result = _concluded(subject, c, found, pushed, named, gone, seed, quick, rules)
+    result = strayed(_with_tracking(result, tracked), rules)
     result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, c.logs))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
@@ -116,12 +123,13 @@ def _shaken(subject: Machine | Twin, c: Comparison, rng: np.random.Generator) ->
     return look_at_vibration(subject, [*c.logs, *c.validation], sealed, labels(c.motions), rng)
 
 
-def _with_tracking(d: Diagnosis, gaps: Mapping[str, Gap], shrinks: Mapping[str, Shrink]) -> Diagnosis:
+def _with_tracking(d: Diagnosis, tracked: Tracked) -> Diagnosis:
     """Return the diagnosis with the gap of the tracking error, simulated from the command."""
+    gaps, shrinks = tracked.gaps, tracked.shrinks
     gap = {axis: {**row, **({"e": gaps[axis]} if axis in gaps else {})} for axis, row in d.gap.items()}
     effects = [
         replace(e, shrink={**e.shrink, "e": shrinks[str(e.axis)]})
-        if e.axis in shrinks and ("u" in e.shrink or "law" in e.shrink)
+        if e.axis in shrinks and ("u" in e.shrink or e.effect in TURNED)
         else e
         for e in d.effects
     ]

@@ -150,6 +150,9 @@ class Rules:
     0.92."""
     law_share: float = 0.8
     """The same for the feedback gains."""
+    retuned: float = 0.7
+    """[of the squared tracking error beside the simulated one] Share that one factor on some gains closes, held out,
+    from which they have changed although noise hides it in the effort."""
     left_behind: float = 5.0
     """[of the own tracking error] From here an axis runs off its command."""
     other_state: float = 0.5

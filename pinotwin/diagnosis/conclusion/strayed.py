@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from pinotwin.diagnosis.grade import is_open, stays
-from pinotwin.diagnosis.result import Diagnosis
+from pinotwin.diagnosis.result import Diagnosis, Gap
 from pinotwin.diagnosis.rules import RULES, Rules
+
+
+def off_track(gaps: Mapping[str, Gap], rules: Rules = RULES) -> dict[str, float]:
+    """Return axis -> times its tracking error is off by what the twin's own logs leave, of those where that is open."""
+    return {
+        axis: stays(g.rms, g.noise, g.misfit, None)
+        for axis, g in gaps.items()
+        if is_open(g.rms, g.noise, g.misfit, None, rules, signal="e")
+    }
 
 
 def strayed(found: Diagnosis, rules: Rules = RULES) -> Diagnosis:
@@ -17,11 +27,7 @@ def strayed(found: Diagnosis, rules: Rules = RULES) -> Diagnosis:
     if found.effects or found.possible:
         return found
     closed = {a: row["e"] for a, row in found.gap.items() if "e" in row and a not in found.unexplained}
-    off = {
-        axis: stays(g.rms, g.noise, g.misfit, None)
-        for axis, g in closed.items()
-        if is_open(g.rms, g.noise, g.misfit, None, rules, signal="e")
-    }
+    off = off_track(closed, rules)
     if not off:
         return found
     said = [

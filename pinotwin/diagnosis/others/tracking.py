@@ -7,8 +7,8 @@ twin has no closed loop, or the simulation cannot carry a cause, nothing is said
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,10 +35,20 @@ LONGEST = 120_000
 """Samples of the logs in question beyond which the tracking error is not simulated."""
 
 
-def tracking_gaps(
-    c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange] = ()
-) -> tuple[dict[str, Gap], dict[str, Shrink]]:
-    """Return axis -> gap of the tracking error, and how far the causes shrink it.
+@dataclass(frozen=True)
+class Tracked:
+    """What is said of the tracking error.
+
+    Attributes:
+        gaps: axis -> gap. shrinks: axis -> how far the causes shrink it.
+    """
+
+    gaps: Mapping[str, Gap] = field(default_factory=dict)
+    shrinks: Mapping[str, Shrink] = field(default_factory=dict)
+
+
+def track(c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange] = ()) -> Tracked:
+    """Return the gap of the tracking error of every axis, and how far the causes shrink it.
 
     Args:
         c: of a twin with closed loops and logs with commands.
@@ -46,15 +56,15 @@ def tracking_gaps(
         changed: changes of controllers that were named.
     """
     if not c.change or not c.twin.loops or c.new.motion.qr is None or len(c.new.motion) > LONGEST:
-        return {}, {}
+        return Tracked()
     if not any(c.gate.asks("tracking", name) for name in c.machine.axes):
-        return {}, {}
+        return Tracked()
     logs = list(c.validation) or list(c.logs)
     try:
         before = [_errors(c.twin, log) for log in logs]
         own = _own_errors(c)
     except PinotwinError:
-        return {}, {}
+        return Tracked()
     later, held = with_causes(c.twin, causes)
     turned, turned_axes = with_gains(c.twin if later is None else later, changed)
     if turned_axes:
@@ -78,7 +88,7 @@ def tracking_gaps(
             each = [1.0 - (b[0][j] / max(a[0][j], 1e-300)) ** 2 for a, b in zip(before, after, strict=True)]
             on = "validation" if c.validation else "fitted logs"
             shrinks[name] = Shrink(x, y, share, (float(min(each)), float(max(each))), share, on)
-    return gaps, shrinks
+    return Tracked(gaps, shrinks)
 
 
 def _errors(twin: Twin, log: Log) -> tuple[Floats, Floats]:
@@ -88,17 +98,28 @@ def _errors(twin: Twin, log: Log) -> tuple[Floats, Floats]:
 
 
 def _difference(twin: Twin, log: Log, motion: Motion) -> tuple[Floats, Floats]:
-    said = twin.simulate(log)
     nv = len(motion.names)
     off, size = np.full(nv, np.nan), np.full(nv, np.nan)
-    assert motion.qr is not None
+    for j, (measured, said) in simulated_errors(twin, log, motion).items():
+        off[j], size[j] = rms(measured - said), rms(measured)
+    return off, size
+
+
+def simulated_errors(twin: Twin, log: Log, motion: Motion) -> dict[int, tuple[Floats, Floats]]:
+    """Return joint -> measured tracking error and the one simulated from the command, on rows that move, (m,) each.
+
+    Args:
+        twin: with closed loops.
+        log: whose command is simulated.
+        motion: of that log.
+    """
+    said, out = twin.simulate(log), {}
     for name, axis in twin.machine.axes.items():
         rows = motion.moving(axis.index)
         if f"{name}.e" in said and rows.any():
-            e = motion.error[:, axis.index]
             guess = np.interp(motion.t, said.t, said[f"{name}.e"])
-            off[axis.index], size[axis.index] = rms((e - guess)[rows]), rms(e[rows])
-    return off, size
+            out[axis.index] = motion.error[rows, axis.index], guess[rows]
+    return out
 
 
 def _own_errors(c: Comparison) -> Floats:

@@ -1,0 +1,161 @@
+r"""Gains that have changed, told from the tracking error alone.
+
+Where noise hides in the effort what a controller does otherwise, the tracking error still shows it: it is simulated
+from the command with one factor on some of the gains, and the factor moved to where the log's own error is met,
+
+    f <- f + (s . r) / (s . s),     r = e - e_simulated(f),  s = d e_simulated / d f.
+
+What it closes is stated on stretches that it was not fitted to. Asked only of axes whose effort is the twin's: there
+the plant has not changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.evidence.bootstrap import share_interval
+from pinotwin.diagnosis.others.servo import SAID, ServoChange
+from pinotwin.diagnosis.others.tracking import TURNED, simulated_errors
+from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.search.injections import posterior
+from pinotwin.diagnosis.search.trials import TRIALS
+from pinotwin.errors import PinotwinError
+from pinotwin.loop.servo import Servo
+from pinotwin.signals import rms
+from pinotwin.simulation import preferred
+from pinotwin.solve.jackknife import jackknife, without_each
+from pinotwin.twin import Twin
+
+BLOCKS = 12
+"""Stretches that an error is cut into."""
+STEPS, FIRST = 4, 0.1
+"""Corrections of a factor, and the change by which its slope is taken first."""
+LARGEST = 3.0
+"""Factor beyond which none is sought."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A factor on some gains with what it closes of one axis' tracking error.
+
+    Attributes:
+        effect: ``feedforward`` or ``loop_gain``.
+        factor: what the gains are, of what they were. error: its standard error.
+        before: squared error of every block. after: the same with the factor fitted to the other blocks.
+    """
+
+    effect: str
+    factor: float
+    error: float
+    before: Floats
+    after: Floats
+
+    @property
+    def share(self) -> float:
+        """Of the squared error that is closed."""
+        return float(1.0 - self.after.sum() / max(self.before.sum(), 1e-300))
+
+
+def retuned(
+    c: Comparison, axes: Collection[str], leave_out: Collection[str] = (), rules: Rules = RULES
+) -> list[ServoChange]:
+    """Return the gains by whose change the tracking error of some axes is met.
+
+    Args:
+        c: of a twin with closed loops.
+        axes: whose effort is the twin's and whose tracking error is not.
+        leave_out: effects that are not named.
+        rules: thresholds.
+    """
+    if preferred(c.twin) != "coupled":
+        return []
+    found = []
+    for axis in axes:
+        if axis not in c.twin.servos or not c.gate.asks("servo", axis):
+            continue
+        fits = [fit for effect in TURNED if (fit := _fitted(c, axis, effect)) is not None]
+        best = max(fits, key=lambda fit: fit.share, default=None)
+        if best is not None and best.share > rules.retuned and best.effect not in leave_out:
+            found.append(_change(axis, best, fits, rules))
+    return found
+
+
+def _fitted(c: Comparison, axis: str, effect: str) -> _Fit | None:
+    """Return the factor that meets the tracking error best; None where it does not move it or cannot be simulated."""
+    j = c.machine.axes[axis].index
+
+    def errors(factor: float) -> tuple[Floats, Floats]:
+        servo = c.twin.servos[axis].scaled(**dict.fromkeys(TURNED[effect], factor))
+        return _errors(_turned(c.twin, axis, servo), c, j)
+
+    try:
+        factor, slope, left, before = _search(errors)
+    except PinotwinError:
+        return None
+    if not np.any(slope):
+        return None
+    blocks = [np.array_split(x, BLOCKS) for x in (slope, left, before)]
+    ss, sr = (np.array([b @ x for b, x in zip(blocks[0], part, strict=True)]) for part in blocks[:2])
+    each = (without_each(sr) / np.maximum(without_each(ss), 1e-300))[:-1]
+    after = np.array([np.sum((r - s * d) ** 2) for s, r, d in zip(blocks[0], blocks[1], each, strict=True)])
+    whole = np.array([x @ x for x in blocks[2]])
+    return _Fit(effect, factor, float(np.sqrt(jackknife(each[:, None])[0, 0])), whole, after)
+
+
+def _turned(twin: Twin, axis: str, servo: Servo) -> Twin:
+    return replace(twin, servos={**twin.servos, axis: servo})
+
+
+def _search(errors: Callable[[float], tuple[Floats, Floats]]) -> tuple[float, Floats, Floats, Floats]:
+    """Return the factor that leaves least, the slope there, what is left, and what was left with none."""
+    measured, said = errors(1.0)
+    before = measured - said
+    factor, best = 1.0, (rms(before), 1.0, said)
+    other = 1.0 - FIRST
+    slope = np.zeros(0)
+    for _ in range(STEPS):
+        moved = errors(other)[1]
+        slope = (moved - said) / (other - factor)
+        left = measured - moved
+        best = min(best, (rms(left), other, moved), key=lambda x: x[0])
+        step = float(slope @ left) / max(float(slope @ slope), 1e-300)
+        factor, said = other, moved
+        other = float(np.clip(factor + step, 0.0, LARGEST))
+        if abs(other - factor) < 1e-3:
+            break
+    return best[1], slope, measured - best[2], before
+
+
+def _errors(twin: Twin, c: Comparison, joint: int) -> tuple[Floats, Floats]:
+    """Return the tracking error of one axis on all logs, measured and simulated."""
+    logs = [*c.logs, *c.validation]
+    parts = [simulated_errors(twin, log, twin.motion(log))[joint] for log in logs]
+    return np.concatenate([m for m, _ in parts]), np.concatenate([s for _, s in parts])
+
+
+def _change(axis: str, best: _Fit, fits: Sequence[_Fit], rules: Rules) -> ServoChange:
+    half = 1.645 * best.error
+    low = share_interval(best.before, best.after)[0]
+    rng = np.random.default_rng(0)
+    wins = 0
+    for _ in range(TRIALS):
+        at = rng.integers(BLOCKS, size=BLOCKS)
+        shares = {f.effect: 1.0 - f.after[at].sum() / max(f.before[at].sum(), 1e-300) for f in fits}
+        wins += max(shares, key=lambda k: shares[k]) == best.effect and shares[best.effect] > rules.retuned
+    return ServoChange(
+        best.effect,
+        axis,
+        SAID[best.effect],
+        1.0,
+        best.factor,
+        (best.factor - half, best.factor + half),
+        "of what it was",
+        best.share,
+        (0.0, 0.0),
+        posterior(wins, TRIALS, rules) if low > 0.0 else 0.0,
+    )
