@@ -24,8 +24,8 @@ from pinotwin.diagnosis.grade import stays
 from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
-from pinotwin.diagnosis.search.duel import duel
-from pinotwin.diagnosis.search.forward import Found, _doubtful, search, simplest
+from pinotwin.diagnosis.search.duel import Duel, duel, richer
+from pinotwin.diagnosis.search.forward import Found, _doubtful, finest_of, search, simplest
 from pinotwin.diagnosis.search.injections import confidences, same_cause
 from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Scored, Searcher
@@ -346,10 +346,7 @@ def test_of_two_relatives_the_one_is_taken_that_explains_what_the_other_closes(t
     simple, rich = (searcher.score(effects[name]) for name in ("quadratic_drag", "viscous_thermal"))
     assert simple is not None
     assert rich is not None
-    held = duel(
-        simple, [simple, dataclasses.replace(rich, gain=max(rich.gain, 1.01 * simple.gain))], c, RULES
-    )
-    assert held is not None
+    held = duel(simple, rich, c, RULES, RULES.least_spread)
     assert named(held.won_by(simple, rich).effect).name == true
     assert named(held.again(simple, [rich]).effect).name == true
 
@@ -362,7 +359,30 @@ def test_no_trial_decides_between_frictions_that_differ_at_reversals_alone(twin:
     one, other = searcher.score(hard), searcher.score(soft)
     assert one is not None
     assert other is not None
-    assert duel(one, [one, dataclasses.replace(other, gain=1.05 * one.gain)], c, RULES) is None
+    assert richer(one, [one, dataclasses.replace(other, gain=1.05 * one.gain)]) is None
+
+
+@pytest.mark.parametrize(("left", "won"), [(1.0, "payload"), (1.5, "effort_scale")])
+def test_of_a_very_large_gap_a_thousandth_tells_a_load_from_a_scaled_effort(left: float, won: str) -> None:
+    """Where the load leaves what the twin does anyway (random833); else both miss what really happened."""
+    rows, power = 1000, 400_000.0
+    load = one_number(EFFECTS["payload"].on(tree(), "A"), (0,), power - left * rows)
+    scale = one_number(EFFECTS["effort_scale"].on(tree(), "A"), (0,), load.gain - 0.6 * rows)
+    c = SimpleNamespace(
+        change=True, new=SimpleNamespace(residual={0: np.zeros(rows), 1: []}, joints=(0,)), unseen=None
+    )
+    searcher = cast(
+        Searcher,
+        SimpleNamespace(
+            comparison=c,
+            power=lambda columns: power,
+            main_gains=lambda one: (np.array([one.gain]), np.zeros(0)),
+        ),
+    )
+    finest = finest_of(load, searcher, RULES)
+    spread = 1e-5 * np.random.default_rng(0).normal(size=10)
+    held = Duel(scale, load, spread, spread + np.log(load.gain / scale.gain), RULES, finest)
+    assert named(held.won_by(scale, load).effect).name == won
 
 
 def test_a_load_behind_a_spring_is_no_more_than_its_axis(machine: Machine) -> None:

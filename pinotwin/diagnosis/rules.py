@@ -74,6 +74,11 @@ class Rules:
     as_good_most: float = 30.0
     """[squared misfits per row, of a change] Most that a candidate which is no relative of the best may leave more than
     it, however large the gap: the weight of a load is 0.98 of its gap, and the rest, 400 of these, is its inertia."""
+    met: float = 1.2
+    """[squared misfits per row, of a change] A cause that leaves less than this leaves what the twin does anyway."""
+    as_good_left: float = 0.2
+    """The same as `as_good_most` where the best is such a cause. By hand: a load of 9 kg on a vertical axis (random833)
+    leaves 1.00, an effort that is scaled 1.28 of it; a gap of 2.6 misfits is held to as much by `as_good`."""
     as_good_kin: float = 0.92
     """The same where it is a relative of the best, or an effect beside a pattern of few numbers."""
     as_good_curve: float = 0.6
@@ -85,6 +90,10 @@ class Rules:
     """[of that distance] Most that it may lie off what the richer one's own trials leave."""
     least_spread: float = 0.01
     """[of the logarithm of the gains' ratio] Trials that agree better tell no more."""
+    least_left: float = 0.06
+    """[squared misfits per row] The same of what the richer one closes more, where it leaves what the twin does anyway:
+    what `least_spread` is of a gap of two and a half misfits. The weight of a load of 9 kg (random833) is 0.9985 of its
+    gap, and the rest 0.57 of these."""
     second_share: float = 0.1
     """[of the squared gap] Least that a further cause closes on an axis that has one: less is its form."""
     second_share_kin: float = 0.3

@@ -34,6 +34,7 @@ class Duel:
         under_simpler: logarithm of the richer one's gain over the simpler one's in trials with the simpler put in.
         under_richer: the same with the richer put in.
         rules: thresholds.
+        finest: trials that agree better than this tell no more [of the logarithm].
     """
 
     simpler: Scored
@@ -41,13 +42,14 @@ class Duel:
     under_simpler: Floats
     under_richer: Floats
     rules: Rules
+    finest: float
 
     def won_by(self, simpler: Scored, richer: Scored) -> Scored:
         """Return which of the two, as scored on some logs, would have left what is seen there."""
         if min(simpler.gain, richer.gain) <= 0.0:
             return simpler
         seen = float(np.log(richer.gain / simpler.gain))
-        far, near = (_distance(seen, x, self.rules) for x in (self.under_simpler, self.under_richer))
+        far, near = (_distance(seen, x, self.finest) for x in (self.under_simpler, self.under_richer))
         return richer if far > self.rules.outdone and near < self.rules.nearer * far else simpler
 
     def again(self, simplest: Scored, fit: Sequence[Scored]) -> Scored:
@@ -57,22 +59,29 @@ class Duel:
         return next((self.won_by(simplest, one) for one in fit if one.key == self.richer.key), simplest)
 
 
-def duel(winner: Scored, fit: Sequence[Scored], comparison: Comparison, rules: Rules) -> Duel | None:
-    """Return the trials of the winner against the relative that closes most; None if there is none that closes more.
+def richer(winner: Scored, fit: Sequence[Scored]) -> Scored | None:
+    """Return the relative of the winner that closes most; None if there is none that closes more.
 
     Args:
         winner: the simplest of those that close as much as the best.
         fit: candidates that were not refused.
-        comparison: what is compared; a machine without own logs has no residual of its own to try on.
-        rules: thresholds.
     """
-    rivals = [one for one in fit if _relative(one, winner)]
-    if comparison.own is None or not rivals:
-        return None
-    rival = max(rivals, key=lambda one: one.gain)
+    return max((one for one in fit if _relative(one, winner)), key=lambda one: one.gain, default=None)
+
+
+def duel(winner: Scored, rival: Scored, comparison: Comparison, rules: Rules, finest: float) -> Duel:
+    """Return the trials of the winner against a relative with more numbers.
+
+    Args:
+        winner: the simplest of those that close as much as the best.
+        rival: the relative.
+        comparison: what is compared, with own logs: a machine has no residual of its own to try on.
+        rules: thresholds.
+        finest: see :class:`Duel`.
+    """
     rng = np.random.default_rng(0)
     under = [_ratios(comparison, put, winner, rival, rng) for put in (winner, rival)]
-    return Duel(winner, rival, under[0], under[1], rules)
+    return Duel(winner, rival, under[0], under[1], rules, finest)
 
 
 def _relative(one: Scored, winner: Scored) -> bool:
@@ -96,8 +105,8 @@ def _ratios(c: Comparison, put: Scored, winner: Scored, rival: Scored, rng: np.r
     return np.asarray(out)
 
 
-def _distance(seen: float, ratios: Floats, rules: Rules) -> float:
+def _distance(seen: float, ratios: Floats, finest: float) -> float:
     """Return how many standard deviations a ratio lies off those of the trials; none where trials tell nothing."""
     if len(ratios) < TRIALS // 2:
         return 0.0
-    return float(abs(seen - ratios.mean()) / max(ratios.std(ddof=1), rules.least_spread))
+    return float(abs(seen - ratios.mean()) / max(ratios.std(ddof=1), finest))

@@ -21,7 +21,7 @@ from pinotwin.diagnosis.evidence.bodies import possible
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.diagnosis.search.duel import Duel, duel
+from pinotwin.diagnosis.search.duel import Duel, duel, richer
 from pinotwin.diagnosis.search.scan import Scored, Searcher, Table
 from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.effects import Effect
@@ -106,7 +106,7 @@ def search(
             continue
         able = _richest(fit)
         winner = simplest(able, searcher, rules)
-        held = duel(winner, able, comparison, rules)
+        held = _duel(winner, able, searcher, rules)
         winner = winner if held is None else held.won_by(held.simpler, held.richer)
         rivals = [r for r in one_each(ranked) if r.key != winner.key]
         steps.append(Step(winner, rivals, searcher, held))
@@ -220,7 +220,8 @@ def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scor
 
     A relative of the best with fewer numbers may close a little less, for the richer one can bend itself
     to what the model never had; likewise an effect of the catalogue beside a pattern without a name. What no
-    relative leaves of a very large gap is many times what the twin leaves: it is not passed over. Of those with
+    relative leaves of a very large gap is many times what the twin leaves: it is not passed over, nor is what the best
+    does not leave, if that leaves no more than the twin does. Of those with
     as many numbers the one that acts on fewer axes is taken: a constant force of one of two slides that stand upright
     on each other looks like an inertia that they share. Of bodies that ride on several links the one on the last is
     taken. What closes the gaps of several axes of a change at once is not replaced by what closes one of them.
@@ -228,7 +229,7 @@ def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scor
     best = _best_effect(ranked, rules)
     several = _also_closed(best, searcher, rules)
     kin = {*named(best.effect).contains, *named(best.effect).imitates, *named(best.effect).inseparable}
-    most = rules.as_good_most * _rows(best, searcher.comparison) if searcher.comparison.change else np.inf
+    most = _most_left(best, searcher, rules)
     close = []
     for one in ranked:
         related = one is best or (one.joint == best.joint and named(one.effect).name in kin)
@@ -237,6 +238,36 @@ def simplest(ranked: Sequence[Scored], searcher: Searcher, rules: Rules) -> Scor
         if near and several <= set(one.table[0]):
             close.append(one)
     return min(close, key=lambda s: (s.numbers, -_link(s), len(s.table[0]), -s.gain))
+
+
+def _most_left(best: Scored, searcher: Searcher, rules: Rules) -> float:
+    """Return by how much less than the best a candidate that is no relative of it may close, floor units."""
+    c = searcher.comparison
+    if not c.change:
+        return np.inf
+    return _rows(best, c) * (rules.as_good_left if met(best, searcher, rules) else rules.as_good_most)
+
+
+def met(one: Scored, searcher: Searcher, rules: Rules) -> bool:
+    """Whether a cause leaves of its axis no more than the twin does anyway."""
+    before = searcher.power({one.joint: one.table[0][one.joint]})
+    closed = sum(float(x.sum()) for x in searcher.main_gains(one))
+    return before - closed < rules.met * _rows(one, searcher.comparison)
+
+
+def _duel(winner: Scored, able: Sequence[Scored], searcher: Searcher, rules: Rules) -> Duel | None:
+    """Return the trials of the winner against a relative with more numbers, if one closes more."""
+    rival = richer(winner, able)
+    if rival is None or searcher.comparison.own is None:
+        return None
+    return duel(winner, rival, searcher.comparison, rules, finest_of(rival, searcher, rules))
+
+
+def finest_of(rival: Scored, searcher: Searcher, rules: Rules) -> float:
+    """Return how well trials may agree; of a rival that leaves what the twin does its absolute lead counts."""
+    if not met(rival, searcher, rules):
+        return rules.least_spread
+    return min(rules.least_spread, rules.least_left * _rows(rival, searcher.comparison) / rival.gain)
 
 
 def _best_effect(ranked: Sequence[Scored], rules: Rules) -> Scored:
