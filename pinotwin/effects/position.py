@@ -80,6 +80,15 @@ def _pitch_grid(q: Floats, lower: float, upper: float) -> Floats:
     return 1.0 / np.linspace(1.0 / upper, 1.0 / lower, count)
 
 
+def _repeating(q: Floats, lower: float, upper: float) -> float:
+    """Return the longest pitch that a log shows to repeat, if it can show any.
+
+    A single wave along the travel takes up whatever a model lacks there: a weight, a constant force.
+    """
+    longest = float(np.ptp(q)) / REPEATS
+    return min(upper, longest) if lower < longest else upper
+
+
 def _pitch_bounds(rotary: bool, shortest: float | None, longest: float | None) -> tuple[float, ...]:
     usual = (_TURN / 200.0, _TURN / 1.5) if rotary else (2e-3, 0.15)
     return (shortest or usual[0], longest or usual[1])
@@ -147,7 +156,8 @@ class Ripple(AxisEffect):
         if not self.free_pitch:
             return ()
         low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
-        return (_pitch_grid(motion.axis(self.axis).q, low, high),)
+        q = motion.axis(self.axis).q
+        return (_pitch_grid(q, low, high if self.longest else _repeating(q, low, high)),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """See :meth:`Effect.trials`: pitches that travel, rate and resolution can show.
@@ -237,7 +247,8 @@ class RippleModulated(AxisEffect):
         if not self.free_pitch:
             return (eps,)
         low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
-        return (_pitch_grid(motion.axis(self.axis).q, low, high), eps)
+        q = motion.axis(self.axis).q
+        return (_pitch_grid(q, low, high if self.longest else _repeating(q, low, high)), eps)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """See :meth:`Effect.trials`: whole parts of a turn."""

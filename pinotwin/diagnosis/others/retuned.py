@@ -25,11 +25,15 @@ from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.trials import TRIALS
 from pinotwin.errors import PinotwinError
-from pinotwin.loop.servo import Servo
+from pinotwin.log import Log
+from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.simulation import preferred
 from pinotwin.solve.jackknife import jackknife, without_each
 from pinotwin.twin import Twin
+
+Runs = Sequence[tuple[Log, Motion]]
+"""Logs with their motions."""
 
 BLOCKS = 12
 """Stretches that an error is cut into."""
@@ -74,24 +78,24 @@ def retuned(
     """
     if preferred(c.twin) != "coupled":
         return []
+    runs = [(log, c.twin.motion(log)) for log in c.logs] if axes else []
     found = []
     for axis in axes:
         if axis not in c.twin.servos or not c.gate.asks("servo", axis):
             continue
-        fits = [fit for effect in TURNED if (fit := _fitted(c, axis, effect)) is not None]
+        fits = [fit for effect in TURNED if (fit := _fitted(c.twin, runs, axis, effect)) is not None]
         best = max(fits, key=lambda fit: fit.share, default=None)
         if best is not None and best.share > rules.retuned and best.effect not in leave_out:
             found.append(_change(axis, best, fits, rules))
     return found
 
 
-def _fitted(c: Comparison, axis: str, effect: str) -> _Fit | None:
+def _fitted(twin: Twin, runs: Runs, axis: str, effect: str) -> _Fit | None:
     """Return the factor that meets the tracking error best; None where it does not move it or cannot be simulated."""
-    j = c.machine.axes[axis].index
 
     def errors(factor: float) -> tuple[Floats, Floats]:
-        servo = c.twin.servos[axis].scaled(**dict.fromkeys(TURNED[effect], factor))
-        return _errors(_turned(c.twin, axis, servo), c, j)
+        servo = twin.servos[axis].scaled(**dict.fromkeys(TURNED[effect], factor))
+        return _errors(replace(twin, servos={**twin.servos, axis: servo}), runs, axis)
 
     try:
         factor, slope, left, before = _search(errors)
@@ -105,10 +109,6 @@ def _fitted(c: Comparison, axis: str, effect: str) -> _Fit | None:
     after = np.array([np.sum((r - s * d) ** 2) for s, r, d in zip(blocks[0], blocks[1], each, strict=True)])
     whole = np.array([x @ x for x in blocks[2]])
     return _Fit(effect, factor, float(np.sqrt(jackknife(each[:, None])[0, 0])), whole, after)
-
-
-def _turned(twin: Twin, axis: str, servo: Servo) -> Twin:
-    return replace(twin, servos={**twin.servos, axis: servo})
 
 
 def _search(errors: Callable[[float], tuple[Floats, Floats]]) -> tuple[float, Floats, Floats, Floats]:
@@ -131,10 +131,10 @@ def _search(errors: Callable[[float], tuple[Floats, Floats]]) -> tuple[float, Fl
     return best[1], slope, measured - best[2], before
 
 
-def _errors(twin: Twin, c: Comparison, joint: int) -> tuple[Floats, Floats]:
+def _errors(twin: Twin, runs: Runs, axis: str) -> tuple[Floats, Floats]:
     """Return the tracking error of one axis on all logs, measured and simulated."""
-    logs = [*c.logs, *c.validation]
-    parts = [simulated_errors(twin, log, twin.motion(log))[joint] for log in logs]
+    joint = twin.machine.axes[axis].index
+    parts = [simulated_errors(twin, log, motion)[joint] for log, motion in runs]
     return np.concatenate([m for m, _ in parts]), np.concatenate([s for _, s in parts])
 
 
