@@ -334,6 +334,23 @@ def test_a_cause_that_the_twin_always_lacked_in_part_is_as_sure_as_another(twin:
     assert confidences(c, found, np.random.default_rng(0))[0] > 0.9
 
 
+@pytest.mark.parametrize(("times", "named_too"), [(2.5, True), (1.2, False)])
+def test_a_small_cause_beside_a_large_one_is_named_where_it_closes_most_of_the_rest(
+    twin: Twin, times: float, named_too: bool
+) -> None:
+    c = compare(twin, [record(4)], [])
+    ripple, scale = Ripple("X", period=0.03), EFFECTS["effort_scale"].on(c.machine, "X")
+    columns = [c.new.columns(x)[0][:, 0] for x in (ripple, scale)]
+    put = sum(
+        t * c.floor[0] * x / np.sqrt(np.mean(x**2)) for t, x in zip((10.0, times), columns, strict=True)
+    )
+    noise = c.floor[0] * np.random.default_rng(0).normal(size=len(columns[0]))
+    found = [
+        named(s.chosen.effect).name for s in search(with_residual(c, put + noise), [ripple, scale]).steps
+    ]
+    assert found == ["ripple", "effort_scale"][: 1 + named_too]
+
+
 @pytest.mark.parametrize("true", ["quadratic_drag", "viscous_thermal"])
 def test_of_two_relatives_the_one_is_taken_that_explains_what_the_other_closes(twin: Twin, true: str) -> None:
     c = compare(twin, [record(4)], [])

@@ -99,6 +99,12 @@ class Rules:
     second_share_kin: float = 0.3
     """The same for an effect that the first one imitates: play that is modelled imperfectly leaves 0.2 that looks
     like a delay."""
+    second_part: float = 0.5
+    """[of what the causes found so far leave of the axis, squared] A further one that closes more than this is none of
+    their forms' traces, however large the first gap was; no relative of them. By hand: an effort scaled by some percent
+    closes 0.7 of what a delay leaves of 11 misfits (own bench 22)."""
+    second_rows: float = 3.0
+    """[squared misfits per row] Least that it closes then."""
     needless: float = 0.1
     """[of its gain] A cause that closes less than this beside a later one is dropped."""
     most: int = 8

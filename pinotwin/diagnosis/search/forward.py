@@ -93,7 +93,9 @@ def search(
         taken = {s.chosen.key for s in steps}
         answers = [(r, refused(r, searcher, rules)) for r in ranked if r.key not in taken]
         fit = [
-            r for r, why in answers if not why and not _a_trace(r, steps, rules) and not _doubtful(r, answers)
+            r
+            for r, why in answers
+            if not why and not _a_trace(r, steps, searcher, rules) and not _doubtful(r, answers)
         ]
         last = answers[0] if answers else None
         if not fit:
@@ -129,19 +131,23 @@ def _usual_before(fit: Sequence[Scored], scatters: Sequence[Scored], known: Coll
     return next((s for s in beating if s.joint not in known), None)
 
 
-def _a_trace(one: Scored, steps: Sequence[Step], rules: Rules) -> bool:
+def _a_trace(one: Scored, steps: Sequence[Step], searcher: Searcher, rules: Rules) -> bool:
     """Whether a candidate is small beside the gap of an axis that has a cause: what its form leaves over.
 
-    What a cause leaves of its own form looks like those that it imitates: of these more is asked.
+    What a cause leaves of its own form looks like those that it imitates: of these more is asked. Another one that
+    closes most of all that is left, and many times what the model leaves anyway, is no trace beside a larger gap.
     """
     same = [named(s.chosen.effect) for s in steps if s.chosen.joint == one.joint]
     if not same:
         return False
-    first = steps[0].searcher
+    before, now = (s.power({one.joint: one.table[0][one.joint]}) for s in (steps[0].searcher, searcher))
     name = named(one.effect).name
-    kin = any(name in e.imitates or name in e.contains for e in same)
-    least = rules.second_share_kin if kin else rules.second_share
-    return one.gain < least * first.power({one.joint: one.table[0][one.joint]})
+    if any(name in e.imitates or name in e.contains for e in same):
+        return one.gain < rules.second_share_kin * before
+    most = rules.second_part * now
+    return one.gain < rules.second_share * before and (
+        one.gain < most or one.gain < rules.second_rows * _rows(one, searcher.comparison)
+    )
 
 
 _UNCERTAIN = "squared standard errors a number"
