@@ -25,7 +25,7 @@ from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.notebook import Card, Shown
 from pinotwin.signals import rms
 from pinotwin.simulation.command import beginning
-from pinotwin.simulation.run import Loops, as_motion, respond
+from pinotwin.simulation.run import Loops, as_motion, is_coupled, preferred, respond
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin.twin import TwinLike, as_twin
 
@@ -123,7 +123,8 @@ def decompose(
     twin = as_twin(twin)
     found = respond(twin, as_log(log), controller=controller, every_step=True)
     asked = found.request
-    parts = dict(split(twin, as_motion(twin, asked, found)).parts)
+    modes = is_coupled(preferred(twin) if controller is None else controller)
+    parts = dict(split(twin, as_motion(twin, asked, found), modes=modes).parts)
     rest = found.d - np.sum(list(parts.values()), axis=0)
     parts["other"] = parts["other"] + rest if "other" in parts else rest
     rows = _rows(asked.t, asked.source, window)

@@ -130,7 +130,9 @@ def mean_inertia(plant: OpenLoop, postures: Floats) -> Floats:
     return out
 
 
-def generalised_disturbance(plant: OpenLoop, motion: Motion, diagonal: Mapping[str, Floats]) -> Floats:
+def generalised_disturbance(
+    plant: OpenLoop, motion: Motion, diagonal: Mapping[str, Floats], *, modes: bool = True
+) -> Floats:
     """Return the generalised disturbance of a motion, shape (n, nv) [N or N·m] (Eq. 4.4, 4.19).
 
     External loads of the log are part of it, with the sign of a disturbance.
@@ -139,19 +141,25 @@ def generalised_disturbance(plant: OpenLoop, motion: Motion, diagonal: Mapping[s
         plant: what was identified, or a twin: its loops are not used.
         motion: measured or simulated.
         diagonal: M_D, C, K as :func:`diagonal` returns them.
+        modes: whether loads that hang on an axis by a spring are part of it: a free loop has them among its poles.
     """
     total = rigid_effort(plant, motion.q, motion.v, motion.a)
     motion = plant.scene(motion)
     for effect, theta in _effects(plant):
-        if effect.axis is not None and not effect.logged_effort:
+        if effect.axis is not None and not effect.logged_effort and (modes or effect.mode() is None):
             total += _effort(effect, theta, motion, total.shape[1])
     if motion.external is not None:
         total -= motion.external
     return total - _total(_linear(motion, diagonal).values())
 
 
-def split(plant: OpenLoop, motion: Motion) -> Split:
+def split(plant: OpenLoop, motion: Motion, *, modes: bool = True) -> Split:
     """Return the effort of a motion by its terms and causes; they sum to ``twin.effort(motion)``.
+
+    Args:
+        plant: what was identified.
+        motion: measured or simulated.
+        modes: see :func:`generalised_disturbance`.
 
     Raises:
         DataError: the twin was identified without its diagonal.
@@ -162,7 +170,7 @@ def split(plant: OpenLoop, motion: Motion) -> Split:
     motion = plant.scene(motion)
     n, nv = motion.q.shape
     for effect, theta in _effects(plant):
-        if effect.axis is None:
+        if effect.axis is None or not (modes or effect.mode() is None):
             continue
         words = causes(effect)
         for cause in dict.fromkeys(words):

@@ -196,6 +196,13 @@ class Effect(abc.ABC):
     def coefficients(self) -> tuple[Coefficient, ...]:
         """Return the linear coefficients in the order of the columns."""
 
+    def mode(self) -> tuple[float, float] | None:
+        """Return frequency [Hz] and damping ratio of a load that it hangs on its axis by a spring, if it does.
+
+        A simulation gives that load states of its own; its one coefficient is the load's share of the inertia.
+        """
+        return None
+
     @abc.abstractmethod
     def columns(self, motion: Motion) -> Columns:
         """Return the regressor columns for a motion."""

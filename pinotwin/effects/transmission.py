@@ -171,6 +171,10 @@ class _Flexible(Effect):
         """See :meth:`Effect.shapes`."""
         return (Shape("frequency", "Hz", 2.0, 200.0), Shape("damping", "-", 0.005, 0.7))
 
+    def mode(self) -> tuple[float, float]:
+        """See :meth:`Effect.mode`."""
+        return self.frequency, self.damping
+
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
         """See :meth:`Effect.grid`: modes that the rows resolve."""
         top = max(Sight.of(motion, self.axis).fastest_mode, 1.5 * LOWEST_MODE)

@@ -201,7 +201,7 @@ def fit_loops(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None
         tell: called with the stage and the share of this step done.
     """
     found = Loops(plant.effects, plant.theta.copy())
-    disturbance = generalised_disturbance(plant, motion, plant.diagonal)
+    disturbance = generalised_disturbance(plant, motion, plant.diagonal, modes=False)
     axes = list(plant.machine.axes)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.loop.servo import Servo
@@ -49,6 +50,42 @@ class Servos(NamedTuple):
     origin: Floats
 
 
+class Modes(NamedTuple):
+    """Loads that hang on joints by springs, at one internal step; one row each.
+
+    Attributes:
+        joint: that a load hangs on, shape (m,).
+        share: of the joint's inertia that it is, shape (m,).
+        pull: stiffness and damping over the load's mass, shape (m, 2).
+        step: how twist and its rate go on in a step, and what an acceleration of the joint adds, shape (m, 2, 3).
+    """
+
+    joint: Ints
+    share: Floats
+    pull: Floats
+    step: Floats
+
+
+def mode_arrays(modes: Sequence[tuple[int, float, float, float]], h: float) -> Modes:
+    """Return loads on springs at the internal step h.
+
+    The twist x of a spring, by which the load lags behind its joint, follows ``x'' + 2 zeta w x' + w^2 x = a``; the
+    step is exact for an acceleration that does not change within it.
+
+    Args:
+        modes: joint, share, frequency [Hz] and damping ratio of each.
+        h: internal step [s].
+    """
+    pull, step = np.zeros((len(modes), 2)), np.zeros((len(modes), 2, 3))
+    for k, (_, _, frequency, damping) in enumerate(modes):
+        w = 2.0 * np.pi * frequency
+        pull[k] = w * w, 2.0 * damping * w
+        system = np.array([[0.0, 1.0, 0.0], [-pull[k, 0], -pull[k, 1], 1.0], [0.0, 0.0, 0.0]])
+        step[k] = expm(h * system)[:2]
+    joints = np.array([m[0] for m in modes], dtype=np.int64)
+    return Modes(joints, np.array([m[1] for m in modes], dtype=float), pull, step)
+
+
 class Coupled(NamedTuple):
     """Where the coupled machine is; changed by the kernel. Shapes (nv,) unless said otherwise."""
 
@@ -72,6 +109,7 @@ class Coupled(NamedTuple):
     high: Floats
     bend: Floats
     where: Floats
+    twist: Floats
     c: Floats
     p: Floats
     t: Floats
@@ -142,7 +180,7 @@ def biquad(notch: tuple[float, float, float], h: float) -> Floats:
     return np.array([first / a0, middle, last / a0, middle, (1.0 - 2.0 * poles * t + t * t) / a0])
 
 
-def state(servos: Servos, tape_size: int, start: Floats, tables: Lookup) -> Coupled:
+def state(servos: Servos, tape_size: int, start: Floats, tables: Lookup, modes: Modes) -> Coupled:
     """Return a machine at rest at zero."""
     nv, z = len(servos.kind), np.zeros
     t = z(tape_size)
@@ -169,6 +207,7 @@ def state(servos: Servos, tape_size: int, start: Floats, tables: Lookup) -> Coup
         high=z(dry),
         bend=z((len(tables.slips), tables.give.shape[1] + 1)),
         where=z(len(tables.slips)),
+        twist=z((len(modes.joint), 2)),
         c=z((3, nv)),
         p=z((4, nv)),
         t=t,
@@ -189,4 +228,14 @@ def records(n: int, nv: int, full: bool) -> Record:
     return Record(q, e, u, v, a, d)
 
 
-__all__ = ["LONGEST", "Coupled", "Servos", "records", "servo_arrays", "state", "substeps"]
+__all__ = [
+    "LONGEST",
+    "Coupled",
+    "Modes",
+    "Servos",
+    "mode_arrays",
+    "records",
+    "servo_arrays",
+    "state",
+    "substeps",
+]

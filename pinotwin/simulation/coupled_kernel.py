@@ -9,6 +9,9 @@ position:
     3  dry friction: impulses that stop an axis, none larger than its level (projected Gauss-Seidel)
     4  v += dv,  q += h v
 
+A load that hangs on joint j by a spring (a share s of its inertia, twist x with x'' = a_j - f, f = w^2 x + 2 zeta w x')
+takes s M_ij a_j off step 2 and puts s M_ij f there instead, at every joint i.
+
 Dry friction solved for inside the step holds an axis at rest as it is; the integrator winds up against
 it. So whatever the gains, friction takes energy out and never puts any in.
 """
@@ -82,7 +85,7 @@ def _slide(plant, tables, h, s):  # type: ignore[no-untyped-def]
 
 @leaf
 def _invert(A, X):  # type: ignore[no-untyped-def]
-    """Fill X with the inverse of the symmetric positive A by Gauss-Jordan; A is used up."""
+    """Fill X with the inverse of A, which is symmetric and positive but for loads on springs; A is used up."""
     n = len(A)
     for i in range(n):
         for k in range(n):
@@ -134,6 +137,27 @@ def _dry(tables, h, s):  # type: ignore[no-untyped-def]
                 change = max(change, abs(d) / (abs(s.high[k]) + abs(s.low[k]) + 1e-300))
         if change < ENOUGH or count == 1:
             break
+
+
+@leaf
+def _hang(modes, s):  # type: ignore[no-untyped-def]
+    """Put what springs pass on of their loads into r, and the loads out of A."""
+    for m in range(len(modes.joint)):
+        j, share = modes.joint[m], modes.share[m]
+        pull = modes.pull[m, 0] * s.twist[m, 0] + modes.pull[m, 1] * s.twist[m, 1]
+        for i in range(len(s.q)):
+            s.A[i, j] -= share * s.M[i, j]
+            s.r[i] -= share * s.M[i, j] * pull
+
+
+@leaf
+def _swing(modes, s):  # type: ignore[no-untyped-def]
+    """Move the loads on springs by the accelerations of a step."""
+    for m in range(len(modes.joint)):
+        x, y, a = s.twist[m, 0], s.twist[m, 1], s.a[modes.joint[m]]
+        for k in range(2):
+            g = modes.step
+            s.twist[m, k] = g[m, k, 0] * x + g[m, k, 1] * y + g[m, k, 2] * a
 
 
 @leaf
@@ -219,7 +243,7 @@ def begin(servos, c, s):  # type: ignore[no-untyped-def]
 
 @entry
 @leaf
-def settle(plant, tables, servos, command, s):  # type: ignore[no-untyped-def]
+def settle(plant, tables, servos, modes, command, s):  # type: ignore[no-untyped-def]
     """Begin as the command does: no tracking error, the effort that this motion takes."""
     nv = len(s.q)
     _cubic(command, 0, s.p)
@@ -239,6 +263,8 @@ def settle(plant, tables, servos, command, s):  # type: ignore[no-untyped-def]
         s.pace[j] = n * np.sqrt(share) if share < 1.0 else n
     for j in range(nv):
         s.u[j] = _inverse(plant, tables, command, 0, j, s)
+    for m in range(len(modes.joint)):
+        s.twist[m, 0] = s.a[modes.joint[m]] / modes.pull[m, 0]
     begin(servos, s.c, s)
 
 
@@ -282,7 +308,7 @@ def _row(plant, tables, servos, command, row, s, record):  # type: ignore[no-unt
 
 @entry
 @leaf
-def run(plant, tables, servos, command, s, record):  # type: ignore[no-untyped-def]
+def run(plant, tables, servos, modes, command, s, record):  # type: ignore[no-untyped-def]
     """Step through the whole command from the state ``s``.
 
     Returns:
@@ -299,11 +325,13 @@ def run(plant, tables, servos, command, s, record):  # type: ignore[no-untyped-d
             _command(s.p, rate, 1.0 if last else share, s.c)
             _controllers(servos, h, s)
             _forces(plant, tables, servos, command, (row, share), h, s)
+            _hang(modes, s)
             _accelerate(tables, servos, s.c, h, s)
             if k == 0:
                 bad = _row(plant, tables, servos, command, row, s, record)
                 if bad >= 0:
                     return row, bad
+            _swing(modes, s)
             for j in range(nv):
                 s.v[j] = s.w[j]
                 s.q[j] += h * s.v[j]

@@ -11,6 +11,7 @@ from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.tape import Tape, record
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import rigid_body_of
+from pinotwin.machine import Machine
 from pinotwin.simulation.state import Lookup, Parts, State
 from pinotwin.simulation.tables import Tables, tabulate
 from pinotwin.twin.open_loop import OpenLoop
@@ -28,7 +29,9 @@ class Plant:
     Attributes:
         tape: rigid body.
         tables: effects that are functions of position or of speed and direction.
-        other: effects that are not, with their coefficients.
+        other: effects that are neither, nor a load on a spring, with their coefficients.
+        modes: joint, share of the inertia, frequency [Hz] and damping ratio of loads on springs, which the coupled
+            machine alone gives states.
         diagonal: M_D, C and K, shape (3, nv).
         limit: largest tracking error that is still believed, shape (nv,).
         ground: M_D of the passive joints that count from the ground, shape (nv,).
@@ -37,6 +40,7 @@ class Plant:
     tape: Tape
     tables: Lookup
     other: tuple[tuple[Effect, Floats], ...]
+    modes: tuple[tuple[int, float, float, float], ...]
     diagonal: Floats
     limit: Floats
     ground: Floats
@@ -115,10 +119,16 @@ def plant_of(plant: OpenLoop, qr: Floats, vr: Floats) -> Plant:
     margin = 0.25 * (high - low) + some
     speed = 2.0 * np.abs(vr).max(axis=0) + some
     tables = tabulate(machine, pairs, np.stack([low - margin, high + margin]), speed)
-    other = tuple(pairs[k] for k in tables.other)
+    other = tuple(pairs[k] for k in tables.other if pairs[k][0].mode() is None)
+    modes = tuple(_mode(machine, *pair) for pair in pairs if pair[0].mode() is not None)
     diagonal = np.stack([np.asarray(plant.diagonal[k], dtype=float) for k in _TERMS])
     ground = np.asarray(plant.diagonal.get("ground", diagonal[0]), dtype=float).copy()
-    return Plant(_tape(plant, tables), tables.lookup, other, diagonal, margin, ground)
+    return Plant(_tape(plant, tables), tables.lookup, other, modes, diagonal, margin, ground)
+
+
+def _mode(machine: Machine, effect: Effect, theta: Floats) -> tuple[int, float, float, float]:
+    frequency, damping = effect.mode() or (0.0, 0.0)
+    return machine.names.index(str(effect.axis)), float(theta[0]), frequency, damping
 
 
 _TERMS = ("inertia", "viscous", "stiffness")

@@ -180,6 +180,11 @@ def _servos_in(form: Loops) -> dict[str, Servo] | None:
     return given if len(given) == len(form) > 0 else None
 
 
+def is_coupled(form: Loops) -> bool:
+    """Whether a form simulates controllers around the plant, not transfer functions."""
+    return _servos_in(form) is not None
+
+
 def _chosen_servos(twin: Twin, given: Mapping[str, Servo]) -> tuple[dict[str, Servo], tuple[str, ...]]:
     """Return the controllers to simulate with, and notes about axes without one."""
     axes = twin.machine.axes
@@ -389,9 +394,10 @@ def _run_coupled(
     load = np.ascontiguousarray(asked.external - extra)
     command = Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
     out = coupled.records(n, nv, full)
-    state = coupled.state(laws, plant.tape.size, plant.tape.start, tables)
-    coupled_kernel.settle(parts, tables, laws, _begun(command), state)
-    row, joint = coupled_kernel.run(parts, tables, laws, command, state, out)
+    modes = coupled.mode_arrays(plant.modes, command.step / command.substeps)
+    state = coupled.state(laws, plant.tape.size, plant.tape.start, tables, modes)
+    coupled_kernel.settle(parts, tables, laws, modes, _begun(command), state)
+    row, joint = coupled_kernel.run(parts, tables, laws, modes, command, state, out)
     _on_command(twin, asked, plant, row, joint)
     M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
     index = {name: machine.axes[name].index for name in servos}
