@@ -392,7 +392,7 @@ def test_of_a_very_large_gap_a_thousandth_tells_a_load_from_a_scaled_effort(left
         Searcher,
         SimpleNamespace(
             comparison=c,
-            power=lambda columns: power,
+            power=lambda joints: power,
             main_gains=lambda one: (np.array([one.gain]), np.zeros(0)),
         ),
     )

@@ -140,7 +140,7 @@ def _a_trace(one: Scored, steps: Sequence[Step], searcher: Searcher, rules: Rule
     same = [named(s.chosen.effect) for s in steps if s.chosen.joint == one.joint]
     if not same:
         return False
-    before, now = (s.power({one.joint: one.table[0][one.joint]}) for s in (steps[0].searcher, searcher))
+    before, now = (s.power((one.joint,)) for s in (steps[0].searcher, searcher))
     name = named(one.effect).name
     if any(name in e.imitates or name in e.contains for e in same):
         return one.gain < rules.second_share_kin * before
@@ -256,7 +256,7 @@ def _most_left(best: Scored, searcher: Searcher, rules: Rules) -> float:
 
 def met(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     """Whether a cause leaves of its axis no more than the twin does anyway."""
-    before = searcher.power({one.joint: one.table[0][one.joint]})
+    before = searcher.power((one.joint,))
     closed = sum(float(x.sum()) for x in searcher.main_gains(one))
     return before - closed < rules.met * _rows(one, searcher.comparison)
 
@@ -350,18 +350,19 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     """Return why a candidate is not taken in; empty if it is."""
     c = searcher.comparison
     share = one.share if c.change else _beyond_noise(one, searcher, rules)
-    if share < (rules.share if c.change else rules.share_structure):
+    if share < _least_share(one, change=c.change, rules=rules):
         return f"closes {share:.0%} of its axis' residual"
     if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
         return f"is {one.judged.strength:.1f} {_UNCERTAIN}"
     if lower_bound(one.judged, searcher.ground) <= 0.0 or _fails_elsewhere(one, searcher):
         return "closes nothing for certain on rows not fitted"
     closed = float(sum(x.sum() for x in searcher.main_gains(one)))
-    if c.change and closed < rules.excess * _rows(one, c):
+    small = not _complete(one, searcher, rules)
+    if small and c.change and closed < rules.excess * _rows(one, c):
         return "closes less than what the twin's own misfit may differ by"
     closed = c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
     moved = closed / max(c.new.size(one.joint), 1e-300)
-    if moved < rules.least_size(change=c.change):
+    if moved < (rules.least_size(change=c.change) if small else rules.complete_size):
         return f"moves its axis' effort by {moved:.1%}"
     if (
         not c.change
@@ -375,18 +376,28 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     return ""
 
 
+def _least_share(one: Scored, *, change: bool, rules: Rules) -> float:
+    if change:
+        return rules.share
+    played = named(one.effect).family is TRANSMISSION
+    return rules.share_played if played else rules.share_structure
+
+
+def _complete(one: Scored, searcher: Searcher, rules: Rules) -> bool:
+    """Whether a cause closes most of what two runs of one command share beyond their noise."""
+    c = searcher.comparison
+    return (
+        one.joint in c.noise
+        and named(one.effect).family is not FRICTION
+        and one.numbers <= rules.complete_numbers
+        and one.judged.strength > rules.complete_strength
+        and _beyond_noise(one, searcher, rules) > rules.complete
+    )
+
+
 def _beyond_noise(one: Scored, searcher: Searcher, rules: Rules) -> float:
     """Return the share that a candidate closes of what is left without the noise, at the joints it acts on."""
-    c = searcher.comparison
-    parts = [s for s in (c.new, c.unseen) if s is not None]
-    noise = sum(
-        len(s.residual[j]) * (c.noise.get(j, 0.0) / c.floor[j]) ** 2
-        for s in parts
-        for j in one.table[0]
-        if j in s.joints
-    )
-    power = searcher.power(one.table[0])
-    return one.gain / max(power - min(noise, rules.noise_part * power), 1e-300)
+    return one.gain / max(searcher.power_beyond_noise(one.table[0], rules.noise_part), 1e-300)
 
 
 def _by_scatter(rules: Rules) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -158,9 +158,20 @@ class Searcher:
         before = self.alone_by_joint[part][:, base.sample.joints.index(joint)]
         return np.asarray(before - left)
 
-    def power(self, columns: Mapping[int, Floats]) -> float:
-        """Return the squared residual, not fitted, at the joints that columns act on, floor units."""
-        joints = set(columns)
+    def power_beyond_noise(self, joints: Collection[int], most: float) -> float:
+        """Return :meth:`power` without the noise that repeats tell, at most this share of it."""
+        c, power = self.comparison, self.power(joints)
+        noise = sum(
+            len(s.residual[j]) * (c.noise.get(j, 0.0) / c.floor[j]) ** 2
+            for s in (c.new, c.unseen)
+            if s is not None
+            for j in joints
+            if j in s.joints
+        )
+        return power - min(noise, most * power)
+
+    def power(self, joints: Collection[int]) -> float:
+        """Return the squared residual, not fitted, at some joints, floor units."""
         total = 0.0
         for base, left in (
             (self.ground.new, self.alone_by_joint[0]),

@@ -89,7 +89,10 @@ class Shortlist:
 
 
 def quiet_joints(searcher: Searcher, rules: Rules) -> set[int]:
-    """Return the joints whose whole residual is less than the least that a cause must close of it."""
+    """Return the joints whose whole residual is less than the least that a cause must close of it.
+
+    Where repeats tell the noise, what is left without it counts: a small cause that closes most of that is named.
+    """
     c = searcher.comparison
     out = set()
     for at, j in enumerate(c.new.joints):
@@ -97,7 +100,11 @@ def quiet_joints(searcher: Searcher, rules: Rules) -> set[int]:
         if c.unseen is not None and j in c.unseen.joints:
             power += float(searcher.alone_by_joint[1][:, c.unseen.joints.index(j)].sum())
             rows += len(c.unseen.residual[j])
-        least = rules.excess if c.change else (rules.size_structure * c.new.size(j) / c.floor[j]) ** 2
+        size = c.new.size(j) / c.floor[j]
+        least = rules.excess if c.change else (rules.size_structure * size) ** 2
+        if j in c.noise:
+            apart = rules.complete * searcher.power_beyond_noise((j,), rules.noise_part)
+            least = least if apart < (rules.complete_size * size) ** 2 * rows else 0.0
         if power < least * rows:
             out.add(j)
     return out
