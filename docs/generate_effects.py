@@ -21,8 +21,9 @@ line in its table.
 WHERE = """## Where each can be used
 
 *Listed*: under `effects` of an axis in machine.yaml. *Identified*: coefficients with intervals. *Simulated*:
-`by passes` evaluates the effect on the response and runs again until it stays the same; a drive that twists
-settles that way up to about 25 Hz, faster ones and play are refused in one line. *Looked for*: what a search
+`by passes` evaluates the effect on the response and runs again until it stays the same; play may be refused in one
+line. A load on a spring has states of its own beside identified controllers (`coupled`); free loops have it among their
+poles. *Looked for*: what a search
 chooses beside the coefficients (`EFFECTS[name].candidates`). *Applied*: where a finding is written.
 
 | effect | family | listed | identified | simulated | looked for | applied |
@@ -60,7 +61,7 @@ def _simulated(effect: type[Effect]) -> str:
     if effect.logged_effort:
         return "in the logged effort"
     if effect.family.acts == "states":
-        return "by passes, or refused"
+        return "by passes, or refused" if effect.mode is Effect.mode else "with states of its own"
     in_step = effect.depends != "other" or effect.causes[0] in ("viscous", "stiffness", "rigid_body")
     return "step by step" if in_step else "by passes"
 
