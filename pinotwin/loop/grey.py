@@ -35,7 +35,8 @@ PAYS = 0.98
 To first order a delay trades with kv and ffv (kp kv e delayed is kp kv e less a share of e' = vr -
 v), so that a misfit in the velocity's filter would otherwise be paid for with the gains.
 """
-GRID_ROWS = 6000
+GRID_ROWS = 2000
+"""Rows on which shapes are looked for; all of them then settle the digits."""
 
 
 def identify_controller(data: LoopData, *, kind: Literal["p_pi", "pid", "auto"] = "auto") -> Controller:
