@@ -84,7 +84,7 @@ def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most:
         gtol=1e-12,
         max_nfev=most,
     )
-    return Found(found.x, float(found.cost), misfit.count)
+    return Found(found.x, float(found.cost), misfit.count, (1.0,))
 
 
 def starting_points(layout: Layout, count: int = STARTS) -> Floats:
@@ -135,11 +135,13 @@ def search(data: LoopData, layout: Layout, starts: Floats | None = None) -> Foun
     scales = Scales.of(data)
     whole = Projection(data, layout, scales)
     begin = starting_points(layout) if starts is None else np.atleast_2d(starts)
+    if len(begin) == 1:  # where another search ended
+        return polish(whole, begin[0])
     piece = liveliest(data)
     short = whole if piece is None else Projection(data.within((piece,)), layout, scales)
     tried = [polish(short, x, 1e-4, 10) for x in begin]
     first = _different(tried)
-    further = [polish(short, f.theta, 1e-5, 40) for f in first[:FURTHER]]
+    further = [polish(short, f.theta, 1e-5) for f in first[:FURTHER]]
     ends = _different([*further, *first[FURTHER:]])
     best = polish(whole, ends[0].theta)
     finals = [best, *([] if short is whole else _rival(whole, ends[1:], best.cost))]

@@ -40,8 +40,8 @@ _M, _C, _GAIN, _SEE, _LAG, _NOTCH, _DEAD, _OFFSET, _DRY, _FADING = (
 and current loop, five of the notch, dead time [steps], offset, logarithms of lasting and of fading dry friction."""
 _Q, _V, _BEFORE, _SEEN, _WOUND, _OUT, _FIRST, _SECOND, _U, _FORCE = (LANES * k for k in range(10))
 """Places of the state's derivatives."""
-PLACES = {"inertia": 0, "viscous": 1, "dry": 17, "fading": 18}
-"""Places of the numbers of the plant in a direction."""
+PLACES, FIRST_GAIN = {"inertia": 0, "viscous": 1, "dry": 17, "fading": 18}, 2
+"""Places of the numbers of the plant in a direction, and of the first of six gains."""
 
 
 def direction(axis: Axis) -> Floats:

@@ -173,7 +173,7 @@ def misfit_slopes(p: AxisProblem, search: Search, x: Floats) -> Floats | None:
     """Return the slopes of :func:`misfit` over what is searched, shape (2 rows, k), or None where there are none."""
     servo, extra = search.servo(x), search.extra(x)
     q = p if extra == AS_FOUND else p.with_plant(extra)
-    dy = q.slopes(servo, along(q, search.names, search.servo, x))
+    dy = q.slopes(servo, along(q, search.names, search.scale, search.servo, x))
     if dy is None or not np.isfinite(dy).all():
         return None
     return (dy / (p.sizes * p.noise)[:, None]).reshape(-1, len(x)) / np.sqrt(len(dy))
