@@ -6,8 +6,8 @@ up to :data:`LANES` directions: with x the state and p the numbers of axis and l
     x' = f(x; p),        dx'/dr = df/dx dx/dr + df/dp dp/dr
 
 What costs (the place in the tables, what holds, what slips) is found once a step; the directions only multiply and
-add, several at once in a processor's vectors. A search for a controller asks for a dozen: difference quotients cost
-six times as much. Friction with a memory of its own has no slopes here.
+add, several at once in a processor's vectors. A search for a controller asks for a dozen: they cost as much as two
+and a half simulations, difference quotients a dozen. Friction of velocity, or with a memory, has no slopes here.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from pinotwin.simulation.axis_kernel import (
     asked,
     begin,
     command,
-    dry,
     move,
     pace_of,
     room,
@@ -66,7 +65,7 @@ def _begun(axis, c, start, along, d):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _law(axis, h, c, e, v, law, along, d):  # type: ignore[no-untyped-def]
+def _law(axis, h, c, e, v, law, along, d):  # type: ignore[no-untyped-def]  # noqa: PLR0913, a compiled kernel
     """Step the derivatives of the law; ``law`` is its state before the step."""
     g = axis.gains
     seen = law[0] + axis.see * (v - law[0])
@@ -141,7 +140,7 @@ def _level(tables, side, pace, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _motion(axis, tables, A, h, force, v, moved, pace, along, d):  # type: ignore[no-untyped-def]
+def _motion(axis, tables, A, h, force, v, moved, pace, along, d):  # type: ignore[no-untyped-def]  # noqa: PLR0913, a compiled kernel
     """Step the derivatives of position and velocity; ``moved`` is the velocity after the step."""
     if moved == 0.0:  # dry friction holds it
         for j in range(LANES):
@@ -160,7 +159,7 @@ def _motion(axis, tables, A, h, force, v, moved, pace, along, d):  # type: ignor
 
 
 @leaf
-def _loop(axis, tables, course, memory, start, along, d, past, out, slopes):  # type: ignore[no-untyped-def]
+def _loop(axis, tables, course, memory, start, along, d, past, out, slopes):  # type: ignore[no-untyped-def]  # noqa: PLR0913, a compiled kernel
     """Step an axis and its derivatives; see :func:`run`."""
     n, sub, at = len(course.qr), course.substeps, 0
     h, rate = course.step / sub, 1.0 / course.step

@@ -227,7 +227,9 @@ def polish(
         return None
     x, r = found
     cost = float(r @ r)
-    return Found(search.servo(x), cost, search.extra(x), x, lambda: slope(x, r), r[: 2 * rows], search, p.noise)
+    return Found(
+        search.servo(x), cost, search.extra(x), x, lambda: slope(x, r), r[: 2 * rows], search, p.noise
+    )
 
 
 def descend(

@@ -123,7 +123,7 @@ class AxisProblem:
 
     @property
     def smooth(self) -> bool:
-        """Whether :meth:`slopes` knows the axis' friction: that with a memory of its own, or of velocity, it does not."""
+        """Whether :meth:`slopes` knows the axis' friction: dry and viscous; none with a memory, or of velocity."""
         return not len(self.tables.slips) and not len(self.tables.speeds)
 
     def direction(self, servo: Servo) -> Floats:
@@ -176,8 +176,8 @@ class AxisProblem:
         """What is asked in every window, and the measured position, velocity and effort in which it begins."""
         out = []
         for s in self.windows:
-            asked = (np.ascontiguousarray(x[s]) for x in (self.qr, self.vr, self.load))
-            out.append((Course(*asked, self.step, self.substeps, self._limit), self._start(s)))
+            qr, vr, load = (np.ascontiguousarray(x[s]) for x in (self.qr, self.vr, self.load))
+            out.append((Course(qr, vr, load, self.step, self.substeps, self._limit), self._start(s)))
         return tuple(out)
 
     @property
