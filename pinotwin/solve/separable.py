@@ -66,7 +66,9 @@ def separable(
     search = _Search(problem, tuple(moving), options, known or {})
     search.look()
     search.sweep()
-    return search.finish()
+    best = search.finish()
+    del search.projection  # of a long log as large as the problem, which is now judged row by row
+    return search.judge(best)
 
 
 class _Search:
@@ -158,8 +160,8 @@ class _Search:
         self.sigma = solve(self.projection.reduced(columns), self.options).sigma
         return bool(np.any(np.abs(self.sigma - old) > 0.01 * old))
 
-    def finish(self) -> SeparableFit:
-        """Polish the best combination and its rivals, and judge the winner."""
+    def finish(self) -> Polished:
+        """Polish the best combination and its rivals; return the winner."""
         low = np.concatenate([m.bounds[0] for m in self.moving])
         high = np.concatenate([m.bounds[1] for m in self.moving])
         reduced = VariableProjection(self.projection, self.sigma, self.limits)
@@ -180,7 +182,7 @@ class _Search:
             reduced = VariableProjection(self.projection, self.sigma, self.limits)
             best = polish(reduced, best.x, low, high)
             self.evaluations += best.evaluations
-        return self.judge(best)
+        return best
 
     def starts(self) -> list[Floats]:
         """Return the best combination, then those with one block in a rival basin."""
