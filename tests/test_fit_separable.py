@@ -12,7 +12,7 @@ from pinotwin.solve.moving import Moving
 from pinotwin.solve.polish import Limits, VariableProjection
 from pinotwin.solve.problem import AxisRows, Problem
 from pinotwin.solve.projection import Projection
-from pinotwin.solve.separable import separable
+from pinotwin.solve.separable import _Search, separable
 
 LEVEL = np.array([1.0, 5.0, 0.2])
 
@@ -168,6 +168,24 @@ def test_blocks_that_are_known_are_not_scanned_again():
     assert again.evaluations < 0.5 * whole.evaluations
     assert_allclose([s.value for s in again.shapes], [s.value for s in whole.shapes], rtol=1e-5)
     assert_allclose(again.fit.theta, whole.fit.theta, rtol=1e-4, atol=1e-6)
+
+
+def test_a_block_is_scanned_again_only_where_one_of_its_axis_jumped(monkeypatch):
+    """What axes share moves no basin: every block is scanned twice, then those beside a block that jumped."""
+    scanned, jumped = [], []
+    machine, scan = Machine(3), _Search.scan
+
+    def watched(self, b, others, refine=True):
+        before = self.x[b]
+        scan(self, b, others, refine)
+        if refine:
+            scanned.append(b // 2)
+            jumped.append(b // 2 if self.cell(b, before) != self.cell(b, self.x[b]) else None)
+
+    monkeypatch.setattr(_Search, "scan", watched)
+    separable(machine.problem(np.random.default_rng(3), 0.002), machine.moving)
+    assert sorted(scanned[:6]) == [0, 0, 1, 1, 2, 2]
+    assert set(scanned[6:]) <= set(jumped)
 
 
 def test_small_coordinates_keep_cost_and_gradient():

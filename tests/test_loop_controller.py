@@ -9,6 +9,8 @@ from scipy.linalg import expm
 
 from pinotwin.errors import DataError, InputError
 from pinotwin.loop import Controller, LoopData, couple, identify_controller
+from pinotwin.loop.grey import GRID, GRID_ROWS, _by_delay, _misfit, _Rows
+from pinotwin.loop.law import law_columns, signals_of
 from tests.loop_axes import command, disturbance, pid
 
 STEP = 1e-3
@@ -53,6 +55,15 @@ def test_cascade_recovered_exactly(late):
     # Filter and delay of the velocity trade with one another; their sum is what counts.
     assert found.seen_late == pytest.approx(0.5 * STEP + CASCADE.seen_late, rel=0.05)
     assert found.r2 > 0.99999
+
+
+def test_whole_delays_of_a_law_are_rows_further_back():
+    """What the grid's short cut leaves is what the law with the delay leaves."""
+    s = signals_of(sampled_cascade(CASCADE, late=2))
+    rows, shape = _Rows.of(s, GRID_ROWS), np.array([0.0, 0.5, 3.0, 20.0])
+    for delay, left in zip(GRID[0], _by_delay(law_columns(s, "p_pi", shape), rows), strict=True):
+        late = shape + np.array([delay, 0.0, 0.0, 0.0])
+        assert left == pytest.approx(float(np.sum(_misfit(s, "p_pi", late, rows)[0] ** 2)), rel=1e-9)
 
 
 def test_cascade_recovered_from_a_quantised_and_noisy_log():

@@ -218,6 +218,17 @@ def test_never_unstable_on_hard_data(cascade_log):
             assert np.all(np.isfinite(model.residues))
 
 
+def test_a_search_from_its_own_end_stays_there(cascade_log):
+    """One start is where another search ended: all rows at once, in a few evaluations."""
+    data = noisy(cascade_log, np.random.default_rng(0))
+    found = identify_loop(data)
+    theta = [np.log(x) for part in found.sections if part.free for x in part.values]
+    again = identify_loop(data, starts=np.array([theta]))
+    assert again.fit.evaluations < 8 < found.fit.evaluations
+    assert again.fit.ends == (1.0,)
+    assert np.max(np.abs(again.poles / found.poles - 1.0)) < 1e-3
+
+
 def test_never_unstable_from_random_starts(cascade_log):
     from pinotwin.loop.layout import lay_out
     from pinotwin.loop.projection import Projection, Scales

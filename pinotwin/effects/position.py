@@ -62,9 +62,18 @@ class Offset(AxisEffect):
 
 
 def _waves(q: Floats, period: float, harmonics: tuple[int, ...]) -> Floats:
-    """Return cos and sin of every harmonic, shape (n, 2 h)."""
-    phase = np.outer(q, np.asarray(harmonics)) * (_TURN / period)
-    return np.stack([np.cos(phase), np.sin(phase)], axis=-1).reshape(len(q), -1)
+    """Return cos and sin of every harmonic, shape (n, 2 h).
+
+    Both from one tangent of half the phase, to the last digits: a search of pitches asks for millions.
+    """
+    out = np.empty((len(q), 2 * len(harmonics)))
+    for k, harmonic in enumerate(harmonics):
+        t = np.tan(q * (0.5 * _TURN * harmonic / period))
+        square = t * t
+        share = 1.0 / (1.0 + square)
+        out[:, 2 * k] = (1.0 - square) * share
+        out[:, 2 * k + 1] = 2.0 * t * share
+    return out
 
 
 def _pitch_grid(q: Floats, lower: float, upper: float) -> Floats:
@@ -267,7 +276,7 @@ class RippleModulated(AxisEffect):
         """See :meth:`AxisEffect.axis_columns`."""
         assert self.period is not None
         waves = _waves(motion.q, self.period, (1,))
-        size = np.abs(np.sin(motion.q + self.eps))[:, None]
+        size = np.abs(_waves(motion.q + self.eps, _TURN, (1,))[:, 1:])
         return np.concatenate([waves, size * waves], axis=-1)
 
 

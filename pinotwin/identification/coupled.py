@@ -274,7 +274,7 @@ def own_friction(t: Lookup, i: int) -> Lookup:
         velocity=t.velocity[speeds],
         directions=np.stack([zeros[0], zeros[0] - 1], axis=1),
         slope=t.slope[dry],
-        dry=t.dry[dry],
+        dry=t.dry[dry].sum(axis=0, keepdims=True),  # over the same speeds
         slips=zeros[2],
         give=t.give[slips],
         slip=t.slip[slips],

@@ -138,10 +138,9 @@ def _search(
     p = wide.problem.parameters
     names = (*wide.problem.names, *(f"lead {k}" for k in motors))
     options = _widened(wide.options, len(motors))
-    found = np.zeros(len(motors))
+    found, W = np.zeros(len(motors)), np.column_stack([wide.problem.W, wide.columns])
     for k in range(_PASSES):
         y = _efforts(machine, motion, rows, motors, found)[wide.mask]
-        W = np.column_stack([wide.problem.W, wide.columns])
         last = k == _PASSES - 1
         inference = options.inference if last else "none"
         result = linear(replace(wide.problem, W=W, y=y, names=names), replace(options, inference=inference))

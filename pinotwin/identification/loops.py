@@ -37,6 +37,7 @@ from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.system.threads import side_by_side
 from pinotwin.twin import OpenLoop, Twin
 
 SLOWEST = 1.0 / 50.0
@@ -203,9 +204,10 @@ def fit_loops(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None
     found = Loops(plant.effects, plant.theta.copy())
     disturbance = generalised_disturbance(plant, motion, plant.diagonal, modes=False)
     axes = list(plant.machine.axes)
+    fits = side_by_side(lambda name: _fit_loop(plant, motion, disturbance, name), axes)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))
-        fit = _fit_loop(plant, motion, disturbance, name)
+        fit = next(fits)
         found.notes += fit.notes
         if fit.model is not None:
             found.models[name], found.quality[name] = fit.model, fit.quality

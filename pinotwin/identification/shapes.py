@@ -108,13 +108,14 @@ def _rows_of(motion: Motion, effect: Effect, rows: Rows, joint: int) -> Floats |
 def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], rows: Rows) -> Moving:
     shapes = effect.shapes()
     joints = sorted(set(effect.columns(motion).joints) & set(rows.joints))
+    # thousands of trials: a copy by mask costs as much as what is copied
     masks = [rows.kept[rows.joints.index(joint)] for joint in joints]
-    every = [bool(kept.all()) for kept in masks]  # thousands of trials: a copy by mask costs as much
+    picks = [None if kept.all() else np.flatnonzero(kept) for kept in masks]
 
     def columns(values: Floats) -> Floats:
         own = effect.shaped(values.tolist()).columns(motion)
         found = [thin(motion, own.values[:, own.joints.index(joint), :]) for joint in joints]
-        kept = [x if whole else x[mask] for x, whole, mask in zip(found, every, masks, strict=True)]
+        kept = [x if pick is None else x.take(pick, axis=0) for x, pick in zip(found, picks, strict=True)]
         return kept[0] if len(kept) == 1 else np.concatenate(kept)
 
     places = [rows.slice_of(joint) for joint in joints]

@@ -35,7 +35,8 @@ PAYS = 0.98
 To first order a delay trades with kv and ffv (kp kv e delayed is kp kv e less a share of e' = vr -
 v), so that a misfit in the velocity's filter would otherwise be paid for with the gains.
 """
-GRID_ROWS = 6000
+GRID_ROWS = 2000
+"""Rows on which shapes are looked for; all of them then settle the digits."""
 
 
 def identify_controller(data: LoopData, *, kind: Literal["p_pi", "pid", "auto"] = "auto") -> Controller:
@@ -97,7 +98,12 @@ class _Rows:
 
 def _misfit(s: Signals, kind: Kind, shape: Floats, rows: _Rows) -> tuple[Floats, Floats, Floats]:
     """Return residual, gains and centred columns at a shape."""
-    W = rows.centred(law_columns(s, kind, shape)[rows.at])
+    return _left(law_columns(s, kind, shape)[rows.at], rows)
+
+
+def _left(columns: Floats, rows: _Rows) -> tuple[Floats, Floats, Floats]:
+    """Return residual, gains and centred columns of the law's columns on the rows."""
+    W = rows.centred(columns)
     size = np.maximum(np.sqrt(np.einsum("nk,nk->k", W, W) / len(W)), 1e-300)
     gains = np.linalg.lstsq(W / size, rows.u, rcond=1e-10)[0] / size
     return rows.u - W @ gains, gains, W
@@ -130,14 +136,12 @@ def _search(s: Signals, kind: Kind) -> Floats:
     few, rows = _Rows.of(s, GRID_ROWS), _Rows.of(s)
     rates = GRID[3] if kind == "p_pi" else (0.0,)
     inner = [np.array((0.0, *x)) for x in itertools.product(*GRID[1:3], rates)]
-    best: list[tuple[float, Floats]] = []
-    for delay in GRID[0]:
-        grid = [x + np.array([delay, 0.0, 0.0, 0.0]) for x in inner]
-        costs = [float(np.sum(_misfit(s, kind, x, few)[0] ** 2)) for x in grid]
-        best.append((min(costs), grid[int(np.argmin(costs))]))
+    costs = np.array([_by_delay(law_columns(s, kind, x), few) for x in inner])
+    shapes = [inner[k] + np.array([d, 0.0, 0.0, 0.0]) for k, d in zip(costs.argmin(0), GRID[0], strict=True)]
+    best = list(zip(costs.min(0), shapes, strict=True))
     lowest = min(cost for cost, _ in best)
     close = [x for cost, x in best if cost <= 1.5 * lowest]
-    refined = [_refine(s, kind, x, few, whole=True) for x in close]
+    refined = [_refine(s, kind, x, few, whole=True, close=1e-5) for x in close]
     found = min(refined, key=lambda f: f[0])
     early = next(f for f in refined if f[0] <= 1.01 * found[0])
     whole = _refine(s, kind, early[1], rows, whole=True)
@@ -145,8 +149,15 @@ def _search(s: Signals, kind: Kind) -> Floats:
     return _simplest(s, kind, fraction[1] if fraction[0] < PAYS**2 * whole[0] else whole[1], rows)
 
 
-def _refine(s: Signals, kind: Kind, shape: Floats, rows: _Rows, *, whole: bool) -> tuple[float, Floats]:
-    """Return cost and shape after a bounded search; ``whole`` keeps the delay."""
+def _by_delay(columns: Floats, rows: _Rows) -> list[float]:
+    """Return what is left at every whole delay of :data:`GRID`: all columns are late by it, none changes else."""
+    return [float(np.sum(_left(columns[rows.at - int(delay)], rows)[0] ** 2)) for delay in GRID[0]]
+
+
+def _refine(
+    s: Signals, kind: Kind, shape: Floats, rows: _Rows, *, whole: bool, close: float = 1e-8
+) -> tuple[float, Floats]:
+    """Return cost and shape after a bounded search to a ``close`` cost; ``whole`` keeps the delay."""
     scale = np.array([1.0, 1.0, 1.0, 30.0])
     high = np.array([*LONGEST, 0.2 / s.step]) / scale
     free = np.array([not whole, True, True, kind == "p_pi"])
@@ -162,7 +173,7 @@ def _refine(s: Signals, kind: Kind, shape: Floats, rows: _Rows, *, whole: bool) 
         bounds=(np.zeros(free.sum()), high[free]),
         diff_step=1e-3,
         xtol=1e-6,
-        ftol=1e-8,
+        ftol=close,
         max_nfev=30,
     )
     return 2.0 * float(found.cost) * rows.size**2, full(found.x)

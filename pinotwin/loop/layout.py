@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -203,8 +204,9 @@ class Layout:
         return N, g, dN
 
 
+@lru_cache(maxsize=64)
 def _leading(section: Section, count: int) -> tuple[Floats, Floats]:
-    """Return A^k B (2, count) and its derivatives (2, 2, count), in units of 100 rad/s."""
+    """Return A^k B (2, count) and its derivatives (2, 2, count), in units of 100 rad/s; every channel asks anew."""
     A, B = continuous(section)
     dA, dB = derivatives(section)
     out, slopes = np.zeros((2, count)), np.zeros((2, 2, count))

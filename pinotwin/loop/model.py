@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -125,8 +126,16 @@ class LoopModel:
         return self.state_space(command).sample(step or self.step, hold)
 
     def modal(self, step: float | None = None, hold: Hold = "foh") -> ModalStep:
-        """Return the stepping form at a sampling interval [s]."""
-        h = step or self.step
+        """Return the stepping form at a sampling interval [s]; not to be changed."""
+        own = hold == "foh" and step in (None, self.step)
+        return self._own_modal if own else self._modal(step or self.step, hold)
+
+    @cached_property
+    def _own_modal(self) -> ModalStep:
+        """That at the log's interval: friction is refined by a hundred responses of one loop."""
+        return self._modal(self.step, "foh")
+
+    def _modal(self, h: float, hold: Hold) -> ModalStep:
         layout = self.layout
         parts = discretise(self.sections, h)
         index = [slot.section for slot in layout.slots]

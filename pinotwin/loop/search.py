@@ -2,10 +2,10 @@
 
 The starts are a Halton sequence over the logarithmic box, narrowed to where servo loops live,
 beside a plain guess. All run a few steps on the liveliest short piece of the log, the best four of
-them to their ends there, and the best two different ends are polished on all of it, each by the
-trust-region reflective method (Branch, Coleman and Li 1999, doi:10.1137/S1064827595289108). Poles
-live in logarithms of p, wn and zeta, so that every point of the search, and hence every result, is
-stable.
+them to their ends there, and the best two different ends are polished on all of it, the second only
+while it may still win; each by the trust-region reflective method (Branch, Coleman and Li 1999,
+doi:10.1137/S1064827595289108). Poles live in logarithms of p, wn and zeta, so that every point of
+the search, and hence every result, is stable.
 """
 
 from __future__ import annotations
@@ -25,6 +25,11 @@ STARTS = 12
 FURTHER = 4
 PIECE = 5000
 PIECE_SECONDS = 2.5
+SAME = 0.02
+"""Starts that end closer to one another than this found the same."""
+GLANCE, NEAR = 4, 1.1
+"""Evaluations on all rows after which a second end is given up, unless its cost is below this many times the best
+one's by then: the search converges quadratically, so that little is left to fall."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ class Found:
         theta: logarithms of the parameters, shape (np,).
         cost: half the scaled sum of squares.
         evaluations: of the misfit, over all starts.
-        ends: cost of every end of the short search, lowest first, relative to the lowest.
+        ends: cost of every different end of the short search, lowest first, relative to the lowest.
     """
 
     theta: Floats
@@ -79,7 +84,7 @@ def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most:
         gtol=1e-12,
         max_nfev=most,
     )
-    return Found(found.x, float(found.cost), misfit.count)
+    return Found(found.x, float(found.cost), misfit.count, (1.0,))
 
 
 def starting_points(layout: Layout, count: int = STARTS) -> Floats:
@@ -130,29 +135,41 @@ def search(data: LoopData, layout: Layout, starts: Floats | None = None) -> Foun
     scales = Scales.of(data)
     whole = Projection(data, layout, scales)
     begin = starting_points(layout) if starts is None else np.atleast_2d(starts)
+    if len(begin) == 1:  # where another search ended
+        return polish(whole, begin[0])
     piece = liveliest(data)
     short = whole if piece is None else Projection(data.within((piece,)), layout, scales)
-    tried = sorted((polish(short, x, 1e-4, 10) for x in begin), key=lambda f: f.cost)
-    further = [polish(short, f.theta, 1e-5, 40) for f in tried[:FURTHER]]
-    ends = sorted([*further, *tried[FURTHER:]], key=lambda f: f.cost)
-    count = sum(e.evaluations for e in (*tried, *further))
-    finals = [polish(whole, e.theta) for e in _different(ends)]
+    tried = [polish(short, x, 1e-4, 10) for x in begin]
+    first = _different(tried)
+    further = [polish(short, f.theta, 1e-5) for f in first[:FURTHER]]
+    ends = _different([*further, *first[FURTHER:]])
+    best = polish(whole, ends[0].theta)
+    finals = [best, *([] if short is whole else _rival(whole, ends[1:], best.cost))]
     best = min(finals, key=lambda f: f.cost)
     lowest = max(ends[0].cost, 1e-300)
     return Found(
         best.theta,
         best.cost,
-        count + sum(f.evaluations for f in finals),
+        sum(f.evaluations for f in (*tried, *further, *finals)),
         tuple(e.cost / lowest for e in ends),
     )
 
 
 def _different(ends: list[Found]) -> list[Found]:
-    """Return the best end and the next one that is not the same point."""
-    for other in ends[1:]:
-        if np.max(np.abs(other.theta - ends[0].theta), initial=0.0) > 0.02:
-            return [ends[0], other]
-    return ends[:1]
+    """Return ends, the best first, without those at a point that a better one has found."""
+    out: list[Found] = []
+    for end in sorted(ends, key=lambda f: f.cost):
+        if all(np.max(np.abs(end.theta - other.theta), initial=0.0) > SAME for other in out):
+            out.append(end)
+    return out
+
+
+def _rival(projection: Projection, others: list[Found], cost: float) -> list[Found]:
+    """Return the best other end of a piece polished on all rows, as far as it may come below a cost."""
+    if not others:
+        return []
+    glance = polish(projection, others[0].theta, most=GLANCE)
+    return [glance] if glance.cost > NEAR * cost else [glance, polish(projection, glance.theta)]
 
 
 def liveliest(data: LoopData) -> slice | None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.stepping import entry, leaf
+from pinotwin.dynamics.stepping import entry, inlined, leaf
 from pinotwin.simulation.state import Lookup
 
 
@@ -129,8 +129,8 @@ def bend(tables, k, q, v, pace, memory):  # type: ignore[no-untyped-def]
     memory.one[1], memory.one[2] = damp, stiff * level
 
 
-@leaf
-def _command(course, rate, row, s):  # type: ignore[no-untyped-def]
+@inlined
+def command(course, rate, row, s):  # type: ignore[no-untyped-def]
     """Return the command and its two derivatives at a share ``s`` of the way from a row to the next.
 
     ``rate`` is that of the log: a division costs as much as the rest.
@@ -142,8 +142,8 @@ def _command(course, rate, row, s):  # type: ignore[no-untyped-def]
     return q, (c1 + s * (2.0 * c2 + s * 3.0 * c3)) * rate, (2.0 * c2 + 6.0 * s * c3) * (rate * rate)
 
 
-@leaf
-def _asked(axis, h, c, q, v, law):  # type: ignore[no-untyped-def]
+@inlined
+def asked(axis, h, c, q, v, law):  # type: ignore[no-untyped-def]
     """Step the law; return its state: velocity seen, integral, effort after the current loop, two of the notch."""
     g = axis.gains
     seen, wound, out, first, second = law
@@ -163,8 +163,8 @@ def _asked(axis, h, c, q, v, law):  # type: ignore[no-untyped-def]
     return seen, wound, out + axis.lag * (u - out), first, second
 
 
-@leaf
-def _acts(axis, late, at, out):  # type: ignore[no-untyped-def]
+@inlined
+def acts(axis, late, at, out):  # type: ignore[no-untyped-def]
     """Put an effort in its place ``at``; return the one that acts after the dead time."""
     late[at] = out
     i = at - axis.whole
@@ -173,8 +173,8 @@ def _acts(axis, late, at, out):  # type: ignore[no-untyped-def]
     return late[i] + axis.part * (late[i - 1 if i > 0 else len(late) - 1] - late[i])
 
 
-@leaf
-def _dry(tables, pace):  # type: ignore[no-untyped-def]
+@inlined
+def dry(tables, pace):  # type: ignore[no-untyped-def]
     """Return the least and the largest effort of dry friction."""
     low, high = 0.0, 0.0
     for k in range(len(tables.dry)):
@@ -183,13 +183,13 @@ def _dry(tables, pace):  # type: ignore[no-untyped-def]
     return (low, high) if low <= high else (0.5 * (low + high), 0.5 * (low + high))
 
 
-@leaf
+@inlined
 def _nothing(tables, h, q, v, pace, memory):  # type: ignore[no-untyped-def]
     """Return effort and damping where friction is viscous and dry alone."""
     return 0.0, 0.0
 
 
-@leaf
+@inlined
 def _further(tables, h, q, v, pace, memory):  # type: ignore[no-untyped-def]
     """Return effort and damping over a step of friction of the velocity and of presliding elements; move these."""
     effort, damping = 0.0, 0.0
@@ -205,24 +205,24 @@ def _further(tables, h, q, v, pace, memory):  # type: ignore[no-untyped-def]
     return effort, damping
 
 
-@leaf
-def _pace(tables, v):  # type: ignore[no-untyped-def]
+@inlined
+def pace_of(tables, v):  # type: ignore[no-untyped-def]
     """Return the place of a velocity in the tables."""
     top, share = float(tables.velocity.shape[2] - 1), abs(v) * tables.slowness[0]
     return top * np.sqrt(share) if share < 1.0 else top
 
 
-@leaf
-def _move(tables, A, h, force, q, v, pace):  # type: ignore[no-untyped-def]
+@inlined
+def move(tables, A, h, force, q, v, pace):  # type: ignore[no-untyped-def]
     """Return position and velocity of a mass A after a step under a force less its dry friction."""
-    low, high = _dry(tables, pace)
+    low, high = dry(tables, pace)
     force += v * (A / h)  # what stops the axis within the step
     v = (h / A) * (force - (high if force > high else (low if force < low else force)))
     return q + h * v, v
 
 
-@leaf
-def _begin(axis, c, start, memory):  # type: ignore[no-untyped-def]
+@inlined
+def begin(axis, c, start, memory):  # type: ignore[no-untyped-def]
     """Return the state of the law at position, velocity and effort ``start``; fill the memory likewise."""
     g, b = axis.gains, axis.notch
     q, v, u = start[0], start[1], start[2]
@@ -242,25 +242,25 @@ def _loop(further: Callable[..., Any]) -> Callable[..., Any]:
         n, sub, at = len(course.qr), course.substeps, 0
         h, rate = course.step / sub, 1.0 / course.step
         q, v, before = start[0], start[1], start[1]
-        law = _begin(axis, _command(course, rate, 0, 0.0), start, memory)
+        law = begin(axis, command(course, rate, 0, 0.0), start, memory)
         for row in range(n - 1):
             load, rise = course.load[row], course.load[row + 1] - course.load[row]
             for k in range(sub):
                 s = k / sub
-                c = _command(course, rate, row, s)
+                c = command(course, rate, row, s)
                 e = c[0] - q
-                law = _asked(axis, h, c, q, 1.5 * v - 0.5 * before, law)  # the scheme's v is half a step late
+                law = asked(axis, h, c, q, 1.5 * v - 0.5 * before, law)  # the scheme's v is half a step late
                 at = at + 1 if at + 1 < len(memory.late) else 0
-                force = _acts(axis, memory.late, at, law[2]) + load + s * rise
+                force = acts(axis, memory.late, at, law[2]) + load + s * rise
                 if k == 0:
                     out[row, 0], out[row, 1] = e, law[2]
                     if not abs(e) <= course.error:
                         return row
-                pace, before = _pace(tables, v), v
+                pace, before = pace_of(tables, v), v
                 effort, damping = further(tables, h, q, v, pace, memory)
                 force -= axis.viscous * v + effort
                 A = axis.inertia + h * (axis.viscous + damping)
-                q, v = _move(tables, A, h, force, q, v, pace)
+                q, v = move(tables, A, h, force, q, v, pace)
         out[n - 1, 0], out[n - 1, 1] = course.qr[n - 1] - q, law[2]
         return -1
 

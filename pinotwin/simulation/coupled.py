@@ -18,22 +18,41 @@ LONGEST = 2.5e-4
 """Longest internal step [s]."""
 
 
-class Servos(NamedTuple):
-    """The controllers of all joints at one internal step.
+class Law(NamedTuple):
+    """One controller at one internal step.
 
     Attributes:
-        kind: servo, ideal (follows its command) or passive, shape (nv,).
-        gains: shape (nv, 6).
-        see: what the velocity filter moves in a step, shape (nv,).
-        lag: what the current loop moves in a step, shape (nv,).
-        notched: 1 where there is a notch, shape (nv,).
-        notch: b0, b1, b2, a1, a2, shape (nv, 5).
-        whole: dead time in whole steps, shape (nv,).
-        part: and the rest of it, shape (nv,).
-        limit: largest effort, shape (nv,).
-        offset: what the integrator begins with; NaN for the weight that it carries, shape (nv,).
-        tick: step of the encoder by which a law is closed, 0 for none, shape (nv,).
-        origin: of its steps, shape (nv,).
+        gains: shape (6,); see :mod:`pinotwin.loop.servo`.
+        see: what the velocity filter moves in a step.
+        lag: what the current loop moves in a step.
+        notched: 1 where there is a notch.
+        notch: its b0, b1, b2, a1, a2, shape (5,).
+        whole: dead time in whole steps.
+        part: and the rest of it.
+        limit: largest effort.
+        offset: what the integrator begins with; NaN for the weight that it carries.
+        tick: step of the encoder by which the law is closed; 0 for none.
+        origin: of its steps.
+    """
+
+    gains: Floats
+    see: float
+    lag: float
+    notched: int
+    notch: Floats
+    whole: int
+    part: float
+    limit: float
+    offset: float
+    tick: float
+    origin: float
+
+
+class Servos(NamedTuple):
+    """The controllers of all joints at one internal step: those of :class:`Law`, one row a joint.
+
+    Attributes:
+        kind: servo, ideal (follows its command) or passive, shape (nv,); likewise all others.
     """
 
     kind: Ints
@@ -150,19 +169,27 @@ def servo_arrays(servos: Sequence[Servo | None], passive: Sequence[bool], h: flo
         if servo is None:
             continue
         out.kind[j] = kernel.SERVO
-        out.gains[j] = servo.gains
-        out.see[j] = _share(servo.velocity_lag, h)
-        out.lag[j] = _share(servo.output_lag, h)
-        if servo.notch[0] > 0.0:
-            out.notched[j] = 1
-            out.notch[j] = biquad(servo.notch, h)
-        steps = max(servo.dead, 0.0) / h
-        out.whole[j] = int(steps)
-        out.part[j] = steps - int(steps)
-        out.limit[j] = servo.limit
-        out.tick[j], out.origin[j] = servo.encoder
-        out.offset[j] = servo.offset if servo.form == "proportional" else np.nan
+        for name, value in law_numbers(servo, h)._asdict().items():
+            getattr(out, name)[j] = value
     return out
+
+
+def law_numbers(servo: Servo, h: float) -> Law:
+    """Return what a controller is made of at the internal step h."""
+    notched, steps = servo.notch[0] > 0.0, max(servo.dead, 0.0) / h
+    return Law(
+        gains=np.array(servo.gains),
+        see=_share(servo.velocity_lag, h),
+        lag=_share(servo.output_lag, h),
+        notched=int(notched),
+        notch=biquad(servo.notch, h) if notched else np.zeros(5),
+        whole=int(steps),
+        part=steps - int(steps),
+        limit=servo.limit,
+        offset=servo.offset if servo.form == "proportional" else np.nan,
+        tick=servo.encoder[0],
+        origin=servo.encoder[1],
+    )
 
 
 def _share(lag: float, h: float) -> float:

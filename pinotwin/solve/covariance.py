@@ -42,6 +42,8 @@ MAX_INFLATION = 4.0
 """Largest factor n / (n - p_eff): beyond it the data are too few for any estimate."""
 LEAST_LEFT = 0.2
 """Smallest share of a row's own noise that its residual is taken to keep."""
+CHUNK = 1 << 16
+"""Slots whose windows are summed at once: those of an hour of five axes fill a gigabyte."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +79,12 @@ def spread(
     # rounding, and the bandwidth depends on it (standard errors of a real robot moved by 2 %).
     root = np.asarray(np.linalg.qr(root.T, mode="r")).T
     level = np.asarray(sigma)[problem.axis_place]
-    V, error = problem.product(root) / level[:, None], error / level
+    V, error = problem.product(root), error / level
+    V /= level[:, None]  # in place, as below: an hour of five axes is a gigabyte
     if inference == "hac":
-        left = np.maximum(1 - np.sum(V**2, axis=1), LEAST_LEFT)
-        Omega, dof, lags = _hac(problem, V * (error / left)[:, None])
+        left = np.maximum(1 - np.einsum("nk,nk->n", V, V), LEAST_LEFT)
+        V *= (error / left)[:, None]
+        Omega, dof, lags = _hac(problem, V)
     elif inference == "stationary":
         Omega, dof, lags = _stationary(problem, V, error)
     elif inference == "ols":
@@ -105,12 +109,15 @@ def _hac(problem: Problem, scores: Floats) -> tuple[Floats, float, int]:
     """Return Omega by the Bartlett kernel, its degrees of freedom and the bandwidth."""
     T = problem.grid.times
     lags = bandwidth(problem, scores)
-    total = problem.grid.spread(scores, lags)
-    running = np.cumsum(np.concatenate([np.zeros((1, scores.shape[1])), total]), axis=0)
-    running = np.concatenate([np.zeros((lags, scores.shape[1])), running])
-    window = running[lags:] - running[:-lags]
+    running = problem.grid.spread(scores, lags)
+    np.cumsum(running, axis=0, out=running)
+    total = running[:lags].T @ running[:lags]
+    for start in range(lags, len(running), CHUNK):
+        stop = min(start + CHUNK, len(running))
+        window = running[start:stop] - running[start - lags : stop - lags]
+        total += window.T @ window
     b = min(lags / T, 1.0)
-    return window.T @ window / (lags * (1 - b + b * b / 3)), max(1.5 / b, 1.0), lags
+    return total / (lags * (1 - b + b * b / 3)), max(1.5 / b, 1.0), lags
 
 
 def bandwidth(problem: Problem, scores: Floats) -> int:

@@ -92,16 +92,15 @@ def held_out(
     guard = times // (20 * folds) if guard is None else guard
     edges = np.linspace(0, times, folds + 1).astype(int)
     cuts = np.unique(np.clip(np.concatenate([edges - guard, edges, edges + guard]), 0, times))
-    pieces = [problem.rows((order >= a) & (order < b)) for a, b in pairwise(cuts)]
-    factors = [reduce(piece) for piece in pieces]
-    whole = solve(_merge(problem, zip(pieces, factors, strict=True)), options)
+    pieces = [_piece(problem.rows((order >= a) & (order < b))) for a, b in pairwise(cuts)]
+    whole = solve(_merge(problem, pieces), options)
     options = replace(options, sigma=whole.sigma)
     theta = np.empty((folds, problem.parameters))
     held = np.empty((folds, problem.parameters, problem.parameters))
     error, fold = np.empty(len(problem.y)), np.empty(len(problem.y), dtype=np.intp)
     for k, (a, b) in enumerate(pairwise(edges)):
         outside = (cuts[1:] <= a - guard) | (cuts[:-1] >= b + guard)
-        chosen = [(p, f) for p, f, use in zip(pieces, factors, outside, strict=True) if use]
+        chosen = [piece for piece, use in zip(pieces, outside, strict=True) if use]
         found = solve(_merge(problem, chosen), options)
         theta[k], held[k] = found.theta, found.factor
         inside = (order >= a) & (order < b)
@@ -116,13 +115,21 @@ def fold_order(problem: Problem) -> tuple[Ints, int]:
     return order, int(order.max()) + 1
 
 
-def _merge(problem: Problem, chosen: Iterable[tuple[Problem, Reduced]]) -> Reduced:
+Piece = tuple[tuple[int, ...], Reduced]
+"""Axes that some rows have, and the factors of these: the rows themselves would be the problem once more."""
+
+
+def _piece(problem: Problem) -> Piece:
+    return tuple(problem.slices), reduce(problem)
+
+
+def _merge(problem: Problem, chosen: Iterable[Piece]) -> Reduced:
     """Return the factors of several pieces together, an axis without rows as zeros."""
     width = problem.parameters + 1
     stacks: dict[int, list[Floats]] = {i: [np.zeros((1, width))] for i in problem.slices}
     rows = dict.fromkeys(problem.slices, 0)
-    for piece, reduced in chosen:
-        for i, F, n in zip(piece.slices, reduced.factors, reduced.rows, strict=True):
+    for axes, reduced in chosen:
+        for i, F, n in zip(axes, reduced.factors, reduced.rows, strict=True):
             stacks[i].append(F)
             rows[i] += n
     factors = tuple(r_factor(np.concatenate(stacks[i])) for i in problem.slices)

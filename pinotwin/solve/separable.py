@@ -66,7 +66,9 @@ def separable(
     search = _Search(problem, tuple(moving), options, known or {})
     search.look()
     search.sweep()
-    return search.finish()
+    best = search.finish()
+    del search.projection  # of a long log as large as the problem, which is now judged row by row
+    return search.judge(best)
 
 
 class _Search:
@@ -103,19 +105,29 @@ class _Search:
         self.reweigh()
 
     def sweep(self) -> None:
-        """Scan every unknown block with the others in place, strongest first, until none jumps."""
+        """Scan every unknown block with the others in place, strongest first, until none jumps.
+
+        A block is scanned again if one with rows of its own has jumped since: what reaches it through coefficients
+        that axes share moves no basin, and the polish takes it up.
+        """
         columns = [m.at(x) for m, x in zip(self.moving, self.x, strict=True)]
+        stale = set(self.unknown)
         for _ in range(SWEEPS):
-            order = sorted(self.unknown, key=lambda b: -self.basins[b][0].gain)
-            jumped = False
-            for b in order:
+            for b in sorted(stale, key=lambda b: -self.basins[b][0].gain):
                 before = self.x[b]
                 self.scan(b, [(k, C) for k, C in enumerate(columns) if k != b])
-                jumped |= self.cell(b, before) != self.cell(b, self.x[b])
                 columns[b] = self.moving[b].at(self.x[b])
+                stale.discard(b)
+                if self.cell(b, before) != self.cell(b, self.x[b]):
+                    stale |= {k for k in self.unknown if k != b and self.meet(b, k)}
             self.reweigh()
-            if not jumped or len(self.moving) == 1:
+            if not stale:
                 break
+
+    def meet(self, a: int, b: int) -> bool:
+        """Whether two blocks have rows of one axis."""
+        placed = self.projection.placed
+        return bool(placed[a].keys() & placed[b].keys())
 
     def scan(self, b: int, others: Sequence[tuple[int, Floats]], refine: bool = True) -> None:
         """Scan one block and move it to its best basin."""
@@ -148,8 +160,8 @@ class _Search:
         self.sigma = solve(self.projection.reduced(columns), self.options).sigma
         return bool(np.any(np.abs(self.sigma - old) > 0.01 * old))
 
-    def finish(self) -> SeparableFit:
-        """Polish the best combination and its rivals, and judge the winner."""
+    def finish(self) -> Polished:
+        """Polish the best combination and its rivals; return the winner."""
         low = np.concatenate([m.bounds[0] for m in self.moving])
         high = np.concatenate([m.bounds[1] for m in self.moving])
         reduced = VariableProjection(self.projection, self.sigma, self.limits)
@@ -170,7 +182,7 @@ class _Search:
             reduced = VariableProjection(self.projection, self.sigma, self.limits)
             best = polish(reduced, best.x, low, high)
             self.evaluations += best.evaluations
-        return self.judge(best)
+        return best
 
     def starts(self) -> list[Floats]:
         """Return the best combination, then those with one block in a rival basin."""

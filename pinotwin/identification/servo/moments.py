@@ -14,7 +14,7 @@ exchanged them. Dead time, and what the moments leave open, are the output error
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +35,8 @@ LATER = (0.7, 1.4)
 """Shares of the velocity's lag from which a cascade is searched: each way round it has one of its own."""
 APART = 0.04
 """Cascades whose kp or 1/ti differ by a larger share are two answers."""
+MET = 0.01
+"""A search that comes this close to an answer that is known ends there as well; roots as close are one."""
 TELLS = 25.0
 """Rise of the law's whitened squared error, over its variance, at which the other way round of kp and 1/ti is out."""
 PLANT_SHARE = 30.0
@@ -65,8 +67,10 @@ class Solved:
         return (self.error / other.error - 1.0) * other.rows
 
 
-def solve(law: LawAlone, start: Servo, usual: Usual, block: int) -> Solved | None:
-    """Return the law of a form whose moments vanish, or None where the search does not end.
+def solve(
+    law: LawAlone, start: Servo, usual: Usual, block: int, known: Sequence[Servo] = ()
+) -> Solved | None:
+    """Return the law of a form whose moments vanish, or None where the search ends at a known one, or not at all.
 
     Shapes are held to usual ones as far as the moments leave them open. Dead time and offset stay: the logged
     effort knows nothing of them.
@@ -76,6 +80,7 @@ def solve(law: LawAlone, start: Servo, usual: Usual, block: int) -> Solved | Non
         start: where the search begins; its form is kept.
         usual: shapes that are usual.
         block: rows whose scores count as one.
+        known: answers of the same form.
     """
     search, x = search_of(start)
     P = np.diag([_precision(name, usual) for name in search.names])
@@ -95,6 +100,8 @@ def solve(law: LawAlone, start: Servo, usual: Usual, block: int) -> Solved | Non
             return None
         if np.abs(move).max() < CLOSE:
             break
+        if any(_same(search.servo(x), other, MET) for other in known):
+            return None
     if np.abs(move).max() > ROUGH:
         return None
     servo = search.servo(x)
@@ -133,8 +140,10 @@ def answers(law: LawAlone, servo: Servo, usual: Usual, block: int) -> list[Solve
         free = solve(law, replace(servo, form="general"), usual, block)
         begun += [] if free is None else _cascades(free.servo)
     found: list[Solved] = []
-    for answer in (solve(law, s, usual, block) for s in begun):
-        if answer is not None and not any(_same(answer.servo, other.servo) for other in found):
+    for start in begun:
+        known = [f.servo for f in found]
+        answer = solve(law, start, usual, block, known)
+        if answer is not None and not any(_same(answer.servo, other) for other in known):
             found.append(answer)
     return sorted(found, key=lambda f: f.error)
 
@@ -142,13 +151,16 @@ def answers(law: LawAlone, servo: Servo, usual: Usual, block: int) -> list[Solve
 def _cascades(servo: Servo) -> list[Servo]:
     """Return cascades of set-point weight 1 near a law, either way round, with two lags of the velocity each."""
     kept = {k: getattr(servo, k) for k in ("output_lag", "notch", "dead", "step")}
-    named = [{k: x for k, x in c.items() if k != "weight"} for c in servo.cascades()]
+    ways = servo.cascades()
+    if len(ways) == 2 and abs(ways[0]["rate"] - ways[1]["rate"]) < MET * ways[0]["rate"]:  # a double root
+        ways = ways[:1]
+    named = [{k: x for k, x in c.items() if k != "weight"} for c in ways]
     return [Servo.of_cascade(**c, velocity_lag=f * servo.velocity_lag, **kept) for c in named for f in LATER]
 
 
-def _same(a: Servo, b: Servo) -> bool:
+def _same(a: Servo, b: Servo, apart: float = APART) -> bool:
     x, y = a.named(), b.named()
-    return all(abs(x[k] - y[k]) < APART * abs(y[k]) for k in ("kp", "rate") if k in x)
+    return all(abs(x[k] - y[k]) < apart * abs(y[k]) for k in ("kp", "rate") if k in x)
 
 
 def by_moments(p: AxisProblem, near: Servo) -> list[Found]:

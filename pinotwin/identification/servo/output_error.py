@@ -14,6 +14,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.problem import AS_FOUND, PLANT, AxisProblem, Factors
+from pinotwin.identification.servo.slopes import along
 from pinotwin.loop.servo import SHAPES, Servo
 
 FORWARD = (-0.5, 1.5, 0.5)
@@ -28,8 +29,8 @@ CORRELATED = 20.0
 """Rows of residual that tell as much as one independent row."""
 STEPS, LONGEST = 12, 0.7
 """Most steps of a search, and the longest of them: shares of a gain, or of a shape's logarithm."""
-ENOUGH = 1e-3
-"""The search ends when a step brings less than this share."""
+ENOUGH, OFTEN = 1e-3, 2
+"""The search ends when a step brings less than this share so often in a row: one may be short where an axis sticks."""
 QUIET = 5e-4
 """Error of a signal, as a share of its RMS, that is no worse than none."""
 
@@ -72,6 +73,17 @@ class Search:
             if name in usual:
                 value = getattr(servo, name) if name in SHAPES else servo.notch[int(name[5:])]
                 out.append(float(np.log(value / usual[name][0])) / usual[name][1])
+        return np.array(out)
+
+    def doubt_slopes(self, x: Floats, usual: Mapping[str, tuple[float, float]], inertia: float) -> Floats:
+        """Return the slopes of :meth:`doubt`, shape (m, k); shapes are searched by their logarithms."""
+        share, (least, most, beyond) = self.servo(x).gains[5] / inertia, FORWARD
+        out = [np.zeros(len(x))]
+        for i, (name, scale) in enumerate(zip(self.names, self.scale, strict=True)):
+            if name in ("gain5", "ffa") and not least <= share <= most:
+                out[0][i] = scale / (inertia * beyond)
+            if name in usual:
+                out.append(np.eye(len(x))[i] / usual[name][1])
         return np.array(out)
 
     def extra(self, x: Floats) -> Factors:
@@ -157,6 +169,16 @@ def misfit(p: AxisProblem, servo: Servo, extra: Factors = AS_FOUND) -> Floats | 
     return ((y - p.measured) / (p.sizes * p.noise)).ravel() / np.sqrt(len(y))
 
 
+def misfit_slopes(p: AxisProblem, search: Search, x: Floats) -> Floats | None:
+    """Return the slopes of :func:`misfit` over what is searched, shape (2 rows, k), or None where there are none."""
+    servo, extra = search.servo(x), search.extra(x)
+    q = p if extra == AS_FOUND else p.with_plant(extra)
+    dy = q.slopes(servo, along(q, search.names, search.scale, search.servo, x))
+    if dy is None or not np.isfinite(dy).all():
+        return None
+    return (dy / (p.sizes * p.noise)[:, None]).reshape(-1, len(x)) / np.sqrt(len(dy))
+
+
 def polish(
     p: AxisProblem,
     servo: Servo,
@@ -193,23 +215,35 @@ def polish(
         told = [search.doubt(x, p.usual, p.inertia), *([] if known is None else [known @ (x - begun)])]
         return np.concatenate([r, doubt * np.concatenate(told)])
 
-    found = descend(at, x, allowed, steps)
+    def slope(x: Floats, r: Floats) -> Floats:
+        J = misfit_slopes(p, search, x) if p.smooth else None
+        if J is None:
+            return differences(at, x, r)
+        told = [search.doubt_slopes(x, p.usual, p.inertia), *([] if known is None else [known])]
+        return np.concatenate([J, doubt * np.concatenate(told)])
+
+    found = descend(at, slope, x, allowed, steps)
     if found is None:
         return None
     x, r = found
     cost = float(r @ r)
     return Found(
-        search.servo(x), cost, search.extra(x), x, lambda: slopes(at, x, r), r[: 2 * rows], search, p.noise
+        search.servo(x), cost, search.extra(x), x, lambda: slope(x, r), r[: 2 * rows], search, p.noise
     )
 
 
 def descend(
-    at: Callable[[Floats], Floats | None], x: Floats, allowed: Callable[[Floats], bool], steps: int = STEPS
+    at: Callable[[Floats], Floats | None],
+    slope: Callable[[Floats, Floats], Floats],
+    x: Floats,
+    allowed: Callable[[Floats], bool],
+    steps: int = STEPS,
 ) -> tuple[Floats, Floats] | None:
     """Return where a sum of squares is least near a start, and its residuals there (Levenberg-Marquardt).
 
     Args:
         at: residuals at a point, or None where there are none.
+        slope: their slopes at a point where they are known, shape (m, k).
         x: the start, each coordinate in a size of its own.
         allowed: where a step may end.
         steps: most steps.
@@ -217,9 +251,9 @@ def descend(
     r = at(x)
     if r is None:
         return None
-    damping, cost = 1e-3, float(r @ r)
+    damping, cost, small = 1e-3, float(r @ r), 0
     for _ in range(steps):
-        J = slopes(at, x, r)
+        J = slope(x, r)
         A, g, trial, move = J.T @ J, J.T @ r, None, x
         for _ in range(9):
             full = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-12), -g)
@@ -230,15 +264,15 @@ def descend(
             trial, damping = None, damping * 6.0
         if trial is None:
             break
-        gain = 1.0 - float(trial @ trial) / cost
+        small = small + 1 if float(trial @ trial) > (1.0 - ENOUGH) * cost else 0
         x, r, cost = x + move, trial, float(trial @ trial)
         damping = max(damping / 30.0, 1e-9)
-        if gain < ENOUGH:
+        if small == OFTEN:
             break
     return x, r
 
 
-def slopes(at: Callable[[Floats], Floats | None], x: Floats, r: Floats) -> Floats:
+def differences(at: Callable[[Floats], Floats | None], x: Floats, r: Floats) -> Floats:
     """Return the slopes of residuals r at a point, shape (m, k), by difference quotients; 0 where there are none."""
     J = np.zeros((len(r), len(x)))
     for i in range(len(x)):

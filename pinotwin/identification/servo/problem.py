@@ -11,7 +11,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.loop.margins import command_peak, stable
 from pinotwin.loop.servo import Servo
-from pinotwin.simulation import axis_kernel, coupled
+from pinotwin.simulation import axis_kernel, axis_slopes, coupled
 from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.state import Lookup
 
@@ -114,12 +114,35 @@ class AxisProblem:
         if extra != AS_FOUND:
             return self.with_plant(extra).response(servo)
         axis, out = self._axis(servo, self.step / self.substeps), []
-        for s in self.windows:
-            course = (self.qr[s], self.vr[s], self.load[s])
-            y = self._run(axis, s, course, self.step, self.substeps)
+        for course, start in self._courses:
+            y = self._run(axis, course, start)
             if y is None:
                 return None
             out.append(y[self.skip :])
+        return np.concatenate(out)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether :meth:`slopes` knows the axis' friction: dry and viscous; none with a memory, or of velocity."""
+        return not len(self.tables.slips) and not len(self.tables.speeds)
+
+    def direction(self, servo: Servo) -> Floats:
+        """Return what the axis is made of under a controller, as :meth:`slopes` takes it."""
+        return axis_slopes.direction(self._axis(servo, self.step / self.substeps))
+
+    def slopes(self, servo: Servo, directions: Floats) -> Floats | None:
+        """Return how e and u of all windows change, shape (rows, 2, k), or None if the axis runs away.
+
+        Args:
+            servo: the controller.
+            directions: changes of what :meth:`direction` returns, shape (k, numbers).
+        """
+        axis, out = self._axis(servo, self.step / self.substeps), []
+        for course, start in self._courses:
+            found = axis_slopes.run(axis, self.tables, course, start, directions)
+            if found is None:
+                return None
+            out.append(found[1][self.skip :])
         return np.concatenate(out)
 
     def holds(self, servo: Servo, extra: Factors = AS_FOUND) -> bool:
@@ -141,37 +164,35 @@ class AxisProblem:
         rows = np.arange(window.stop - window.start)
         load = np.interp(np.arange(len(command[0])) / substeps, rows, self.load[window])
         h = self.step / substeps
-        y = self._run(self._axis(servo, h), window, (*command, load), h, 1)
+        course = Course(*command, load, h, 1, self._limit)
+        y = self._run(self._axis(servo, h), course, self._start(window))
         return None if y is None else y[:, 0]
 
     def _axis(self, servo: Servo, h: float) -> Axis:
-        laws = coupled.servo_arrays([servo], [False], h)
-        return Axis(
-            self.inertia,
-            self.viscous,
-            laws.gains[0],
-            float(laws.see[0]),
-            float(laws.lag[0]),
-            int(laws.notched[0]),
-            laws.notch[0],
-            int(laws.whole[0]),
-            float(laws.part[0]),
-            float(laws.limit[0]),
-            float(laws.offset[0]),
-            *servo.encoder,
-        )
+        return Axis(self.inertia, self.viscous, *coupled.law_numbers(servo, h))
 
-    def _run(
-        self, axis: Axis, s: slice, course: tuple[Floats, Floats, Floats], step: float, substeps: int
-    ) -> Floats | None:
-        """Return e and u of a window that begins in the measured state, shape (n, 2); None if it runs away."""
-        tables, limit = self.tables, 0.2 * self._travel + 1e-9
-        qr, vr, load = (np.ascontiguousarray(x) for x in course)
+    @cached_property
+    def _courses(self) -> tuple[tuple[Course, Floats], ...]:
+        """What is asked in every window, and the measured position, velocity and effort in which it begins."""
+        out = []
+        for s in self.windows:
+            qr, vr, load = (np.ascontiguousarray(x[s]) for x in (self.qr, self.vr, self.load))
+            out.append((Course(qr, vr, load, self.step, self.substeps, self._limit), self._start(s)))
+        return tuple(out)
+
+    @property
+    def _limit(self) -> float:
+        return 0.2 * self._travel + 1e-9
+
+    def _start(self, s: slice) -> Floats:
+        return np.array([self.q[s.start], self.v[s.start], float(np.mean(self.u[s.start : s.start + 3]))])
+
+    def _run(self, axis: Axis, course: Course, start: Floats) -> Floats | None:
+        """Return e and u from a measured state on, shape (n, 2); None if the axis runs away."""
+        tables = self.tables
         memory = axis_kernel.room(axis.whole, len(tables.slips), tables.give.shape[1])
-        effort = float(np.mean(self.u[s.start : s.start + 3]))
-        start = np.array([self.q[s.start], self.v[s.start], effort])
-        y = np.empty((len(qr), 2))
-        failed = axis_kernel.run(axis, tables, Course(qr, vr, load, step, substeps, limit), memory, start, y)
+        y = np.empty((len(course.qr), 2))
+        failed = axis_kernel.run(axis, tables, course, memory, start, y)
         return None if failed >= 0 else y
 
     def with_plant(self, factors: Factors) -> AxisProblem:
