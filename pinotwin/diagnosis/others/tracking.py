@@ -155,7 +155,9 @@ def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[
         parts = one.effect.parts if isinstance(one.effect, Joined) else (one.effect,)
         places = [_place(twin, p.name, p.axis, len(p.coefficients())) for p in parts]
         foreign = isinstance(one.effect, Pattern) or effect.family.acts != "effort"
-        foreign |= effect.mode() is not None and preferred(twin) != "coupled"  # no pole of the loops that were found
+        foreign |= (
+            effect.mode() is not None and preferred(twin) != "coupled"
+        )  # no pole of the loops that were found
         if foreign or any(w is None and p.unlisted for w, p in zip(places, parts, strict=True)):
             beyond.add(str(effect.axis))
             continue
