@@ -83,7 +83,7 @@ def _settled(
 ) -> tuple[Motion, Solved]:
     """Solve, again and again where an effect scales with the effort of the model that is being found.
 
-    The first effort is that of the other effects alone.
+    The first effort is that of the other effects alone, whose shapes are then only polished.
     """
     if not needs_model(effects):
         return motion, _solve(motion, effects, rows, fit_options(machine, effects, motion))
@@ -91,8 +91,12 @@ def _settled(
     first = _solve(motion, plain, rows, fit_options(machine, plain, motion))
     motion = told(motion, first[1], first[0].theta)
     options = fit_options(machine, effects, motion)
+    known = iter(first[1])
+    effects = tuple(effect if effect.needs else next(known) for effect in effects)
+    unknown = [k for k, effect in enumerate(effects) if effect.needs]
     for _ in range(PASSES):
-        solved = _solve(motion, effects, rows, options)
+        solved = _solve(motion, effects, rows, options, unknown)
+        effects, unknown = solved[1], []
         assert motion.model is not None
         before, motion = motion.model, told(motion, solved[1], solved[0].theta)
         assert motion.model is not None
@@ -133,12 +137,22 @@ def _beta(effects: Sequence[Effect]) -> slice:
     return rigid_body_of(effects)[1]
 
 
-def _solve(motion: Motion, effects: tuple[Effect, ...], rows: Rows, options: Options) -> Solved:
+def _solve(
+    motion: Motion,
+    effects: tuple[Effect, ...],
+    rows: Rows,
+    options: Options,
+    unknown: Sequence[int] | None = None,
+) -> Solved:
+    """Solve for coefficients and shapes; of the shapes only those of some effects are unknown, of None all."""
     searched = _with_shapes(motion, effects, rows)
     if not searched:
         count = sum(len(effect.shapes()) for effect in effects)
         fit = linear(assemble(motion, effects, rows), options)
         return fit, effects, np.full(count, np.nan), np.zeros(count, bool)
+    if unknown is not None:
+        known = search_shapes(motion, effects, rows, searched, options, [k for k in searched if k in unknown])
+        return _wider(motion, known, rows, searched, options) if unknown else known
     short = abridged(motion, rows)
     if short is None:
         return _searched(motion, effects, rows, searched, options)
@@ -152,7 +166,11 @@ def _searched(
     motion: Motion, effects: tuple[Effect, ...], rows: Rows, searched: Sequence[int], options: Options
 ) -> Solved:
     """Search the shapes all over, then further ones on the axes where these pay."""
-    found = search_shapes(motion, effects, rows, searched, options)
+    return _wider(motion, search_shapes(motion, effects, rows, searched, options), rows, searched, options)
+
+
+def _wider(motion: Motion, found: Solved, rows: Rows, searched: Sequence[int], options: Options) -> Solved:
+    """Search further shapes on the axes where these pay."""
     wider = widened(motion, found[1], rows)
     if not wider:
         return found
