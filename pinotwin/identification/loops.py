@@ -37,7 +37,6 @@ from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.system.threads import side_by_side
 from pinotwin.twin import OpenLoop, Twin
 
 SLOWEST = 1.0 / 50.0
@@ -54,6 +53,8 @@ NO_WORSE = 1.01
 """Refined effects have as many numbers as before: they are kept unless held-out data speak against."""
 BEGINNINGS, FRESH = 4, 2
 """Usual places from which the poles are searched at first, and once more beside refined friction."""
+MISSED = 0.1
+"""Mean held-out error of a loop, each signal over its RMS, from which its last search also starts afresh."""
 MUCH_WORSE = 1.1
 """No signal may lose more than this for the others' gain."""
 ROUNDS, EXPLORED, ENOUGH = 4, 2, 1.03
@@ -204,10 +205,9 @@ def fit_loops(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None
     found = Loops(plant.effects, plant.theta.copy())
     disturbance = generalised_disturbance(plant, motion, plant.diagonal, modes=False)
     axes = list(plant.machine.axes)
-    fits = side_by_side(lambda name: _fit_loop(plant, motion, disturbance, name), axes)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))
-        fit = next(fits)
+        fit = _fit_loop(plant, motion, disturbance, name)
         found.notes += fit.notes
         if fit.model is not None:
             found.models[name], found.quality[name] = fit.model, fit.quality
@@ -235,7 +235,8 @@ def _fit_loop(plant: OpenLoop, motion: Motion, disturbance: Floats, name: str) -
         data = loop_data(motion, disturbance, name)
         trial = _choose(plant, data, name)
         data, trial, refined = _refined(plant, motion, data, trial)
-        model = _refit(data, trial, _bounds(plant.machine, name), afresh=True, judged=True)
+        doubted = _score(data, trial) > MISSED
+        model = _refit(data, trial, _bounds(plant.machine, name), afresh=doubted, judged=True)
     except DataError as error:
         return _Fit(notes=(f"no closed loop of {name}: {error}",))
     fit = _Fit(model, _judged(data, model, trial) | {"refined": refined is not None}, refined=refined)
