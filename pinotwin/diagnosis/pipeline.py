@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -91,30 +91,57 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     s, sure = _confirmed(s, shown, seed, rules, quick=quick)
     found, pushed = s.found, s.pushed
     sure_pushes = push_confidences(c, s.whole, pushed, np.random.default_rng([seed, 5]), rules)
-    whole_logs, c = c, s.rest
-    named = [*effects_named(c, found, sure), *pushes_named(c, pushed, sure_pushes)]
+    named = [*effects_named(s.rest, found, sure), *pushes_named(s.rest, pushed, sure_pushes)]
     named = with_encoders(named, measured, leave_out)
-    turned, gone = list[ServoChange](), dict[str, str]()
-    if closed_loop:
-        put_in = courses(whole_logs, [s.chosen for s in found.steps], pushed)
-        turned = servo_changes(c, _mismeasured(named), leave_out, rules, put_in)
-        gone = broken_laws(c, {str(x.axis) for part in (named, turned) for x in part}, rules)
-    tracked = Tracked()
-    if closed_loop and not quick:
-        tell("tracking error", 0.9)
-        causes = [s.chosen for s, x in zip(found.steps, sure, strict=True) if x >= rules.named]
-        tracked = track(c, causes, [x for x in turned if x.confidence >= rules.named])
-        if not (named or turned or gone):
-            turned = retuned(c, off_track(tracked.gaps, rules), leave_out, rules)
-            tracked = track(c, causes, turned) if turned else tracked
-    named += servo_named(turned)
-    shaken = _shaken(subject, c, np.random.default_rng([seed, 3]))
+    loops = _closed_loops(s, sure, named, leave_out, rules, tell, quick=quick) if closed_loop else _Loops()
+    named += servo_named(loops.turned)
+    shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
     named += shaken.effects
-    result = _concluded(subject, c, found, pushed, named, gone, seed, quick, rules)
-    result = strayed(_with_tracking(result, tracked), rules)
-    result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, c.logs))
+    result = _concluded(subject, s.rest, found, pushed, named, loops.gone, seed, quick, rules)
+    result = strayed(_with_tracking(result, loops.tracked), rules)
+    result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, s.rest.logs))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
-    return replace(result, provenance=provenance(subject, c.logs, c.validation, **options))
+    return replace(result, provenance=provenance(subject, s.rest.logs, s.rest.validation, **options))
+
+
+@dataclass(frozen=True)
+class _Loops:
+    """What is said of controllers and tracking errors.
+
+    Attributes:
+        turned: gains that changed, and limits of drives. gone: axis -> what is said of a law that is gone.
+        tracked: the gap of the tracking error.
+    """
+
+    turned: Sequence[ServoChange] = ()
+    gone: Mapping[str, str] = field(default_factory=dict)
+    tracked: Tracked = field(default_factory=Tracked)
+
+
+def _closed_loops(
+    s: _Searched,
+    sure: Sequence[float],
+    named: Sequence[Any],
+    leave_out: Sequence[str],
+    rules: Rules,
+    tell: Tell,
+    *,
+    quick: bool,
+) -> _Loops:
+    """Return what has changed in the controllers; from the tracking error alone only where nothing else is found."""
+    c, found = s.rest, s.found
+    put_in = courses(s.compared, [step.chosen for step in found.steps], s.pushed)
+    turned = servo_changes(c, _mismeasured(named), leave_out, rules, put_in)
+    gone = broken_laws(c, {str(x.axis) for part in (named, turned) for x in part}, rules)
+    if quick:
+        return _Loops(turned, gone)
+    tell("tracking error", 0.9)
+    causes = [step.chosen for step, x in zip(found.steps, sure, strict=True) if x >= rules.named]
+    tracked = track(c, causes, [x for x in turned if x.confidence >= rules.named])
+    if not (named or turned or gone):
+        turned = retuned(c, off_track(tracked.gaps, rules), leave_out, rules)
+        tracked = track(c, causes, turned) if turned else tracked
+    return _Loops(turned, gone, tracked)
 
 
 def _shaken(subject: Machine | Twin, c: Comparison, rng: np.random.Generator) -> Vibrations:
