@@ -139,7 +139,7 @@ def _closed_loops(
     causes = [step.chosen for step, x in zip(found.steps, sure, strict=True) if x >= rules.named]
     tracked = track(c, causes, [x for x in turned if x.confidence >= rules.named])
     if not (named or turned or gone):
-        turned = retuned(c, off_track(tracked.gaps, rules), leave_out, rules)
+        turned = retuned(c, off_track(tracked.gaps, rules.asked_tracking), leave_out, rules)
         tracked = track(c, causes, turned) if turned else tracked
     return _Loops(turned, gone, tracked)
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pinotwin.diagnosis.grade import is_open, stays
+from pinotwin.diagnosis.grade import stays
 from pinotwin.diagnosis.result import Diagnosis, Gap
 from pinotwin.diagnosis.rules import RULES, Rules
 
 
-def off_track(gaps: Mapping[str, Gap], rules: Rules = RULES) -> dict[str, float]:
-    """Return axis -> times its tracking error is off by what the twin's own logs leave, of those where that is open."""
-    return {
-        axis: stays(g.rms, g.noise, g.misfit, None)
-        for axis, g in gaps.items()
-        if is_open(g.rms, g.noise, g.misfit, None, rules, signal="e")
-    }
+def off_track(gaps: Mapping[str, Gap], level: float) -> dict[str, float]:
+    """Return axis -> times its tracking error is off by what the twin's own logs leave, of those beyond a level."""
+    times = {a: stays(g.rms, g.noise, g.misfit, None) for a, g in gaps.items() if math.isfinite(g.misfit)}
+    return {axis: x for axis, x in times.items() if x > level}
 
 
 def strayed(found: Diagnosis, rules: Rules = RULES) -> Diagnosis:
@@ -27,7 +25,7 @@ def strayed(found: Diagnosis, rules: Rules = RULES) -> Diagnosis:
     if found.effects or found.possible:
         return found
     closed = {a: row["e"] for a, row in found.gap.items() if "e" in row and a not in found.unexplained}
-    off = off_track(closed, rules)
+    off = off_track(closed, rules.open_tracking)
     if not off:
         return found
     said = [

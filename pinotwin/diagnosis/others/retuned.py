@@ -41,6 +41,8 @@ STEPS, FIRST = 4, 0.1
 """Corrections of a factor, and the change by which its slope is taken first."""
 LARGEST = 3.0
 """Factor beyond which none is sought."""
+HOPELESS = 0.3
+"""Share that the first slope promises to close below which no step is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,8 @@ def _search(errors: Callable[[float], tuple[Floats, Floats]]) -> tuple[float, Fl
         moved = errors(other)[1]
         slope = (moved - said) / (other - factor)
         left = measured - moved
+        if factor == 1.0 and _promised(slope, before) < HOPELESS:
+            break
         best = min(best, (rms(left), other, moved), key=lambda x: x[0])
         step = float(slope @ left) / max(float(slope @ slope), 1e-300)
         factor, said = other, moved
@@ -129,6 +133,11 @@ def _search(errors: Callable[[float], tuple[Floats, Floats]]) -> tuple[float, Fl
         if abs(other - factor) < 1e-3:
             break
     return best[1], slope, measured - best[2], before
+
+
+def _promised(slope: Floats, left: Floats) -> float:
+    """Return the share of what is left that the best step along a slope closes."""
+    return float(slope @ left) ** 2 / max(float(slope @ slope) * float(left @ left), 1e-300)
 
 
 def _errors(twin: Twin, runs: Runs, axis: str) -> tuple[Floats, Floats]:
