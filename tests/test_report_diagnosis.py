@@ -171,7 +171,7 @@ def test_words_of_the_old_pages_are_gone() -> None:
 
 
 def test_a_tracking_error_that_differs_is_spoken_of_although_nothing_changed() -> None:
-    error = Gap(5e-6, 0.1, 0.0, 5e-6, 1e-6)
+    error = Gap(7e-6, 0.1, 0.0, 7e-6, 1e-6)
     given = replace(diagnosis(), gap={"Y": {"u": replace(GAP, rms=3.1), "e": error}}, situation="change")
     assert given.grade("Y", "e") == "not explained"
     assert "tracking error of Y" in headline(given)[-1]

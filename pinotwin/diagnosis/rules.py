@@ -63,6 +63,9 @@ class Rules:
     cycle: float = 0.5
     """[of the log's step] Least delay that is missing in a machine. By hand: a drive holds its effort over a cycle, so
     that what is logged leads by half of one, and a log's step is one cycle at least."""
+    longest_cycle: float = 7.5e-4
+    """[s] Most that is asked so: no drive's cycle is longer than 1.5 ms, however slow the log. By hand: healthy axes
+    lead by 0.5 ms at most, and an effort 2.2 ms early at 200 Hz (random891) closed 0.83 of its axis' gap."""
     complete: float = 0.45
     """[of the squared residual without its noise] A cause that closes more than this of what repeats share is named
     though it is smaller than `excess` and `size_structure` ask for: nothing else is there. Not friction, which differs
@@ -107,6 +110,10 @@ class Rules:
     """[squared misfits per row] The same of what the richer one closes more, where it leaves what the twin does anyway:
     what `least_spread` is of a gap of two and a half misfits. The weight of a load of 9 kg (random833) is 0.9985 of its
     gap, and the rest 0.57 of these."""
+    rich: int = 8
+    """[numbers] From here a cause is a table or a curve, which two plain ones together may stand for."""
+    first_part: float = 0.5
+    """[of its gain] Least that the first of these two closes."""
     second_share: float = 0.1
     """[of the squared gap] Least that a further cause closes on an axis that has one: less is its form."""
     second_share_kin: float = 0.3

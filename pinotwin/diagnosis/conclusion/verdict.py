@@ -68,8 +68,10 @@ def judge(
         axis: {"u": float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))}
         for axis, g in open_axes.items()
     }
-    told = {e.axis for e in effects}
-    unsure = [str(e.axis) for e in possible if e.axis not in told and not _agrees(gaps, str(e.axis))]
+    most = {s.chosen.key: c.machine.names[s.chosen.joint] for s in found.steps}
+    told = {axis for e in effects for axis in _axes(e, most)}
+    known = gaps.keys() - told
+    unsure = [axis for e in possible for axis in _axes(e, most) & known if not _agrees(gaps[axis]["u"])]
     for axis in (*patterns, *unsure, *(name for name in c.gate.silent if name in gaps)):
         unexplained.setdefault(axis, {"u": 1.0})
     for axis in controllers:
@@ -93,6 +95,11 @@ def judge(
     return Judgement(verdict, sentence, unexplained, remains, notes)
 
 
+def _axes(e: Found, most: Mapping[tuple[str, str | None], str]) -> set[str]:
+    """Return the axis of an effect, and the one that it moves most: a load on one link weighs on another."""
+    return {str(e.axis), most.get((e.effect, e.axis), str(e.axis))}
+
+
 def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     """Whether more of an axis' gap stays than its model leaves on healthy logs.
 
@@ -103,10 +110,9 @@ def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
     return is_open(g.after, g.noise, g.misfit, size, rules)
 
 
-def _agrees(gaps: Mapping[str, Mapping[str, Gap]], axis: str) -> bool:
+def _agrees(g: Gap) -> bool:
     """Whether the gap of an axis, before any cause, is no more than what is left anyway."""
-    g = gaps[axis]["u"] if axis in gaps else None
-    return g is not None and grade(g.rms, g.misfit, g.noise) in ("agrees", "within misfit")
+    return grade(g.rms, g.misfit, g.noise) in ("agrees", "within misfit")
 
 
 def _quiet(g: Gap) -> bool:

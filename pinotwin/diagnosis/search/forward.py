@@ -37,12 +37,30 @@ class Step:
         rivals: the other best candidates of that turn, one a name and axis, best first.
         searcher: the ground on which the turn was made.
         duel: trials against a relative with more numbers, if one closed more.
+        instead: causes of one axis each, for which it stands.
     """
 
     chosen: Scored
     rivals: Sequence[Scored]
     searcher: Searcher = field(repr=False)
     duel: Duel | None = field(default=None, repr=False)
+    instead: Sequence[Scored] = ()
+
+    def again(self, simplest: Scored, fit: Sequence[Scored], scored: Sequence[Scored]) -> Scored:
+        """Return what is chosen on other logs: the same questions, put again.
+
+        Args:
+            simplest: the simplest candidate there.
+            fit: those that are not refused there.
+            scored: all of them.
+        """
+        if self.duel is not None:
+            return self.duel.again(simplest, fit)
+        keys = {one.key for one in self.instead}
+        if simplest.key not in keys:
+            return simplest
+        both = sum(one.gain for one in scored if one.key in keys)
+        return next((one for one in fit if one.key == self.chosen.key and one.gain >= both), simplest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,14 +128,62 @@ def search(
         winner = simplest(able, searcher, rules)
         held = _duel(winner, able, searcher, rules)
         winner = winner if held is None else held.won_by(held.simpler, held.richer)
+        winner = _first_of_two(winner, able, searcher, shortlist, rules)
         rivals = [r for r in one_each(ranked) if r.key != winner.key]
         steps.append(Step(winner, rivals, searcher, held))
         if not isinstance(winner.effect, Pattern):
             steps = _without_superfluous(comparison, steps, usual, rules)
+        steps = _as_one(steps, rules)
         searcher = Searcher(comparison, [*(s.chosen for s in steps), *usual])
     if usual:
         searcher = Searcher(comparison, [s.chosen for s in steps])
     return Found(steps, last, [*usual, *one_each(ranked)], first, searcher)
+
+
+def _first_of_two(
+    winner: Scored, able: Sequence[Scored], searcher: Searcher, shortlist: Shortlist, rules: Rules
+) -> Scored:
+    """Return the first of two plain causes that together close as much as a table or a curve, with fewer numbers.
+
+    Where a machine lists a ripple whose pitch was found for want of another one, two ripples are open, and a table is
+    the only single cause that has both. Else the winner is returned.
+    """
+    plain = [r for r in able if r.joint == winner.joint and _is_plain(r, rules)]
+    if winner.numbers < rules.rich or not plain:
+        return winner
+    first = max(plain, key=lambda r: r.gain)
+    if first.gain < rules.first_part * winner.gain:
+        return winner
+    beside = Searcher(searcher.comparison, [*searcher.found, first])
+    ranked = rank(beside, shortlist.of(beside))
+    second = next((r for r in ranked if r.joint == first.joint and _is_plain(r, rules)), None)
+    if second is None or first.numbers + second.numbers >= winner.numbers:
+        return winner
+    return first if first.gain + second.gain > rules.as_good_kin * winner.gain else winner
+
+
+def _as_one(steps: Sequence[Step], rules: Rules) -> list[Step]:
+    """Return the causes with one of several axes for two of one axis each, where it closes as much as both together.
+
+    A load's weight looks like a drive's scale on the axis that lifts it, and its inertia is a small gap of another.
+    """
+    last = steps[-1].chosen
+    for at, step in enumerate(steps[:-1]):
+        both = {step.chosen.joint, last.joint}
+        if len(both) < 2 or max(len(one.table[0]) for one in (step.chosen, last)) > 1:
+            continue
+        for one in step.rivals:
+            alone = both <= set(one.table[0]) and one.gain >= step.chosen.gain + last.gain
+            if alone and not refused(one, step.searcher, rules):
+                pair = (step.chosen, last)
+                rivals = [*pair, *(r for r in step.rivals if r.key not in {one.key, last.key})]
+                kept = [s for s in steps[:-1] if s is not step]
+                return [*kept[:at], Step(one, rivals, step.searcher, instead=pair), *kept[at:]]
+    return list(steps)
+
+
+def _is_plain(one: Scored, rules: Rules) -> bool:
+    return one.numbers < rules.rich and not isinstance(one.effect, Pattern)
 
 
 def _usual_before(fit: Sequence[Scored], scatters: Sequence[Scored], known: Collection[int]) -> Scored | None:
@@ -364,16 +430,17 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     moved = closed / max(c.new.size(one.joint), 1e-300)
     if moved < (rules.least_size(change=c.change) if small else rules.complete_size):
         return f"moves its axis' effort by {moved:.1%}"
-    if (
-        not c.change
-        and one.effect.name == "delay"
-        and abs(one.judged.theta[0]) < rules.cycle * c.new.motion.step
-    ):
-        return "is less than half a step, by which any drive leads that holds its effort over a cycle"
+    if not c.change and one.effect.name == "delay" and abs(one.judged.theta[0]) < _held_over(c, rules):
+        return "is less than half a cycle, by which any drive leads that holds its effort"
     rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
     if c.change and rubs and closed < rules.scatter * c.friction[one.joint]:
         return _by_scatter(rules)
     return ""
+
+
+def _held_over(c: Comparison, rules: Rules) -> float:
+    """Return the least delay that is missing in a machine [s]."""
+    return min(rules.cycle * c.new.motion.step, rules.longest_cycle)
 
 
 def _least_share(one: Scored, *, change: bool, rules: Rules) -> float:

@@ -42,7 +42,7 @@ def _confidence(c: Comparison, found: Found, step: Step, rng: np.random.Generato
         fit = sorted((x for x in again if not refused(x, searcher, rules)), key=lambda x: -x.gain)
         if fit:
             first = simplest(fit, searcher, rules)
-            wins += same_cause(first if step.duel is None else step.duel.again(first, fit), step.chosen)
+            wins += same_cause(step.again(first, fit, again), step.chosen)
     return posterior(wins, TRIALS, rules)
 
 

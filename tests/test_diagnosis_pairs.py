@@ -1,0 +1,88 @@
+"""One cause for two, and two for one: a load on two axes, two ripples in place of a table."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import cast
+
+import numpy as np
+import pytest
+
+from pinotwin.diagnosis.candidates.catalogue import candidates, named
+from pinotwin.diagnosis.conclusion.verdict import judge
+from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.result import Found as Named
+from pinotwin.diagnosis.result import Gap
+from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.search import forward
+from pinotwin.diagnosis.search.forward import Found, Step, search
+from pinotwin.diagnosis.search.scan import Scored, Searcher
+from pinotwin.effects import EFFECTS, Ripple
+from pinotwin.identification import identify
+from pinotwin.machine import Machine
+from pinotwin.twin import Twin
+from tests.test_diagnosis_named import one_number, record, with_residual
+from tests.test_effects_battery import tree
+
+
+@pytest.fixture(scope="module")
+def twin() -> Twin:
+    machine = dataclasses.replace(Machine.load("emps"), columns={})
+    return identify(machine, [record(3), record(5)])
+
+
+def step(chosen: Scored, *rivals: Scored) -> Step:
+    return Step(chosen, rivals, cast(Searcher, None))
+
+
+@pytest.mark.parametrize(("closed", "names"), [(1.13, ["payload"]), (1.11, ["effort_scale", "effort_scale"])])
+def test_a_load_that_closes_two_axes_stands_for_the_scales_of_both(
+    closed: float, names: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Foreign random892: 12 kg on a table that turns on a slide were two drives that log 4 and 7 % too much."""
+    monkeypatch.setattr(forward, "refused", lambda *_: "")
+    lifts, turns = (
+        one_number(EFFECTS["effort_scale"].on(tree(), axis), (j,), gain)
+        for j, (axis, gain) in enumerate((("Y", 1.0), ("A", 0.12)))
+    )
+    load = one_number(EFFECTS["payload"].on(tree(), "A"), (0, 1), closed)
+    found = forward._as_one([step(lifts, load), step(turns)], RULES)
+    assert [named(s.chosen.effect).name for s in found] == names
+    if names == ["payload"]:
+        assert found[0].again(lifts, [lifts, load], [lifts, load, turns]) is load
+        weaker = dataclasses.replace(load, gain=1.0)
+        assert found[0].again(lifts, [lifts, weaker], [lifts, weaker, turns]) is lifts
+
+
+def test_one_axis_closed_by_a_scale_alone_is_no_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(forward, "refused", lambda *_: "")
+    scale = one_number(EFFECTS["effort_scale"].on(tree(), "Y"), (0,), 1.0)
+    again = one_number(EFFECTS["viscous"].on(tree(), "Y"), (0,), 0.1)
+    load = one_number(EFFECTS["payload"].on(tree(), "A"), (0, 1), 1.2)
+    steps = [step(scale, load), step(again)]
+    assert forward._as_one(steps, RULES) == steps
+
+
+def test_two_ripples_are_not_a_table(twin: Twin) -> None:
+    """Foreign random834, 890: a listed ripple whose pitch was found for want of another one."""
+    c = compare(twin, [record(4)], [])
+    columns = [c.new.columns(Ripple("X", period=p))[0] for p in (0.05, 0.031)]
+    put = [x @ [1.0, 0.3] for x in columns]
+    r = sum(8.0 * c.floor[0] * x / np.sqrt(np.mean(x**2)) for x in put)
+    r = r + c.floor[0] * np.random.default_rng(0).normal(size=len(r))
+    every = [e for e in candidates(c) if named(e).name in ("ripple", "position_table")]
+    found = search(with_residual(c, r), every)
+    assert next(named(s.chosen.effect).name for s in found.steps) == "ripple"
+
+
+def test_a_cause_that_is_not_sure_opens_the_axis_that_it_moves_most(twin: Twin) -> None:
+    """A load of 12 kg on the last link, not sure, left "no change" on the axis that lifts it."""
+    c = compare(twin, [record(4)], [])
+    searcher = Searcher(c)
+    load = one_number(EFFECTS["payload"].on(tree(), "A"), (0,), 1.0)
+    found = Found([Step(load, (), searcher)], None, (), searcher, searcher)
+    unsure = Named("payload", "A", 0.3, {}, {}, {}, [])
+    said = judge(
+        c, found, {"X": {"u": Gap(rms=4.0, nrmse=0.1, noise=0.8, after=0.9, misfit=0.6)}}, [], [unsure]
+    )
+    assert (said.verdict, list(said.unexplained)) == ("unexplained", ["X"])
