@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 import pinotwin as pt
 from pinotwin.identification.coupled import axis_problem, choice, command_velocity, own_friction
 from pinotwin.identification.servo import AxisProblem, Found, afresh, doubtful, look, settle
+from pinotwin.identification.servo.problem import AS_FOUND
 from pinotwin.log import Log
 from pinotwin.logs.columns import parse_columns
 from pinotwin.logs.prepare import prepare
@@ -229,14 +230,16 @@ def test_friction_is_refined_only_as_far_as_the_plant_allows():
     """A plant with 10 % too little viscous and 5 % too much dry friction: both come back, or are refused."""
     servo = cascade(velocity_lag=3e-4, output_lag=1.5e-4, dead=1e-4)
     true = single(smooth_command(plain_machine("trunnion"), 12.0, 500.0), servo, friction=40.0)
-    problem = with_measurement(true, servo, np.random.default_rng(2), 0.005).with_plant((1.0, 0.9, 1.05, 1.0))
+    problem = with_measurement(true, servo, np.random.default_rng(2), 0.005).with_plant(
+        (1.0, 0.9, 1.05, 1.0, 1.0)
+    )
     found, kept = (look(problem, ("viscous", "dry"), lambda factors, x=x: x) for x in (True, False))
     assert found is not None
     assert kept is not None
     assert found.factors[1] == pytest.approx(1.0 / 0.9, rel=0.05)
     assert found.factors[2] == pytest.approx(1.0 / 1.05, rel=0.02)
     assert found.errors[0] < kept.errors[0]
-    assert kept.factors == (1.0, 1.0, 1.0, 1.0)
+    assert kept.factors == AS_FOUND
 
 
 def test_usual_tunings_find_a_controller_without_least_squares():

@@ -35,7 +35,7 @@ def logged() -> AxisProblem:
 
 def test_gains_are_those_of_the_drive_though_the_plant_is_wrong(logged: AxisProblem) -> None:
     """A tenth more friction and 3 % more inertia than there is: the output error takes them up, the moments do not."""
-    wrong = logged.with_plant((1.03, 1.1, 1.1, 1.0))
+    wrong = logged.with_plant((1.03, 1.1, 1.1, 1.0, 1.0))
     near = polish(wrong, Servo.of_cascade(45.0, 5500.0, 55.0, 0.92, 25.0, **SHAPES))
     assert near is not None
     best = by_moments(wrong, near.servo)[0].servo.named()

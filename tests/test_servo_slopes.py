@@ -48,7 +48,7 @@ def test_slopes_of_an_effort_at_its_limit_are_difference_quotients() -> None:
 
 def agree(p: AxisProblem, law: Servo) -> None:
     """Hold the slopes around a law against difference quotients."""
-    search, x = search_of(law, PLANT, float(p.sizes[1]))
+    search, x = search_of(law, PLANT[:4], float(p.sizes[1]))
     x = x + 0.01 * np.random.default_rng(0).normal(size=len(x))
     J = misfit_slopes(p, search, x)
     assert J is not None

@@ -11,6 +11,7 @@ import numpy as np
 
 from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
+from pinotwin.effects import Effect, Presliding
 from pinotwin.errors import PinotwinError
 from pinotwin.identification.servo import (
     MISSED,
@@ -138,16 +139,21 @@ def _refinable(
     rows = np.concatenate([np.arange(s.start, s.stop) for s in judge.windows])
     rows = rows[motion.use[rows, i] & np.isfinite(motion.u[rows, i])]
     left = (motion.u - plant.effort(motion))[rows, i]
-    fading = _friction_effort(plant, motion, name, fading=True)
-    parts = {"viscous": problem.viscous * motion.v[:, i], "dry": dry - fading, "fading": fading}
-    X = np.stack([x[rows] for x in parts.values()], axis=1)
-    names = tuple(k for k, x in zip(parts, X.T, strict=True) if np.any(x != 0.0))
+    mine = [e for e in plant.effects if e.axis == name]
+    gives = [e for e in mine if e.depends == "displacement"]
+    there = {
+        "viscous": problem.viscous != 0.0 and bool(np.any(motion.v[rows, i])),
+        "dry": bool(np.any(dry[rows])),
+        "fading": any(e.fades or (isinstance(e, Presliding) and e.stribeck) for e in mine),
+        "distance": any(isinstance(e, Presliding) for e in gives),
+    }
 
     def allowed(factors: Factors) -> bool:
-        after = left - X @ (np.array(factors[1:]) - 1.0)
-        return float(np.sum(after**2)) <= NO_WORSE**2 * float(np.sum(left**2))
+        moved = _friction_effort(with_factors(plant, {name: factors}), motion, name) - dry
+        moved += (factors[1] - 1.0) * problem.viscous * motion.v[:, i]
+        return float(np.sum((left - moved[rows]) ** 2)) <= NO_WORSE**2 * float(np.sum(left**2))
 
-    return names, allowed
+    return tuple(k for k, x in there.items() if x), allowed
 
 
 def in_steps(found: Servos, raw: Motion) -> Servos:
@@ -164,23 +170,40 @@ def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
     """Return the plant with viscous and dry friction of its axes multiplied, its table included."""
     theta, viscous = plant.theta.copy(), np.array(plant.diagonal["viscous"], dtype=float)
     rows = {row.name: row for row in plant.parameters}
-    for key, effect, s in zip(plant.keys, plant.effects, plant.slices, strict=True):
+    effects = list(plant.effects)
+
+    def state(name: str, value: float) -> None:
+        if name in rows:
+            rows[name] = replace(rows[name], value=value)
+
+    for n, (key, effect, s) in enumerate(zip(plant.keys, plant.effects, plant.slices, strict=True)):
         if effect.axis not in factors or effect.axis is None:
             continue
-        plain = effect.causes[0] == "viscous"
-        dry = effect.depends in ("direction", "displacement")
-        share = factors[effect.axis][1 if plain else 3 if effect.fades else 2]
+        by = factors[effect.axis]
         for k, coefficient in enumerate(effect.coefficients()):
-            if share == 1.0 or not (plain or (dry and coefficient.name not in ("m", "d"))):
-                continue
-            theta[s.start + k] *= share
-            name = f"{key}.{coefficient.name}"
-            if name in rows:
-                rows[name] = replace(rows[name], value=float(theta[s.start + k]))
+            share = _share(effect, coefficient.name, by)
+            if share != 1.0:
+                theta[s.start + k] *= share
+                state(f"{key}.{coefficient.name}", float(theta[s.start + k]))
+        if isinstance(effect, Presliding) and effect.x_s is not None and by[4] != 1.0:
+            effects[n] = replace(effect, x_s=by[4] * effect.x_s)
+            state(f"{key}.x_s", by[4] * effect.x_s)
     for axis, factor in factors.items():
         viscous[plant.machine.axes[axis].index] *= factor[1]
     diagonal = {**plant.diagonal, "viscous": viscous}
-    return replace(plant, theta=theta, diagonal=diagonal, parameters=tuple(rows.values()))
+    return replace(
+        plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=tuple(rows.values())
+    )
+
+
+def _share(effect: Effect, coefficient: str, factors: Factors) -> float:
+    """Return the factor on a coefficient of an effect."""
+    _, viscous, dry, fading, _ = factors
+    if effect.causes[0] == "viscous":
+        return viscous
+    if effect.depends not in ("direction", "displacement") or coefficient in ("m", "d"):
+        return 1.0
+    return fading if effect.fades or (isinstance(effect, Presliding) and coefficient == "s") else dry
 
 
 def _row(found: Found) -> dict[str, Any]:
@@ -214,6 +237,7 @@ def axis_problem(
         viscous=float(plant.diagonal["viscous"][i]),
         tables=own_friction(lookup, i),
         windows=windows,
+        stretches=tuple(raw.segments),
     )
     y = problem.measured
     return replace(problem, sizes=np.maximum(np.sqrt(np.mean(y**2, axis=0)), 1e-300))
@@ -246,16 +270,13 @@ def _windows(raw: Motion, vr: Floats) -> tuple[slice, ...]:
     return tuple(sorted(most, key=lambda s: s.start))
 
 
-def _friction_effort(plant: OpenLoop, motion: Motion, name: str, *, fading: bool = False) -> Floats:
-    """Return the effort of what the axis' kernel computes itself: dry friction and friction of speed, (n,).
-
-    With ``fading`` only that of friction that fades with speed.
-    """
+def _friction_effort(plant: OpenLoop, motion: Motion, name: str) -> Floats:
+    """Return the effort of what the axis' kernel computes itself: dry friction and friction of speed, (n,)."""
     i = plant.machine.axes[name].index
     total = np.zeros(len(motion))
     for effect, s in zip(plant.effects, plant.slices, strict=True):
         own = effect.axis == name and effect.depends in ("direction", "displacement", "velocity")
-        if own and effect.causes[0] != "viscous" and (effect.fades or not fading):
+        if own and effect.causes[0] != "viscous":
             total += effect.columns(motion).effort(plant.theta[s], plant.machine.nv)[:, i]
     return total
 

@@ -35,10 +35,11 @@ better usual than anything.
 SLOWEST, FASTEST, COMMANDS, THROWN_OFF = 0.05, 0.4, 60, 10.0
 """Frequencies of commands [Hz; share of the log's rate], how many, and the tracking error, over the command's size,
 with which a controller throws its axis off: what a slow ramp leaves open of a law may be a thousand times that."""
-PLANT = ("inertia", "viscous", "dry", "fading")
-Factors = tuple[float, float, float, float]
-"""On inertia, viscous friction, dry friction at speed, and the part of it that fades with speed."""
-AS_FOUND: Factors = (1.0, 1.0, 1.0, 1.0)
+PLANT = ("inertia", "viscous", "dry", "fading", "distance")
+Factors = tuple[float, float, float, float, float]
+"""On inertia, viscous friction, dry friction at speed, the part of it that fades with speed, and the distance over
+which it turns round (presliding)."""
+AS_FOUND: Factors = (1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 @cache
@@ -64,7 +65,10 @@ class AxisProblem:
         inertia: M_D of the axis.
         viscous: C of the axis.
         tables: the axis' own friction.
-        windows: rows to simulate.
+        windows: rows to simulate, in order.
+        lead: rows that may be simulated before those, and are not compared.
+        stretches: rows without a gap; of windows that meet in one of them the later goes on where the earlier ends:
+            what friction and integrator remember is not measured.
         sizes: RMS of e and u over the windows, shape (2,).
         noise: share of it below which an error of e and u says nothing, shape (2,).
         usual: shapes that are usual, see :data:`USUAL`.
@@ -82,6 +86,8 @@ class AxisProblem:
     tables: Lookup
     windows: tuple[slice, ...]
     fine: float = FINE
+    lead: tuple[slice, ...] = ()
+    stretches: tuple[slice, ...] = ()
     sizes: Floats = field(default_factory=lambda: np.ones(2))
     noise: Floats = field(default_factory=lambda: np.ones(2))
     usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: USUAL)
@@ -102,7 +108,7 @@ class AxisProblem:
 
     def within(self, windows: Sequence[slice]) -> AxisProblem:
         """Return the same axis with other windows."""
-        return replace(self, windows=tuple(windows))
+        return replace(self, windows=tuple(windows), lead=())
 
     def response(self, servo: Servo, extra: Factors = AS_FOUND) -> Floats | None:
         """Return simulated e and u on all windows, shape (rows, 2), or None if the axis runs away.
@@ -114,11 +120,11 @@ class AxisProblem:
         if extra != AS_FOUND:
             return self.with_plant(extra).response(servo)
         axis, out = self._axis(servo, self.step / self.substeps), []
-        for course, start in self._courses:
+        for course, start, compared in self._courses:
             y = self._run(axis, course, start)
             if y is None:
                 return None
-            out.append(y[self.skip :])
+            out += [y[rows] for rows in compared]
         return np.concatenate(out)
 
     @property
@@ -138,11 +144,11 @@ class AxisProblem:
             directions: changes of what :meth:`direction` returns, shape (k, numbers).
         """
         axis, out = self._axis(servo, self.step / self.substeps), []
-        for course, start in self._courses:
+        for course, start, compared in self._courses:
             found = axis_slopes.run(axis, self.tables, course, start, directions)
             if found is None:
                 return None
-            out.append(found[1][self.skip :])
+            out += [found[1][rows] for rows in compared]
         return np.concatenate(out)
 
     def holds(self, servo: Servo, extra: Factors = AS_FOUND) -> bool:
@@ -172,13 +178,31 @@ class AxisProblem:
         return Axis(self.inertia, self.viscous, *coupled.law_numbers(servo, h))
 
     @cached_property
-    def _courses(self) -> tuple[tuple[Course, Floats], ...]:
-        """What is asked in every window, and the measured position, velocity and effort in which it begins."""
+    def _courses(self) -> tuple[tuple[Course, Floats, tuple[slice, ...]], ...]:
+        """What is asked in one go, the position, velocity and effort in which it begins, and what is compared."""
         out = []
-        for s in self.windows:
-            qr, vr, load = (np.ascontiguousarray(x[s]) for x in (self.qr, self.vr, self.load))
-            out.append((Course(qr, vr, load, self.step, self.substeps, self._limit), self._start(s)))
+        for windows in self._together():
+            whole = slice(windows[0].start, windows[-1].stop)
+            qr, vr, load = (np.ascontiguousarray(x[whole]) for x in (self.qr, self.vr, self.load))
+            course = Course(qr, vr, load, self.step, self.substeps, self._limit)
+            at = [slice(s.start - whole.start + self.skip, s.stop - whole.start) for s in windows]
+            compared = tuple(x for x, s in zip(at, windows, strict=True) if s in self.windows)
+            out.append((course, self._start(whole), compared))
         return tuple(out)
+
+    def _together(self) -> list[list[slice]]:
+        """Return windows and what leads to them, those together that follow one another without a gap."""
+        out: list[list[slice]] = []
+        for s in sorted((*self.lead, *self.windows), key=lambda s: s.start):
+            before = out[-1][-1] if out else None
+            if before is not None and before.stop == s.start and self._one_stretch(before, s):
+                out[-1].append(s)
+            else:
+                out.append([s])
+        return [x for x in out if x[-1] in self.windows]
+
+    def _one_stretch(self, a: slice, b: slice) -> bool:
+        return any(s.start <= a.start and b.stop <= s.stop for s in self.stretches)
 
     @property
     def _limit(self) -> float:
@@ -197,16 +221,27 @@ class AxisProblem:
 
     def with_plant(self, factors: Factors) -> AxisProblem:
         """Return the same axis with inertia, viscous and dry friction multiplied; see :data:`Factors`."""
-        t, (inertia, viscous, dry, fading) = self.tables, factors
-        lasting = t.dry[..., -1:]
-        tables = t._replace(dry=dry * lasting + fading * (t.dry - lasting), slip=dry * t.slip)
+        t, (inertia, viscous, dry, fading, distance) = self.tables, factors
+
+        def levels(table: Floats) -> Floats:
+            lasting = table[..., -1:]
+            return np.asarray(dry * lasting + fading * (table - lasting))
+
+        tables = t._replace(
+            dry=levels(t.dry),
+            slip=levels(t.slip),
+            give=t.give / distance,
+            memory=t.memory * np.array([1.0 / distance, 1.0, 1.0, 1.0]),
+        )
         inertia, viscous = self.inertia * inertia, self.viscous * viscous
         return replace(self, inertia=inertia, viscous=viscous, tables=tables)
 
     def split(self) -> tuple[AxisProblem, AxisProblem]:
         """Return the part that structures are fitted to, and the part that judges them."""
         cut = max(1, round(TRAINED * len(self.windows)))
-        return self.within(self.windows[:cut]), self.within(self.windows[cut:] or self.windows[-1:])
+        first, last = self.windows[:cut], self.windows[cut:]
+        judge = replace(self, windows=last, lead=first) if last else self.within(first[-1:])
+        return self.within(first), judge
 
     @cached_property
     def measured(self) -> Floats:

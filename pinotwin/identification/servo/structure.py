@@ -40,6 +40,8 @@ CLOSE = 0.005
 NO_WORSE, LITTLE = 1.05, 0.002
 """Gains from moments may raise a held-out error of e or u by this factor, or by this share of its RMS: they are
 nearer the truth, and the output error's hide errors of the plant."""
+STANDSTILL = ("fading", "distance")
+"""Friction that shows about standstill, where an effort along a measured position tells it worst."""
 PAYS = 0.98
 """A larger structure must bring the held-out error below this share of the smaller one's."""
 
@@ -77,8 +79,8 @@ def look(
     if best is None:
         return None
     factors = AS_FOUND
-    refined = polish(train, best.servo, friction, BRIEF + REPOLISH) if friction else None
-    if refined is not None and better_of(judge, best, [refined], PAYS) is refined and allowed(refined.extra):
+    refined = _with_friction(train, judge, best, friction, allowed)
+    if refined is not None:
         factors, best = refined.extra, replace(refined, extra=AS_FOUND)
         train, judge = (x.with_plant(factors) for x in (train, judge))
     others = [polish(train, servo) for servo in simpler(train, best.servo)]
@@ -93,6 +95,27 @@ def look(
         if best is None:
             return None
     return replace(best, held_out=errors_of(judge, best), trial=best.servo, factors=factors)
+
+
+def _with_friction(
+    train: AxisProblem,
+    judge: AxisProblem,
+    best: Found,
+    friction: tuple[str, ...],
+    allowed: Callable[[Factors], bool],
+) -> Found | None:
+    """Return the law beside friction that predicts windows not fitted better; None where no refinement does.
+
+    First all of it, then what shows about standstill alone: the effort at speed tells the rest as well as the loop.
+    """
+    slow = tuple(name for name in friction if name in STANDSTILL)
+    for names in dict.fromkeys((friction, slow)):
+        refined = polish(train, best.servo, names, BRIEF + REPOLISH) if names else None
+        if refined is None:
+            continue
+        if better_of(judge, best, [refined], PAYS) is refined and allowed(refined.extra):
+            return refined
+    return None
 
 
 def doubtful(judge: AxisProblem, found: Found) -> bool:
