@@ -107,6 +107,9 @@ def test_a_delay_that_play_may_be_is_not_named_beside_play_that_closes_more_and_
     )
     unsure = "is 6.7 squared standard errors a number"
     assert _doubtful(late, [(loose, unsure), (late, "")])
+    assert _doubtful(
+        late, [(loose, "closes nothing for certain on rows not fitted"), (late, "")]
+    )  # random895
     assert not _doubtful(late, [(loose, "closes 5% of its axis' residual"), (late, "")])
     assert not _doubtful(late, [(bent, unsure), (late, "")])
     assert not _doubtful(loose, [(dataclasses.replace(late, gain=2.0), unsure)])
@@ -270,6 +273,21 @@ def test_what_pushes_all_the_time_is_a_vibration(twin: Twin) -> None:
     assert pushes(with_residual(c, plain + rings), nothing, RULES) == []
     once = np.where((at > 100) & (at < 140), rings, 0.0)
     assert len(pushes(with_residual(c, plain + once), nothing, RULES)) == 1
+
+
+def test_a_push_that_swells_is_one_push_however_many_steps_it_is_told_in(twin: Twin) -> None:
+    """Foreign random895: three pushes of thirty times the misfit were forty episodes, and so a vibration."""
+    c, plain = with_noise_alone(twin)
+    ground = Searcher(c)
+    nothing = Found((), None, (), ground, ground)
+    n = len(plain)
+    at = np.arange(n)
+    swells = sum(
+        300.0 * np.sin(np.pi * np.clip((at - k * n // 6) / (n // 12), 0.0, 1.0)) ** 2 for k in (1, 2, 3, 4)
+    )
+    (found,) = pushes(with_residual(c, plain + c.floor[0] * swells), nothing, RULES)
+    assert len(found.episodes) > RULES.push_often * n * c.new.motion.step * c.new.motion.decimation
+    assert found.times <= 8
 
 
 @pytest.mark.parametrize(

@@ -86,3 +86,22 @@ def test_a_cause_that_is_not_sure_opens_the_axis_that_it_moves_most(twin: Twin) 
         c, found, {"X": {"u": Gap(rms=4.0, nrmse=0.1, noise=0.8, after=0.9, misfit=0.6)}}, [], [unsure]
     )
     assert (said.verdict, list(said.unexplained)) == ("unexplained", ["X"])
+
+
+@pytest.mark.parametrize(
+    ("name", "percent", "is_named"),
+    [("quadratic_drag", 0.8, True), ("quadratic_drag", 0.2, False), ("coulomb", 0.8, False)],
+)
+def test_what_is_all_that_repeats_share_is_named_however_small_unless_it_rubs_about_rest(
+    name: str, percent: float, is_named: bool
+) -> None:
+    """Foreign random896, 897: a drag of 0.6 to 0.8 % of the effort was half and more of what two runs shared."""
+    machine = dataclasses.replace(Machine.load("emps"), columns={})
+    c = compare(machine.with_effects("X", ()), [record(4)], [])
+    law = EFFECTS[name].on(c.machine, "X")
+    column = c.new.columns(law)[0][:, 0]
+    put = 0.01 * percent * c.new.size(0) * column / np.std(column)
+    sigma = np.std(put)
+    r = put + sigma * np.random.default_rng(0).normal(size=len(put))
+    c = dataclasses.replace(with_residual(c, r), floor={0: sigma}, noise={0: sigma})
+    assert bool(search(c, [law]).steps) is is_named

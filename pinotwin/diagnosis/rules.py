@@ -68,8 +68,9 @@ class Rules:
     lead by 0.5 ms at most, and an effort 2.2 ms early at 200 Hz (random891) closed 0.83 of its axis' gap."""
     complete: float = 0.45
     """[of the squared residual without its noise] A cause that closes more than this of what repeats share is named
-    though it is smaller than `excess` and `size_structure` ask for: nothing else is there. Not friction, which differs
-    from run to run by as much (0.92); of 26 healthy machines of another simulator others close 0.32, where certain."""
+    though it is smaller than `excess` and `size_structure` ask for: nothing else is there. Not friction about rest,
+    which differs from run to run by as much (0.92); of 46 healthy machines of another simulator others close 0.34,
+    where certain, and friction at speed nothing (two drags of 0.8 and 0.6 % close 0.53 and 0.66, random896, 897)."""
     complete_strength: float = 100.0
     """[squared standard errors per number] Least size of such a cause: an offset that closes 0.37 there reaches 9."""
     complete_size: float = 0.004

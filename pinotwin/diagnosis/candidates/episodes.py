@@ -65,6 +65,19 @@ class Episodes:
     rows: Mask
     course: Floats
 
+    @property
+    def times(self) -> int:
+        """How often the axis was pushed: parts of one push, one way and without a pause, count once."""
+        count = 0
+        ends = {1.0: (-1, -np.inf), -1.0: (-1, -np.inf)}
+        for e in sorted(self.episodes, key=lambda e: (e.segment, e.start)):
+            way = 1.0 if e.force >= 0.0 else -1.0
+            segment, end = ends[way]
+            goes_on = segment == e.segment and e.start <= end
+            count += not goes_on
+            ends[way] = (e.segment, max(end, e.end) if goes_on else e.end)
+        return count
+
 
 def episodes(
     sample: Sample,

@@ -217,16 +217,17 @@ def _a_trace(one: Scored, steps: Sequence[Step], searcher: Searcher, rules: Rule
 
 
 _UNCERTAIN = "squared standard errors a number"
+_NOTHING_CERTAIN = "closes nothing for certain on rows not fitted"
 
 
 def _doubtful(one: Scored, answers: Sequence[tuple[Scored, str]]) -> bool:
-    """Whether play or a spring that looks like a candidate closes more of its axis, and only its size is not certain.
+    """Whether play or a spring that looks like a candidate closes more of its axis, and is only not certain.
 
-    Play that the weight on it crosses a few times shows in as many impacts, none of which is foreseen well; what they
-    have in common with a delay is less, but the same each time.
+    Play that the weight on it crosses a few times shows in as many impacts, none of which is foreseen well, least of
+    all in another log; what they have in common with a delay is less, but the same each time.
     """
     return any(
-        why.endswith(_UNCERTAIN)
+        (why.endswith(_UNCERTAIN) or why == _NOTHING_CERTAIN)
         and better.key[1] == one.key[1]
         and better.gain > one.gain
         and named(better.effect).family is TRANSMISSION
@@ -421,7 +422,7 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
         return f"is {one.judged.strength:.1f} {_UNCERTAIN}"
     if lower_bound(one.judged, searcher.ground) <= 0.0 or _fails_elsewhere(one, searcher):
-        return "closes nothing for certain on rows not fitted"
+        return _NOTHING_CERTAIN
     closed = float(sum(x.sum() for x in searcher.main_gains(one)))
     small = not _complete(one, searcher, rules)
     if small and c.change and closed < rules.excess * _rows(one, c):
@@ -455,7 +456,7 @@ def _complete(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     c = searcher.comparison
     return (
         one.joint in c.noise
-        and named(one.effect).family is not FRICTION
+        and not (named(one.effect).family is FRICTION and named(one.effect).sharp)
         and one.numbers <= rules.complete_numbers
         and one.judged.strength > rules.complete_strength
         and _beyond_noise(one, searcher, rules) > rules.complete

@@ -128,7 +128,7 @@ def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
     closed = floor * float(np.sqrt(max(pushed.gain, 0.0) / rows))
     large = closed > rules.push_size * c.new.size(pushed.joint)
     seconds = rows * c.new.motion.step * c.new.motion.decimation
-    seldom = len(pushed.episodes) <= max(rules.push_often * seconds, 1.0)
+    seldom = pushed.times <= max(rules.push_often * seconds, 1.0)
     return (
         (for_a_moment or for_long)
         and large
