@@ -75,6 +75,16 @@ def test_two_ripples_are_not_a_table(twin: Twin) -> None:
     assert next(named(s.chosen.effect).name for s in found.steps) == "ripple"
 
 
+def test_friction_beside_a_ripple_is_no_two_causes_in_place_of_a_table(twin: Twin) -> None:
+    """LWR4: a table of its first axis was a ripple and asymmetric friction, which close more of what both leave."""
+    searcher = Searcher(compare(twin, [record(4)], []))
+    of = {e.name: e for e in (named(x) for x in candidates(searcher.comparison))}
+    scored = {name: searcher.score(of[name]) for name in ("position_table", "ripple", "viscous_asymmetric")}
+    assert all(scored.values())
+    beside = {k: forward._plain_beside(scored["position_table"], one, RULES) for k, one in scored.items()}
+    assert beside == {"position_table": False, "ripple": True, "viscous_asymmetric": False}
+
+
 def test_a_cause_that_is_not_sure_opens_the_axis_that_it_moves_most(twin: Twin) -> None:
     """A load of 12 kg on the last link, not sure, left "no change" on the axis that lifts it."""
     c = compare(twin, [record(4)], [])

@@ -146,17 +146,20 @@ def _first_of_two(
     """Return the first of two plain causes that together close as much as a table or a curve, with fewer numbers.
 
     Where a machine lists a ripple whose pitch was found for want of another one, two ripples are open, and a table is
-    the only single cause that has both. Else the winner is returned.
+    the only single cause that has both. They depend on the same as it does: friction beside a ripple may close as much
+    as a table of what both leave. Else the winner is returned.
     """
-    plain = [r for r in able if r.joint == winner.joint and _is_plain(r, rules)]
-    if winner.numbers < rules.rich or not plain:
+    if isinstance(winner.effect, Pattern) or winner.numbers < rules.rich:
+        return winner
+    plain = [r for r in able if _plain_beside(winner, r, rules)]
+    if not plain:
         return winner
     first = max(plain, key=lambda r: r.gain)
     if first.gain < rules.first_part * winner.gain:
         return winner
     beside = Searcher(searcher.comparison, [*searcher.found, first])
     ranked = rank(beside, shortlist.of(beside))
-    second = next((r for r in ranked if r.joint == first.joint and _is_plain(r, rules)), None)
+    second = next((r for r in ranked if _plain_beside(winner, r, rules)), None)
     if second is None or first.numbers + second.numbers >= winner.numbers:
         return winner
     return first if first.gain + second.gain > rules.as_good_kin * winner.gain else winner
@@ -182,8 +185,11 @@ def _as_one(steps: Sequence[Step], rules: Rules) -> list[Step]:
     return list(steps)
 
 
-def _is_plain(one: Scored, rules: Rules) -> bool:
-    return one.numbers < rules.rich and not isinstance(one.effect, Pattern)
+def _plain_beside(rich: Scored, one: Scored, rules: Rules) -> bool:
+    """Whether a candidate has few numbers, and acts where a table or a curve does and on what that depends on."""
+    if isinstance(one.effect, Pattern) or one.numbers >= rules.rich or one.joint != rich.joint:
+        return False
+    return named(one.effect).depends == named(rich.effect).depends
 
 
 def _usual_before(fit: Sequence[Scored], scatters: Sequence[Scored], known: Collection[int]) -> Scored | None:
