@@ -12,6 +12,7 @@ import pytest
 
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.candidates.catalogue import candidates, named
+from pinotwin.diagnosis.candidates.episodes import _closed
 from pinotwin.diagnosis.conclusion.gaps import noise_levels
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
@@ -288,6 +289,15 @@ def test_a_push_that_swells_is_one_push_however_many_steps_it_is_told_in(twin: T
     (found,) = pushes(with_residual(c, plain + c.floor[0] * swells), nothing, RULES)
     assert len(found.episodes) > RULES.push_often * n * c.new.motion.step * c.new.motion.decimation
     assert found.times <= 8
+    assert found.share > 0.9  # random902: a push within a push, told twice, doubled what was left of both
+
+
+def test_a_part_of_a_push_that_is_told_again_closes_no_less() -> None:
+    r = np.where((np.arange(400) > 100) & (np.arange(400) < 300), 50.0, 0.0)
+    r = r + np.random.default_rng(0).normal(size=400)
+    left = [float(np.std(_closed(r, [(101, 300), *[(150, 200)] * again]))) for again in (0, 1, 6)]
+    assert left == pytest.approx([left[0]] * 3, rel=0.02)
+    assert left[0] == pytest.approx(1.0, rel=0.15)
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,8 @@ def episodes(
         if gain < rules.push_also * usual:
             break
         far += gain
-        a, b = _edges(left, segment, a, b)
+        moved = _edges(left, segment, a, b)
+        a, b = (a, b) if moved in found else moved
         found.append((a, b))
         left[a:b] -= left[a:b].mean()
     if far < rules.push * usual:
@@ -204,15 +205,17 @@ def _levelled(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:
 
 
 def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:
-    """Return what constants leave, every other pair of rows predicted from those between them."""
+    """Return what constants leave, every other pair of rows predicted from those between them.
+
+    Of a strong part within a longer push, the constant is told by what that leaves of the same rows.
+    """
     left = r.copy()
-    for a, b in found:
-        half = (np.arange(b - a) // 2) % 2 == 0
-        part = left[a:b]
-        if half.all() or not half.any():
-            continue
-        one, other = part[half].mean(), part[~half].mean()
-        left[a:b] = np.where(half, part - other, part - one)
+    half = (np.arange(len(r)) // 2) % 2 == 0
+    for told in (half, ~half):
+        rest = r.copy()
+        for a, b in found:
+            rest[a:b] -= rest[a:b][told[a:b]].mean()
+        left[~told] = rest[~told]
     return left
 
 
