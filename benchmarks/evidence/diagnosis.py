@@ -171,7 +171,9 @@ def payload(runs: Source) -> list[Line]:
         value = mass["after"] if mass else math.nan
         good.append(bool(row["right"]) and 0.9 <= value <= 1.1 and low <= 1.0 <= high)
         told.append(f"{row['set']} {value:.3f} ({low:.3f} to {high:.3f}) kg")
-    what = f"1 kg at the last link: named, 0.9 to 1.1 kg, within the interval ({'; '.join(dict.fromkeys(told))})"
+    what = (
+        f"1 kg at the last link: named, 0.9 to 1.1 kg, within the interval ({'; '.join(dict.fromkeys(told))})"
+    )
     return [share(what, good, 1.0, 1.0, asked.command)]
 
 
