@@ -114,7 +114,8 @@ class Rules:
     rich: int = 8
     """[numbers] From here a cause is a table or a curve, which two plain ones together may stand for."""
     first_part: float = 0.5
-    """[of its gain] Least that the first of these two closes."""
+    """[of its gain] Least that the first of these two closes. Both by hand: two ripples of random834 and 890 passed for
+    a table; the true tables of random830 and 890 and of LWR4 stay such."""
     second_share: float = 0.1
     """[of the squared gap] Least that a further cause closes on an axis that has one: less is its form."""
     second_share_kin: float = 0.3

@@ -140,12 +140,12 @@ def _refinable(
     rows = rows[motion.use[rows, i] & np.isfinite(motion.u[rows, i])]
     left = (motion.u - plant.effort(motion))[rows, i]
     mine = [e for e in plant.effects if e.axis == name]
-    gives = [e for e in mine if e.depends == "displacement"]
+    gives = [e for e in mine if isinstance(e, Presliding)]
     there = {
         "viscous": problem.viscous != 0.0 and bool(np.any(motion.v[rows, i])),
         "dry": bool(np.any(dry[rows])),
-        "fading": any(e.fades or (isinstance(e, Presliding) and e.stribeck) for e in mine),
-        "distance": any(isinstance(e, Presliding) for e in gives),
+        "fading": any(e.fades for e in mine) or any(e.stribeck for e in gives),
+        "distance": bool(gives),
     }
 
     def allowed(factors: Factors) -> bool:
@@ -167,7 +167,7 @@ def in_steps(found: Servos, raw: Motion) -> Servos:
 
 
 def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
-    """Return the plant with viscous and dry friction of its axes multiplied, its table included."""
+    """Return the plant with friction of its axes multiplied, its table included; see :data:`Factors`."""
     theta, viscous = plant.theta.copy(), np.array(plant.diagonal["viscous"], dtype=float)
     rows = {row.name: row for row in plant.parameters}
     effects = list(plant.effects)

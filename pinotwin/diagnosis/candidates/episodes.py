@@ -196,11 +196,11 @@ def _typical(r: Floats, t: Floats, segment: Ints) -> float:
     return max(6.0 * worst, 1e-300)
 
 
-def _levelled(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:
-    """Return what the mean of one episode after the other leaves, as they were found."""
-    left = r.copy()
+def _levelled(r: Floats, found: Sequence[tuple[int, int]], told: Mask | None = None) -> Floats:
+    """Return what the mean of one episode after the other leaves, as they were found; ``told`` by these rows alone."""
+    left, by = r.copy(), np.ones(len(r), dtype=bool) if told is None else told
     for a, b in found:
-        left[a:b] -= left[a:b].mean()
+        left[a:b] -= left[a:b][by[a:b]].mean()
     return left
 
 
@@ -209,14 +209,8 @@ def _closed(r: Floats, found: Sequence[tuple[int, int]]) -> Floats:
 
     Of a strong part within a longer push, the constant is told by what that leaves of the same rows.
     """
-    left = r.copy()
     half = (np.arange(len(r)) // 2) % 2 == 0
-    for told in (half, ~half):
-        rest = r.copy()
-        for a, b in found:
-            rest[a:b] -= rest[a:b][told[a:b]].mean()
-        left[~told] = rest[~told]
-    return left
+    return np.where(half, _levelled(r, found, ~half), _levelled(r, found, half))
 
 
 def _episode(  # noqa: PLR0913, what one push is read from
