@@ -135,7 +135,11 @@ def test_faint_pushes_count_beside_another_and_one_alone_does_not() -> None:
     noise = rng.normal(size=len(m))
     own = rows(rng.normal(size=len(m)), 3)
     faint, other = ((m.t >= a) & (m.t < a + 2.0) for a in (20.0, 5.0))
-    for course, count in ((0.6 * faint, 0), (0.6 * faint + 2.0 * other, 2), (0.6 * faint - 0.7 * other, 2)):
+    for course, count in (
+        (0.55 * faint, 0),
+        (0.55 * faint + 2.0 * other, 2),
+        (0.55 * faint - 0.7 * other, 2),
+    ):
         new = rows(noise + course)
         found = episodes(new, new.residual, own.residual, own, {0: 1.0}, 0)
         assert (0 if found is None else len(found.episodes)) == count

@@ -84,14 +84,19 @@ class Comparison:
         return () if self.change else self.twin.effects
 
     @cached_property
-    def rubbing(self) -> Mapping[int, Floats]:
-        """Joint -> course of all friction that the twin knows of it, on the rows in question [N or N·m]."""
-        total = {j: np.zeros(len(r)) for j, r in self.new.residual.items()}
+    def rubs(self) -> Mapping[int, Floats]:
+        """Joint -> course of every friction that the twin knows of it, on the rows in question [N or N·m], (m, k)."""
+        out: dict[int, list[Floats]] = {j: [] for j in self.new.residual}
         for effect, where in zip(self.twin.effects, self.twin.slices, strict=True):
             if effect.family is FRICTION:
                 for j, x in self.new.columns(effect).items():
-                    total[j] += x @ self.twin.theta[where]
-        return total
+                    out[j].append(x @ self.twin.theta[where])
+        return {j: np.array(x).reshape(len(x), len(self.new.residual[j])).T for j, x in out.items()}
+
+    @cached_property
+    def rubbing(self) -> Mapping[int, Floats]:
+        """Joint -> course of all friction that the twin knows of it, on the rows in question [N or N·m], shape (m,)."""
+        return {j: x.sum(axis=1) for j, x in self.rubs.items()}
 
     @cached_property
     def friction(self) -> Mapping[int, float]:
@@ -193,7 +198,9 @@ def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
     never = "its twin has never been there; identify it on the whole travel"
     unsure = "its twin is off, or unsure, by more than its effort varies here; identify it on logs that move it more"
     why = {j: never if c.machine.names[j] in lost else unsure for j in c.new.joints}
-    judged = [j for j in c.new.joints if why[j] is unsure and c.floor[j] <= c.new.size(j)]
+    # An effort that is measured too small moves the axis as ever: what the twin expects counts as well.
+    varies = {j: max(c.new.size(j), c.new.foretold(j)) for j in c.new.joints}
+    judged = [j for j in c.new.joints if why[j] is unsure and c.floor[j] <= varies[j]]
     if not judged or len(judged) == len(c.new.joints):
         return c
     left = {c.machine.names[j]: word for j, word in why.items() if j not in judged}

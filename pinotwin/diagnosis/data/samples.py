@@ -142,6 +142,10 @@ class Sample:
         """Return how much the measured effort of one joint varies [N or N·m]."""
         return float(np.std(self.effort[joint]))
 
+    def foretold(self, joint: int) -> float:
+        """Return how much the twin's effort of one joint varies [N or N·m]."""
+        return float(np.std(self.effort[joint] - self.residual[joint]))
+
 
 def sample(motion: Motion, residual: Floats, block_time: float) -> Sample:
     """Return the rows of a prepared motion.
@@ -187,7 +191,8 @@ def sliding(motion: Motion, joint: int) -> Mask:
     """Return where a joint slides: not where its command has stood for a while and the joint but trembles, shape (n,).
 
     The first moments are counted: an axis that settles slides, slowly, as dry friction is seen best. Before the first
-    move of a stretch nothing settles.
+    move of a stretch nothing settles, and what moves an axis as a log begins is how it stood before: its spring may not
+    carry it yet.
     """
     if motion.vr is None:
         return np.ones(len(motion), dtype=bool)
@@ -196,7 +201,18 @@ def sliding(motion: Motion, joint: int) -> Mask:
     since = np.full(len(v), np.inf)
     for s in motion.segments:
         since[s] = motion.step * _since(goes[s])
-    return np.asarray((since <= RULES.settles) | (v >= RULES.trembling * _top(v)))
+    swings = np.isinf(since) & _just_begun(motion)
+    return np.asarray((since <= RULES.settles) | ((v >= RULES.trembling * _top(v)) & ~swings))
+
+
+def _just_begun(motion: Motion) -> Mask:
+    """Return where a log has just begun, shape (n,); not where one goes on after a gap."""
+    out, end = np.zeros(len(motion), dtype=bool), np.inf
+    for s in motion.segments:
+        if motion.t[s.start] < end:
+            out[s.start : min(s.start + round(RULES.starting / motion.step), s.stop)] = True
+        end = motion.t[s.stop - 1]
+    return out
 
 
 def judged_rows(motion: Motion, joint: int) -> Mask:

@@ -1,4 +1,4 @@
-"""Friction that differs from run to run of one machine: in every log the twin's is scaled by what suits it best."""
+"""Friction that differs from run to run of one machine: in every log each part is scaled as suits it best."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.signals import rms
 
 
 def scatter(c: Comparison, joint: int, most: float) -> float:
@@ -17,22 +19,31 @@ def scatter(c: Comparison, joint: int, most: float) -> float:
         joint: which.
         most: share of the friction by which it may differ.
     """
-    runs = list(_runs(c, joint, most))
-    count = max(len(c.new.residual[joint]), 1)
-    return float(np.sqrt(sum(more**2 * power for more, _, power in runs) / count))
+    courses = _courses(c, joint, most, c.new.residual[joint])
+    return float(np.sqrt(sum(x @ x for _, x in courses) / max(len(c.new.residual[joint]), 1)))
 
 
-def scattered(c: Comparison, joint: int, most: float) -> float:
-    """Return what such friction closes on an axis [squared floors]; see :func:`scatter`."""
-    closed = sum(more * (2.0 * along - more * power) for more, along, power in _runs(c, joint, most))
-    return closed / c.floor[joint] ** 2
+def scattered(c: Comparison, joint: int, most: float, left: Floats | None = None) -> float:
+    """Return what such friction closes on an axis [squared floors]; see :func:`scatter`.
+
+    Args:
+        c: the comparison.
+        joint: which.
+        most: share of the friction by which it may differ.
+        left: what it is to close [N or N·m]; the whole residual if not given, shape (m,).
+    """
+    courses = _courses(c, joint, most, c.new.residual[joint] if left is None else left)
+    return float(sum(2.0 * r @ x - x @ x for r, x in courses)) / c.floor[joint] ** 2
 
 
-def _runs(c: Comparison, joint: int, most: float) -> Iterator[tuple[float, float, float]]:
-    """Yield of every stretch: by how much friction is scaled, its product with the residual, and its power."""
-    rows, left, rubs = c.new.samples(joint), c.new.residual[joint], c.rubbing[joint]
+def _courses(c: Comparison, joint: int, most: float, left: Floats) -> Iterator[tuple[Floats, Floats]]:
+    """Yield of every stretch what is left there, and the friction more than the twin's that closes most of it.
+
+    Dry and viscous friction differ each by itself: an axis that is warmer drags less, and holds as ever.
+    """
+    rows, rubs, whole = c.new.samples(joint), c.rubs[joint], c.rubbing[joint]
     for part in c.new.motion.segments:
         here = (rows >= part.start) & (rows < part.stop)
-        along, power = float(left[here] @ rubs[here]), float(rubs[here] @ rubs[here])
-        if power > 0.0:
-            yield float(np.clip(along / power, -most, most)), along, power
+        if rubs[here].any():
+            more = rubs[here] @ np.linalg.lstsq(rubs[here], left[here], rcond=None)[0]
+            yield left[here], more * min(1.0, most * rms(whole[here]) / max(rms(more), 1e-300))

@@ -68,7 +68,9 @@ def habit(new: Sample, own: Sample, joint: int, rules: Rules = RULES) -> Habit |
     best = int(np.argmin([rms(x) for x in tried]))
     left = rms(tried[best]) / max(rms(r), 1e-300)
     rest = new.residual[joint] - Z @ _fit(X, r, WEIGHTS[best])
-    if left > rules.habit or rms(rest) > rms(new.residual[joint]):
+    # A push is in both: what most rows leave tells whether the habit is that of these logs, too.
+    worse = np.median(np.abs(rest)) > np.median(np.abs(new.residual[joint]))
+    if left > rules.habit or worse:
         return None
     return Habit(rest, tried[best], left)
 

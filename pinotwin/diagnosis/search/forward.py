@@ -10,13 +10,14 @@ friction by which runs of one machine may differ: it is no cause, and what close
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.data.scatter import scattered
 from pinotwin.diagnosis.evidence.bodies import possible
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
 from pinotwin.diagnosis.evidence.springs import fits
@@ -115,6 +116,7 @@ def search(
             for r, why in answers
             if not why and not _a_trace(r, steps, searcher, rules) and not _doubtful(r, answers)
         ]
+        fit = _with_play(fit, answers, searcher, rules)
         last = answers[0] if answers else None
         if not fit:
             break
@@ -236,10 +238,34 @@ def _doubtful(one: Scored, answers: Sequence[tuple[Scored, str]]) -> bool:
         (why.endswith(_UNCERTAIN) or why == _NOTHING_CERTAIN)
         and better.key[1] == one.key[1]
         and better.gain > one.gain
-        and named(better.effect).family is TRANSMISSION
-        and named(one.effect).name in named(better.effect).imitates
+        and _looks_like(better, one)
         for better, why in answers
     )
+
+
+def _with_play(
+    fit: Sequence[Scored], answers: Sequence[tuple[Scored, str]], searcher: Searcher, rules: Rules
+) -> list[Scored]:
+    """Return candidates that are taken in, best first, with play and springs that close more than what they look like.
+
+    Of these more is asked, for they look like whatever a small axis leaves. Where a delay is there for certain, so is
+    something: then the one that closes more is named.
+    """
+    least = replace(rules, share_played=rules.share_structure)
+    more = [
+        r
+        for r, why in answers
+        if why
+        and any(one.key[1] == r.key[1] and one.gain < r.gain and _looks_like(r, one) for one in fit)
+        and not refused(r, searcher, least)
+    ]
+    return sorted([*fit, *more], key=lambda r: -r.gain) if more else list(fit)
+
+
+def _looks_like(played: Scored, one: Scored) -> bool:
+    """Whether a candidate is play or a spring, and another one what that is taken for."""
+    effect = named(played.effect)
+    return effect.family is TRANSMISSION and named(one.effect).name in effect.imitates
 
 
 def _richest(fit: Sequence[Scored]) -> list[Scored]:
@@ -440,7 +466,12 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     if not c.change and one.effect.name == "delay" and abs(one.judged.theta[0]) < _held_over(c, rules):
         return "is less than half a cycle, by which any drive leads that holds its effort"
     rubs = named(one.effect).family is FRICTION or isinstance(one.effect, Pattern)
-    if c.change and rubs and closed < rules.scatter * c.friction[one.joint]:
+    if (
+        c.change
+        and rubs
+        and closed < rules.scatter * c.friction[one.joint]
+        and _scatters(one, searcher, rules)
+    ):
         return _by_scatter(rules)
     return ""
 
@@ -476,6 +507,17 @@ def _beyond_noise(one: Scored, searcher: Searcher, rules: Rules) -> float:
 
 def _by_scatter(rules: Rules) -> str:
     return f"is no more than {rules.scatter:.0%} of the friction, by which runs of one machine may differ"
+
+
+def _scatters(one: Scored, searcher: Searcher, rules: Rules) -> bool:
+    """Whether friction that is the twin's own, only a little more or less of it, closes as much as a candidate.
+
+    Another form of friction is no scatter: a level that goes with the load differs from run to run by no such curve.
+    """
+    c, j = searcher.comparison, one.joint
+    closed = float(searcher.main_gains(one)[0].sum())
+    left = searcher.residual()[j] * c.floor[j]
+    return scattered(c, j, rules.scatter, left) > rules.scatter_part * closed
 
 
 def _fails_elsewhere(one: Scored, searcher: Searcher) -> bool:

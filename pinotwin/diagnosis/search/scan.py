@@ -18,6 +18,12 @@ from pinotwin.effects import Effect
 
 Table = Sequence[Mapping[int, Floats]]
 """Columns of one effect on every sample: joint -> (m, p)."""
+SMOOTH = ((0.05, 24),)
+"""Steps by which shapes are polished [of their logarithm or range], and how often a candidate is scored meanwhile."""
+ROUGH = ((0.3, 60), (0.05, 24))
+"""The same of effects of :data:`RUGGED` shapes: play that meets its faces a moment earlier is another course."""
+RUGGED = 3
+"""[shapes that are searched] From here the way to the best is no smooth one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,12 +231,12 @@ class Searcher:
                 best = one
             return -one.gain
 
-        start = np.array(
-            [np.log(v) if g else v for v, g in zip(scored.effect.shape_values(), log, strict=True)]
-        )
-        size = np.where(log, 0.05, 0.05 * (high - low))
-        simplex = np.vstack([start, *(start + np.diag(size))])
-        minimize(loss, start, method="Nelder-Mead", options={"maxfev": 24, "initial_simplex": simplex})
+        for size, most in ROUGH if type(scored.effect).searched >= RUGGED else SMOOTH:
+            values_now = zip(best.effect.shape_values(), log, strict=True)
+            start = np.array([np.log(v) if g else v for v, g in values_now])
+            steps = np.diag(np.where(log, size, size * (high - low)))
+            simplex = np.vstack([start, *(start + steps)])
+            minimize(loss, start, method="Nelder-Mead", options={"maxfev": most, "initial_simplex": simplex})
         return best
 
 
