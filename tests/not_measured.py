@@ -26,7 +26,7 @@ NOT_MEASURED: dict[str, tuple[str, ...]] = {
         "Of a machine: 1 % of the effort",
         "0.5 % of the effort (of a change) or 1.1 % of the effort (of a machine)",
         "A change of friction by less than 5 % of it is none",
-        "than such friction, 1.25 % of the effort",
+        "more than such friction and more than 1.25 % of the effort",
         "Below 50 % a cause is only possible",
         "by less than 1.1 % (or less than the twin's misfit) is only named",
     ),

@@ -277,5 +277,5 @@ DERIVED: Mapping[str, tuple[float, float, int]] = {
 """Rule -> its value, what the most demanding healthy question needs, and how many questions there were."""
 COMMAND = "python -m pinotwin.bench calibrate --seed 780"
 """That derived them."""
-DATE = "2026-11-24"
+DATE = "2026-11-25"
 """When."""

@@ -30,6 +30,7 @@ from pinotwin.effects.family import FRICTION, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
+from pinotwin.signals import since_start
 
 FADES = np.geomspace(0.006, 0.3, 6)
 """Speeds at which friction may have faded, as shares of the top speed."""
@@ -373,13 +374,4 @@ class ViscousThermal(AxisEffect):
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         """See :meth:`AxisEffect.axis_columns`."""
-        return (motion.v * -np.expm1(-_since_start(motion.t) / self.warming))[:, None]
-
-
-def _since_start(t: Floats) -> Floats:
-    """Return the time since the start of the log [s]; where logs are joined, since that of each."""
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(t) < 0.0) + 1]) if len(t) else np.zeros(0, int)
-    first = np.zeros(len(t))
-    for k, start in enumerate(starts):
-        first[start : starts[k + 1] if k + 1 < len(starts) else None] = t[start]
-    return np.asarray(t - first)
+        return (motion.v * -np.expm1(-since_start(motion.t) / self.warming))[:, None]

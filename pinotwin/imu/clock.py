@@ -16,7 +16,6 @@ clock that jumps back was restarted: each stretch has its own offset, all share 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -25,7 +24,11 @@ from scipy.ndimage import gaussian_filter1d
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 from pinotwin.imu.correlate import best_lag
+from pinotwin.signals import joined
 from pinotwin.solve.sandwich import sandwich
+
+LEAST = 50
+"""Samples between two restarts of a clock that can be matched."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,9 @@ def sync(
     step = float(np.median(np.diff(t_imu)))
     vector = r.shape[1] == 3 and y.shape[1] == 3
     placed = []
-    for rows in _stretches(t_imu):
+    for rows in joined(t_imu):
+        if rows.stop - rows.start < LEAST:
+            continue
         found = _coarse(t_ref, r, t_imu[rows], y[rows], step, s)
         if found is not None:
             placed.append((rows, *found))
@@ -157,12 +162,6 @@ def _checked(
                 "rotates, so the clocks cannot be matched; move a rotary axis in the log"
             )
     return t_ref, r, t_imu, y
-
-
-def _stretches(t: Floats) -> list[slice]:
-    """Return the rows between restarts of a clock, those of at least 50 samples."""
-    cuts = [0, *(np.flatnonzero(np.diff(t) < 0.0) + 1), len(t)]
-    return [slice(a, b) for a, b in pairwise(cuts) if b - a >= 50]
 
 
 def _coarse(

@@ -10,9 +10,11 @@ from pinotwin.signals.filters import low_pass as low_pass
 from pinotwin.signals.hats import hats as hats
 from pinotwin.signals.sampling import Clock as Clock
 from pinotwin.signals.sampling import clock as clock
+from pinotwin.signals.sampling import joined as joined
 from pinotwin.signals.sampling import lagrange_error as lagrange_error
 from pinotwin.signals.sampling import runs as runs
 from pinotwin.signals.sampling import segments as segments
+from pinotwin.signals.sampling import since_start as since_start
 from pinotwin.signals.sampling import uniform as uniform
 from pinotwin.signals.size import rms as rms
 from pinotwin.signals.size import roughness as roughness
@@ -33,12 +35,14 @@ __all__ = [
     "edge_samples",
     "hats",
     "interior",
+    "joined",
     "lagrange_error",
     "low_pass",
     "rms",
     "roughness",
     "runs",
     "segments",
+    "since_start",
     "suggest_cutoff",
     "uniform",
     "welch",

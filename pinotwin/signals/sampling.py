@@ -4,11 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
+
+
+def joined(t: Floats) -> list[slice]:
+    """Return the rows of every log of those that were joined: time falls back where the next one begins.
+
+    Args:
+        t: time [s], shape (n,).
+    """
+    return [slice(a, b) for a, b in pairwise([0, *(np.flatnonzero(np.diff(t) < 0.0) + 1).tolist(), len(t)])]
+
+
+def since_start(t: Floats) -> Floats:
+    """Return the time since the start of the log, where logs are joined since that of each [s], shape (n,)."""
+    return np.concatenate([t[part] - t[part][:1] for part in joined(t)])
 
 
 def runs(mask: Mask) -> list[slice]:

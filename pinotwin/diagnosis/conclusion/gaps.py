@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.noise import difference, repeats, rough
 from pinotwin.diagnosis.data.samples import judged_rows
@@ -16,7 +15,7 @@ from pinotwin.diagnosis.result import Gap, Traces
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.scan import Searcher
-from pinotwin.signals import rms
+from pinotwin.signals import joined, rms
 
 
 def gap_table(
@@ -87,13 +86,7 @@ def traces(c: Comparison, searcher: Searcher) -> list[Traces]:
         at = c.new.samples(j)
         t, before = c.new.motion.t[at], c.new.residual[j]
         left: Floats = after[j] * c.floor[j]
-        ends = np.flatnonzero(np.diff(t) < 0.0) + 1
-        for k, part in enumerate(_split(len(t), ends)):
+        for k, part in enumerate(joined(t)):
             log = c.kept[k] if k < len(c.kept) else k
             out.append(Traces(c.new.motion.names[j], log, t[part], before[part], left[part]))
     return out
-
-
-def _split(n: int, ends: Ints) -> list[slice]:
-    edges = [0, *(int(e) for e in ends), n]
-    return [slice(a, b) for a, b in pairwise(edges)]

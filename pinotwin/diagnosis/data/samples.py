@@ -19,7 +19,7 @@ from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.identification.assemble import Rows, choose_rows, thin
 from pinotwin.motion import Motion
-from pinotwin.signals import rms
+from pinotwin.signals import rms, since_start
 
 ROW_RATE = 200.0
 """Rows a second that a search works on [Hz]: drive resonances that an effort shows lie below 60 Hz."""
@@ -201,18 +201,10 @@ def sliding(motion: Motion, joint: int) -> Mask:
     since = np.full(len(v), np.inf)
     for s in motion.segments:
         since[s] = motion.step * _since(goes[s])
-    swings = np.isinf(since) & _just_begun(motion)
-    return np.asarray((since <= RULES.settles) | ((v >= RULES.trembling * _top(v)) & ~swings))
-
-
-def _just_begun(motion: Motion) -> Mask:
-    """Return where a log has just begun, shape (n,); not where one goes on after a gap."""
-    out, end = np.zeros(len(motion), dtype=bool), np.inf
-    for s in motion.segments:
-        if motion.t[s.start] < end:
-            out[s.start : min(s.start + round(RULES.starting / motion.step), s.stop)] = True
-        end = motion.t[s.stop - 1]
-    return out
+    begins = np.zeros(len(v), dtype=bool)
+    begins[motion.inside] = since_start(motion.t[motion.inside]) < RULES.starting
+    swings = (v >= RULES.trembling * _top(v)) & ~(np.isinf(since) & begins)
+    return np.asarray((since <= RULES.settles) | swings)
 
 
 def judged_rows(motion: Motion, joint: int) -> Mask:

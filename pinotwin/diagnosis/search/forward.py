@@ -111,12 +111,10 @@ def search(
         ranked = rank(searcher, shortlist.of(searcher))
         taken = {s.chosen.key for s in steps}
         answers = [(r, refused(r, searcher, rules)) for r in ranked if r.key not in taken]
-        fit = [
-            r
-            for r, why in answers
-            if not why and not _a_trace(r, steps, searcher, rules) and not _doubtful(r, answers)
-        ]
-        fit = _with_play(fit, answers, searcher, rules)
+        causes = [(r, why) for r, why in answers if not _a_trace(r, steps, searcher, rules)]
+        fit = [r for r, why in causes if not why and not _doubtful(r, answers)]
+        if not comparison.change:
+            fit = _with_play(fit, causes, searcher, rules)
         last = answers[0] if answers else None
         if not fit:
             break
@@ -248,8 +246,8 @@ def _with_play(
 ) -> list[Scored]:
     """Return candidates that are taken in, best first, with play and springs that close more than what they look like.
 
-    Of these more is asked, for they look like whatever a small axis leaves. Where a delay is there for certain, so is
-    something: then the one that closes more is named.
+    Of a machine more is asked of these, for they look like whatever a small axis leaves. Where a delay is there for
+    certain, so is something: then the one that closes more is named.
     """
     least = replace(rules, share_played=rules.share_structure)
     more = [

@@ -232,8 +232,9 @@ class Searcher:
             return -one.gain
 
         for size, most in ROUGH if type(scored.effect).searched >= RUGGED else SMOOTH:
-            values_now = zip(best.effect.shape_values(), log, strict=True)
-            start = np.array([np.log(v) if g else v for v, g in values_now])
+            start = np.array(
+                [np.log(v) if g else v for v, g in zip(best.effect.shape_values(), log, strict=True)]
+            )
             steps = np.diag(np.where(log, size, size * (high - low)))
             simplex = np.vstack([start, *(start + steps)])
             minimize(loss, start, method="Nelder-Mead", options={"maxfev": most, "initial_simplex": simplex})
