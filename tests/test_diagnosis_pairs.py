@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -17,6 +18,7 @@ from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search import forward
 from pinotwin.diagnosis.search.forward import Found, Step, search
 from pinotwin.diagnosis.search.scan import Scored, Searcher
+from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.effects import EFFECTS, Ripple
 from pinotwin.identification import identify
 from pinotwin.machine import Machine
@@ -83,6 +85,24 @@ def test_friction_beside_a_ripple_is_no_two_causes_in_place_of_a_table(twin: Twi
     assert all(scored.values())
     beside = {k: forward._plain_beside(scored["position_table"], one, RULES) for k, one in scored.items()}
     assert beside == {"position_table": False, "ripple": True, "viscous_asymmetric": False}
+
+
+def test_a_body_has_many_numbers_and_stands_for_no_two_causes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Own bench 24, 25: two and four kilograms on a slide were its drive's scale and a little of something else."""
+    load = dataclasses.replace(
+        one_number(EFFECTS["payload"].on(tree(), "A"), (0,), 1.0), judged=SimpleNamespace(theta=np.ones(10))
+    )
+    scale, rest = (
+        one_number(EFFECTS[x].on(tree(), "A"), (0,), gain)
+        for x, gain in (("effort_scale", 0.93), ("viscous", 0.03))
+    )
+    monkeypatch.setattr(forward, "_plain_beside", lambda rich, one, rules: one in (scale, rest))
+    monkeypatch.setattr(forward, "rank", lambda *_: [rest])
+    shortlist = cast(Shortlist, SimpleNamespace(of=lambda _: ()))
+    searcher = cast(Searcher, SimpleNamespace(comparison=SimpleNamespace(change=False), found=()))
+    assert forward._first_of_two(load, [load, scale], searcher, shortlist, RULES) is load
+    table = dataclasses.replace(load, effect=EFFECTS["position_table"].on(tree(), "A"))
+    assert forward._first_of_two(table, [table, scale], searcher, shortlist, RULES) is scale
 
 
 def test_a_cause_that_is_not_sure_opens_the_axis_that_it_moves_most(twin: Twin) -> None:

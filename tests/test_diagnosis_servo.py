@@ -99,6 +99,21 @@ def test_an_axis_that_fell_far_off_its_command_has_met_a_limit_and_is_in_no_othe
     assert set(millimetres.gate.nameless) == {"X"}
 
 
+def test_a_drive_that_is_at_its_limit_whenever_it_moves_has_met_it(twin, urdf_dir):
+    """Foreign 895, 902: an axis ran to its stop and stayed there; its effort was "noise" and nothing was named."""
+    log = record(urdf_dir, 8, 11)
+    rng = np.random.default_rng(0)
+    stuck = 0.1 * log["X.q"] + 1e-6 * rng.normal(size=len(log.t))
+    pinned = 20.0 * (1.0 + 0.01 * rng.normal(size=len(log.t)))
+    c = compare(twin, [Log({**log.channels, "X.q": stuck, "X.u": pinned}, source="pinned.csv")], [])
+    assert "X" not in c.gate.silent
+    assert any("stands at 20" in text for text in c.gate.warnings)
+    (found,) = servo_changes(c, ())
+    assert found.effect == "saturation"
+    assert found.after == pytest.approx(20.0, rel=0.02)
+    assert found.confidence > RULES.named
+
+
 @pytest.mark.parametrize("times", [1.0, 1.1])
 def test_a_feed_forward_is_told_by_what_it_closes_beyond_what_the_law_leaves_anyway(twin, urdf_dir, times):
     """What the law leaves of the own logs, no feed-forward closes: of a small change it is a tenth."""

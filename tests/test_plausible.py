@@ -24,6 +24,7 @@ CAUSES = {
     "effort_early",
     "effort_scale",
     "effort_noise",
+    "effort_stands",
     "effort_unsigned",
     "command_is_position",
     "command_disagrees",
@@ -69,6 +70,12 @@ def noise(name: str) -> Callable[[Channels], None]:
     return lambda c: c.update({name: np.random.default_rng(1).normal(size=len(c["t"]))})
 
 
+def stands(name: str, level: float) -> Callable[[Channels], None]:
+    return lambda c: c.update(
+        {name: level + 0.02 * level * np.random.default_rng(1).normal(size=len(c["t"]))}
+    )
+
+
 SPOILED: list[tuple[str, Callable[[Channels], None], tuple[str, str]]] = [
     ("sign of one effort", times(-1, "A.u"), ("A", "effort_sign")),
     ("sign of a linear axis", times(-1, "Y.u"), ("Y", "effort_sign")),
@@ -85,6 +92,7 @@ SPOILED: list[tuple[str, Callable[[Channels], None], tuple[str, str]]] = [
     ("20 ms late", shifted("Y.u", 10), ("Y", "effort_late")),
     ("20 ms early", shifted("A.u", -10), ("A", "effort_early")),
     ("noise", noise("C.u"), ("C", "effort_noise")),
+    ("a drive at its limit all along", stands("C.u", 3.0), ("C", "effort_stands")),
     ("another unit", times(1 / 9, "Y.u"), ("Y", "effort_scale")),
     ("a thousand times", times(1000, "A.u"), ("A", "effort_scale")),
     ("unsigned, friction", lambda c: c.update({"Y.u": abs(c["Y.u"])}), ("Y", "effort_unsigned")),

@@ -38,6 +38,7 @@ _POSITION = (
 )
 _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
     "effort_noise": ("loop_unstable",),
+    "effort_stands": ("loop_unstable",),
     "sentinel": (*_POSITION, "effort_limit", "effort_noise", "effort_lead", "few_digits"),
     "spikes": _POSITION,
     "position_unit": ("position_limit", "speed_limit", "effort_scale"),

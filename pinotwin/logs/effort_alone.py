@@ -28,6 +28,9 @@ _MOST = 0.6  # unless it takes away this share of what is left
 _POOR = 0.3  # share of an effort's power left: the motion does not explain it
 _RUBS = 0.8  # share of friction from which it is nearly all of an effort
 _NEARLY_ALL = 0.85  # the same where the URDF's own masses decide
+_STANDING = (
+    0.1  # spread of an effort over its level below which it stands; noise of a drive is 1 to 3 % of its limit
+)
 _FACTOR = 6.0  # masses of a URDF are nominal, but not off by more than this
 
 
@@ -114,6 +117,14 @@ def alone(axis: Explained, raw: Floats, reach: int) -> tuple[Finding | None, Fit
     channel = f"{axis.name}.u"
     good = raw[np.isfinite(raw)]
     memory = np.abs(autocorrelation(good, 3)[1:]) if np.ptp(good) > 0 else np.ones(3)
+    level = float(np.median(good)) if len(good) else 0.0
+    if fit.left > 0.9 and _stands(good, level):
+        unit = "N·m" if axis.rotary else "N"
+        text = (
+            f"stands at {level:.4g} {unit} while the axis moves both ways: a drive at its limit all along, or no "
+            "effort of this axis"
+        )
+        return Finding("warning", channel, text, "effort_stands"), fit
     if fit.left > 0.9 and memory.max() < 0.2:
         text = "is noise: it has no memory and nothing of the motion in it; log the motor's effort"
         return Finding("warning", channel, text, "effort_noise"), fit
@@ -124,6 +135,11 @@ def alone(axis: Explained, raw: Floats, reach: int) -> tuple[Finding | None, Fit
         )
         return Finding("warning", channel, text, "effort_unsigned"), fit
     return None, fit
+
+
+def _stands(raw: Floats, level: float) -> bool:
+    """Whether an effort hardly varies about a level: friction alone turns it round with the motion."""
+    return len(raw) > 0 and float(np.ptp(np.percentile(raw, [1.0, 99.0]))) < _STANDING * abs(level)
 
 
 def is_unsigned(axis: Explained, basis: Floats, raw: Floats) -> bool:

@@ -18,6 +18,7 @@ from pinotwin.effects.effect import AxisEffect, Coefficient, Depends, Effect, Sh
 from pinotwin.effects.family import LOAD
 from pinotwin.effects.position import REPEATS_MODULATED, Ripple
 from pinotwin.motion import AxisMotion
+from pinotwin.signals import joined
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,32 @@ class PositionSpeedCurve(Pattern):
         return hats * (np.sign(motion.v) if self.dry else motion.v)[:, None]
 
 
+LOUDEST = 3
+"""Frequencies above those of the grid that are tried: where the spectrum of what is left peaks."""
+
+
+def loudest(t: Floats, left: Floats, above: float) -> list[float]:
+    """Return the frequencies of the highest peaks of a spectrum, of all logs together [Hz].
+
+    Args:
+        t: time of the rows, falling back where a log begins [s], shape (m,).
+        left: what is left at them, shape (m,).
+        above: frequency from which peaks are looked for, up to 0.4 of the rows' rate [Hz].
+    """
+    logs = joined(t)
+    step = float(np.median(np.diff(t)))
+    count = 1 + max(round(float(np.ptp(t[part])) / step) for part in logs)
+    power = np.zeros(2 * count + 1)
+    for part in logs:
+        even = np.zeros(count)
+        even[np.round((t[part] - t[part][0]) / step).astype(int)] = left[part]
+        power += np.abs(np.fft.rfft(even, 4 * count)) ** 2
+    frequency = np.fft.rfftfreq(4 * count, step)
+    power[(frequency < above) | (frequency > 0.4 / step)] = 0.0
+    peaks = 1 + np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:]))
+    return [float(frequency[k]) for k in peaks[np.argsort(-power[peaks])][:LOUDEST]]
+
+
 def patterns(comparison: Comparison) -> Iterator[Effect]:
     """Yield the patterns worth trying on every axis."""
     motion = comparison.new.motion
@@ -149,7 +176,8 @@ def patterns(comparison: Comparison) -> Iterator[Effect]:
         if travel <= 0.0:
             continue
         highest = min(25.0, 0.4 / motion.step)  # below half the rate
-        for f in np.arange(1.0, highest, 0.6 / max(duration, 1.0)):
+        even = np.arange(1.0, highest, 0.6 / max(duration, 1.0))
+        for f in (*even, *loudest(t, comparison.new.residual[j], highest)):
             yield Hum(axis.name, axis.rotary, frequency=float(f))
         yield SpeedCurve(axis.name, axis.rotary, knots=tuple(np.linspace(low, high, 9).tolist()))
         knots = tuple(np.linspace(q.min(), q.max(), 7).tolist())

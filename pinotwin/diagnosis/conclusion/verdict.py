@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,7 +90,7 @@ def judge(
     gone = [f"{axis} {words}" for axis, words in controllers.items()]
     still = {axis: row for axis, row in judged.items() if axis in unexplained}
     first = _sentence(c, verdict, effects, still or judged, patterns)
-    sentence = ". ".join([*first, *gone, *maybe, *runs, *_unjudged(c)])
+    sentence = ". ".join([*first, *gone, *maybe, *runs, *_unjudged(c, told)])
     remains = {**controllers, **patterns, **c.gate.nameless, **c.gate.silent}
     return Judgement(verdict, sentence, unexplained, remains, notes)
 
@@ -133,18 +133,27 @@ def _note(axis: str, g: Gap) -> str:
     )
 
 
-def _unjudged(c: Comparison) -> list[str]:
-    """Return what is said of axes that are not judged, and of effects that these logs cannot show."""
+def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
+    """Return what is said of axes that are not judged, and of effects that these logs cannot show.
+
+    Args:
+        c: the comparison.
+        told: axes of which something is named all the same.
+    """
     silent = {**c.gate.silent, **c.gate.unknown}
-    out = [f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in silent.items()]
+    out = [
+        f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in silent.items() if axis not in told
+    ]
     spoilt: dict[str, list[str]] = {}
     for axis, why in c.gate.nameless.items():
+        if axis in told:
+            continue
         spoilt.setdefault(_short(why), []).append(axis)
     out += [f"No cause is named on {', '.join(axes)}: {why}" for why, axes in spoilt.items()]
     out += [
         f"{axis} does not go with its command: that has another unit, sign or axis, or the axis cannot follow it"
         for axis in c.gate.strays
-        if not c.gate.asks("tracking", axis)
+        if axis not in told and not c.gate.asks("tracking", axis)
     ]
     barred = {axis: row for axis, row in c.gate.effects.items() if axis not in c.gate.nameless}
     if barred:

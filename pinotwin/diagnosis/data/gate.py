@@ -59,6 +59,7 @@ BARS: Mapping[str, Bar] = {
     "command_is_position": Bar(questions=("servo", "tracking")),
     "effort_unsigned": Bar(axis=True),
     "effort_noise": Bar(axis=True),
+    "effort_stands": Bar(EVERY, ("tracking",)),
     "effort_sign": Bar(axis=True),
     "effort_exchanged": Bar(axis=True),
     "sentinel": Bar(axis=True, channel="q"),
@@ -125,7 +126,13 @@ class Gate:
         servo = [axis for axis, row in self.questions.items() if row]
         if servo:
             out.append(f"{', '.join(servo)}: nothing is said of controller and tracking error")
-        out += [f"{axis}: no cause is named" for axis in self.nameless]
+        for axis in self.nameless:
+            words = (
+                "no cause is looked for but a limit of its drive"
+                if self.asks("servo", axis)
+                else "no cause is named"
+            )
+            out.append(f"{axis}: {words}")
         return [*out, *(f"{axis}: not judged" for axis in self.silent)]
 
 

@@ -15,6 +15,7 @@ LIMITED = 2e-3  # share of rows at the limit that is worth a name
 WORSE = 8.0  # tracking error there over the error elsewhere: hard acceleration alone reaches 7
 OVER = 0.06  # of the rows at a limit: rows above it that a filter leaves; acceleration leaves more
 SPIKE = 40.0  # density of sizes at the limit over that below it, if it is FLAT and the error LEFT_BEHIND
+ALWAYS = 0.9  # of the rows that move: from here nothing in a log tells how an axis follows without the limit
 LEFT_BEHIND = 1.3  # the tracking error there over that elsewhere then
 FLAT = 1.1  # spread of the effort there over its noise then (medians): steady acceleration leaves 1.4 to 2.8
 STANDING = 0.01  # of the top speed: below it an axis stands
@@ -40,12 +41,13 @@ class Limit:
     samples: tuple[Mask, ...]
 
 
-def reached(motions: Sequence[Motion], joint: int) -> Limit | None:
+def reached(motions: Sequence[Motion], joint: int, usual: float = np.inf) -> Limit | None:
     """Return the limit that a drive reached, None if it did not, or no command tells.
 
     Args:
         motions: prepared logs.
         joint: column of the drive.
+        usual: RMS of its tracking error in logs that meet no limit, for a drive that is at its limit whenever it moves.
     """
     if not motions or any(m.vr is None for m in motions):
         return None
@@ -61,9 +63,10 @@ def reached(motions: Sequence[Motion], joint: int) -> Limit | None:
     size = np.abs(np.nan_to_num(np.concatenate(efforts)))
     e = np.concatenate([_error(m, joint) for m in motions])
     share = float(np.mean(at))
-    if share < LIMITED or late.all():
+    if share < LIMITED:
         return None
-    worst = rms(e[late]) / max(rms(e[~late]), 1e-300)
+    always = share > ALWAYS * float(np.mean(np.concatenate(going)))
+    worst = rms(e) / usual if always else rms(e[late]) / max(rms(e[~late]), 1e-300)
     level = float(np.median(size[at]))
     over, spike = _plateau(size[np.concatenate(going)], level, noise)
     flat = 1.4826 * float(np.median(np.abs(size[at] - level))) < FLAT * noise

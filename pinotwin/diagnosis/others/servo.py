@@ -85,12 +85,13 @@ def servo_changes(
     for axis in comparison.machine.axes.values():
         if not comparison.gate.asks("servo", axis.name):
             continue
-        limited = reached([motion], axis.index)
+        usual = _own_error(comparison, axis.index)
+        limited = reached([motion], axis.index, usual)
         before = None if comparison.own is None else reached([comparison.own.motion], axis.index)
         if limited is not None and exceeded(_logged(comparison, axis.name), limited.level):
             limited = None
         if limited is not None and before is None and "saturation" not in leave_out:
-            again = [reached(part, axis.index) is not None for part in _without_stretches(motion)]
+            again = [reached(part, axis.index, usual) is not None for part in _without_stretches(motion)]
             sure = posterior(sum(again), len(again), rules)
             out.append(_limit(axis.name, axis.rotary, limited.level, limited.share, sure))
             continue
@@ -101,6 +102,13 @@ def servo_changes(
         if change is not None and change.effect not in leave_out:
             out.append(change)
     return out
+
+
+def _own_error(c: Comparison, joint: int) -> float:
+    """Return the RMS of the tracking error on the twin's own logs; infinite where none tell it."""
+    if c.own is None or c.own.motion.qr is None:
+        return np.inf
+    return max(rms(c.own.motion.error[:, joint]), 1e-300)
 
 
 def _limit(axis: str, rotary: bool, level: float, share: float, sure: float) -> ServoChange:

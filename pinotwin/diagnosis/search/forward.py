@@ -23,6 +23,7 @@ from pinotwin.diagnosis.evidence.bootstrap import lower_bound
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.duel import Duel, duel, richer
+from pinotwin.diagnosis.search.listed import listed_elsewhere
 from pinotwin.diagnosis.search.scan import Scored, Searcher, Table
 from pinotwin.diagnosis.search.shortlist import Shortlist
 from pinotwin.effects import Effect
@@ -73,7 +74,7 @@ class Found:
         last: the best candidate that was not taken in, and why not; None if there was none.
         left: friction by which runs differ, then the best candidates of the last turn, one a name and axis, best first.
         first: the ground without any cause.
-        searcher: the ground with all causes among its columns.
+        searcher: the ground with all causes among its columns, and those that the machine lists already.
     """
 
     steps: Sequence[Step]
@@ -104,12 +105,13 @@ def search(
     shortlist = Shortlist(candidates, rules)
     steps: list[Step] = []
     usual: list[Scored] = []
+    listed: list[Scored] = []
     last, ranked = None, list[Scored]()
     while len(steps) < (most or rules.most):
         if tell:
             tell("searching for causes", len(steps) / (len(steps) + 2.0))
         ranked = rank(searcher, shortlist.of(searcher))
-        taken = {s.chosen.key for s in steps}
+        taken = {one.key for one in (*(s.chosen for s in steps), *listed)}
         answers = [(r, refused(r, searcher, rules)) for r in ranked if r.key not in taken]
         causes = [(r, why) for r, why in answers if not _a_trace(r, steps, searcher, rules)]
         fit = [r for r, why in causes if not why and not _doubtful(r, answers)]
@@ -122,7 +124,7 @@ def search(
         friction = _usual_before(fit, scatters, {one.joint for one in usual})
         if friction is not None:
             usual.append(friction)
-            searcher = Searcher(comparison, [*(s.chosen for s in steps), *usual])
+            searcher = Searcher(comparison, [*(s.chosen for s in steps), *listed, *usual])
             continue
         able = _richest(fit)
         winner = simplest(able, searcher, rules)
@@ -132,11 +134,13 @@ def search(
         rivals = [r for r in one_each(ranked) if r.key != winner.key]
         steps.append(Step(winner, rivals, searcher, held))
         if not isinstance(winner.effect, Pattern):
-            steps = _without_superfluous(comparison, steps, usual, rules)
+            steps = _without_superfluous(comparison, steps, [*listed, *usual], rules)
         steps = _as_one(steps, rules)
-        searcher = Searcher(comparison, [*(s.chosen for s in steps), *usual])
+        own = _of_the_machine(comparison, steps, [*listed, *usual], rules)
+        steps, listed = [s for s in steps if s not in own], [*listed, *(s.chosen for s in own)]
+        searcher = Searcher(comparison, [*(s.chosen for s in steps), *listed, *usual])
     if usual:
-        searcher = Searcher(comparison, [s.chosen for s in steps])
+        searcher = Searcher(comparison, [*(s.chosen for s in steps), *listed])
     return Found(steps, last, [*usual, *one_each(ranked)], first, searcher)
 
 
@@ -147,14 +151,14 @@ def _first_of_two(
 
     Where a machine lists a ripple whose pitch was found for want of another one, two ripples are open, and a table is
     the only single cause that has both. They depend on the same as it does: friction beside a ripple may close as much
-    as a table of what both leave. Else the winner is returned.
+    as a table of what both leave. Else the winner is returned; a body has many numbers too, but stands for no two.
     """
-    if isinstance(winner.effect, Pattern) or winner.numbers < rules.rich:
+    if isinstance(winner.effect, Pattern) or winner.numbers < rules.rich or not named(winner.effect).held:
         return winner
     plain = [r for r in able if _plain_beside(winner, r, rules)]
     if not plain:
         return winner
-    first = max(plain, key=lambda r: r.gain)
+    first = simplest(sorted(plain, key=lambda r: -r.gain), searcher, rules)
     if first.gain < rules.first_part * winner.gain:
         return winner
     beside = Searcher(searcher.comparison, [*searcher.found, first])
@@ -275,16 +279,29 @@ def _richest(fit: Sequence[Scored]) -> list[Scored]:
 
 
 def _without_superfluous(
-    comparison: Comparison, steps: Sequence[Step], usual: Sequence[Scored], rules: Rules
+    comparison: Comparison, steps: Sequence[Step], beside: Sequence[Scored], rules: Rules
 ) -> list[Step]:
-    """Return the causes without those that the last one has made needless."""
+    """Return the causes without those that the last one has made needless, beside what is there but is no cause."""
     kept = list(steps)
     for step in list(steps[:-1]):
-        others = Searcher(comparison, [*(s.chosen for s in kept if s is not step), *usual])
+        others = Searcher(comparison, [*(s.chosen for s in kept if s is not step), *beside])
         again = others.score(step.chosen.effect, step.chosen.table)
         if again is None or again.gain < rules.needless * step.chosen.gain:
             kept.remove(step)
     return kept
+
+
+def _of_the_machine(
+    comparison: Comparison, steps: Sequence[Step], beside: Sequence[Scored], rules: Rules
+) -> list[Step]:
+    """Return the causes that the machine lists already, beside what is there but is no cause."""
+    out: list[Step] = []
+    for step in steps:
+        found = [*(s.chosen for s in steps if s is not step and s not in out), *beside]
+        if listed_elsewhere(step.chosen, Searcher(comparison, found), rules):
+            out.append(step)
+            beside = [*beside, step.chosen]
+    return out
 
 
 POLISHED, NEAR = 6, 0.5
