@@ -41,6 +41,15 @@ class Rules:
     """[standard errors] Of the twin's effort, by which it may be off beside its misfit where it has hardly been: on
     healthy logs of other motions a trunnion's twin of one short log is off by up to 3.6 in all."""
 
+    knows: float = 0.95
+    """[of the effort's variation] Misfit from which a twin knows nothing of an axis: it explains less than a tenth of
+    its power. By hand: of a mill at 10 Hz with three digits it left 0.97 of Y, where the next log was "viscous"."""
+    guessed: float = 3.0
+    """[of the largest on the twin's own rows] Standard error of its effort from which a row is not judged. By hand: a
+    motor identified on slow turns (ODrive) was asked about the jerk at the beginning of another, which was a push."""
+    guessed_size: float = 0.5
+    """[misfits] Least that this error is."""
+
     at_bound: float = 0.01
     """[standard errors] A coefficient of a machine nearer to its bound than this rests on it and stays there."""
 
@@ -172,6 +181,10 @@ class Rules:
 
     law_holds: float = 0.35
     """[of the effort's variation] A law that leaves more on the own logs is not that controller's."""
+    law_unsure: float = 0.1
+    """[of the effort's variation] Standard error of what the own law foretells from which it says nothing. By hand: the
+    halves of one log of a KR300 had "feedback gains -0.1 of what they were"; the law is unsure by 0.34 and more there,
+    of axes of foreign machines by 0.005 at most."""
     law_worse: float = 2.5
     """[of what it left on the own logs] From here the law no longer holds."""
     law_part: float = 0.35

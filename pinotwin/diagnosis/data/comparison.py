@@ -200,7 +200,7 @@ def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
     why = {j: never if c.machine.names[j] in lost else unsure for j in c.new.joints}
     # An effort that is measured too small moves the axis as ever: what the twin expects counts as well.
     varies = {j: max(c.new.size(j), c.new.foretold(j)) for j in c.new.joints}
-    judged = [j for j in c.new.joints if why[j] is unsure and c.floor[j] <= varies[j]]
+    judged = [j for j in c.new.joints if why[j] is unsure and c.floor[j] <= varies[j] and _explained(c, j)]
     if not judged or len(judged) == len(c.new.joints):
         return c
     left = {c.machine.names[j]: word for j, word in why.items() if j not in judged}
@@ -208,6 +208,13 @@ def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
     return replace(
         c, new=c.new.only(judged), own=_only(c.own, judged), unseen=_only(c.unseen, judged), gate=gate
     )
+
+
+def _explained(c: Comparison, joint: int) -> bool:
+    """Whether the twin explains anything of an axis' effort in its own logs."""
+    if c.own is None or joint not in c.own.joints:
+        return True
+    return c.own.level(joint) <= RULES.knows * c.own.size(joint)
 
 
 def _met(new: Sample, own: Sample) -> tuple[Sample, dict[str, str]]:
@@ -266,7 +273,8 @@ def _known(
     """
     words, lost, out = [], list[str](), [list(motions), list(sealed)]
     floor = {} if own is None else {j: own.level(j) for j in own.joints}
-    known = [[_foretold(twin, m, floor) for m in part] for part in out]
+    largest = {} if own is None else _largest_error(twin, own)
+    known = [[_foretold(twin, m, floor, largest) for m in part] for part in out]
     for name, axis in twin.machine.axes.items():
         j = axis.index
         left = [int(np.sum(m.use[:, j] & k[:, j])) for m, k in zip(motions, known[0], strict=True)]
@@ -285,17 +293,29 @@ def _known(
             continue
         words.append(
             f"{name} goes where its twin has never been, or hardly: {gone:.0%} of its rows, at "
-            "which the twin is a guess, are not judged; identify it on the whole travel"
+            "which the twin is a guess, are not judged; identify it on logs that go there"
         )
     return out[0], out[1], words, lost
 
 
-def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float]) -> Mask:
-    """Return where a twin with effects that are told knot by knot tells an effort to its misfit, shape (n, nv)."""
+def _foretold(twin: Twin, motion: Motion, floor: Mapping[int, float], largest: Mapping[int, float]) -> Mask:
+    """Return where a twin tells an effort well enough to judge it, shape (n, nv).
+
+    Not much worse than where it is least sure in its own logs; where effects are told knot by knot, to the misfit.
+
+    Args:
+        twin: that was identified.
+        motion: of which rows are asked about.
+        floor: joint -> misfit [N or N·m].
+        largest: joint -> largest standard error on the twin's own rows, likewise.
+    """
     out = np.ones(motion.q.shape, dtype=bool)
-    placed = [e for e in twin.effects if e.local and e.axis in twin.machine.axes]
-    error = twin.effort_error(motion) if placed else np.zeros(motion.q.shape)
-    for effect in placed:
+    error = twin.effort_error(motion) if floor else np.zeros(motion.q.shape)
+    for j, least in floor.items():
+        out[:, j] = error[:, j] <= max(RULES.guessed * largest[j], RULES.guessed_size * least)
+    for effect in twin.effects:
+        if not effect.local or effect.axis not in twin.machine.axes:
+            continue
         j = twin.machine.axes[str(effect.axis)].index
         out[:, j] &= effect.known(motion) & (error[:, j] <= floor.get(j, np.inf))
     return out
@@ -337,6 +357,12 @@ def _floor(twin: Twin, new: Sample, own: Sample | None) -> dict[int, float]:
             least = max(float(np.hypot(own.level(j), more)), 0.1 * least)
         out[j] = least
     return out
+
+
+def _largest_error(twin: Twin, s: Sample) -> dict[int, float]:
+    """Return joint -> largest standard error of the twin's effort on the rows of a sample [N or N·m]."""
+    error = twin.effort_error(s.motion)
+    return {j: float(error[s.samples(j), j].max(initial=0.0)) for j in s.joints}
 
 
 def _unsure(twin: Twin, s: Sample) -> dict[int, float]:

@@ -189,7 +189,9 @@ def broken_laws(c: Comparison, told: Collection[str], rules: Rules = RULES) -> d
         laws = _laws(c, axis.index, rules)
         if laws is None:
             continue
-        new, gains, rest = laws
+        old, new, gains, rest = laws
+        if _unsure(old, new, rules):
+            continue
         times = rms(new.left(gains)) / new.size
         if times > max(rules.law_gone, rules.law_worse * rms(rest) / new.size):
             out[axis.name] = (
@@ -199,15 +201,20 @@ def broken_laws(c: Comparison, told: Collection[str], rules: Rules = RULES) -> d
     return out
 
 
-def _laws(c: Comparison, joint: int, rules: Rules) -> tuple[Law, Floats, Floats] | None:
-    """Return the law on the new logs, the own gains and what they leave there; None where it says nothing."""
+def _laws(c: Comparison, joint: int, rules: Rules) -> tuple[Law, Law, Floats, Floats] | None:
+    """Return the law on own and new logs, the own gains and what they leave there; None where it says nothing."""
     if c.own is None or c.new.motion.qr is None:
         return None
     old, new = (Law.of(x.motion, joint) for x in (c.own, c.new))
     if old is None or new is None:
         return None
     gains, rest = old.fitted()
-    return None if rms(rest) > rules.law_holds * old.size else (new, gains, rest)
+    return None if rms(rest) > rules.law_holds * old.size else (old, new, gains, rest)
+
+
+def _unsure(old: Law, new: Law, rules: Rules) -> bool:
+    """Whether the gains of the own logs are known too badly to say what they make of the new motion."""
+    return old.unsure(new) > rules.law_unsure * new.size
 
 
 def _law_change(
@@ -216,7 +223,7 @@ def _law_change(
     laws = _laws(c, joint, rules)
     if laws is None:
         return None
-    new, gains, rest = laws
+    old, new, gains, rest = laws
     held = rms(rest)
     found = _decided(new, gains, held, rules)
     less = None if course is None else Law.of(c.new.motion, joint, course)
@@ -226,7 +233,7 @@ def _law_change(
         return None
     if found.effect == "saturation":
         return _saturation(c, joint, axis, rules)
-    if axis in c.gate.strays:
+    if axis in c.gate.strays or _unsure(old, new, rules):
         return None
     factor, error = new.factor(new.left(gains), gains, found.names)
     interval = (factor - 1.645 * error, factor + 1.645 * error)
@@ -322,6 +329,13 @@ class Law:
         """Return the gains, and what the law leaves of each row of blocks that were not fitted, shape (n,)."""
         each, left = self._without_each(range(self.columns.shape[1]), self.u)
         return each[-1], left
+
+    def unsure(self, other: Law) -> float:
+        """Return the standard error of the effort that this law foretells on another motion, RMS."""
+        each, _ = self._without_each(range(self.columns.shape[1]), self.u)
+        covariance = jackknife(each[:-1])
+        variance = np.einsum("ij,jk,ik->i", other.columns, covariance, other.columns)
+        return float(np.sqrt(np.mean(np.maximum(variance, 0.0))))
 
     def changed(self, gains: Floats, names: Sequence[str]) -> Floats:
         """Return gains from elsewhere with some of them as they are here."""

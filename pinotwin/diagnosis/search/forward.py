@@ -248,20 +248,25 @@ def _doubtful(one: Scored, answers: Sequence[tuple[Scored, str]]) -> bool:
 def _with_play(
     fit: Sequence[Scored], answers: Sequence[tuple[Scored, str]], searcher: Searcher, rules: Rules
 ) -> list[Scored]:
-    """Return candidates that are taken in, best first, with play and springs that close more than what they look like.
+    """Return candidates that are taken in, best first, with play and springs that close more than a delay.
 
     Of a machine more is asked of these, for they look like whatever a small axis leaves. Where a delay is there for
-    certain, so is something: then the one that closes more is named.
+    certain, which they look like, so is something: then the one that closes more is named. Friction is no such sign:
+    what rattles at the bottom of the encoder's noise closes a little more than drag or a Stribeck term that is there.
     """
     least = replace(rules, share_played=rules.share_structure)
     more = [
         r
         for r, why in answers
-        if why
-        and any(one.key[1] == r.key[1] and one.gain < r.gain and _looks_like(r, one) for one in fit)
-        and not refused(r, searcher, least)
+        if why and any(_less_and_late(one, r) for one in fit) and not refused(r, searcher, least)
     ]
     return sorted([*fit, *more], key=lambda r: -r.gain) if more else list(fit)
+
+
+def _less_and_late(one: Scored, played: Scored) -> bool:
+    """Whether a candidate is a delay of the same axis as play or a spring that looks like it, and closes less."""
+    late = named(one.effect).name == "delay" and one.key[1] == played.key[1]
+    return late and one.gain < played.gain and _looks_like(played, one)
 
 
 def _looks_like(played: Scored, one: Scored) -> bool:

@@ -73,9 +73,10 @@ def only_sure(c: Comparison, found: Found, sure: Sequence[float], rules: Rules) 
 def _standing(c: Comparison, found: Found, joint: int, rules: Rules) -> tuple[Comparison, Episodes] | None:
     """Return the pushes that stand out on an axis and what they were found on: all that is left, or without the habit.
 
-    What causes that come with the motion account for is none.
+    Where they close more, if they stand out of both. What causes that come with the motion account for is none.
     """
     left = found.searcher.residual()[joint] * c.floor[joint]
+    seen = list[tuple[Comparison, Episodes]]()
     for ground in (c, without_habit(c, joint, rules)):
         if ground is None:
             continue
@@ -84,8 +85,8 @@ def _standing(c: Comparison, found: Found, joint: int, rules: Rules) -> tuple[Co
             continue
         pushed = _episodes(ground, ground.new.residual[joint], joint, rules)
         if pushed is not None and stands_out(ground, pushed, rules):
-            return ground, pushed
-    return None
+            seen.append((ground, pushed))
+    return max(seen, key=lambda pair: _in_all(c, *pair).gain, default=None)
 
 
 def without_habit(c: Comparison, joint: int, rules: Rules) -> Comparison | None:
