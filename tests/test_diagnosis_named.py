@@ -25,6 +25,7 @@ from pinotwin.diagnosis.grade import stays
 from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.search import forward
 from pinotwin.diagnosis.search.duel import Duel, duel, richer
 from pinotwin.diagnosis.search.forward import Found, _doubtful, finest_of, search, simplest
 from pinotwin.diagnosis.search.injections import confidences, same_cause
@@ -519,3 +520,18 @@ def test_a_push_at_the_end_of_a_log_is_named_and_the_servo_is_not(twin: Twin) ->
     late = (log.t > log.t[-1] - 0.9) & (log.t < log.t[-1] - 0.4)
     found = diagnose(twin, Log({**log.channels, "X.u": log["X.u"] + 40.0 * late}, source="pushed.csv"))
     assert [(e.effect, e.axis) for e in found.effects] == [("external_force", "X")]
+
+
+def test_play_is_let_in_beside_a_delay_that_closes_less_and_not_beside_friction(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Foreign random933: what rattled in the encoder's noise closed more than a drag that was there, unconfirmed."""
+    monkeypatch.setattr(forward, "refused", lambda *_: "")
+    loose, late, sticks = (
+        dataclasses.replace(one_number(Offset("A"), (0,), gain), effect=EFFECTS[name].on(tree(), "A"))
+        for name, gain in (("backlash", 1.1), ("delay", 1.0), ("stribeck", 1.0))
+    )
+    small = [(loose, "closes 30% of its axis' residual")]
+    searcher = cast(Searcher, None)
+    assert forward._with_play([late], [*small, (late, "")], searcher, RULES) == [loose, late]
+    assert forward._with_play([sticks], [*small, (sticks, "")], searcher, RULES) == [sticks]

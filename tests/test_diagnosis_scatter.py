@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pinotwin.diagnosis.data.comparison import _without_lost, compare
+from pinotwin.diagnosis.data.comparison import _explained, _foretold, _without_lost, compare
 from pinotwin.diagnosis.data.samples import sliding
 from pinotwin.diagnosis.data.scatter import scatter, scattered
 from pinotwin.diagnosis.evidence.habit import habit
@@ -117,3 +117,24 @@ def test_play_is_named_where_a_delay_that_it_looks_like_is_certain_and_closes_le
     strict = replace(RULES, share_played=1.0)
     for candidates, named in ((play, []), (delay, ["delay"]), ([*play, *delay], ["backlash"])):
         assert [s.chosen.key[0] for s in search(c, candidates, rules=strict).steps] == named
+
+
+def test_of_an_axis_that_its_twin_hardly_explains_nothing_is_said(twin: Twin) -> None:
+    """A mill at 10 Hz: 0.97 of Y's effort was left of its own log, and another log was "viscous"."""
+    c = compare(twin, [record(4)], [])
+    assert c.own is not None
+    assert _explained(c, 0)
+    effort = c.own.effort[0] - np.mean(c.own.effort[0])
+    assert not _explained(replace(c, own=replace(c.own, residual={0: effort})), 0)
+
+
+def test_rows_are_judged_where_the_twin_is_about_as_sure_as_on_its_own_logs(twin: Twin) -> None:
+    """A motor identified on slow turns: the first jerk of another log was a push."""
+    motion = twin.motion(record(4))
+    error = twin.effort_error(motion)[:, 0]
+    inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
+    typical = float(np.median(error[inside]))
+    known = _foretold(twin, motion, {0: 0.0}, {0: typical / RULES.guessed})[inside, 0]
+    assert known.mean() == pytest.approx(0.5, abs=0.01)
+    assert _foretold(twin, motion, {0: error.max() / RULES.guessed_size}, {0: 0.0})[inside, 0].all()
+    assert _foretold(twin, motion, {0: 0.0}, {0: error.max()})[inside, 0].all()

@@ -18,7 +18,8 @@ def example(name: str):
 
 
 def test_trunnion(capsys):
-    found = example("trunnion").main(seconds=8.0, unseen_seconds=8.0)
+    # As long as what is stated: of 8 s one stop decides, and which way it goes depends on the processor.
+    found = example("trunnion").main(seconds=20.0, unseen_seconds=20.0)
     text = capsys.readouterr().out
     assert "Table 4-5" in text
     assert "friction" in text

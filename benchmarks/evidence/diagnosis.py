@@ -78,15 +78,6 @@ def real_healthy(runs: Source) -> list[Line]:
     return [share("real, healthy: `none`", [r["right"] for r in told.rows], 1.0, 1.0, told.command)]
 
 
-def recordings(runs: Runs) -> list[Line]:
-    """Real machines that ``real.py`` does not ask about, nothing changed."""
-    from benchmarks.evidence.recordings import questions
-
-    named = [bool(q.answer().effects) for q in questions(runs.at.data)]
-    what = "real, healthy, others (halves, runs, parts): named"
-    return [share(what, named, 0.07, 0.05, "python -m benchmarks.evidence.recordings", least=False)]
-
-
 def real_faults(runs: Source) -> list[Line]:
     """Known faults in real logs."""
     told = _real_faults(runs)
@@ -239,7 +230,6 @@ PARTS: Mapping[str, Callable[[Any], list[Line]]] = {
     "speed": speed,
     "real_healthy": real_healthy,
     "payload": payload,
-    "recordings": recordings,
     "healthy": healthy,
     "diagnose": diagnose,
     "real_faults": real_faults,
@@ -256,7 +246,6 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "speed": ("seconds_arm", "seconds_five"),
     "real_healthy": ("real_healthy",),
     "payload": ("payload",),
-    "recordings": ("recordings",),
     "healthy": ("foreign_accused", "foreign_not_none"),
     "diagnose": ("foreign", "foreign_extra", "foreign_outside"),
     "real_faults": ("real",),
@@ -265,7 +254,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "bench": ("own_accused", "own_pairs", "own_outside", "own_small"),
 }
 """Part -> name in figures.json of each of its lines."""
-KNOWN = ("seconds_arm", "seconds_five", "real_healthy", "payload", "recordings")
+KNOWN = ("seconds_arm", "seconds_five", "real_healthy", "payload")
 """Figures of cases that no seed draws anew: they were looked at while the rules were set."""
 
 
