@@ -25,7 +25,7 @@ def listed_elsewhere(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     """
     c, effect = searcher.comparison, named(one.effect)
     axis = c.machine.axes.get(effect.axis or "")
-    if c.change or axis is None or not searcher.found:
+    if c.change or axis is None:
         return False
     if not any(e.name == effect.name and e.shapes() for e in axis.effects):
         return False
