@@ -66,7 +66,9 @@ def test_what_swings_fast_in_time_is_said_to_do_so(asked: Callable[[Extra], Diag
 
 
 def test_the_loudest_frequencies_are_those_that_were_put_in() -> None:
-    t = np.concatenate([np.arange(0.0, 8.0, 0.005), np.arange(0.0, 5.0, 0.005)])
+    t = np.concatenate(
+        [np.arange(0.0, 8.0, 0.005), np.arange(0.0, 5.0, 0.005), np.arange(1e9, 1e9 + 2.0, 0.005)]
+    )
     left = np.sin(2.0 * np.pi * 41.27 * t) + 0.5 * np.cos(2.0 * np.pi * 63.0 * t)
     found = loudest(t, left, 25.0)
     assert len(found) == LOUDEST

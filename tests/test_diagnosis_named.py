@@ -535,3 +535,11 @@ def test_play_is_let_in_beside_a_delay_that_closes_less_and_not_beside_friction(
     searcher = cast(Searcher, None)
     assert forward._with_play([late], [*small, (late, "")], searcher, RULES) == [loose, late]
     assert forward._with_play([sticks], [*small, (sticks, "")], searcher, RULES) == [sticks]
+
+
+@pytest.mark.parametrize("inject", ["viscous:X=0.5", "effort_scale:X=0.3"])
+def test_a_validation_log_of_before_the_change_is_spoken_of(twin: Twin, inject: str) -> None:
+    """A scaled effort beside a healthy validation log was pushes, without a word."""
+    found = diagnose(twin, record(4, inject), validate=record(6))
+    assert {e.effect for e in found.effects} <= {"external_force"}
+    assert any("if it was recorded before the change, leave it out" in text for text in found.advice)

@@ -294,7 +294,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         noise=kind,
         advice=[
             *of_one_run(c, named),
-            *of_other_state(c, verdict.unexplained, rules),
+            *of_other_state(c, {*verdict.unexplained, *(c.machine.names[p.joint] for p in pushed)}, rules),
             *advice,
             *_untold(named),
             *resting(c.machine, {*gaps, *c.gate.unknown}),

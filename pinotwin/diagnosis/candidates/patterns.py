@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +19,6 @@ from pinotwin.effects.effect import AxisEffect, Coefficient, Depends, Effect, Sh
 from pinotwin.effects.family import LOAD
 from pinotwin.effects.position import REPEATS_MODULATED, Ripple
 from pinotwin.motion import AxisMotion
-from pinotwin.signals import joined
 
 
 @dataclass(frozen=True)
@@ -138,6 +138,8 @@ class PositionSpeedCurve(Pattern):
 
 LOUDEST = 3
 """Frequencies above those of the grid that are tried: where the spectrum of what is left peaks."""
+PAUSE = 60.0
+"""[s] A longer one parts a log as well: a spectrum over the hours between two days' logs would tell no more."""
 
 
 def loudest(t: Floats, left: Floats, above: float) -> list[float]:
@@ -148,8 +150,9 @@ def loudest(t: Floats, left: Floats, above: float) -> list[float]:
         left: what is left at them, shape (m,).
         above: frequency from which peaks are looked for, up to 0.4 of the rows' rate [Hz].
     """
-    logs = joined(t)
     step = float(np.median(np.diff(t)))
+    ends = np.flatnonzero((np.diff(t) < 0.0) | (np.diff(t) > PAUSE)) + 1
+    logs = [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(t)])]
     count = 1 + max(round(float(np.ptp(t[part])) / step) for part in logs)
     power = np.zeros(2 * count + 1)
     for part in logs:

@@ -117,18 +117,24 @@ def _rubs(effect: str) -> bool:
     return effect in EFFECTS and EFFECTS[effect].family is FRICTION
 
 
-def of_other_state(c: Comparison, unexplained: Collection[str], rules: Rules) -> list[str]:
-    """Return a word on validation logs that do not show what the diagnosed logs show of an unexplained axis."""
+def of_other_state(c: Comparison, open_axes: Collection[str], rules: Rules) -> list[str]:
+    """Return a word on validation logs that do not show what the diagnosed logs show of some axes.
+
+    Args:
+        c: what was compared.
+        open_axes: axes that nothing explains, or nothing but pushes, which no validation log needs to show.
+        rules: thresholds.
+    """
     if not c.change or c.unseen is None:
         return []
     out = []
     for j in c.unseen.joints:
         name = c.machine.names[j]
         today, there = (rms(s.residual[j]) / max(s.size(j), 1e-300) for s in (c.new, c.unseen))
-        if name in unexplained and there < rules.other_state * today:
+        if name in open_axes and there < rules.other_state * today:
             out.append(
                 f"{name}: the validation log shows {there / today:.0%} of its gap: if it was recorded before the "
-                "change, leave it out; a cause is only named where both show it"
+                "change, leave it out; a cause that comes with the motion is only named where both show it"
             )
     return out
 
