@@ -24,6 +24,12 @@ def folder(name: str) -> Path:
     return path
 
 
+def halves(log: pt.Log) -> list[pt.Log]:
+    """Return the first and the second half of a log."""
+    half = len(log) // 2
+    return [log.rows(slice(0, half)), log.rows(slice(half, len(log)))]
+
+
 def percent(predicted: Floats, measured: Floats) -> float:
     """Return the norm of the error over the norm of the measured signal [%]."""
     return 100.0 * float(np.linalg.norm(predicted - measured) / np.linalg.norm(measured))

@@ -8,118 +8,114 @@ differ in their friction by half of it and one is twice as fast, the parts of th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import permutations
 from pathlib import Path
 
 import pinotwin as pt
+from benchmarks.evidence.real import folder, halves
 from benchmarks.evidence.store import Figure
-from pinotwin.bench import real_tasks
-from pinotwin.bench.real import data_folder
+from pinotwin.bench.real_tasks import TASKS
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 
 MILL = Path(__file__).resolve().parents[2] / "examples" / "machines" / "cnc_mill"
-MILLED = range(1, 13)
+Recorded = tuple[Machine, Sequence[Log]]
 
 
-@dataclass(frozen=True)
-class Asked:
-    """One question: the twin of some log, and another log of the same machine.
+def _of_task(recording: str, withheld: str) -> Callable[[Path], Recorded]:
+    """Return what reads the machine and all logs of a line of the bench's table of recordings."""
+    (task,) = (t for t in TASKS if (t.recording, t.withheld) == (recording, withheld))
 
-    Attributes:
-        name: such as ``TX40 first half -> second half``.
-        machine: whose.
-        own: log of the twin.
-        other: log in question.
-    """
+    def read(data: Path) -> Recorded:
+        given = task.make(data)
+        return given.machine, [*given.logs, *given.validation]
 
-    name: str
-    machine: Machine
-    own: Log
-    other: Log
-
-    def answer(self) -> Diagnosis:
-        """Return what is said of the other log."""
-        return pt.diagnose(pt.identify(self.machine, self.own, loop=False), self.other)
+    return read
 
 
-def questions(data: Path) -> Iterator[Asked]:
-    """Yield all questions that recordings allow.
+def _in_halves(read: Callable[[Path], Recorded]) -> Callable[[Path], Recorded]:
+    def cut(data: Path) -> Recorded:
+        machine, (log,) = read(data)
+        return machine, halves(log)
+
+    return cut
+
+
+def _panda(data: Path) -> Recorded:
+    return pt.Machine.load(data / "franka_panda"), [pt.read(data / "franka_panda" / "exciting_traj.csv")]
+
+
+def _emps(data: Path) -> Recorded:
+    return pt.Machine.load("emps"), [pt.read(data / "emps" / "DATA_EMPS.mat")]
+
+
+def _lwr4(data: Path) -> Recorded:
+    runs = [pt.read(data / "kuka_lwr4" / f"measurements_{k}.csv") for k in (1, 2, 3)]
+    return pt.Machine.load(data / "kuka_lwr4"), runs
+
+
+def _mill(data: Path) -> Recorded:
+    parts = [pt.read(data / "cnc_mill_smart" / f"experiment_{k:02d}.csv") for k in range(1, 13)]
+    return pt.Machine.load(MILL), parts
+
+
+RECORDED: Mapping[str, Callable[[Path], Recorded]] = {
+    "TX40 half": _in_halves(_of_task("TX40", "the effort's lead, uncorrected")),
+    "KR300 half": _in_halves(_of_task("KR300", "gear ripple")),
+    "Panda half": _in_halves(_panda),
+    "EMPS half": _in_halves(_emps),
+    "LWR4 run": _lwr4,
+    "ODrive map": _of_task("ODrive, cogging maps", "cogging"),
+    "ODrive slow turn": _of_task("ODrive, slow turns", "cogging"),
+    "mill": _mill,
+}
+"""Recording -> what reads its machine and its logs."""
+IN_TURNS = ("mill",)
+"""Of these each log is asked about with the twin of the one before it; of the others with that of every other one."""
+
+
+def answers(name: str, data: Path) -> Iterator[tuple[str, Diagnosis]]:
+    """Yield every question about a recording, such as ``TX40 half 1 -> 2``, and what is said of the second log.
 
     Args:
+        name: of :data:`RECORDED`.
         data: folder of the recordings.
     """
-    for name, robot in (
-        ("TX40", real_tasks._tx40(real_tasks._same, complete=False, folder=data)),
-        ("KR300", real_tasks._kr300(data)),
-    ):
-        yield from _all(robot.machine, f"{name} half", _halves(robot.logs[0]))
-    for name, machine, file in (
-        ("Panda", pt.Machine.load(data / "franka_panda"), "franka_panda/exciting_traj.csv"),
-        ("EMPS", pt.Machine.load("emps"), "emps/DATA_EMPS.mat"),
-    ):
-        yield from _all(machine, f"{name} half", _halves(pt.read(data / file)))
-    runs = [pt.read(data / "kuka_lwr4" / f"measurements_{k}.csv") for k in (1, 2, 3)]
-    yield from _all(pt.Machine.load(data / "kuka_lwr4"), "LWR4 run", runs)
-    for name, given in (
-        ("ODrive map", real_tasks._cogging_maps(data)),
-        ("ODrive slow turn", real_tasks._cogging_runs(data)),
-    ):
-        yield from _all(given.machine, name, [*given.logs, *given.validation])
-    mill = pt.Machine.load(MILL)
-    parts = list(_identified(mill, data))
-    for (a, own), (b, other) in zip(parts, [*parts[1:], parts[0]], strict=True):
-        yield Asked(f"mill {a} -> {b}", mill, own, other)
+    machine, logs = RECORDED[name](data)
+    twins = {k: twin for k, log in enumerate(logs) if (twin := _identified(machine, log)) is not None}
+    known = list(twins)
+    pairs = zip(known, [*known[1:], known[0]], strict=True) if name in IN_TURNS else permutations(known, 2)
+    for a, b in pairs:
+        yield f"{name} {a + 1} -> {b + 1}", pt.diagnose(twins[a], logs[b])
 
 
-def _data() -> Path:
-    root = data_folder(None)
-    if root is None:
-        raise FileNotFoundError("no recordings at hand; set PINOTWIN_DATA")
-    return root
-
-
-def _halves(log: Log) -> list[Log]:
-    return [log.rows(slice(0, len(log) // 2)), log.rows(slice(len(log) // 2, None))]
-
-
-def _all(machine: Machine, name: str, logs: Sequence[Log]) -> Iterator[Asked]:
-    for a, b in permutations(range(len(logs)), 2):
-        yield Asked(f"{name} {a + 1} -> {b + 1}", machine, logs[a], logs[b])
-
-
-def _identified(mill: Machine, data: Path) -> Iterator[tuple[int, Log]]:
-    """Yield the mill's logs of which a twin can be identified, with their numbers."""
-    for k in MILLED:
-        log = pt.read(data / "cnc_mill_smart" / f"experiment_{k:02d}.csv")
-        try:
-            pt.identify(mill, log, loop=False)
-        except DataError:
-            continue
-        yield k, log
+def _identified(machine: Machine, log: Log) -> pt.Twin | None:
+    """Return the twin of a log; None of one that is too short."""
+    try:
+        return pt.identify(machine, log, loop=False)
+    except DataError:
+        return None
 
 
 SEEDS = "none: every question that these recordings allow"
-SLOW = False
 
 
 def figures() -> list[Figure]:
     """Ask, print every answer, and count."""
-    answers = [(asked.name, asked.answer()) for asked in questions(_data())]
-    for name, found in answers:
-        named = [(e.effect, e.axis, round(e.confidence, 2)) for e in found.effects]
-        print(f"{name}: {found.verdict} {named}", flush=True)
-    named = sum(bool(found.effects) for _, found in answers)
-    silent = sum(found.verdict == "none" for _, found in answers)
+    found = [pair for name in RECORDED for pair in answers(name, folder("."))]
+    for name, said in found:
+        causes = [(e.effect, e.axis, round(e.confidence, 2)) for e in said.effects]
+        print(f"{name}: {said.verdict} {causes}", flush=True)
     what = "healthy recordings beside those of real.py"
     note = "looked at since; as they were first asked, a cause was named in 8 of them"
+    counts = {
+        "named": (f"{what}: a cause named", sum(bool(d.effects) for _, d in found)),
+        "none": (f"{what}: `none`", sum(d.verdict == "none" for _, d in found)),
+    }
     return [
-        Figure(
-            "named", f"{what}: a cause named", named, unit="", kind="development", of=len(answers), note=note
-        ),
-        Figure("none", f"{what}: `none`", silent, unit="", kind="development", of=len(answers), note=note),
+        Figure(name, words, count, unit="", kind="development", of=len(found), note=note)
+        for name, (words, count) in counts.items()
     ]

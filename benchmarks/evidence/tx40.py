@@ -7,7 +7,7 @@ on the other, both ways, mean) is what a user may expect.
 from __future__ import annotations
 
 import pinotwin as pt
-from benchmarks.evidence.real import folder, unseen_effort
+from benchmarks.evidence.real import folder, halves, unseen_effort
 from benchmarks.evidence.store import Figure
 
 SEEDS = "none: a recording"
@@ -19,8 +19,7 @@ def figures() -> list[Figure]:
     log = pt.read(data / "pos_read_data.csv", data / "curr_data.csv")
     machine = pt.Machine.load("tx40")
     twin = pt.identify(machine, log, loop=False)
-    half = len(log) // 2
-    parts = [log.rows(slice(0, half)), log.rows(slice(half, len(log)))]
+    parts = halves(log)
     twins = [pt.identify(machine, part, loop=False) for part in parts]
     a, b = unseen_effort(twins[0], parts[1])[0], unseen_effort(twins[1], parts[0])[0]
     return [

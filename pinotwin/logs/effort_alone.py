@@ -28,9 +28,7 @@ _MOST = 0.6  # unless it takes away this share of what is left
 _POOR = 0.3  # share of an effort's power left: the motion does not explain it
 _RUBS = 0.8  # share of friction from which it is nearly all of an effort
 _NEARLY_ALL = 0.85  # the same where the URDF's own masses decide
-_STANDING = (
-    0.1  # spread of an effort over its level below which it stands; noise of a drive is 1 to 3 % of its limit
-)
+_STANDING = 0.1  # spread of an effort over its level below which it stands; a drive's noise is 0.01 to 0.03
 _FACTOR = 6.0  # masses of a URDF are nominal, but not off by more than this
 
 

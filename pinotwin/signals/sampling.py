@@ -12,13 +12,16 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 
 
-def joined(t: Floats) -> list[slice]:
+def joined(t: Floats, pause: float = np.inf) -> list[slice]:
     """Return the rows of every log of those that were joined: time falls back where the next one begins.
 
     Args:
         t: time [s], shape (n,).
+        pause: a longer one parts a log as well [s].
     """
-    return [slice(a, b) for a, b in pairwise([0, *(np.flatnonzero(np.diff(t) < 0.0) + 1).tolist(), len(t)])]
+    step = np.diff(t)
+    ends = np.flatnonzero((step < 0.0) | (step > pause)) + 1
+    return [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(t)])]
 
 
 def since_start(t: Floats) -> Floats:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
@@ -19,6 +19,7 @@ from pinotwin.effects.effect import AxisEffect, Coefficient, Depends, Effect, Sh
 from pinotwin.effects.family import LOAD
 from pinotwin.effects.position import REPEATS_MODULATED, Ripple
 from pinotwin.motion import AxisMotion
+from pinotwin.signals import joined
 
 
 @dataclass(frozen=True)
@@ -151,8 +152,7 @@ def loudest(t: Floats, left: Floats, above: float) -> list[float]:
         above: frequency from which peaks are looked for, up to 0.4 of the rows' rate [Hz].
     """
     step = float(np.median(np.diff(t)))
-    ends = np.flatnonzero((np.diff(t) < 0.0) | (np.diff(t) > PAUSE)) + 1
-    logs = [slice(a, b) for a, b in pairwise([0, *ends.tolist(), len(t)])]
+    logs = joined(t, PAUSE)
     count = 1 + max(round(float(np.ptp(t[part])) / step) for part in logs)
     power = np.zeros(2 * count + 1)
     for part in logs:
@@ -161,7 +161,7 @@ def loudest(t: Floats, left: Floats, above: float) -> list[float]:
         power += np.abs(np.fft.rfft(even, 4 * count)) ** 2
     frequency = np.fft.rfftfreq(4 * count, step)
     power[(frequency < above) | (frequency > 0.4 / step)] = 0.0
-    peaks = 1 + np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:]))
+    peaks, _ = find_peaks(power)
     return [float(frequency[k]) for k in peaks[np.argsort(-power[peaks])][:LOUDEST]]
 
 

@@ -145,10 +145,8 @@ def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
         f"{axis} is not judged: {why.partition('; ')[0]}" for axis, why in silent.items() if axis not in told
     ]
     spoilt: dict[str, list[str]] = {}
-    for axis, why in c.gate.nameless.items():
-        if axis in told:
-            continue
-        spoilt.setdefault(_short(why), []).append(axis)
+    for axis in [x for x in c.gate.nameless if x not in told]:
+        spoilt.setdefault(_short(c.gate.nameless[axis]), []).append(axis)
     out += [f"No cause is named on {', '.join(axes)}: {why}" for why, axes in spoilt.items()]
     out += [
         f"{axis} does not go with its command: that has another unit, sign or axis, or the axis cannot follow it"

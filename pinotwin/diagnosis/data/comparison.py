@@ -152,6 +152,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     if change and twin.misfit is not None:
         motion = told(twin.misfit.motion, twin.effects, twin.theta)
         own = sample(motion, own_residual(twin), block)
+    own_errors = {} if own is None else _errors(twin, own)
     differ, kept = None, tuple(range(len(logs)))
     if len(logs) > 1:
         differ = apart(logs, [_sample(twin, m, block) for m in motions], own)
@@ -164,7 +165,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
             sealed = _motions(twin, bent_logs[count:])
     lost = list[str]()
     if change:
-        motions, sealed, strange, lost = _known(twin, motions, sealed, own)
+        motions, sealed, strange, lost = _known(twin, motions, sealed, own, own_errors)
     whole, left = _left(twin, _joined(motions))
     new = sample(whole, left, block)
     noise = residual_noise(new, left, motions)
@@ -182,7 +183,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         asked = replace(asked, unknown=strangers)
     judged = [j for j in new.joints if twin.machine.names[j] not in asked.silent] or list(new.joints)
     new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
-    floor = _floor(twin, new, own)
+    floor = _floor(twin, new, own, own_errors)
     every = (*motions, *sealed)
     c = Comparison(twin, change, logs, validation, new, own, unseen, floor, asked, every, kept, differ, noise)
     return _without_lost(c, lost) if change else c
@@ -264,7 +265,11 @@ WORTH = 0.01
 
 
 def _known(
-    twin: Twin, motions: Sequence[Motion], sealed: Sequence[Motion], own: Sample | None
+    twin: Twin,
+    motions: Sequence[Motion],
+    sealed: Sequence[Motion],
+    own: Sample | None,
+    own_errors: Mapping[int, Floats],
 ) -> tuple[list[Motion], list[Motion], list[str], list[str]]:
     """Return motions without rows at which the twin does not know its effects, what to say, and axes without others.
 
@@ -273,7 +278,7 @@ def _known(
     """
     words, lost, out = [], list[str](), [list(motions), list(sealed)]
     floor = {} if own is None else {j: own.level(j) for j in own.joints}
-    largest = {} if own is None else _largest_error(twin, own)
+    largest = {j: float(x.max(initial=0.0)) for j, x in own_errors.items()}
     known = [[_foretold(twin, m, floor, largest) for m in part] for part in out]
     for name, axis in twin.machine.axes.items():
         j = axis.index
@@ -341,7 +346,7 @@ def _left(twin: Twin, motion: Motion) -> tuple[Motion, Floats]:
     return motion, motion.u - twin.effort(motion)
 
 
-def _floor(twin: Twin, new: Sample, own: Sample | None) -> dict[int, float]:
+def _floor(twin: Twin, new: Sample, own: Sample | None, own_errors: Mapping[int, Floats]) -> dict[int, float]:
     """Return the size by which the rows of each joint are divided.
 
     A change is held against the misfit of the twin, and against what its coefficients are unsure by in this motion more
@@ -349,26 +354,20 @@ def _floor(twin: Twin, new: Sample, own: Sample | None) -> dict[int, float]:
     effort stands for what any good model leaves: axes that are off by more than that then weigh more.
     """
     out = {}
-    here, there = (_unsure(twin, s) if s is not None and own is not None else {} for s in (new, own))
+    here = {} if own is None else _errors(twin, new)
     for j in new.joints:
         least = RULES.good_model * max(new.size(j), 1e-12)
         if own is not None and j in own.joints:
-            more = RULES.unsure * np.sqrt(max(here[j] ** 2 - there[j] ** 2, 0.0))
+            more = RULES.unsure * np.sqrt(max(rms(here[j]) ** 2 - rms(own_errors[j]) ** 2, 0.0))
             least = max(float(np.hypot(own.level(j), more)), 0.1 * least)
         out[j] = least
     return out
 
 
-def _largest_error(twin: Twin, s: Sample) -> dict[int, float]:
-    """Return joint -> largest standard error of the twin's effort on the rows of a sample [N or N·m]."""
+def _errors(twin: Twin, s: Sample) -> dict[int, Floats]:
+    """Return joint -> standard error of the twin's effort on the rows of a sample [N or N·m], each of shape (m,)."""
     error = twin.effort_error(s.motion)
-    return {j: float(error[s.samples(j), j].max(initial=0.0)) for j in s.joints}
-
-
-def _unsure(twin: Twin, s: Sample) -> dict[int, float]:
-    """Return joint -> RMS of the standard error of the twin's effort on the rows of a sample [N or N·m]."""
-    error = twin.effort_error(s.motion)
-    return {j: rms(error[s.samples(j), j]) for j in s.joints}
+    return {j: error[s.samples(j), j] for j in s.joints}
 
 
 def thinned_model(samples: Sequence[Sample], effects: Sequence[Effect]) -> list[dict[int, Floats]]:

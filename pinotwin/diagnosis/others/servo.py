@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -327,13 +328,17 @@ class Law:
 
     def fitted(self) -> tuple[Floats, Floats]:
         """Return the gains, and what the law leaves of each row of blocks that were not fitted, shape (n,)."""
-        each, left = self._without_each(range(self.columns.shape[1]), self.u)
+        each, left = self._whole
         return each[-1], left
+
+    @cached_property
+    def _whole(self) -> tuple[Floats, Floats]:
+        """All gains without each block and last with all blocks, and what is left held out."""
+        return self._without_each(range(self.columns.shape[1]), self.u)
 
     def unsure(self, other: Law) -> float:
         """Return the standard error of the effort that this law foretells on another motion, RMS."""
-        each, _ = self._without_each(range(self.columns.shape[1]), self.u)
-        covariance = jackknife(each[:-1])
+        covariance = jackknife(self._whole[0][:-1])
         variance = np.einsum("ij,jk,ik->i", other.columns, covariance, other.columns)
         return float(np.sqrt(np.mean(np.maximum(variance, 0.0))))
 

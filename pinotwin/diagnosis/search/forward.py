@@ -124,7 +124,7 @@ def search(
         friction = _usual_before(fit, scatters, {one.joint for one in usual})
         if friction is not None:
             usual.append(friction)
-            searcher = Searcher(comparison, [*(s.chosen for s in steps), *listed, *usual])
+            searcher = _beside(comparison, steps, [*listed, *usual])
             continue
         able = _richest(fit)
         winner = simplest(able, searcher, rules)
@@ -136,12 +136,17 @@ def search(
         if not isinstance(winner.effect, Pattern):
             steps = _without_superfluous(comparison, steps, [*listed, *usual], rules)
         steps = _as_one(steps, rules)
-        own = _of_the_machine(comparison, steps, [*listed, *usual], rules)
+        searcher = _beside(comparison, steps, [*listed, *usual])
+        own = [s for s in steps if listed_elsewhere(s.chosen, searcher, rules)]
         steps, listed = [s for s in steps if s not in own], [*listed, *(s.chosen for s in own)]
-        searcher = Searcher(comparison, [*(s.chosen for s in steps), *listed, *usual])
     if usual:
-        searcher = Searcher(comparison, [*(s.chosen for s in steps), *listed])
+        searcher = _beside(comparison, steps, listed)
     return Found(steps, last, [*usual, *one_each(ranked)], first, searcher)
+
+
+def _beside(comparison: Comparison, steps: Sequence[Step], more: Sequence[Scored]) -> Searcher:
+    """Return the ground with the causes of some steps among its columns, and what is there but is no cause."""
+    return Searcher(comparison, [*(s.chosen for s in steps), *more])
 
 
 def _first_of_two(
@@ -153,7 +158,7 @@ def _first_of_two(
     the only single cause that has both. They depend on the same as it does: friction beside a ripple may close as much
     as a table of what both leave. Else the winner is returned; a body has many numbers too, but stands for no two.
     """
-    if isinstance(winner.effect, Pattern) or winner.numbers < rules.rich or not named(winner.effect).held:
+    if winner.numbers < rules.rich or not named(winner.effect).held:
         return winner
     plain = [r for r in able if _plain_beside(winner, r, rules)]
     if not plain:
@@ -289,24 +294,11 @@ def _without_superfluous(
     """Return the causes without those that the last one has made needless, beside what is there but is no cause."""
     kept = list(steps)
     for step in list(steps[:-1]):
-        others = Searcher(comparison, [*(s.chosen for s in kept if s is not step), *beside])
+        others = _beside(comparison, [s for s in kept if s is not step], beside)
         again = others.score(step.chosen.effect, step.chosen.table)
         if again is None or again.gain < rules.needless * step.chosen.gain:
             kept.remove(step)
     return kept
-
-
-def _of_the_machine(
-    comparison: Comparison, steps: Sequence[Step], beside: Sequence[Scored], rules: Rules
-) -> list[Step]:
-    """Return the causes that the machine lists already, beside what is there but is no cause."""
-    out: list[Step] = []
-    for step in steps:
-        found = [*(s.chosen for s in steps if s is not step and s not in out), *beside]
-        if listed_elsewhere(step.chosen, Searcher(comparison, found), rules):
-            out.append(step)
-            beside = [*beside, step.chosen]
-    return out
 
 
 POLISHED, NEAR = 6, 0.5

@@ -19,8 +19,8 @@ def listed_elsewhere(one: Scored, searcher: Searcher, rules: Rules) -> bool:
     """Whether a cause stands for an effect that the machine lists: beside it that one is needless at its own shape.
 
     Args:
-        one: the cause, not yet among the searcher's.
-        searcher: of a machine, with the causes found before.
+        one: the cause.
+        searcher: with it and all others that were found.
         rules: thresholds.
     """
     c, effect = searcher.comparison, named(one.effect)
@@ -34,8 +34,7 @@ def listed_elsewhere(one: Scored, searcher: Searcher, rules: Rules) -> bool:
         for e, where in zip(c.twin.effects, c.twin.slices, strict=True)
         if (e.name, e.axis) == (effect.name, effect.axis)
     ]
-    beside = Searcher(c, [*searcher.found, one])
-    return any(_worth(beside, c.twin.theta, where) < rules.needless * one.gain for where in own)
+    return any(_worth(searcher, c.twin.theta, where) < rules.needless * one.gain for where in own)
 
 
 def _worth(searcher: Searcher, theta: Floats, where: slice) -> float:

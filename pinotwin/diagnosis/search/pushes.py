@@ -44,7 +44,7 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         seen = _standing(c, found, j, rules)
         if seen is None:
             continue
-        pushed = _in_all(c, *seen)
+        _, pushed = seen
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
         if pushed.gain > rules.push_better * max(before - rest, rival, scattered(c, j, rules.scatter)):
@@ -71,9 +71,9 @@ def only_sure(c: Comparison, found: Found, sure: Sequence[float], rules: Rules) 
 
 
 def _standing(c: Comparison, found: Found, joint: int, rules: Rules) -> tuple[Comparison, Episodes] | None:
-    """Return the pushes that stand out on an axis and what they were found on: all that is left, or without the habit.
+    """Return what pushes were found on (all that is left of an axis, or without its habit), and those that stand out.
 
-    Where they close more, if they stand out of both. What causes that come with the motion account for is none.
+    On the ground where they close more of all that is left. What causes that come with the motion account for is none.
     """
     left = found.searcher.residual()[joint] * c.floor[joint]
     seen = list[tuple[Comparison, Episodes]]()
@@ -85,8 +85,8 @@ def _standing(c: Comparison, found: Found, joint: int, rules: Rules) -> tuple[Co
             continue
         pushed = _episodes(ground, ground.new.residual[joint], joint, rules)
         if pushed is not None and stands_out(ground, pushed, rules):
-            seen.append((ground, pushed))
-    return max(seen, key=lambda pair: _in_all(c, *pair).gain, default=None)
+            seen.append((ground, _in_all(c, ground, pushed)))
+    return max(seen, key=lambda pair: pair[1].gain, default=None)
 
 
 def without_habit(c: Comparison, joint: int, rules: Rules) -> Comparison | None:
