@@ -119,7 +119,7 @@ def alone(axis: Explained, raw: Floats, reach: int) -> tuple[Finding | None, Fit
     if fit.left > 0.9 and _stands(good, level):
         unit = "N·m" if axis.rotary else "N"
         text = (
-            f"stands at {level:.4g} {unit} while the axis moves both ways: a drive at its limit all along, or no "
+            f"stands at {level:.3g} {unit} while the axis moves both ways: a drive at its limit all along, or no "
             "effort of this axis"
         )
         return Finding("warning", channel, text, "effort_stands"), fit

@@ -162,9 +162,9 @@ def axis_cards(d: Diagnosis) -> Html:
             value = f"{now:.3g} → {later:.3g} {scale.unit}" if acts else f"{now:.3g} {scale.unit}"
             beside = [f"{display.percent(g.nrmse)} of the signal"]
             if g.noise > 0.0:
-                beside.append(f"noise {g.noise * scale.factor:.2g}")
+                beside.append(f"noise {g.noise * scale.factor:.3g}")
             if g.misfit == g.misfit:
-                beside.append(f"own misfit {g.misfit * scale.factor:.2g} {scale.unit}")
+                beside.append(f"own misfit {g.misfit * scale.factor:.3g} {scale.unit}")
             parts.append(
                 f'<div class="name"><span>{escape(SIGNALS.get(signal, signal))}</span>'
                 f"{chip(word, KIND[word], MEANING[word]).text}</div>"

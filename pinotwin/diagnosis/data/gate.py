@@ -123,7 +123,7 @@ class Gate:
             f"{', '.join(axes)}: not looked for, these logs cannot show it: {', '.join(what)}"
             for what, axes in same.items()
         ]
-        servo = [axis for axis, row in self.questions.items() if row]
+        servo = [axis for axis, row in self.questions.items() if "servo" in row]
         if servo:
             out.append(f"{', '.join(servo)}: nothing is said of controller and tracking error")
         for axis in self.nameless:
