@@ -118,7 +118,7 @@ def test_repr_is_one_short_screen(folder):
     for k, axis in enumerate(table.axes):
         channels |= {f"{axis}.q": 0.1 * np.sin((2 + k) * t), f"{axis}.u": np.cos((2 + k) * t)}
     motion = prepare(table, pt.Log(channels))
-    gap = {"Y": {"u": Gap(5.0, 0.1, 1.0, 5.0)}}
+    gap = {"Y": {"u": Gap(5.0, 0.05, 1.0, 5.0)}}
     found = Diagnosis(
         "none", "Nothing", gap, [], [], [], {}, {}, "assumed", [], "structure", {}, machine="mill"
     )
