@@ -65,6 +65,30 @@ def test_what_swings_fast_in_time_is_said_to_do_so(asked: Callable[[Extra], Diag
     assert "swings in time at 37.3 Hz" in found.remains["X"]
 
 
+def pushed(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return four pushes of 60 ms."""
+    del q, v
+    return -40.0 * np.any([(t > at) & (t < at + 0.06) for at in (2.1, 4.4, 7.3, 10.2)], axis=0)
+
+
+def bump(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return a force wherever the slide passes one place, which takes as long."""
+    del t, v
+    return -40.0 * np.exp(-(((q - 0.03) / 0.008) ** 2))
+
+
+def test_pushes_are_missing_in_a_machine_and_what_comes_with_the_place_is_no_push(
+    asked: Callable[[Extra], Diagnosis],
+) -> None:
+    """Own bench: four pushes on an axis that closed 0.7 of its gap were not asked about without a twin."""
+    found = asked(pushed)
+    assert [(e.effect, e.axis) for e in found.effects] == [("external_force", "X")]
+    times = [r.range[0] for r in found.where if r.kind == "time" and r.p_value is None]
+    assert times
+    assert all(min(abs(x - at) for at in (2.1, 4.4, 7.3, 10.2)) < 0.1 for x in times)
+    assert "external_force" not in {e.effect for e in asked(bump).effects}
+
+
 def test_the_loudest_frequencies_are_those_that_were_put_in() -> None:
     t = np.concatenate(
         [np.arange(0.0, 8.0, 0.005), np.arange(0.0, 5.0, 0.005), np.arange(1e9, 1e9 + 2.0, 0.005)]

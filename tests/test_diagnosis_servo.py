@@ -9,6 +9,7 @@ import pytest
 
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
+from pinotwin.diagnosis.others.limits import reached
 from pinotwin.diagnosis.others.retuned import retuned
 from pinotwin.diagnosis.others.servo import Law, ServoChange, broken_laws, servo_changes
 from pinotwin.diagnosis.others.tracking import track, with_gains
@@ -112,6 +113,38 @@ def test_a_drive_that_is_at_its_limit_whenever_it_moves_has_met_it(twin, urdf_di
     assert found.effect == "saturation"
     assert found.after == pytest.approx(20.0, rel=0.02)
     assert found.confidence > RULES.named
+
+
+def test_an_effort_that_wanders_while_it_rests_is_at_a_limit_where_the_command_asks_for_others(
+    twin, urdf_dir
+):
+    """An EMPS at its limit for 41 % of a log was passed over: its reading wandered there by more than its noise."""
+    m = twin.motion(record(urdf_dir, 8, 11))
+    asked = twin.effort(m)[:, 0]
+    level = 0.5 * np.abs(asked).max()
+    at = np.abs(asked) > level
+    rng = np.random.default_rng(0)
+    wander = 1.0 + 0.004 * at * np.sin(2.0 * np.pi * 6.0 * m.t) + 5e-4 * rng.normal(size=len(asked))
+    behind = 1e-3 * (1.0 + 2.0 * at) * rng.normal(size=len(asked))
+    u, qr = m.u.copy(), m.q.copy()
+    u[:, 0], qr[:, 0] = np.clip(asked, -level, level) * wander, m.q[:, 0] + behind
+    clipped = dataclasses.replace(m, u=u, qr=qr)
+    found = reached([clipped], 0, asked=lambda part: twin.effort(part)[:, 0])
+    assert found is not None
+    assert found.level == pytest.approx(level, rel=0.01)
+    assert reached([clipped], 0) is None
+    assert reached([clipped], 0, asked=lambda part: part.u[:, 0]) is None
+
+
+def test_a_gain_that_is_a_hundredth_off_was_not_turned(twin, urdf_dir):
+    """Foreign 970: pushes left "feedback gains 1.011 of what they were", with 96 %."""
+    log = record(urdf_dir, 8, 11)
+    a = np.gradient(np.gradient(log["X.qr"], log.t), log.t)
+    c = compare(twin, [Log({**log.channels, "X.u": log["X.u"] + 60.0 * a}, source="fed.csv")], [])
+    (found,) = servo_changes(c, ())
+    off = abs(found.after - 1.0)
+    assert servo_changes(c, (), rules=dataclasses.replace(RULES, law_turned=1.1 * off)) == []
+    assert servo_changes(c, (), rules=dataclasses.replace(RULES, law_turned=0.9 * off)) != []
 
 
 @pytest.mark.parametrize("times", [1.0, 1.1])

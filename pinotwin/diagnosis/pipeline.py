@@ -211,7 +211,7 @@ def _searched(
     """
     most = 1 if quick else None
     found = search(c, every, rules=rules, most=most, tell=lambda s, x: tell(s, 0.2 + 0.5 * x))
-    asks = c.change and "external_force" not in leave_out
+    asks = "external_force" not in leave_out
     s = _Searched(found, found, (), c, c, asks)
     return _beside_pushes(s, found, every, rules, quick=quick) if asks else s
 

@@ -209,6 +209,9 @@ class Rules:
     0.92."""
     law_share: float = 0.8
     """The same for the feedback gains."""
+    law_turned: float = 0.05
+    """[of what it was] Least by which a gain has changed. By hand: pushes that excite what a law has besides its gains
+    left "feedback gains 1.011 of what they were" on a foreign axis; gains that were turned are off by 0.2 and more."""
     retuned: float = 0.7
     """[of the squared tracking error beside the simulated one] Share that one factor on some gains closes, held out,
     from which they have changed although noise hides it in the effort. Changed ones close 0.99, healthy axes 0.07."""

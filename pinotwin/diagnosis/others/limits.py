@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ SPIKE = 40.0  # density of sizes at the limit over that below it, if it is FLAT 
 ALWAYS = 0.9  # of the rows that move: from here nothing in a log tells how an axis follows without the limit
 LEFT_BEHIND = 1.3  # the tracking error there over that elsewhere then
 FLAT = 1.1  # spread of the effort there over its noise then (medians): steady acceleration leaves 1.4 to 2.8
+ASKED = 10.0  # or spread there of the effort that the command asks for, over that of the reading; no limit: about 1
 STANDING = 0.01  # of the top speed: below it an axis stands
 OVER_LEVEL = 1.05  # of a limit: what a log may show above it, its current loop's overshoot
 HOLD = 0.02  # [s] an effort must rest at its largest size to be at a drive's limit
@@ -41,13 +42,20 @@ class Limit:
     samples: tuple[Mask, ...]
 
 
-def reached(motions: Sequence[Motion], joint: int, usual: float = np.inf) -> Limit | None:
+def reached(
+    motions: Sequence[Motion],
+    joint: int,
+    usual: float = np.inf,
+    asked: Callable[[Motion], Floats] | None = None,
+) -> Limit | None:
     """Return the limit that a drive reached, None if it did not, or no command tells.
 
     Args:
         motions: prepared logs.
         joint: column of the drive.
         usual: RMS of its tracking error in logs that meet no limit, for a drive that is at its limit whenever it moves.
+        asked: gives the effort that a motion's command asks of the drive, shape (n,), for a reading that something
+            slower than its noise moves while it rests.
     """
     if not motions or any(m.vr is None for m in motions):
         return None
@@ -69,11 +77,21 @@ def reached(motions: Sequence[Motion], joint: int, usual: float = np.inf) -> Lim
     worst = rms(e) / usual if always else rms(e[late]) / max(rms(e[~late]), 1e-300)
     level = float(np.median(size[at]))
     over, spike = _plateau(size[np.concatenate(going)], level, noise)
-    flat = 1.4826 * float(np.median(np.abs(size[at] - level))) < FLAT * noise
-    clear = worst > WORSE or (spike > SPIKE and flat and worst > LEFT_BEHIND)
+    clear = worst > WORSE or (spike > SPIKE and worst > LEFT_BEHIND)
     if over > OVER * share or not clear:
         return None
+    spread = _spread(size[at])
+    if worst <= WORSE and spread >= FLAT * noise:
+        if asked is None:
+            return None
+        other = np.concatenate([asked(m) * np.sign(u) for m, u in zip(motions, efforts, strict=True)])
+        if _spread(other[at]) < ASKED * spread:
+            return None
     return Limit(level, share, float(worst), tuple(after))
+
+
+def _spread(x: Floats) -> float:
+    return 1.4826 * float(np.median(np.abs(x - np.median(x))))
 
 
 def exceeded(efforts: Sequence[Floats], level: float) -> bool:

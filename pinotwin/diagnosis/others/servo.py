@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -28,6 +28,7 @@ from pinotwin.diagnosis.search.trials import TRIALS, shuffled
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each
+from pinotwin.twin import Twin
 
 FEATURES = ("e", "int e", "v", "v_r", "a_r", "q_r")
 FEEDBACK = ("e", "int e", "v", "v_r", "q_r")
@@ -87,12 +88,14 @@ def servo_changes(
         if not comparison.gate.asks("servo", axis.name):
             continue
         usual = _own_error(comparison, axis.index)
-        limited = reached([motion], axis.index, usual)
+        asked = partial(_asked, comparison.twin, axis.index)
+        limited = reached([motion], axis.index, usual, asked)
         before = None if comparison.own is None else reached([comparison.own.motion], axis.index)
         if limited is not None and exceeded(_logged(comparison, axis.name), limited.level):
             limited = None
         if limited is not None and before is None and "saturation" not in leave_out:
-            again = [reached(part, axis.index, usual) is not None for part in _without_stretches(motion)]
+            parts = _without_stretches(motion)
+            again = [reached(part, axis.index, usual, asked) is not None for part in parts]
             sure = posterior(sum(again), len(again), rules)
             out.append(_limit(axis.name, axis.rotary, limited.level, limited.share, sure))
             continue
@@ -103,6 +106,13 @@ def servo_changes(
         if change is not None and change.effect not in leave_out:
             out.append(change)
     return out
+
+
+def _asked(twin: Twin, joint: int, motion: Motion) -> Floats:
+    """Return the effort that the command of a motion asks of a drive: that of the twin if it were followed, (n,)."""
+    pairs = ((motion.qr, motion.q), (motion.vr, motion.v), (motion.ar, motion.a))
+    q, v, a = (measured if r is None else np.where(np.isfinite(r), r, measured) for r, measured in pairs)
+    return np.asarray(twin.effort(replace(motion, q=q, v=v, a=a))[:, joint])
 
 
 def _own_error(c: Comparison, joint: int) -> float:
@@ -237,6 +247,8 @@ def _law_change(
     if axis in c.gate.strays or _unsure(old, new, rules):
         return None
     factor, error = new.factor(new.left(gains), gains, found.names)
+    if abs(factor - 1.0) < rules.law_turned:
+        return None
     interval = (factor - 1.645 * error, factor + 1.645 * error)
     share = _share(found.left, found.level)
     said = new.columns @ new.changed(gains, found.names)

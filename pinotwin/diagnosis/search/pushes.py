@@ -153,7 +153,7 @@ def _confidence(
     ground = c if seen is None else seen[0]
     course = pushed.course
     rivals = _rivals(found, j)[:RIVALS]
-    anyway = ground.own.residual[j] if ground.own else found.searcher.residual()[j] * c.floor[j]
+    anyway = ground.own.residual[j] if ground.own else found.searcher.residual()[j] * c.floor[j] - course
     wins = 0
     for _ in range(TRIALS):
         residual = laid(c.new, anyway, len(course), rng) + course
