@@ -72,6 +72,13 @@ class Rules:
     """[of the effort's variation] Least that what a machine lacks closes of its axis' effort, RMS. Of 53 healthy
     machines (own and foreign) one needs 0.009 (EMPS) and three 0.005 to 0.007, for a delay of a sample; with the
     share taken without the noise one of 25 needs 0.010."""
+    turning: float = 0.02
+    """[of the effort's variation] The same for what friction keeps in mind as it turns round (presliding, hysteresis),
+    which a model of dry friction always misses a little. By hand: a healthy trunnion shows 0.0175 (own bench 26, case
+    31), ten foreign machines with presliding 0.025 and more."""
+    turning_share: float = 0.75
+    """[of the squared residual without its noise] Less than that is named if it closes this: the trunnion's closes
+    0.55, an axis with presliding of 0.014 all (random933)."""
     cycle: float = 0.5
     """[of the log's step] Least delay that is missing in a machine. By hand: a drive holds its effort over a cycle, so
     that what is logged leads by half of one, and a log's step is one cycle at least."""

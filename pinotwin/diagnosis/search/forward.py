@@ -231,6 +231,9 @@ def _a_trace(one: Scored, steps: Sequence[Step], searcher: Searcher, rules: Rule
     )
 
 
+TURNING = ("presliding", "hysteresis")
+"""What friction keeps in mind as it turns round."""
+
 _UNCERTAIN = "squared standard errors a number"
 _NOTHING_CERTAIN = "closes nothing for certain on rows not fitted"
 
@@ -473,7 +476,10 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
         return "closes less than what the twin's own misfit may differ by"
     closed = c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
     moved = closed / max(c.new.size(one.joint), 1e-300)
-    if moved < (rules.least_size(change=c.change) if small else rules.complete_size):
+    least = rules.least_size(change=c.change) if small else rules.complete_size
+    if not c.change and named(one.effect).name in TURNING and share < rules.turning_share:
+        least = rules.turning
+    if moved < least:
         return f"moves its axis' effort by {moved:.1%}"
     if not c.change and one.effect.name == "delay" and abs(one.judged.theta[0]) < _held_over(c, rules):
         return "is less than half a cycle, by which any drive leads that holds its effort"
