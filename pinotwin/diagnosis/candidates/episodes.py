@@ -78,6 +78,17 @@ class Episodes:
             ends[way] = (e.segment, max(end, e.end) if goes_on else e.end)
         return count
 
+    @property
+    def swinging(self) -> float:
+        """Share of the pushes within whose own length there is one the other way, half as strong or more."""
+        return float(np.mean([any(_swings(e, other) for other in self.episodes) for e in self.episodes]))
+
+
+def _swings(e: Episode, other: Episode) -> bool:
+    apart = max(other.start - e.end, e.start - other.end)
+    near = e.segment == other.segment and apart < e.end - e.start
+    return near and e.force * other.force < 0.0 and abs(other.force) > 0.5 * abs(e.force)
+
 
 def episodes(
     sample: Sample,

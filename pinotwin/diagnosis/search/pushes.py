@@ -45,6 +45,8 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         if seen is None:
             continue
         _, pushed = seen
+        if not c.change and pushed.share < rules.share_structure:
+            continue
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
         if pushed.gain > rules.push_better * max(before - rest, rival, scattered(c, j, rules.scatter)):
@@ -134,6 +136,7 @@ def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
         (for_a_moment or for_long)
         and large
         and seldom
+        and pushed.swinging < rules.push_swings
         and _moving_share(c, pushed, rules) > rules.push_moving
     )
 
