@@ -184,8 +184,8 @@ class Rules:
     """[1/s] More pushes than that are a vibration: an axis that rings on its spring shows 2.5, eight pushes on a log of
     ten seconds 0.8."""
     push_swings: float = 0.5
-    """[of the pushes] From here they go to and fro: a shock or a vibration. By hand: play on another axis shook one for
-    a seventh of a second (foreign 973: 0.8), pushes that were put in reach 0.1."""
+    """[of the pushes] Of a machine more go to and fro in a shock or a vibration. By hand: play on another axis shook
+    one for a seventh of a second (foreign 973: 0.87), pushes that were put in reach 0.13."""
     most_of_time: float = 0.9
     """[of the rows] Pushes that fill more than this are no episodes."""
 

@@ -45,7 +45,7 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         if seen is None:
             continue
         _, pushed = seen
-        if not c.change and pushed.share < rules.share_structure:
+        if not c.change and (pushed.share < rules.share_structure or pushed.swinging > rules.push_swings):
             continue
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
@@ -136,7 +136,6 @@ def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
         (for_a_moment or for_long)
         and large
         and seldom
-        and pushed.swinging < rules.push_swings
         and _moving_share(c, pushed, rules) > rules.push_moving
     )
 
