@@ -75,7 +75,7 @@ class Rules:
     turning: float = 0.02
     """[of the effort's variation] The same for what friction keeps in mind as it turns round (presliding, hysteresis),
     which a model of dry friction always misses a little. By hand: a healthy trunnion shows 0.0175 (own bench 26, case
-    31), ten foreign machines with presliding 0.025 and more."""
+    31), ten foreign machines with presliding 0.0246 and more."""
     turning_share: float = 0.75
     """[of the squared residual without its noise] Less than that is named if it closes this: the trunnion's closes
     0.55, an axis with presliding of 0.014 all (random933)."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import median_abs_deviation
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.motion import Motion
@@ -80,18 +81,26 @@ def reached(
     clear = worst > WORSE or (spike > SPIKE and worst > LEFT_BEHIND)
     if over > OVER * share or not clear:
         return None
-    spread = _spread(size[at])
-    if worst <= WORSE and spread >= FLAT * noise:
-        if asked is None:
-            return None
-        other = np.concatenate([asked(m) * np.sign(u) for m, u in zip(motions, efforts, strict=True)])
-        if _spread(other[at]) < ASKED * spread:
-            return None
+    if worst <= WORSE and not _holds(motions, joint, at, noise, asked):
+        return None
     return Limit(level, share, float(worst), tuple(after))
 
 
+def _holds(
+    motions: Sequence[Motion], joint: int, at: Mask, noise: float, asked: Callable[[Motion], Floats] | None
+) -> bool:
+    """Return whether an effort stays where it rests, but for its noise or while its command asks for other ones."""
+    u = np.concatenate([m.u[:, joint] for m in motions])[at]
+    spread = _spread(np.abs(u))
+    if spread < FLAT * noise:
+        return True
+    if asked is None:
+        return False
+    return _spread(np.concatenate([asked(m) for m in motions])[at] * np.sign(u)) >= ASKED * spread
+
+
 def _spread(x: Floats) -> float:
-    return 1.4826 * float(np.median(np.abs(x - np.median(x))))
+    return float(median_abs_deviation(x, scale="normal"))
 
 
 def exceeded(efforts: Sequence[Floats], level: float) -> bool:

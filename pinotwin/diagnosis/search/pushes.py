@@ -45,8 +45,6 @@ def pushes(c: Comparison, found: Found, rules: Rules) -> list[Episodes]:
         if seen is None:
             continue
         _, pushed = seen
-        if not c.change and (pushed.share < rules.share_structure or pushed.swinging > rules.push_swings):
-            continue
         before, rest = (float(s.alone_by_joint[0][:, at].sum()) for s in (found.first, found.searcher))
         rival = max((r.gain for r in _rivals(found, j)), default=0.0)
         if pushed.gain > rules.push_better * max(before - rest, rival, scattered(c, j, rules.scatter)):
@@ -132,10 +130,12 @@ def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
     large = closed > rules.push_size * c.new.size(pushed.joint)
     seconds = rows * c.new.motion.step * c.new.motion.decimation
     seldom = pushed.times <= max(rules.push_often * seconds, 1.0)
+    of_machine = pushed.share >= rules.share_structure and pushed.swinging <= rules.push_swings
     return (
         (for_a_moment or for_long)
         and large
         and seldom
+        and (c.change or of_machine)
         and _moving_share(c, pushed, rules) > rules.push_moving
     )
 
