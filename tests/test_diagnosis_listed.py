@@ -76,6 +76,12 @@ def pushed(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return -40.0 * np.any([(t > at) & (t < at + 0.06) for at in (2.1, 4.4, 7.3, 10.2)], axis=0)
 
 
+def shock(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return what a blow on another axis leaves: a force that goes to and fro four times."""
+    del q, v
+    return 120.0 * np.sin(2.0 * np.pi * (t - 4.4) / 0.08) * ((t > 4.4) & (t < 4.72))
+
+
 def bump(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return a force wherever the slide passes one place, which takes as long."""
     del t, v
@@ -88,10 +94,10 @@ def test_pushes_are_missing_in_a_machine_and_what_comes_with_the_place_is_no_pus
     """Own bench: four pushes on an axis that closed 0.7 of its gap were not asked about without a twin."""
     found = asked(pushed)
     assert [(e.effect, e.axis) for e in found.effects] == [("external_force", "X")]
-    times = [r.range[0] for r in found.where if r.kind == "time" and r.p_value is None]
-    assert times
-    assert all(min(abs(x - at) for at in (2.1, 4.4, 7.3, 10.2)) < 0.1 for x in times)
-    assert len(times) == 4  # each once, though it is in both logs
+    told = [r for r in found.where if r.kind == "time" and r.p_value is None]
+    assert all(min(abs(r.range[0] - at) for at in (2.1, 4.4, 7.3, 10.2)) < 0.1 for r in told)
+    assert len(told) == 4  # each once, though it is in both logs
+    assert sum(r.share for r in told) == pytest.approx(found.effects[0].shrink["u"].share, abs=0.02)
     assert "external_force" not in {e.effect for e in asked(bump).effects}
 
 
@@ -99,12 +105,6 @@ def test_a_force_that_goes_to_and_fro_is_no_push(asked: Callable[..., Diagnosis]
     """Foreign 973: play on another axis shook one for a seventh of a second, and was a push with 96 %."""
     for rules, named in ((RULES, False), (dataclasses.replace(RULES, push_swings=2.0), True)):
         assert ("external_force" in {e.effect for e in asked(shock, rules=rules).effects}) == named
-
-
-def shock(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return what a blow on another axis leaves: a force that goes to and fro four times."""
-    del q, v
-    return 120.0 * np.sin(2.0 * np.pi * (t - 4.4) / 0.08) * ((t > 4.4) & (t < 4.72))
 
 
 def bristle(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -46,6 +46,8 @@ from pinotwin.twin import Twin
 from pinotwin.twin.twin import as_twin
 
 Tell = Callable[[str, float], None]
+MOST_TIMES = 12
+"""Pushes on one axis whose times are listed."""
 
 
 @one_blas_thread
@@ -375,7 +377,7 @@ def _where(
     c: Comparison, found: Search, pushed: Sequence[Episodes], rng: np.random.Generator
 ) -> list[Region]:
     """Return the regions of the axes that something is said of, the times of pushes first."""
-    out = [r for p in pushed for r in _times(c, p)]
+    out = [r for p in pushed for r in _times(p, c.machine.names[p.joint])]
     joints = list(dict.fromkeys(s.chosen.joint for s in found.steps))
     level = {j: c.new.level(j) / c.floor[j] for j in c.new.joints}
     joints = joints or sorted(level, key=lambda j: -level[j])[:1]
@@ -385,23 +387,15 @@ def _where(
     return [*out, *sorted(rest, key=lambda r: -(r.share - r.time_share))]
 
 
-def _times(c: Comparison, p: Episodes) -> list[Region]:
-    """Return when an axis was pushed, the strongest first; at the same time of several logs is said once."""
-    total = sum(e.end - e.start for e in p.episodes)
-    length = max(float(np.ptp(c.new.motion.t)), 1e-9)
-    found: list[Region] = []
-    for e in sorted(p.episodes, key=lambda e: -abs(e.force))[:12]:
-        part = e.end - e.start
-        share, time = p.share * part / max(total, 1e-9), part / length
-        at = next((k for k, r in enumerate(found) if e.start < r.range[1] and e.end > r.range[0]), None)
-        if at is None:
-            axis = c.machine.names[p.joint]
-            found.append(Region(axis, "u", "time", (e.start, e.end), "s", share, time, None))
-        else:
-            r = found[at]
-            both = min(e.start, r.range[0]), max(e.end, r.range[1])
-            found[at] = replace(r, range=both, share=r.share + share, time_share=r.time_share + time)
-    return found
+def _times(p: Episodes, axis: str) -> list[Region]:
+    """Return when an axis was pushed, what closes most first."""
+    power = p.share * p.course**2 / max(float(p.course @ p.course), 1e-300)
+    found = []
+    for start, end in p.spans():
+        inside = (p.t >= start) & (p.t < end)
+        share, time_share = float(power[inside].sum()), float(inside.mean())
+        found.append(Region(axis, "u", "time", (start, end), "s", share, time_share, None))
+    return sorted(found, key=lambda r: -r.share)[:MOST_TIMES]
 
 
 def _logs(given: LogLike | Sequence[LogLike]) -> list[Log]:

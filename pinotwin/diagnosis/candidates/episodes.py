@@ -51,7 +51,8 @@ class Episodes:
         share: the same over the squared residual of the axis.
         interval: 90 % interval of the share, over stretches of the log drawn with replacement.
         gains: the gain of every block, shape (K,).
-        rows: which rows of the axis lie in an episode, shape (m,).
+        t: time of every row of the axis [s], shape (m,).
+        rows: which of them lie in an episode, shape (m,).
         course: what the pushes add to the residual; a strong part of a longer push is an episode within another one,
             so that it is no sum of the episodes' forces [N or N·m], shape (m,).
     """
@@ -62,6 +63,7 @@ class Episodes:
     share: float
     interval: tuple[float, float]
     gains: Floats
+    t: Floats
     rows: Mask
     course: Floats
 
@@ -77,6 +79,16 @@ class Episodes:
             count += not goes_on
             ends[way] = (e.segment, max(end, e.end) if goes_on else e.end)
         return count
+
+    def spans(self) -> list[tuple[float, float]]:
+        """Return when the axis was pushed [s], from and to, in order; the same time of several logs is one span."""
+        out: list[tuple[float, float]] = []
+        for e in sorted(self.episodes, key=lambda e: e.start):
+            if out and e.start < out[-1][1]:
+                out[-1] = out[-1][0], max(e.end, out[-1][1])
+            else:
+                out.append((e.start, e.end))
+        return out
 
     @property
     def swinging(self) -> float:
@@ -142,7 +154,7 @@ def episodes(
     share = gain / max(float(r @ r), 1e-300)
     interval = share_interval(before, after)
     course = floor[joint] * (r - _levelled(r, found))
-    return Episodes(joint, listed, gain, share, interval, before - after, inside, course)
+    return Episodes(joint, listed, gain, share, interval, before - after, t, inside, course)
 
 
 def _time(sample: Sample, joint: int) -> tuple[Floats, Ints]:
