@@ -136,6 +136,22 @@ COUNTS = ("inc", "Inc", "Ink", "incr", "count", "counts", "cts", "puls", "pulse"
 """Encoder counts have no size of their own: a column's `factor` must say how large one is."""
 
 
+_SPELLED = {
+    spelled: unit
+    for unit, words in {
+        "A": "ampere amps",
+        "V": "volt volts",
+        "N": "newton",
+        "s": "second seconds sekunde sekunden",
+        "ms": "millisecond milliseconds",
+        "us": "usec microseconds",
+        "ns": "nsec nanoseconds",
+        "%": "percent prozent",
+    }.items()
+    for spelled in words.split()
+}
+
+
 def find_unit(text: str) -> str | None:
     """Return the known unit that a file means, None for none: ``[mm]``, ``V (Voltage)``, ``MM``.
 
@@ -147,6 +163,8 @@ def find_unit(text: str) -> str | None:
     for spelling in (bare, first, first.replace(" ", ""), first.replace("μ", "µ")):
         if spelling in SI_FACTOR:
             return spelling
+    if first.casefold() in _SPELLED:
+        return _SPELLED[first.casefold()]
     alike = [unit for unit in SI_FACTOR if unit.casefold() == first.replace(" ", "").casefold()]
     return alike[0] if alike and len({SI_FACTOR[unit] for unit in alike}) == 1 else None
 

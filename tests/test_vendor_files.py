@@ -39,6 +39,20 @@ NAMES: dict[str, dict[str, str]] = {
         "t": "Zeit", "Y.qr": "s soll Y", "Y.q": "s ist Y", "Y.u": "I ist Y",
         "A.qr": "s soll A", "A.q": "s ist A", "A.u": "I ist A",
     },
+    "tnc_scope_own": {
+        "t": "t", "Y.qr": "s soll/Y", "Y.q": "s ist/Y", "Y.u": "I ist/Y",
+        "A.qr": "s soll/A", "A.q": "s ist/A", "A.u": "I ist/A",
+    },
+    "halscope": {
+        "t": "t", "Y.qr": "joint.Y.motor-pos-cmd", "Y.q": "joint.Y.motor-pos-fb", "Y.u": "pid.Y.output",
+        "A.qr": "joint.A.motor-pos-cmd", "A.q": "joint.A.motor-pos-fb", "A.u": "pid.A.output",
+    },
+    "mr_configurator": {
+        "t": "Time", "Y.qr": "Y qr", "Y.q": "Y q", "Y.u": "Y u", "A.qr": "A qr", "A.q": "A q", "A.u": "A u",
+    },
+    "daq": {
+        "t": "t", "Y.qr": "Y qr", "Y.q": "Y q", "Y.u": "Y u", "A.qr": "A qr", "A.q": "A q", "A.u": "A u",
+    },
     "sinumerik": {
         "t": "t", "Y.qr": "Lagesollwert.Y", "Y.q": "Lageistwert.Y", "Y.u": "Strom-Istwert.Y",
         "A.qr": "Lagesollwert.A", "A.q": "Lageistwert.A", "A.u": "Strom-Istwert.A",
@@ -73,7 +87,7 @@ def write(folder: Path, kind: str, servo: dict[str, np.ndarray]) -> Path:
 def as_contract(kind: str, log: Log) -> Log:
     """Return the log in SI with the names of the contract; units come from the file alone."""
     names = NAMES.get(kind, {})
-    amperes = set(names) and kind != "lerobot"
+    amperes = set(names) and kind not in ("lerobot", "halscope", "mr_configurator")
     columns = {
         name: Column(column, factor=1.0 / CURRENT[name[0]] if name.endswith(".u") and amperes else 1.0)
         for name, column in names.items()

@@ -8,6 +8,7 @@ encodings and line ends; ``tests/test_vendor_files.py`` reads them back.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -58,6 +59,77 @@ def tnc_scope(log: Channels, rotary: set[str]) -> bytes:
     ]
     rows = _rows([1e3 * log["t"], *(x for *_, x in signals)], ";", ",")
     return ("\r\n".join(head + rows) + "\r\n").encode("latin-1")
+
+
+def tnc_scope_own(log: Channels, rotary: set[str]) -> bytes:
+    """TNCscope's own grammar: a block of ``%KEY=value`` a curve, time in us, a semicolon behind every number."""
+    words = {"qr": "s soll", "q": "s ist", "u": "I ist"}
+    signals = _drive(log, rotary)
+    step = f"{1e6 * float(log['t'][1] - log['t'][0]):.0f}"
+    head = [
+        "%TNCscopeNT data file",
+        "% ",
+        "%[GLOBAL]",
+        "%VERSION=2.0",
+        "%CONTROL=iTNC530",
+        f"%SAMPLING={step}",
+        "% ",
+    ]
+    for k, (a, kind, unit, _) in enumerate(signals, 1):
+        keys = {
+            "NAME": f"{words[kind]}/{a}",
+            "CHANNELTYPE": words[kind],
+            "AXISTYPE": a,
+            "DIMENSION": {"A": "Ampere", "deg": "Grad"}.get(unit, unit),
+            "COUNT": str(len(log["t"])),
+            "SAMPLING": step,
+            "CYCLETIME": "100" if kind == "u" else step,
+            "COLOR": "255 0 0",
+            "COLUMN": str(k),
+            "NUMSYS": "d",
+        }
+        head += [f"%[CURVE{k}]", *(f"%{key}={value}" for key, value in keys.items()), "% "]
+    columns = [1e6 * log["t"], *(x for *_, x in signals)]
+    rows = [f"{'; '.join(f'{x:16.9e}' for x in row)}; " for row in zip(*columns, strict=True)]
+    return ("\r\n".join([*head, "%[DATA]", *rows]) + "\r\n").encode("latin-1")
+
+
+def halscope(log: Channels, rotary: set[str]) -> bytes:
+    """LinuxCNC's halscope: the sampling period, then every value behind its pin's name; decimal commas."""
+    pins = {"qr": "joint.{}.motor-pos-cmd", "q": "joint.{}.motor-pos-fb", "u": "pid.{}.output"}
+    columns = [(pins[kind].format(a), log[f"{a}.{kind}"]) for a in axes(log) for kind in pins]
+    head = [f"Sampling period is {1e9 * (log['t'][1] - log['t'][0]):.0f} nSec ", ""]
+    rows = [
+        "".join(f"{pin} {x[i]:+.14f} " for pin, x in columns).replace(",", "") for i in range(len(log["t"]))
+    ]
+    return ("\n".join([*head, *(re.sub(r"(\d)\.(\d)", r"\1,\2", row) for row in rows)]) + "\n").encode()
+
+
+def mr_configurator(log: Channels, rotary: set[str]) -> bytes:
+    """MR Configurator's graph: slots over signals, unused ones named ``Not selected``; torque in N as logged."""
+    signals = [(f"{a} {kind}", log[f"{a}.{kind}"]) for a in axes(log) for kind in ("qr", "q", "u")]
+    slots = ["Time", *(f"Analog {k}" for k in range(1, len(signals) + 2)), "Digital 1", "Digital 2"]
+    titles = ["ms", *(title for title, _ in signals), "Not selected", "INP", "Not selected"]
+    step = 1e3 * float(log["t"][1] - log["t"][0])
+    head = ["Axis1", f"Number of sampling data,{len(log['t'])}", f"Sampling time interval(ms),{step:.3f}"]
+    rest = [np.zeros(len(log["t"])), 2.5 + 0.0 * log["t"], np.zeros(len(log["t"]))]
+    rows = _rows([1e3 * log["t"], *(x for _, x in signals), *rest], ",", ".", "%.8f")
+    return ("\r\n".join([*head, ",".join(slots), ",".join(titles), *rows]) + "\r\n").encode()
+
+
+def daq(log: Channels, rotary: set[str]) -> bytes:
+    """A data logger: rows that say what they hold before every clock, a clock a channel."""
+    signals = _drive(log, rotary)
+    step = log["t"][1] - log["t"][0]
+    labels = {
+        "Timestamp": lambda s: "2020-03-16 17:04:51",
+        "Interval": lambda s: f"{step:g}",
+        "Channel name": lambda s: f'"{s[0]} {s[1]}"',
+        "Unit": lambda s: f'"{s[2]}"',
+    }
+    head = [",".join(f"{label},{say(s)}" for s in signals) for label, say in labels.items()]
+    rows = [",".join(f"{t:.6g},{x[i]:.9g}" for *_, x in signals) for i, t in enumerate(log["t"])]
+    return ("\n".join([*head, *rows]) + "\n").encode()
 
 
 def sinumerik(log: Channels, rotary: set[str]) -> bytes:
@@ -197,6 +269,10 @@ def _joint_states(log: Channels) -> list[dict[str, object]]:
 
 FORMATS: dict[str, tuple[str, Callable[[Channels, set[str]], bytes]]] = {
     "tnc_scope": (".csv", tnc_scope),
+    "tnc_scope_own": (".sco", tnc_scope_own),
+    "halscope": (".log", halscope),
+    "mr_configurator": (".csv", mr_configurator),
+    "daq": (".csv", daq),
     "sinumerik": (".csv", sinumerik),
     "twincat": (".csv", twincat),
     "halsampler": (".txt", halsampler),

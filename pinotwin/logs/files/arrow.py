@@ -8,14 +8,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pinotwin.errors import LogError
-from pinotwin.logs.files.content import Content
+from pinotwin.logs.files.content import Content, distinct
 
 
-def take(table: pa.Table, content: Content, source: str) -> None:
+def take(table: pa.Table, content: Content) -> None:
     """Move the columns of a table into ``content``; text is left out."""
-    refuse_repeated(table.column_names, source)
-    for name, column in zip(table.column_names, table.columns, strict=True):
+    stated = table.column_names
+    names, counts = distinct(stated), Counter(stated)
+    content.stated.update({name: old for name, old in zip(names, stated, strict=True) if counts[old] > 1})
+    for name, column in zip(names, table.columns, strict=True):
         kind = column.type
         if pa.types.is_timestamp(kind) or pa.types.is_date(kind) or pa.types.is_duration(kind):
             content.add(name, column.to_numpy())
@@ -27,14 +28,6 @@ def take(table: pa.Table, content: Content, source: str) -> None:
             content.add(name, _floats(column))
         else:
             content.left_out.append(name)
-
-
-def refuse_repeated(names: list[str], source: str) -> None:
-    """Refuse a table in which a name occurs twice."""
-    name, count = Counter(names).most_common(1)[0] if names else ("", 0)
-    if count > 1:
-        at = ", ".join(str(i + 1) for i, other in enumerate(names) if other == name)
-        raise LogError(f"{source}: columns {at} are all named {name!r}; rename them in the file")
 
 
 def _is_number(kind: pa.DataType) -> bool:

@@ -1,4 +1,4 @@
-"""Cells of a text log that are more than a number: lists, times of day."""
+"""Cells of a text log that are more than a number: lists, dates and times of day."""
 
 from __future__ import annotations
 
@@ -7,13 +7,23 @@ from collections.abc import Sequence
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pinotwin.arrays import Floats
 
-TIME_OF_DAY = re.compile(
-    r"(?:(?P<date>\d{1,2}[./]\d{1,2}[./]\d{4})[ T])?(?P<H>\d{1,2}):(?P<M>\d\d):(?P<S>\d\d(?:[.,]\d+)?)$"
+_BASIC = r"^(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)"
+_EXTENDED = r"\1-\2-\3T\4:\5:\6"
+_STAMP = (
+    r"^\s*(?:(?:(?P<Y>\d{4})[-/.](?P<m>\d\d?)[-/.](?P<d>\d\d?)|\d\d?[-/.]\d\d?[-/.]\d{4})[T ,]\s*)?"
+    r"(?P<H>\d\d?):(?P<M>\d\d):(?P<S>\d\d(?:[.,]\d+)?)\s*"
+    r"(?P<half>[AaPp])?(?:\.?[Mm]\.?)?\s*(?:[ZzU]T?C?|(?P<zone>[+-]\d\d(?::?\d\d)?))?\s*$"
 )
-_DAY = 86400.0
+_DAY, _HOUR = 86400.0, 3600.0
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is a time of day, with or without its date: ISO 8601, ``14:03:12,5``, ``2:03:12 PM``."""
+    return re.match(_STAMP, re.sub(_BASIC, _EXTENDED, cell)) is not None
 
 
 def lists(cells: Sequence[str | None]) -> pa.Array:
@@ -28,20 +38,63 @@ def _list(cell: str | None) -> list[float]:
         return []
 
 
-def seconds(cells: Sequence[str | None]) -> tuple[Floats, str]:
-    """Return times of day [s] since the first, and the first as it is written.
+def seconds(cells: pa.ChunkedArray) -> tuple[Floats, list[str]]:
+    """Return stamps [s] since the first, shape (n,), and what was done, in one sentence each.
 
-    A time that falls back by more than half a day is on the next day.
+    A stamp that names its zone is taken in UTC. Without a date, or with one whose day and month cannot be told
+    apart, a time that falls back by more than half a day is on the next day. Where no zone is named, a clock that
+    leaps by an hour and goes on at its step was put to or from summer time.
     """
-    found = [TIME_OF_DAY.match((cell or "").strip()) for cell in cells]
-    day = np.array(
-        [
-            np.nan
-            if m is None
-            else 3600.0 * int(m["H"]) + 60.0 * int(m["M"]) + float(m["S"].replace(",", "."))
-            for m in found
-        ]
-    )
-    known = np.flatnonzero(np.isfinite(day))
-    day[known] += _DAY * np.concatenate([[0.0], np.cumsum(np.diff(day[known]) < -0.5 * _DAY)])
-    return day - day[known[0]], str(cells[known[0]])
+    found = pc.extract_regex(pc.replace_substring_regex(cells, _BASIC, _EXTENDED), _STAMP)
+    hour, half, zone = _number(found, "H"), _texts(found, "half"), _texts(found, "zone")
+    known = np.flatnonzero(np.isfinite(hour))
+    if not len(known):
+        return hour, []
+    first = known[0]
+    hour = np.where(half == "", hour, hour % 12.0 + 12.0 * (np.char.lower(half) == "p"))
+    parts = ((_HOUR, hour), (60.0, _number(found, "M")), (1.0, _number(found, "S")), (-1.0, _ahead(zone)))
+    t = np.sum([size * (x - x[first]) for size, x in parts], axis=0)
+    dated = bool(_texts(found, "Y")[first])
+    if dated:
+        month = 12.0 * (_number(found, "Y") - 1970.0) + _number(found, "m") - 1.0
+        day = (
+            month[known].astype("datetime64[M]").astype("datetime64[D]").astype(float)
+            + _number(found, "d")[known]
+        )
+        t[known] += _DAY * (day - day[0])
+    else:
+        t[known] += _DAY * np.concatenate([[0.0], np.cumsum(np.diff(t[known]) < -0.5 * _DAY)])
+    what = "dates and times" if dated else "times of day"
+    notes = [f"{what} were turned into seconds since {str(cells[int(first)]).strip()}"]
+    if not (zone != "").any() and (leaps := _summer_time(t, known)):
+        notes.append(f"the clock was put by an hour {leaps} times (summer time); taken out")
+    return t, notes
+
+
+def _texts(found: pa.ChunkedArray, name: str) -> np.ndarray:
+    part = pc.fill_null(pc.struct_field(found, name), "")
+    return np.array(part.to_pylist(), dtype=str)
+
+
+def _number(found: pa.ChunkedArray, name: str) -> Floats:
+    part = pc.replace_substring(pc.struct_field(found, name), ",", ".")
+    number = pc.cast(pc.if_else(pc.equal(part, ""), None, part), pa.float64())
+    return np.array(pc.fill_null(number, float("nan")).to_pylist(), dtype=float)  # without pandas
+
+
+def _ahead(zones: np.ndarray) -> Floats:
+    """Return the seconds that zones such as ``+02:00`` are ahead of UTC, shape (n,)."""
+    known, place = np.unique(zones, return_inverse=True)
+    digits = [zone.replace(":", "") for zone in known]
+    ahead = [_HOUR * float(d[1:3] or 0) + 60.0 * float(d[3:5] or 0) for d in digits]
+    return np.array([-x if d.startswith("-") else x for d, x in zip(digits, ahead, strict=True)])[place]
+
+
+def _summer_time(t: Floats, known: np.ndarray) -> int:
+    """Take leaps of one hour, to within a step, out of ``t``; return how many there were."""
+    apart = np.diff(t[known])
+    step = float(np.median(apart)) if len(apart) else 0.0
+    hours = np.where(np.abs(apart) > 0.5 * _HOUR, np.sign(apart), 0.0)
+    leaps = (hours != 0.0) & (np.abs(apart - step - _HOUR * hours) < step)
+    t[known[1:]] -= _HOUR * np.cumsum(np.where(leaps, hours, 0.0))
+    return int(leaps.sum())

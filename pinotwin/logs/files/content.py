@@ -8,8 +8,9 @@ single numbers and short vectors become scalars, everything else is left out wit
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,6 +30,7 @@ Seen = Callable[[float], None]
 """Called with the share of a file that was read, 0 to 1."""
 
 _EPOCH_EXACT = 2.0**53
+_STEM = re.compile(r"(.*?)\s*(?:[\[(][^\[(]*)?$", re.S)
 
 
 @dataclass
@@ -42,6 +44,7 @@ class Content:
         notes: what the reader noticed.
         place: says where a row (counted from 0) is in the file, for messages.
         clock: name of the array whose length is the log's; "" leaves it to the majority.
+        stated: name -> name that the file states for this array and others.
     """
 
     arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
@@ -50,6 +53,7 @@ class Content:
     notes: list[str] = field(default_factory=list)
     place: Callable[[int], str] = "row {}".format
     clock: str = ""
+    stated: dict[str, str] = field(default_factory=dict)
 
     def add(self, name: str, value: object) -> None:
         """Take one item: fields of a record array one by one, text and objects left out."""
@@ -116,7 +120,8 @@ def to_log(content: Content, source: str, only: str | None = None) -> Log:
         notes.append(f"left out, not of length {n}: {_names(other)}")
     if content.left_out:
         notes.append(f"left out, not numbers: {_names(content.left_out)}")
-    channels, units = _named(channels, dict(content.units), source)
+    notes += _sift(channels, content.stated)
+    channels, units = _named(channels, dict(content.units))
     notes += _missing(channels, content.place)
     return Log(channels, source, scalars, tuple(notes), units)
 
@@ -150,16 +155,52 @@ def _sort_in(
         other.append(f"{name} {x.shape}")
 
 
-def _named(
-    channels: dict[str, Floats], units: dict[str, str], source: str
-) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Take the units out of the names; refuse two channels of one name."""
+def distinct(names: Sequence[str]) -> list[str]:
+    """Return the names with a number in those that stand a second time: ``q[0]`` becomes ``q#2[0]``."""
+    counts: Counter[str] = Counter()
+    out = []
+    for name in names:
+        counts[name] += 1
+        stem = _STEM.match(name)
+        again = f"{stem[1]}#{counts[name]}{name[stem.end(1) :]}" if stem else name
+        out.append(again if counts[name] > 1 else name)
+    return out
+
+
+def _sift(channels: dict[str, Floats], stated: dict[str, str]) -> list[str]:
+    """Take out the columns of one name that never change; return what was done about repeated names.
+
+    ``q_d[0]`` to ``q_d[6]`` are judged as one: an axis at rest among moving ones is kept.
+    """
+    families: dict[str, list[str]] = {}
+    for name in channels:
+        if name in stated:
+            families.setdefault(re.sub(r"\[\d+\]$", "", stated[name]), []).append(name)
+    notes = []
+    for family, names in families.items():
+        if all(_rests(channels[name]) for name in names):
+            notes.append(f"left out, unused: {len(names)} columns named {family!r}, of which none changes")
+            for name in names:
+                del channels[name]
+        else:
+            told = [name for name in names if name != stated[name]]
+            notes.append(f"{len(names)} columns are named {family!r}, told apart as {_names(told)}")
+    return notes
+
+
+def _rests(x: Floats) -> bool:
+    known = x[np.isfinite(x)]
+    return not len(known) or bool(known.min() == known.max())
+
+
+def _named(channels: dict[str, Floats], units: dict[str, str]) -> tuple[dict[str, Floats], dict[str, str]]:
+    """Take the units out of the names."""
+    parts = [split_unit(header) for header in channels]
     named: dict[str, Floats] = {}
     stated: dict[str, str] = {}
-    for header, x in channels.items():
-        name, unit = split_unit(header)
-        if name in named:
-            raise LogError(f"{source}: two channels are named {name!r}; rename one in the file")
+    for name, (header, x), (_, unit) in zip(
+        distinct([n for n, _ in parts]), channels.items(), parts, strict=True
+    ):
         named[name] = x
         known = unit or units.get(header) or units.get(header.split("[")[0])
         if known:

@@ -12,9 +12,11 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pinotwin.errors import LogError
+from pinotwin.logs.files.content import distinct
+from pinotwin.logs.files.dialects import plain
 from pinotwin.logs.files.preamble import read_preamble
 from pinotwin.units import SI_FACTOR, find_unit
 
@@ -33,6 +35,7 @@ MISSING = (
     "-nan",
     "nan(ind)",
     "-nan(ind)",
+    "unavailable",  # MTConnect
 )
 CLOCK_NAMES = ("t", "time", "zeit", "timestamp", "time stamp", "temps", "tiempo", "x_value")
 
@@ -43,6 +46,10 @@ _NUMBER = re.compile(
 )
 _LIST = re.compile(r"[\[(].*[\])]$", re.S)
 _SEP = re.compile(r"\"?sep=(.)\"?[\s,;]*$", re.I)
+_INTEGER = re.compile(r"[+-]?\d+(e[+-]?\d+)?$", re.I)
+_HALVES = re.compile(rb"([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)")
+_ASIDE = tuple(b"\n" + mark.encode() for mark in COMMENTS)
+_TIMES = ("s", "ms", "us", "µs", "ns")
 _SAMPLE = 400
 _WHITESPACE = " "
 
@@ -53,7 +60,7 @@ class Layout:
 
     Attributes:
         text: the whole file as UTF-8, without byte-order mark.
-        delimiter: comma, semicolon, tab, or a space for runs of blanks.
+        delimiter: comma, semicolon, tab, bar, or a space for runs of blanks.
         decimal: decimal sign.
         names: column names.
         units: name -> unit from a row of units beneath the header, or from the lines above it.
@@ -63,6 +70,7 @@ class Layout:
         thousands: sign between groups of three digits, "" for none.
         clocks: clock column -> columns that it stamps, where a file has several.
         step: sample time that the lines above state [s], for a file without a time column.
+        stated: name -> name that the file states for this column and others.
     """
 
     text: bytes
@@ -76,6 +84,7 @@ class Layout:
     thousands: str = ""
     clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
     step: float | None = None
+    stated: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -86,6 +95,7 @@ class _Header:
     units: dict[str, str]
     rows: int
     clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    stated: dict[str, str] = field(default_factory=dict)
 
 
 def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
@@ -100,6 +110,8 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
         LogError: it is not a table of numbers.
     """
     text, notes = _decode(raw, source)
+    grammar = plain(text)
+    text = grammar.text
     numbered = _leading_lines(text)
     body = [(i, line) for i, line in numbered if line.strip() and not is_comment(line)]
     stated = _SEP.match(body[0][1]) if body else None
@@ -111,29 +123,68 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
     start = _first_row(cells)
     if start >= len(body):
         raise LogError(f"{source}: has a header but no rows of numbers; record or export it again")
+    if delimiter == "," and _halved(cells, start, source):
+        at = line_start(text, body[start][0])
+        whole = inspect_layout(text[:at] + _HALVES.sub(rb"\1.\2", text[at:]), stem, source)
+        said = "the comma is delimiter and decimal sign: two cells each were joined to a number"
+        return replace(whole, notes=(*notes, said, *whole.notes))
     decimal, thousands = _decimal(cells[start:], delimiter, source)
     header = _header(cells, start, stem)
+    if grammar.names:
+        header = _Header(distinct(grammar.names), grammar.units, 0)
     names = header.names
     if not names:
-        names = _commented_names(numbered, body[start][0], delimiter, len(cells[start]))
+        names = distinct(_commented_names(numbered, body[start][0], delimiter, len(cells[start])))
         names = names or [f"{stem}[{i}]" for i in range(len(cells[start]))]
     above = _above(numbered, body, start - header.rows, bool(stated))
     preamble = read_preamble(above, cells[: start - header.rows], names)
-    marks = tuple(mark.encode() for mark in COMMENTS)
-    # The search for the bare mark is ten times as fast, and almost always the only one.
-    rest = any(mark in text and b"\n" + mark in text for mark in marks)
+    first = line_start(text, body[start][0])
     return Layout(
         text,
         delimiter,
         decimal,
         tuple(names),
         body[start][0],
-        rest,
+        any(text.find(mark, first) >= 0 for mark in _ASIDE)
+        or text.find(b"\n" + delimiter.encode(), first) >= 0,
         {**preamble.units, **header.units},
         (*notes, *preamble.notes),
         thousands,
         header.clocks,
         preamble.step,
+        header.stated,
+    )
+
+
+def line_start(text: bytes, line: int) -> int:
+    """Return where a line (from 0) begins."""
+    start = 0
+    for _ in range(line):
+        start = text.find(b"\n", start) + 1
+    return start
+
+
+def _halved(cells: Sequence[Sequence[str]], start: int, source: str) -> bool:
+    """Whether commas cut every number in two: they are decimal sign and delimiter alike.
+
+    Raises:
+        LogError: they cut only some, and which cannot be told.
+    """
+    top = next((i for i in range(start, -1, -1) if not any(map(_value, cells[i]))), -1)
+    names = [cell for cell in cells[top] if cell] if top >= 0 else []
+    rows = [row[:-1] if row and not row[-1] else row for row in cells[top + 1 :]]
+    wide = [row for row in rows if len(names) < len(row) <= 2 * len(names)]
+    if (
+        not names
+        or 2 * len(wide) <= len(rows)
+        or not all(_INTEGER.match(cell) for row in rows for cell in row)
+    ):
+        return False
+    if all(len(row) == 2 * len(names) for row in rows):
+        return True
+    raise LogError(
+        f"{source}: the comma stands between the columns and is the decimal sign as well ({len(names)} names, "
+        f"{min(map(len, rows))} to {max(map(len, rows))} cells a row); export with semicolons or with decimal points"
     )
 
 
@@ -236,7 +287,7 @@ def _leading_lines(text: bytes) -> list[tuple[int, str]]:
 def _delimiter(lines: list[str]) -> str:
     """Return the delimiter that splits most lines into equally many cells, mostly numbers."""
     best, score = ",", (0, 0, 0, -9)
-    for candidate in ("\t", ";", ",", _WHITESPACE):
+    for candidate in ("\t", ";", "|", ",", _WHITESPACE):
         rows = [split_cells(line, candidate) for line in lines]
         numeric, width = _numeric_rows(rows)
         counts = Counter(map(len, rows))
@@ -259,7 +310,7 @@ def _delimiter(lines: list[str]) -> str:
 
 def _preference(candidate: str) -> int:
     # On a tie: "1,5;2,5" and "1,5<tab>2,5" have decimal commas, "1, 2" has comma and blank.
-    return {"\t": 1, ";": 2, ",": 3, _WHITESPACE: 4}[candidate]
+    return {"\t": 1, ";": 2, "|": 3, ",": 4, _WHITESPACE: 5}[candidate]
 
 
 def _numeric_rows(rows: Sequence[Sequence[str]]) -> tuple[list[int], int]:
@@ -336,13 +387,37 @@ def _header(cells: list[list[str]], start: int, stem: str) -> _Header:
         return _Header([], {}, 0)
     if not names[-1] and not any(row[-1] for row in cells[start:] if len(row) == len(names)):
         names = names[:-1]  # a delimiter ends every line
-    named = _unique_clocks([name or f"{stem}[{i}]" for i, name in enumerate(names)])
-    units = {}
+    stated = [name or f"{stem}[{i}]" for i, name in enumerate(names)]
+    titles, units = _under(above[-1 - rows][: len(names)] if len(above) > rows else [], stated)
+    named = distinct(titles)
     for name, cell in zip(named, above[-1] if units_row else (), strict=False):
         unit = find_unit(cell) or cell.strip("[]() ")
         if unit:
             units[name] = unit
-    return _Header(named, units, rows, _stamped(named))
+    counts = Counter(stated)
+    repeated = {name: old for name, old in zip(named, stated, strict=True) if counts[old] > 1}
+    return _Header(named, units, rows + (titles != stated), _stamped(named), repeated)
+
+
+def _under(upper: Sequence[str], names: list[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the names below another row of names, and the units that stand in the lower for clocks in the upper.
+
+    ``Axis X;;Axis Y;`` over ``pos;cur;pos;cur`` tells equal names apart; ``Time`` over ``ms`` is a clock.
+    """
+    words = [cell for cell in upper if cell]
+    if len(upper) != len(names) or len(words) < 2 or any(map(is_number, words)):
+        return names, {}
+    counts, group = Counter(names), ""
+    titles: list[str] = []
+    units: dict[str, str] = {}
+    for above, name in zip(upper, names, strict=True):
+        group = above or group
+        if is_clock(above) and find_unit(name) in _TIMES:
+            units[above] = name
+            titles.append(above)
+        else:
+            titles.append(f"{group} {name}" if counts[name] > 1 and group else name)
+    return titles, units
 
 
 def _trimmed(row: list[str], width: int) -> list[str]:
@@ -369,14 +444,14 @@ def _is_pair(row: Sequence[str]) -> bool:
 
 
 def _labelled(above: list[list[str]], width: int) -> _Header | None:
-    """Return the header of TwinCAT's Scope: rows that begin with what they say, a clock a channel.
+    """Return the header of a scope whose rows begin with what they say, a clock a channel.
 
-    A row ``Name  pos  Name  vel`` puts its label over each clock and the channel's name over the
-    channels that the clock stamps.
+    A row ``Name  pos  Name  vel`` (TwinCAT; ``Channel name`` of a DAQ) puts its label over each clock and the
+    channel's name over the channels that the clock stamps.
     """
-    rows = {row[0].casefold(): row for row in above if row and len(row) > 1}
-    names = rows.get("name")
-    if names is None or len(names) < 2 or not {"unit", "symbolname", "sampletime[ms]"} & set(rows):
+    rows = {row[0].casefold(): row for row in above if len(row) > 1 and row[0]}
+    names = next((row for label, row in rows.items() if label.split()[-1] == "name"), None)
+    if names is None or not {"unit", "symbolname", "sampletime[ms]"} & set(rows):
         return None
     named, clocks, clock = [], dict[str, list[str]](), ""
     label = names[0]
@@ -395,18 +470,13 @@ def _labelled(above: list[list[str]], width: int) -> _Header | None:
     return _Header(named, units, len(above) - above.index(names), {k: tuple(v) for k, v in clocks.items()})
 
 
-def _unique_clocks(names: list[str]) -> list[str]:
-    """Return the names with a number behind a clock's that occurs more than once."""
-    counts = Counter(names)
-    return [f"{n}#{i}" if counts[n] > 1 and is_clock(n) else n for i, n in enumerate(names)]
-
-
 def _stamped(names: list[str]) -> dict[str, tuple[str, ...]]:
     """Return clock -> columns up to the next clock, where a header repeats its clock."""
     clocks: dict[str, list[str]] = {}
-    clock = ""
-    for name in names:
-        if re.search(r"#\d+$", name) and is_clock(name.rpartition("#")[0]):
+    bases = [re.sub(r"#\d+", "", name) for name in names]
+    counts, clock = Counter(bases), ""
+    for name, base in zip(names, bases, strict=True):
+        if counts[base] > 1 and is_clock(base):
             clock = name
             clocks[clock] = []
         elif clock:

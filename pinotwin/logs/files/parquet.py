@@ -27,5 +27,5 @@ def load(path: Path, source: str) -> Content:
             content.units[field.name] = unit.decode(errors="replace")
     if table.num_rows == 0:
         raise LogError(f"{source}: has columns but no rows; record or export it again")
-    arrow.take(table.flatten(), content, source)
+    arrow.take(table.flatten(), content)
     return content

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pinotwin.units import SI_FACTOR, find_unit
 
 _PERIOD = (
-    r"(?:sampl\w*|trace|scan|scope|record\w*)[\s_-]*(?:time|period|interval|cycle|step)|"
+    r"(?:sampl\w*|trace|scan|scope|record\w*)(?:[\s_-]*(?:time|period|interval|cycle|step))+|"
     r"abtast(?:zeit|takt|intervall|periode)|cycle[\s_-]*time|zykluszeit|time[\s_-]*(?:step|increment)|"
     r"delta[\s_-]*t|dt"
 )
@@ -21,7 +21,7 @@ _RATE = (
     r"(?:sampl\w*|trace|scan|record\w*)[\s_-]*(?:rate|freq\w*)|abtast(?:rate|freq\w*)|sampling[\s_-]*freq\w*"
 )
 _VALUE = (
-    r"\s*(?:[\[(]\s*(?P<before>[^\])]+?)\s*[\])])?[\"':=;,\s]*(?P<value>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
+    r"\s*(?:[\[(]\s*(?P<before>[^\])]+?)\s*[\])])?(?:\s+is\b)?[\"':=;,\s]*(?P<value>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
     r"[\"';,\s]*[\[(]?(?P<after>[A-Za-zµ]+)?"
 )
 _PERIOD_LINE = re.compile(rf"\b(?:{_PERIOD})\b{_VALUE}", re.I)
@@ -64,6 +64,11 @@ class Preamble:
         return out + ([f"recorded {self.date}"] if self.date else [])
 
 
+def is_step(name: str) -> bool:
+    """Whether a column is called as the time of one row is: ``dt``, ``duration``, ``sample time``."""
+    return re.fullmatch(rf"(?:{_PERIOD}|duration)", re.split(r"[\[(]", name)[0].strip(), re.I) is not None
+
+
 def read_preamble(lines: Sequence[str], rows: Sequence[Sequence[str]], names: Sequence[str]) -> Preamble:
     """Return what the lines above the header say.
 
@@ -80,7 +85,8 @@ def _step(lines: Sequence[str]) -> float | None:
     for pattern, known in ((_PERIOD_LINE, _TIMES), (_RATE_LINE, _RATES)):
         for line in lines:
             match = pattern.search(line)
-            unit = match and next((u for u in (match["before"], match["after"]) if u in known), None)
+            stated = map(find_unit, (match["before"] or "", match["after"] or "")) if match else ()
+            unit = next((u for u in stated if u in known), None)
             if match is None or unit is None:
                 continue
             value = float(match["value"].replace(",", ".")) * SI_FACTOR[unit]

@@ -40,6 +40,7 @@ _ENDINGS = {
     ".dat": "csv",
     ".asc": "csv",
     ".log": "csv",
+    ".sco": "csv",
     ".parquet": "parquet",
     ".pq": "parquet",
     ".mat": "mat",

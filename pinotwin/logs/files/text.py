@@ -7,7 +7,6 @@ numbers is an error that names line, column and cell.
 from __future__ import annotations
 
 import io
-import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -28,11 +27,12 @@ from pinotwin.logs.files.layout import (
     is_comment,
     is_list,
     is_number,
+    line_start,
     split_cells,
 )
+from pinotwin.logs.files.preamble import is_step
 
 _NULLS = sorted({x for m in MISSING for x in (m, m.upper(), m.capitalize())} | {"NaN", "-NaN"})
-_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _ENDS = (b"eof", b"end", b"ende", b"[eof]", b"[end]", b"end of file")
 _TRAILING = " trailing"
 
@@ -91,36 +91,33 @@ def load(path: Path, source: str, seen: Seen | None = None) -> Content:
             f"{source}: its first line is longer than {_LINE} letters; this is no log, export it again"
         )
     layout = inspect_layout(text, path.stem, source)
-    arrow.refuse_repeated(list(layout.names), source)
     body = _body(layout, source)
     kinds = _kinds(body)
-    notes = [*layout.notes, *body.notes]
     table = _parse(body, kinds, seen)
-    rows = body.text.count(b"\n", body.start, body.end) + 1
-    if table is None or table.num_rows < rows:
+    if table is None or table.num_rows < body.text.count(b"\n", body.start, body.end) + 1:
         body = _without_comments(body)
-        if body.lines is not None and len(body.lines) < rows and not layout.comments:
-            notes.append(f"{rows - len(body.lines)} blank lines were skipped")
         table = _parse(body, kinds)
     if table is None:
         table = _parse_slowly(body, kinds)
-    content = Content(units=dict(layout.units), notes=notes)
+    content = Content(
+        units=dict(layout.units), notes=[*layout.notes, *body.notes], stated=dict(layout.stated)
+    )
     content.place = lambda row: f"line {body.line(row)}"
-    arrow.take(_spelled_out(table.select(list(layout.names)), kinds, content), content, source)
+    arrow.take(_spelled_out(table.select(list(layout.names)), kinds, content), content)
     _set_clock(layout, content, source)
     return content
 
 
 def _spelled_out(table: pa.Table, kinds: _Kinds, content: Content) -> pa.Table:
-    """Return the table with lists in cells as lists, times of day as seconds."""
+    """Return the table with lists in cells as lists, dates and times as seconds."""
     for i, name in enumerate(table.column_names):
         if name in kinds.lists:
             table = table.set_column(i, name, cells.lists(table.column(name).to_pylist()))
         elif name in kinds.times:
-            seconds, start = cells.seconds(table.column(name).to_pylist())
+            seconds, notes = cells.seconds(table.column(name))
             table = table.set_column(i, name, pa.array(seconds))
             content.units[name] = "s"
-            content.notes.append(f"{name}: times of day were turned into seconds since {start}")
+            content.notes += [f"{name}: {note}" for note in notes]
     return table
 
 
@@ -133,17 +130,29 @@ def _set_clock(layout: Layout, content: Content, source: str) -> None:
         content.arrays = {"t": t, **channels}
         content.notes += notes
         content.units.update({"t": unit} if unit else {})
-    elif layout.step is not None and not any(map(is_clock, content.arrays)):
+    elif not any(is_clock(name) for name in content.arrays):
         rows = len(next(iter(content.arrays.values()), ()))
-        content.arrays = {"t": np.arange(rows) * layout.step, **content.arrays}
-        content.units["t"] = "s"
-        content.notes.append(f"t: made from the sample time {1e3 * layout.step:.6g} ms above the numbers")
+        steps = next((name for name, x in content.arrays.items() if is_step(name) and _are_steps(x)), None)
+        if layout.step is not None:
+            t = np.arange(rows) * layout.step
+            said = f"made from the sample time {1e3 * layout.step:.6g} ms above the numbers"
+        elif steps is not None:
+            t = np.cumsum(content.arrays[steps]) - content.arrays[steps][0]
+            said = f"summed from {steps}, the time of each row"
+        else:
+            return
+        content.arrays = {"t": t, **content.arrays}
+        content.units["t"] = content.units.get(steps or "", "s")
+        content.notes.append(f"t: {said}")
+
+
+def _are_steps(x: np.ndarray) -> bool:
+    """Whether the values can be steps from row to row: all positive, none so long that it would be a clock."""
+    return bool(len(x) > 1 and x.min() > 0.0 and x.max() < 10.0 * x.min())
 
 
 def _body(layout: Layout, source: str) -> _Body:
-    start = 0
-    for _ in range(layout.skip):
-        start = layout.text.find(b"\n", start) + 1
+    start = line_start(layout.text, layout.skip)
     end, notes = _end(layout.text, start), []
     last = layout.text.rfind(b"\n", start, end) + 1
     if layout.text[last:end].strip(b" ;,\t").lower() in _ENDS:
@@ -183,21 +192,28 @@ def _padded(body: _Body) -> _Body:
 
 
 def _without_comments(body: _Body) -> _Body:
-    """Take comment and blank lines out, and runs of blanks where these delimit."""
+    """Take out comments, blank lines and what repeats a line above the numbers, and runs of blanks that delimit."""
     if body.lines is not None:
         return body
     blanks, single = body.layout.delimiter == " ", len(body.names) == 1
-    kept, numbers, lost = [], [], 0
-    rows = body.text[body.start : body.end].split(b"\n")
-    for i, row in enumerate(rows, start=body.layout.skip):
+    empty = b"" if single else body.delimiter.encode() + b' "'
+    header = {line.strip() for line in body.text[: body.start].split(b"\n")} - {b""}
+    kept, numbers = [], []
+    taken = dict.fromkeys(("blank lines were", "repeated lines of the header were", "overrun marks"), 0)
+    for i, row in enumerate(body.text[body.start : body.end].split(b"\n"), start=body.layout.skip):
         bare = row.strip()
         if blanks and bare == b"overrun":  # LinuxCNC's halsampler: its buffer was full
-            lost += 1
-        elif (bare or single) and not is_comment(bare[:8].decode(errors="replace")):
+            taken["overrun marks"] += 1
+        elif bare in header:
+            taken["repeated lines of the header were"] += 1
+        elif not single and not bare.strip(empty):
+            taken["blank lines were"] += 1
+        elif not is_comment(bare[:8].decode(errors="replace")):
             kept.append(b"\t".join(bare.split()) if blanks else row)
             numbers.append(i)
     text = b"\n".join(kept)
-    notes = (f"{lost} overrun marks: samples were lost there",) if lost else ()
+    ends = {"overrun marks": ": samples were lost there"}
+    notes = tuple(f"{n} {what}{ends.get(what, ' skipped')}" for what, n in taken.items() if n)
     lines = np.array(numbers)
     return replace(body, text=text, start=0, end=len(text), lines=lines, notes=(*body.notes, *notes))
 
@@ -208,13 +224,11 @@ class _Kinds:
 
     Attributes:
         text: mostly words.
-        dates: dates with times.
         lists: a list of numbers in every cell.
-        times: times of day.
+        times: times of day, with or without their dates.
     """
 
     text: set[str] = field(default_factory=set)
-    dates: set[str] = field(default_factory=set)
     lists: set[str] = field(default_factory=set)
     times: set[str] = field(default_factory=set)
 
@@ -229,9 +243,7 @@ def _kinds(body: _Body) -> _Kinds:
     rows, kinds = body.head(1 << 18), _Kinds()
     for i, name in enumerate(body.names):
         sample = [row[i] for row in rows if i < len(row) and row[i]]
-        if sample and all(_DATE.match(cell) for cell in sample):
-            kinds.dates.add(name)
-        elif sample and all(cells.TIME_OF_DAY.match(cell) for cell in sample):
+        if sample and all(map(cells.is_stamp, sample)):
             kinds.times.add(name)
         elif sample and all(is_list(cell) for cell in sample):
             kinds.lists.add(name)
@@ -277,7 +289,6 @@ def _read(body: _Body, types: dict[str, pa.DataType], seen: Seen | None = None) 
 def _parse(body: _Body, kinds: _Kinds, seen: Seen | None = None) -> pa.Table | None:
     """Return the table, or None if some cell or row is not what its column promises."""
     types = {name: pa.string() if name in kinds.words else pa.float64() for name in body.names}
-    types.update({name: pa.timestamp("ns") for name in kinds.dates})
     try:
         return _read(body, types, seen)
     except pa.ArrowInvalid:

@@ -1,0 +1,100 @@
+"""Grammars that are no plain table, brought to one before the layout is looked at.
+
+Line by line, so that a message still names the line of the file. What a number may be written with is mended
+first: a Unicode minus, and the marks between thousands that are never a delimiter (``1'234.5``).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from pinotwin.units import find_unit
+
+_MINUS = "\u2212".encode()
+_THOUSANDS = re.compile(rb"(?<=\d)(?:'|\xe2\x80\x99|\xc2\xa0|\xe2\x80\xaf)(?=\d{3}(?!\d))")
+_RULE = re.compile(rb"(?m)^[-=+|:*~ ]*[-=]{3}[-=+|:*~ ]*\r?$")
+_FRAME = re.compile(rb"(?m)^[ \t]*\|[ \t]*|[ \t]*\|[ \t]*(?=\r?$)")
+_VALUE = rb"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf))"
+_PAIR = re.compile(
+    rb"([A-Za-z_/\x80-\xff][^\s=:;,|]*)(?:\s*[=:]\s*|[ \t]+)" + _VALUE + rb"(?:[\s,;|]+|$)", re.I
+)
+_LEAD = re.compile(rb"(\d[\d:.,TZ+/-]*)[\s,;|]+")
+_SEARCHED = 200
+_TNCSCOPE = b"%TNCscope"
+
+
+@dataclass(frozen=True)
+class Plain:
+    """The text of a log as a table.
+
+    Attributes:
+        text: the lines, as many as the file has.
+        names: names of the columns where the grammar states them elsewhere than in a header.
+        units: name -> unit that it states.
+    """
+
+    text: bytes
+    names: tuple[str, ...] = ()
+    units: dict[str, str] = field(default_factory=dict)
+
+
+def plain(text: bytes) -> Plain:
+    """Return a text log as a table."""
+    if not text.isascii() or b"'" in text:
+        text = _THOUSANDS.sub(b"", text.replace(_MINUS, b"-"))
+    if text.startswith(_TNCSCOPE):
+        return _tncscope(text)
+    if text.lstrip().startswith((b"|", b"+-")):
+        text = _FRAME.sub(b"", text)
+    if _RULE.search(text, 0, 1 << 16):
+        text = _RULE.sub(b"", text)
+    return _unpaired(text)
+
+
+def _tncscope(text: bytes) -> Plain:
+    """HEIDENHAIN TNCscope: ``%[CURVEn]`` describes a column; the first is the time in us."""
+    head = text.partition(b"%[DATA]")[0].decode(errors="replace")
+    columns = []
+    for k, block in enumerate(head.split("%[CURVE")[1:], start=1):
+        pairs = (line.lstrip("%").partition("=") for line in block.splitlines())
+        keys = {key.strip(): value.strip() for key, _, value in pairs}
+        name = keys.get("NAME") or f"{keys.get('CHANNELTYPE', 'curve')}/{keys.get('AXISTYPE', k)}"
+        place = keys.get("COLUMN", "")
+        columns.append((int(place) if place.isdecimal() else k, name, find_unit(keys.get("DIMENSION", ""))))
+    columns.sort(key=lambda column: column[0])
+    units = {name: unit for _, name, unit in columns if unit}
+    return Plain(text, ("t", *(name for _, name, _ in columns)), {"t": "us", **units})
+
+
+def _unpaired(text: bytes) -> Plain:
+    """Rows in which every value stands behind its name: ``pin +0.1 pin +0.2``, ``q=0.1, u=0.2``."""
+    first = text.split(b"\n", _SEARCHED)[:_SEARCHED]
+    found = [(names, bool(values[0])) for names, values in map(_pairs, first) if len(names) > 1]
+    if len(found) < 2 or found[0] != found[1]:
+        return Plain(text)
+    names, led = found[0]
+    rows = []
+    for line in text.split(b"\n"):
+        own, values = _pairs(line)
+        rows.append(
+            b"\t".join(values if led else values[1:]) if own == names and bool(values[0]) == led else line
+        )
+    titles = [name.decode(errors="replace") for name in names]
+    return Plain(b"\n".join(rows), tuple(["time", *titles] if led else titles))
+
+
+def _pairs(line: bytes) -> tuple[list[bytes], list[bytes]]:
+    """Return the names of a line and its values, the stamp before them (or nothing) first."""
+    bare = line.strip()
+    lead = _LEAD.match(bare)
+    at = lead.end() if lead else 0
+    names, values = [], [lead[1] if lead else b""]
+    while at < len(bare):
+        pair = _PAIR.match(bare, at)
+        if pair is None:
+            return [], [b""]
+        names.append(pair[1])
+        values.append(pair[2])
+        at = pair.end()
+    return names, values
