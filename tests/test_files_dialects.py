@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import h5py
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
+from pinotwin.errors import LogError
 from pinotwin.log import Log
-from pinotwin.logs.files import read
+from pinotwin.logs.files import content, read
 
 
 @pytest.fixture
@@ -118,7 +123,7 @@ def test_a_comma_that_cuts_only_some_numbers_is_said(cases: Path, tmp_path: Path
 
 
 def test_values_behind_their_names_need_the_same_names_in_every_row(tmp_path: Path) -> None:
-    with pytest.raises(Exception, match="line 3 has"):
+    with pytest.raises(LogError, match="line 3 has"):
         written(tmp_path, "q 1 u 2\nq 2 u 3\nu 3 q 4\nq 4 u 5\n", "x.log")
 
 
@@ -185,3 +190,123 @@ def test_the_public_cases(cases: Path) -> None:
     log = read(cases / "public" / "unused_channels_of_one_name" / "graph.csv")
     assert list(log.channels) == ["Time", "Servo motor speed", "Torque", "Droop pulses (by 1 pls.)", "INP"]
     assert log.units["Time"] == "ms"
+
+
+LONG = """timestamp,dataItemId,name,value
+2026-03-02T08:00:00.000Z,x1,Xact,1.0
+2026-03-02T08:00:00.000Z,x2,Xload,UNAVAILABLE
+2026-03-02T08:00:00.000Z,x3,mode,AUTOMATIC
+2026-03-02T08:00:00.010Z,x1,Xact,1.5
+2026-03-02T08:00:00.020Z,x2,Xload,7
+2026-03-02T08:00:00.030Z,x1,Xact,2.5
+"""
+
+
+def test_changes_are_carried_forward_and_said(tmp_path: Path) -> None:
+    log = written(tmp_path, LONG)
+    np.testing.assert_allclose(log["timestamp"], [0.0, 0.01, 0.02, 0.03], atol=1e-12)
+    np.testing.assert_array_equal(log["Xact"], [1.0, 1.5, 1.5, 2.5])
+    np.testing.assert_array_equal(log["Xload"], [np.nan, np.nan, 7.0, 7.0])
+    assert (
+        "written on change, carried forward to the next: Xact (3 of 4 rows), Xload (2 of 4 rows)" in log.notes
+    )
+    assert "left out, not numbers: mode" in log.notes
+
+
+def test_one_display_name_of_two_nodes_does_not_join_them(tmp_path: Path) -> None:
+    rows = [f"ns=2;s={a}.Pos,Pos,{t},{x},Good,mm" for t in range(3) for a, x in (("X", t), ("Y", 10 + t))]
+    rows[2] = rows[2].replace("Good", "BadNoCommunication")
+    log = written(tmp_path, "Node Id,Display Name,Time,Value,Status Code,Unit\n" + "\n".join(rows) + "\n")
+    np.testing.assert_array_equal(log["X.Pos"], [0, np.nan, 2])
+    np.testing.assert_array_equal(log["Y.Pos"], [10, 11, 12])
+    assert log.units["Y.Pos"] == "mm"
+
+
+def test_a_value_beside_a_mode_is_no_long_form(tmp_path: Path) -> None:
+    log = written(tmp_path, "t,value,mode\n0,1,auto\n1,2,manual\n2,3,auto\n")
+    np.testing.assert_array_equal(log["value"], [1, 2, 3])
+
+
+def test_a_long_table_of_parquet(tmp_path: Path) -> None:
+    path = tmp_path / "x.parquet"
+    tags = ["q", "u"] * 3
+    pq.write_table(
+        pa.table({"t": [0.0, 0.0, 1.0, 1.0, 2.0, 2.0], "tag": tags, "value": np.arange(6.0)}), path
+    )
+    log = read(path)
+    np.testing.assert_array_equal(log["u"], [1.0, 3.0, 5.0])
+
+
+def test_channels_in_rows_of_their_own_come_onto_one_clock(tmp_path: Path) -> None:
+    rows = ["__time,a/q,a/u,b/qr,c/slow"]
+    for i in range(40):
+        rows.append(f"{0.01 * i:.3f},{i},{2 * i},,")
+        rows.append(f"{0.01 * i + 0.005:.3f},,,{10 * i},{i if i % 8 == 0 else ''}")
+    log = written(tmp_path, "\n".join(rows) + "\n")
+    assert len(log) == 40
+    np.testing.assert_array_equal(log["a/q"], np.arange(40))
+    np.testing.assert_allclose(log["b/qr"][1:], 10 * np.arange(40)[1:] - 5.0)
+    assert any("interpolated" in note and "b/qr" in note for note in log.notes)
+    assert any("left out" in note and "c/slow" in note for note in log.notes)
+
+
+def test_holes_in_a_table_of_one_clock_stay(tmp_path: Path) -> None:
+    rows = [f"{i},{'' if 10 < i < 30 else i},{'' if i < 25 else i}" for i in range(40)]
+    log = written(tmp_path, "t,q,u\n" + "\n".join(rows) + "\n")
+    assert len(log) == 40
+    assert np.isnan(log["q"]).sum() == 19
+    assert np.isnan(log["u"]).sum() == 25
+
+
+@pytest.mark.parametrize(
+    "names", [["pan.pos", "lift.pos"], {"motors": ["pan.pos", "lift.pos"]}, {"axes": None}, 7]
+)
+def test_lists_of_a_lerobot_episode_get_the_names_of_its_meta(tmp_path: Path, names: object) -> None:
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"features": {"action": {"names": names}}}))
+    path = tmp_path / "data" / "chunk-000" / "episode_000000.parquet"
+    path.parent.mkdir(parents=True)
+    lists = pa.array([[1.0, 2.0], [3.0, 4.0]], type=pa.list_(pa.float32()))
+    pq.write_table(pa.table({"timestamp": [0.0, 0.02], "action": lists, "observation.state": lists}), path)
+    log = read(path)
+    known = isinstance(names, list) or "motors" in str(names)
+    np.testing.assert_array_equal(log["action.lift.pos" if known else "action[1]"], [2.0, 4.0])
+    np.testing.assert_array_equal(log["observation.state[0]"], [1.0, 3.0])
+
+
+MANY = 2_000_000
+
+
+def _bomb(path: Path) -> None:
+    zeros = np.zeros(MANY, dtype=np.int8)
+    if path.suffix == ".npz":
+        np.savez_compressed(path, x=zeros)
+    elif path.suffix == ".parquet":
+        column = pa.ListArray.from_arrays(pa.array(np.arange(0, MANY + 1, 20), pa.int32()), pa.array(zeros))
+        pq.write_table(pa.table({"x": column}), path)
+    else:
+        with h5py.File(path, "w") as file:
+            for name in ("t", "x"):
+                file.create_dataset(name, shape=(MANY // 2,), dtype="i1", chunks=(10**5,), compression="gzip")
+
+
+@pytest.mark.parametrize("ending", ["npz", "parquet", "h5"])
+def test_numbers_are_counted_as_floats_before_they_are_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    path = tmp_path / f"x.{ending}"
+    _bomb(path)
+    assert len(read(path)) > 1
+    monkeypatch.setattr(content, "_FREE", 8 * MANY // 2)
+    with pytest.raises(
+        LogError, match=r"claims 2e\+06 numbers, more than the .* that a log of \d+ bytes may hold"
+    ):
+        read(path)
+
+
+def test_long_words_of_a_table_take_no_memory(tmp_path: Path) -> None:
+    path = tmp_path / "x.parquet"
+    same = pa.DictionaryArray.from_arrays(pa.array(np.zeros(20_000, dtype=np.int32)), ["x" * 20_000])
+    pq.write_table(pa.table({"t": np.arange(20_000.0), "note": same}), path, store_schema=False)
+    assert read(path).notes == ("left out, not numbers: note",)
+    assert pa.default_memory_pool().max_memory() < 200e6  # of 400 MB of words

@@ -239,6 +239,57 @@ def lerobot(log: Channels, rotary: set[str]) -> bytes:
     return ("\n".join(rows) + "\n").encode()
 
 
+def _clock_times(log: Channels) -> list[str]:
+    """ISO stamps in UTC, over the end of a day."""
+    start = np.datetime64("2026-03-01T23:59:59.500", "us")
+    return [f"{start + np.timedelta64(round(1e6 * float(t)), 'us')}Z" for t in log["t"]]
+
+
+def opcua(log: Channels, rotary: set[str]) -> bytes:
+    """An OPC UA historian: one value a row, node ids, decimal commas, a status; a state among the numbers."""
+    rows = ["NodeId;DisplayName;SourceTimestamp;ServerTimestamp;Value;StatusCode"]
+    names = [f"{a}.{kind}" for a in axes(log) for kind in ("qr", "q", "u")]
+    for i, stamp in enumerate(_clock_times(log)):
+        for name in names:
+            value = f"{log[name][i]:.9f}".replace(".", ",")
+            rows.append(f'"ns=2;s={name}";{name[2:]};{stamp};{stamp};{value};Good')
+        if i % 100 == 0:
+            rows.append(f'"ns=2;s=Program";Program;{stamp};{stamp};O{i:04d};Good')
+    return ("\r\n".join(rows) + "\r\n").encode("utf-8-sig")
+
+
+def mtconnect(log: Channels, rotary: set[str]) -> bytes:
+    """An MTConnect adapter's lines: a stamp, then the items that changed; what is not known is UNAVAILABLE."""
+    names = [f"{a}.{kind}" for a in axes(log) for kind in ("qr", "q", "u")]
+    rows, last = [], dict[str, str]()
+    for i, stamp in enumerate(_clock_times(log)):
+        now = {name: f"{log[name][i]:.9f}" for name in names} | {"avail": "AVAILABLE"}
+        changed = {name: value for name, value in now.items() if last.get(name) != value}
+        rows.append("|".join([stamp, *(f"{name}|{value}" for name, value in changed.items())]))
+        last = now
+    return ("\n".join(rows) + "\n").encode()
+
+
+def plotjuggler(log: Channels, rotary: set[str]) -> bytes:
+    """PlotJuggler: ``__time`` from 1970, a row holds the topics that came then, cells of the others are empty."""
+    states = [
+        (f"/joint_states/{a}/{word}", log[f"{a}.{kind}"]) for a in axes(log) for kind, word in _STATE.items()
+    ]
+    commands = [(f"/command/{a}/reference", log[f"{a}.qr"]) for a in axes(log)]
+    rows = [",".join(["__time", *(name for name, _ in [*states, *commands])])]
+    for i, t in enumerate(log["t"]):
+        rows.append(
+            ",".join([f"{1.7e9 + t:.6f}", *(f"{x[i]:.9f}" for _, x in states), *("" for _ in commands)])
+        )
+        rows.append(
+            ",".join([f"{1.7e9 + t:.6f}", *("" for _ in states), *(f"{x[i]:.9f}" for _, x in commands)])
+        )
+    return ("\n".join(rows) + "\n").encode()
+
+
+_STATE = {"q": "position", "u": "effort"}
+
+
 def json_rows(log: Channels, rotary: set[str]) -> bytes:
     """One document with settings and a list of messages with a list of joint names (JointState)."""
     return json.dumps({"robot": "two joints", "kp": 7.5, "entries": _joint_states(log)}).encode()
@@ -279,6 +330,9 @@ FORMATS: dict[str, tuple[str, Callable[[Channels, set[str]], bytes]]] = {
     "fanuc": (".csv", fanuc),
     "excel": (".csv", excel),
     "lerobot": (".csv", lerobot),
+    "opcua": (".csv", opcua),
+    "mtconnect": (".txt", mtconnect),
+    "plotjuggler": (".csv", plotjuggler),
     "json_rows": (".json", json_rows),
     "json_columns": (".json", json_columns),
     "json_lines": (".jsonl", json_lines),

@@ -8,14 +8,24 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pinotwin.logs.files.clocks import on_one_clock, separated
 from pinotwin.logs.files.content import Content, distinct
+from pinotwin.logs.files.layout import is_clock
+from pinotwin.logs.files.long_form import spread
 
 
-def take(table: pa.Table, content: Content) -> None:
-    """Move the columns of a table into ``content``; text is left out."""
+def take(table: pa.Table, content: Content, source: str) -> None:
+    """Move the columns of a table into ``content``; text is left out.
+
+    A table in long form is spread, and channels that stand in rows of their own are put on one clock.
+    """
     stated = table.column_names
     names, counts = distinct(stated), Counter(stated)
     content.stated.update({name: old for name, old in zip(names, stated, strict=True) if counts[old] > 1})
+    table = table.rename_columns(names)
+    clock = next((name for name in names if is_clock(name) or content.units.get(name) == "s"), None)
+    if clock is not None and _is_number(table.column(clock).type) and spread(table, clock, content):
+        return
     for name, column in zip(names, table.columns, strict=True):
         kind = column.type
         if pa.types.is_timestamp(kind) or pa.types.is_date(kind) or pa.types.is_duration(kind):
@@ -28,6 +38,17 @@ def take(table: pa.Table, content: Content) -> None:
             content.add(name, _floats(column))
         else:
             content.left_out.append(name)
+    if clock in content.arrays:
+        _onto_one_clock(clock, content, source)
+
+
+def _onto_one_clock(clock: str, content: Content, source: str) -> None:
+    """Put channels that stand in rows of their own (PlotJuggler) onto the clock of most."""
+    groups = separated(clock, content.arrays)
+    if groups:
+        t, channels, notes = on_one_clock(groups, source)
+        content.arrays = {clock: t, **channels}
+        content.notes += notes
 
 
 def _is_number(kind: pa.DataType) -> bool:
@@ -52,12 +73,14 @@ def _floats(column: pa.ChunkedArray) -> np.ndarray:
 
 
 def _take_list(name: str, column: pa.ChunkedArray, content: Content) -> None:
-    """A vector in every row becomes a matrix, if all rows hold as many numbers."""
+    """A vector in every row becomes a matrix, if all rows hold as many numbers, and no more than there are rows."""
     lengths = pc.unique(pc.list_value_length(column)).to_pylist()
     flat = pc.list_flatten(column)
-    if len(lengths) != 1 or not lengths[0] or not _is_number(flat.type):
+    if len(lengths) != 1 or not 0 < (lengths[0] or 0) <= len(column) or not _is_number(flat.type):
         content.left_out.append(name)
         return
     matrix = _floats(flat).reshape(len(column), lengths[0])
+    parts = content.parts.get(name, [])
+    named = len(set(parts)) == lengths[0]
     for i in range(lengths[0]):
-        content.add(f"{name}[{i}]", matrix[:, i])
+        content.add(f"{name}.{parts[i]}" if named else f"{name}[{i}]", matrix[:, i])

@@ -80,6 +80,35 @@ def on_one_clock(groups: list[Group], source: str) -> tuple[Floats, dict[str, Fl
     return main.t, channels, notes
 
 
+def separated(clock: str, arrays: Mapping[str, NDArray[np.generic]]) -> list[Group]:
+    """Return the groups of a table of several clocks in one column: a row holds what was sampled then.
+
+    Channels that are known in the same rows share a clock. One is apart where most of its rows are not those of the
+    largest group; without any, none are returned: what is missing then is missing.
+    """
+    t = np.asarray(arrays[clock], dtype=float)
+    known = {
+        n: np.isfinite(np.asarray(x, dtype=float))
+        for n, x in arrays.items()
+        if n != clock and x.shape == t.shape
+    }
+    rows: dict[bytes, list[str]] = {}
+    for name, here in known.items():
+        if here.any():
+            rows.setdefault(np.packbits(here).tobytes(), []).append(name)
+    if len(rows) < 2:
+        return []
+    main = known[max(rows.values(), key=lambda names: len(names) * known[names[0]].sum())[0]]
+    out = [Group(clock, t[main])]
+    for names in rows.values():
+        here = known[names[0]]
+        if 2 * (here & main).sum() < here.sum():
+            out.append(Group(f"{clock} of {names[0]}", t[here], {name: arrays[name][here] for name in names}))
+        else:
+            out[0].channels.update({name: arrays[name][main] for name in names})
+    return out if len(out) > 1 else []
+
+
 def _onto(t: Floats, own: Floats, x: Floats) -> Floats:
     known = np.isfinite(own) & np.isfinite(x)
     if known.sum() < 2:

@@ -26,6 +26,9 @@ SHORT = 64
 MOST = 400_000_000
 """Most numbers that a file may hold (3.2 GB): five axes at 4 kHz for two hours."""
 
+_FREE, _EXPANSION = 2**30, 100
+"""Bytes that the numbers of any file may become as floats, and how many more for each of its own."""
+
 Seen = Callable[[float], None]
 """Called with the share of a file that was read, 0 to 1."""
 
@@ -45,6 +48,7 @@ class Content:
         place: says where a row (counted from 0) is in the file, for messages.
         clock: name of the array whose length is the log's; "" leaves it to the majority.
         stated: name -> name that the file states for this array and others.
+        parts: column of lists -> names of their parts.
     """
 
     arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
@@ -54,6 +58,12 @@ class Content:
     place: Callable[[int], str] = "row {}".format
     clock: str = ""
     stated: dict[str, str] = field(default_factory=dict)
+    parts: dict[str, list[str]] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers there are."""
+        return sum(x.size for x in self.arrays.values())
 
     def add(self, name: str, value: object) -> None:
         """Take one item: fields of a record array one by one, text and objects left out."""
@@ -82,14 +92,23 @@ def damaged(source: str, error: Exception, remedy: str = "save or copy it again"
     return LogError(f"{source}: is damaged or cut off ({reason}); {remedy}")
 
 
-def limited(name: str, numbers: int) -> None:
-    """Refuse an array that is larger than any log, before memory is asked for.
+def limited(source: str, numbers: int, size: int) -> None:
+    """Refuse a file that holds more numbers than any log, or than a log of its size, before memory is asked for.
+
+    Args:
+        source: the file's name, for messages.
+        numbers: how many it claims; each becomes a float of 8 bytes.
+        size: of the file [bytes].
 
     Raises:
-        ValueError: for the reader to say of which file.
+        LogError: it claims too many.
     """
-    if not 0 <= numbers <= MOST:
-        raise ValueError(f"{name + ' ' if name else ''}claims {numbers:.3g} numbers, more than {MOST:.0e}")
+    most = min(MOST, (_FREE + _EXPANSION * size) // 8)
+    if not 0 <= numbers <= most:
+        raise LogError(
+            f"{source}: claims {numbers:.3g} numbers, more than the {most:.3g} that a log of {size} bytes may hold; "
+            "cut it into parts or export it again"
+        )
 
 
 def to_log(content: Content, source: str, only: str | None = None) -> Log:

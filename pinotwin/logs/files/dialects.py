@@ -20,6 +20,7 @@ _PAIR = re.compile(
     rb"([A-Za-z_/\x80-\xff][^\s=:;,|]*)(?:\s*[=:]\s*|[ \t]+)" + _VALUE + rb"(?:[\s,;|]+|$)", re.I
 )
 _LEAD = re.compile(rb"(\d[\d:.,TZ+/-]*)[\s,;|]+")
+_SHDR = re.compile(rb"(?:\d{4}-\d\d-\d\dT[\d:.]+Z?\|[A-Za-z_][^|\n]*\|[^|\n]*(?:\|[^|\n]*)*\n\s*){2}")
 _SEARCHED = 200
 _TNCSCOPE = b"%TNCscope"
 
@@ -45,6 +46,8 @@ def plain(text: bytes) -> Plain:
         text = _THOUSANDS.sub(b"", text.replace(_MINUS, b"-"))
     if text.startswith(_TNCSCOPE):
         return _tncscope(text)
+    if _SHDR.match(text):
+        return _shdr(text)
     if text.lstrip().startswith((b"|", b"+-")):
         text = _FRAME.sub(b"", text)
     if _RULE.search(text, 0, 1 << 16):
@@ -65,6 +68,19 @@ def _tncscope(text: bytes) -> Plain:
     columns.sort(key=lambda column: column[0])
     units = {name: unit for _, name, unit in columns if unit}
     return Plain(text, ("t", *(name for _, name, _ in columns)), {"t": "us", **units})
+
+
+def _shdr(text: bytes) -> Plain:
+    """MTConnect's adapters: ``stamp|item|value|item|value``, as one item a row."""
+    rows = [b"timestamp|dataItem|value"]
+    for line in text.split(b"\n"):
+        stamp, *cells = line.strip().split(b"|")
+        rows += [
+            b"|".join((stamp, item, value))
+            for item, value in zip(cells[::2], cells[1::2], strict=False)
+            if item
+        ]
+    return Plain(b"\n".join(rows))
 
 
 def _unpaired(text: bytes) -> Plain:

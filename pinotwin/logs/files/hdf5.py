@@ -20,14 +20,20 @@ def load(path: Path, source: str) -> Content:
     content = Content()
     try:
         with h5py.File(path, "r") as file:
-            _walk(file, "", content, set())
+            sets = _sets(file, "", content, set())
+            limited(source, sum(item.size or 0 for _, item in sets), path.stat().st_size)
+            for name, item in sets:
+                _take(name, item, content)
     except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError) as error:
         raise damaged(source, error) from None
     return content
 
 
-def _walk(group: h5py.Group, prefix: str, content: Content, seen: set[object]) -> None:
-    """Take the data sets of a group once each, by their first name; links to other files are left out."""
+def _sets(
+    group: h5py.Group, prefix: str, content: Content, seen: set[object]
+) -> list[tuple[str, h5py.Dataset]]:
+    """Return the data sets of a group once each, by their first name; links to other files are left out."""
+    out: list[tuple[str, h5py.Dataset]] = []
     for key in group:
         if key.startswith("#"):  # MATLAB's store for cells and references
             continue
@@ -40,11 +46,12 @@ def _walk(group: h5py.Group, prefix: str, content: Content, seen: set[object]) -
         if isinstance(item, h5py.Group):
             if item.id not in seen:  # groups may be linked to each other, even in rings
                 seen.add(item.id)
-                _walk(item, f"{name}.", content, seen)
+                out += _sets(item, f"{name}.", content, seen)
         elif isinstance(item, h5py.Dataset) and not (item.external or item.is_virtual):
-            _take(name, item, content)
+            out.append((name, item))
         else:
             content.left_out.append(name)
+    return out
 
 
 def _take(name: str, item: h5py.Dataset, content: Content) -> None:
@@ -57,5 +64,4 @@ def _take(name: str, item: h5py.Dataset, content: Content) -> None:
         unit = item.attrs.get(key)
         if isinstance(unit, bytes | str):
             content.units[name] = unit.decode() if isinstance(unit, bytes) else unit
-    limited(name, item.size or 0)
     content.add(name, item[()])

@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.content import Content
+from pinotwin.logs.files.content import Content, limited
 
 SECONDS = 30.0  # for any file, and in addition
 BYTES_A_SECOND = 4e6  # what the slowest of compressed files is read at
@@ -76,6 +76,7 @@ def _read(loader: Loader, path: Path, source: str, there: Connection, memory: in
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         try:
             said: Content | str = loader(path, source)
+            limited(source, said.numbers, path.stat().st_size)
         except LogError as error:
             said = str(error)
         except MemoryError:

@@ -328,14 +328,16 @@ def _share(row: Sequence[str]) -> float:
 
 
 def _first_row(rows: Sequence[Sequence[str]]) -> int:
-    """Return the first row of numbers; without any, the row below the first (a table of words).
+    """Return the first row of numbers; without any, the row below the header (a table of words).
 
     The rows of numbers decide which columns hold numbers; the first row that has them there is it.
     A header block of ``Name;value`` rows does not: its first cell is a word.
     """
     numeric, width = _numeric_rows(rows)
     if not numeric:
-        return 1 + (len(rows) > 1 and _unit_row(rows[1], rows[0]))
+        usual = Counter(map(len, rows)).most_common(1)[0][0]
+        top = next(i for i, row in enumerate(rows) if len(row) == usual)
+        return top + 1 + (len(rows) > top + 1 and _unit_row(rows[top + 1], rows[top]))
     columns = [k for k in range(width) if 2 * sum(is_number(rows[i][k]) for i in numeric) > len(numeric)]
     lists = [k for k in range(width) if 2 * sum(is_list(rows[i][k]) for i in numeric) > len(numeric)]
     lead = min((*columns, *lists), default=0)

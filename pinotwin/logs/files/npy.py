@@ -33,14 +33,13 @@ _BROKEN = (
 )
 
 
-def _check_sizes(path: Path) -> None:
-    """Refuse what a header or a compressed file promises beyond all sense, before it is made."""
+def _numbers(path: Path) -> int:
+    """Return how many numbers the headers of a file promise, before they are made."""
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as packed:
-            limited("", sum(_claimed(packed, item) for item in packed.infolist()))
-        return
+            return sum(_claimed(packed, item) for item in packed.infolist())
     with path.open("rb") as file:
-        limited("", _promised(file))
+        return _promised(file)
 
 
 def _claimed(packed: zipfile.ZipFile, item: zipfile.ZipInfo) -> int:
@@ -60,7 +59,7 @@ def load(path: Path, source: str) -> Content:
     """Return the content of a NumPy file; a nameless array is ``stem[0]``, ``stem[1]``..."""
     content = Content()
     try:
-        _check_sizes(path)
+        limited(source, _numbers(path), path.stat().st_size)
         stored = np.load(path, allow_pickle=False)
         named = dict(stored) if isinstance(stored, np.lib.npyio.NpzFile) else {"": stored}
     except _BROKEN as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pyarrow as pa
@@ -13,12 +14,19 @@ from pinotwin.logs.files.content import Content, damaged, limited
 
 
 def load(path: Path, source: str) -> Content:
-    """Return the columns of a Parquet file; a column's metadata key ``unit`` is its unit."""
-    content = Content()
+    """Return the columns of a Parquet file; a column's metadata key ``unit`` is its unit.
+
+    Lists are named by ``meta/info.json`` of a LeRobot data set, where it lies above the file.
+    """
+    content = Content(parts=_parts(path))
     try:
-        file = pq.ParquetFile(path)
-        limited("", file.metadata.num_rows * file.metadata.num_columns)
-        table = file.read()
+        meta = pq.read_metadata(path)
+        groups = [meta.row_group(k) for k in range(meta.num_row_groups)]
+        held = sum(group.column(j).num_values for group in groups for j in range(meta.num_columns))
+        limited(source, held, path.stat().st_size)
+        schema = meta.schema.to_arrow_schema()
+        texts = [field.name for field in schema if pa.types.is_string(field.type)]
+        table = pq.ParquetFile(path, read_dictionary=texts).read()
     except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
         raise damaged(source, error) from None
     for field in table.schema:
@@ -27,5 +35,26 @@ def load(path: Path, source: str) -> Content:
             content.units[field.name] = unit.decode(errors="replace")
     if table.num_rows == 0:
         raise LogError(f"{source}: has columns but no rows; record or export it again")
-    arrow.take(table.flatten(), content)
+    arrow.take(table.flatten(), content, source)
     return content
+
+
+def _parts(path: Path) -> dict[str, list[str]]:
+    """Return column -> names of its parts, from the ``meta/info.json`` of a LeRobot data set."""
+    meta = next(
+        (p for folder in path.resolve().parents[:4] if (p := folder / "meta" / "info.json").is_file()), None
+    )
+    if meta is None:
+        return {}
+    try:
+        features = json.loads(meta.read_text(encoding="utf-8"))["features"]
+        return {column: _flat(feature.get("names")) for column, feature in features.items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return {}
+
+
+def _flat(names: object) -> list[str]:
+    """Return the names of a feature: a list, or lists by kind (``{"motors": [...]}``)."""
+    if isinstance(names, dict):
+        return [part for inner in names.values() for part in _flat(inner)]
+    return [str(name) for name in names] if isinstance(names, list) else []

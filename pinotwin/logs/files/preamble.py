@@ -10,6 +10,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from pinotwin.arrays import Floats
 from pinotwin.units import SI_FACTOR, find_unit
 
 _PERIOD = (
@@ -64,9 +67,21 @@ class Preamble:
         return out + ([f"recorded {self.date}"] if self.date else [])
 
 
-def is_step(name: str) -> bool:
-    """Whether a column is called as the time of one row is: ``dt``, ``duration``, ``sample time``."""
-    return re.fullmatch(rf"(?:{_PERIOD}|duration)", re.split(r"[\[(]", name)[0].strip(), re.I) is not None
+def are_steps(name: str, x: Floats, unit: str) -> bool:
+    """Whether a column holds the time of each row, by its name (``dt``, ``duration``) and its numbers.
+
+    Numbers that only rise are a clock.
+    """
+    bare = re.split(r"[\[(]", name)[0].strip()
+    if (
+        not re.fullmatch(rf"(?:{_PERIOD}|duration)", bare, re.I)
+        or unit not in _TIMES
+        or x.ndim != 1
+        or len(x) < 2
+    ):
+        return False
+    low, high = SI_FACTOR[unit] * x.min(), SI_FACTOR[unit] * x.max()
+    return bool(_SANE[0] <= low and high <= _SANE[1] and np.diff(x).min() <= 0.0)
 
 
 def read_preamble(lines: Sequence[str], rows: Sequence[Sequence[str]], names: Sequence[str]) -> Preamble:

@@ -30,7 +30,8 @@ from pinotwin.logs.files.layout import (
     line_start,
     split_cells,
 )
-from pinotwin.logs.files.preamble import is_step
+from pinotwin.logs.files.long_form import value_column
+from pinotwin.logs.files.preamble import are_steps
 
 _NULLS = sorted({x for m in MISSING for x in (m, m.upper(), m.capitalize())} | {"NaN", "-NaN"})
 _ENDS = (b"eof", b"end", b"ende", b"[eof]", b"[end]", b"end of file")
@@ -103,7 +104,7 @@ def load(path: Path, source: str, seen: Seen | None = None) -> Content:
         units=dict(layout.units), notes=[*layout.notes, *body.notes], stated=dict(layout.stated)
     )
     content.place = lambda row: f"line {body.line(row)}"
-    arrow.take(_spelled_out(table.select(list(layout.names)), kinds, content), content)
+    arrow.take(_spelled_out(table.select(list(layout.names)), kinds, content), content, source)
     _set_clock(layout, content, source)
     return content
 
@@ -132,7 +133,9 @@ def _set_clock(layout: Layout, content: Content, source: str) -> None:
         content.units.update({"t": unit} if unit else {})
     elif not any(is_clock(name) for name in content.arrays):
         rows = len(next(iter(content.arrays.values()), ()))
-        steps = next((name for name, x in content.arrays.items() if is_step(name) and _are_steps(x)), None)
+        steps = next(
+            (n for n, x in content.arrays.items() if are_steps(n, x, content.units.get(n, "s"))), None
+        )
         if layout.step is not None:
             t = np.arange(rows) * layout.step
             said = f"made from the sample time {1e3 * layout.step:.6g} ms above the numbers"
@@ -144,11 +147,6 @@ def _set_clock(layout: Layout, content: Content, source: str) -> None:
         content.arrays = {"t": t, **content.arrays}
         content.units["t"] = content.units.get(steps or "", "s")
         content.notes.append(f"t: {said}")
-
-
-def _are_steps(x: np.ndarray) -> bool:
-    """Whether the values can be steps from row to row: all positive, none so long that it would be a clock."""
-    return bool(len(x) > 1 and x.min() > 0.0 and x.max() < 10.0 * x.min())
 
 
 def _body(layout: Layout, source: str) -> _Body:
@@ -241,6 +239,7 @@ class _Kinds:
 def _kinds(body: _Body) -> _Kinds:
     """Return what the columns hold, from a sample of rows."""
     rows, kinds = body.head(1 << 18), _Kinds()
+    kinds.text.update({value_column(body.names)} & set(body.names))
     for i, name in enumerate(body.names):
         sample = [row[i] for row in rows if i < len(row) and row[i]]
         if sample and all(map(cells.is_stamp, sample)):
