@@ -102,6 +102,7 @@ def summary(start: Start, notes: Sequence[str], log: str = "LOG") -> list[str]:
             lines.append(f"channels named as they should be: {shown}")
         lines += [f"guess: {g.channel} = {g.column or f'{g.rate:g} Hz'}: {g.reason}" for g in guesses.found]
         lines += [f"open: {question}" for question in guesses.open]
+        lines += [f"not used: {', '.join(guesses.unused)}"] if guesses.unused else []
     return [*lines, f"written to {start.folder}; next: pinotwin check {start.folder} {log}"]
 
 
@@ -131,4 +132,5 @@ def as_dict(start: Start) -> dict[str, object]:
         "columns": found,
         "named": [] if guesses is None else list(guesses.named),
         "open": [] if guesses is None else list(guesses.open),
+        "unused": [] if guesses is None else list(guesses.unused),
     }

@@ -53,6 +53,19 @@ def smoothness(x: Floats) -> float:
     return float(np.std(np.diff(good, 3))) / size if size > 0.0 and len(good) > 4 else np.inf
 
 
+def lead(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return by how many samples ``x`` is ahead of ``y``, and the share of their difference that this explains.
+
+    Least squares of ``x - y`` on the change of ``x``, a constant aside; both of shape (n,).
+    """
+    both = np.isfinite(x) & np.isfinite(y)
+    speed = np.gradient(x[both])
+    speed, apart = speed - speed.mean(), (x - y)[both] - np.mean((x - y)[both])
+    power = float(speed @ speed) * float(apart @ apart)
+    ahead = float(speed @ apart)
+    return (ahead / float(speed @ speed), ahead**2 / power) if power > 0.0 else (0.0, 0.0)
+
+
 def push(q: Floats, u: Floats, step: float) -> Push:
     """Return how much of ``u`` an axis that moves as ``q`` would need.
 

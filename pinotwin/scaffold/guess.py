@@ -17,12 +17,13 @@ from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind, is_contract_name
 from pinotwin.logs.files.layout import is_clock
-from pinotwin.scaffold.evidence import FOLLOWS, distance, is_counter, moves, push, smoothness
-from pinotwin.scaffold.names import family, read_label
+from pinotwin.scaffold.evidence import FOLLOWS, distance, is_counter, lead, moves, push, smoothness
+from pinotwin.scaffold.names import family, is_set_value, read_label
 from pinotwin.units import COUNTS, SI_FACTOR
 
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "min", "sec", "Sek", "msec")
 _ELECTRIC = ("A", "Arms", "Apk", "mA", "kA", "V", "mV", "%", "‰", "permille", "0.1%")
+_SI_OF_TURN = {True: "rad", False: "m"}
 _EXPLAINED = 0.5
 """Share of a nameless column that an axis' motion must explain before it is taken for its effort."""
 
@@ -68,11 +69,13 @@ class Guesses:
         found: channel by channel.
         open: what a person has to decide, one sentence each.
         named: channels that the log already has under the contract's names.
+        unused: columns that no channel comes from.
     """
 
     found: tuple[Guess, ...] = ()
     open: tuple[str, ...] = ()
     named: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
 
     def __contains__(self, channel: str) -> bool:
         return channel in self.named or any(g.channel == channel for g in self.found)
@@ -124,7 +127,7 @@ def guess_columns(log: Log, axes: Mapping[str, tuple[str, bool]], rate: float | 
     questions += _units(table) + _efforts(table) + _missing(table)
     order = ["t", *(f"{axis}.{s}" for axis in axes for s in ("qr", "q", "v", "u", "e"))]
     found = sorted(table.taken.values(), key=lambda g: order.index(g.channel) if g.channel in order else 999)
-    return Guesses(tuple(found), tuple(questions), tuple(named))
+    return Guesses(tuple(found), tuple(questions), tuple(named), tuple(table.free()))
 
 
 def _already_named(log: Log) -> list[str]:
@@ -173,14 +176,10 @@ def _by_name(table: _Table) -> None:
         if not is_contract_name(c)
     }
     only = table.axes[0] if len(table.axes) == 1 else None
-    for column, label in sorted(labels.items(), key=lambda item: _set_value(item[0])):
+    for column, label in sorted(labels.items(), key=lambda item: is_set_value(item[0])):
         axis = label.axis or only
         if axis and label.signal and np.isfinite(table.log[column]).any():
             table.give(f"{axis}.{label.signal}", column, label.why)
-
-
-def _set_value(column: str) -> bool:
-    return any(word in column.casefold() for word in ("cmd", "command", "set", "soll", "output"))
 
 
 def _by_number(table: _Table) -> None:
@@ -190,9 +189,9 @@ def _by_number(table: _Table) -> None:
         found = family(column)
         if found:
             families.setdefault(found[0], []).append((found[1], column))
-    for stem, members in families.items():
+    for stem, members in sorted(families.items(), key=lambda item: is_set_value(item[0])):
         label = read_label(stem.replace("#", " "), table.log.units.get(members[0][1]), [], [])
-        if label.signal is None or len(members) < len(table.axes) or len(members) < 2:
+        if label.signal is None or len(members) < 2:
             continue
         for axis, (number, column) in zip(table.axes, sorted(members), strict=False):
             table.give(
@@ -211,11 +210,11 @@ def _by_behaviour(table: _Table) -> None:
         if np.isfinite(table.log[c]).any() and np.ptp(table.log[c][np.isfinite(table.log[c])]) > 0
     ]
     moving = [c for c in free if moves(table.log[c])]
-    pairs = list(_following(table.log, moving))
-    for axis, (command, position) in zip(table.axes, pairs, strict=False):
+    for axis, columns in zip(table.axes, _following(table.log, moving), strict=False):
+        command, position, why = _command_first(table.log, columns)
         apart = distance(table.log[position], table.log[command])
         said = f"the two follow each other within {apart:.2%}"
-        table.give(f"{axis}.qr", command, f"{said}, and this is the smoother; axis by order: guessed")
+        table.give(f"{axis}.qr", command, f"{said}, and this {why}; axis by order: guessed")
         table.give(f"{axis}.q", position, f"{said}; axis by order: guessed")
     held = [(a, table.log[table.taken[f"{a}.q"].column or ""]) for a in table.axes if f"{a}.q" in table.taken]
     for column in (c for c in free if c not in table.used):
@@ -242,17 +241,28 @@ def _by_place(table: _Table) -> None:
             table.give(f"{axis}.u", column, "it stands where the other axes have theirs: guessed")
 
 
-def _following(log: Log, columns: Sequence[str]) -> Iterable[tuple[str, str]]:
-    """Yield pairs of columns that follow each other, the smoother (the command) first."""
-    used: set[str] = set()
-    for i, one in enumerate(columns):
-        near = [(distance(log[one], log[other]), other) for other in columns[i + 1 :] if other not in used]
-        if one in used or not near or min(near)[0] > FOLLOWS:
-            continue
-        other = min(near)[1]
-        used.update((one, other))
-        pair = sorted((one, other), key=lambda c: smoothness(log[c]))
-        yield pair[0], pair[1]
+def _following(log: Log, columns: Sequence[str]) -> Iterable[list[str]]:
+    """Yield groups of columns that follow each other: of one axis."""
+    free = list(columns)
+    while free:
+        one, *others = free
+        group = [one, *(other for other in others if distance(log[one], log[other]) <= FOLLOWS)]
+        free = [c for c in free if c not in group]
+        if len(group) > 1:
+            yield group
+
+
+def _command_first(log: Log, columns: Sequence[str]) -> tuple[str, str, str]:
+    """Return command and position of an axis, and why: the command leads, or is the smoothest of them."""
+    ahead = {}
+    for one in columns:
+        pairs = [lead(log[one], log[other]) for other in columns if other != one]
+        ahead[one] = min((samples for samples, share in pairs if share > _EXPLAINED), default=0.0)
+    command = max(columns, key=lambda c: ahead[c])
+    why = f"leads by {ahead[command]:.2g} samples"
+    if ahead[command] <= 0.0:
+        command, why = min(columns, key=lambda c: smoothness(log[c])), "is the smoother"
+    return command, next(c for c in columns if c != command), why
 
 
 def _swapped(table: _Table) -> None:
@@ -285,7 +295,26 @@ def _units(table: _Table) -> list[str]:
                 said = f"no unit stated, {unit} by its size"
                 written = "" if unit in ("m", "rad") else unit
                 table.taken[guess.channel] = replace(guess, unit=written, reason=f"{guess.reason}; {said}")
+        _unit_of_speed(table, axis)
     return questions
+
+
+def _unit_of_speed(table: _Table, axis: str) -> None:
+    """Write the unit of a speed that states none: that of its position by the time that fits their numbers."""
+    q, v = table.taken.get(f"{axis}.q"), table.taken.get(f"{axis}.v")
+    if q is None or v is None or not q.column or not v.column or table.log.units.get(v.column):
+        return
+    unit = q.unit or table.log.units.get(q.column) or _SI_OF_TURN[table.rotary[table.axes.index(axis)]]
+    if not table.step or unit in COUNTS or f"{unit}/s" not in SI_FACTOR:
+        return
+    moved, speed = np.gradient(table.log[q.column], table.step), table.log[v.column]
+    both = np.isfinite(moved) & np.isfinite(speed)
+    slope = float(speed[both] @ moved[both]) / max(float(moved[both] @ moved[both]), 1e-300)
+    times = {f"{unit}/s": 1.0, f"{unit}/min": 60.0, "rpm": 60.0 * SI_FACTOR[unit] / SI_FACTOR["rev"]}
+    known = {name: factor for name, factor in times.items() if name in SI_FACTOR}
+    best = min(known, key=lambda name: abs(np.log(max(abs(slope), 1e-12) / known[name])))
+    said = f"{v.reason}; no unit stated, {best} by its size"
+    table.taken[v.channel] = replace(v, unit="" if SI_FACTOR[best] == 1.0 else best, reason=said)
 
 
 def _unit_by_size(x: Floats, rotary: bool) -> str:
@@ -307,6 +336,10 @@ def _efforts(table: _Table) -> list[str]:
                 said = f"{guess.reason}; it falls with acceleration and speed: sign turned"
                 guess = replace(guess, factor=-1.0, reason=said)
                 table.taken[guess.channel] = guess
+        if is_set_value(column):
+            questions.append(
+                f"{axis}.u: {column} is what the controller asks for or computes; name the measured effort if there is one"
+            )
         unit = table.log.units.get(column)
         if unit in _ELECTRIC or unit is None:
             what = f"is in {unit}" if unit else "states no unit"
@@ -342,9 +375,7 @@ def _missing(table: _Table) -> list[str]:
     }
     said = [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
     if unknown:
-        free = table.free()
-        unused = f". Not used: {', '.join(free[:8])}{' ...' if len(free) > 8 else ''}" if free else ""
-        said.append(f"{', '.join(unknown)}: no column found; add them under `columns`{unused}")
+        said.append(f"{', '.join(unknown)}: no column found; add them under `columns`")
     return said
 
 

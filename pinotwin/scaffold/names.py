@@ -84,6 +84,8 @@ def read_label(name: str, unit: str | None, axes: Sequence[str], joints: Sequenc
 
 def _signal(words: Sequence[str], unit: str | None) -> tuple[str | None, str]:
     named = {kind: [w for w in words if w in known] for kind, known in _WORDS.items()}
+    if "d" in words[1:] and (named["position"] or named["velocity"]):  # q_d: the desired one
+        named["command"].append("d")
     stated = unit if unit in SI_FACTOR else None
     if named["temperature"] or named["acceleration"]:
         return None, ""
@@ -118,6 +120,12 @@ def _axis(name: str, words: Sequence[str], axes: Sequence[str], joints: Sequence
 
 
 _ALL_WORDS = {word for words in _WORDS.values() for word in words if len(word) > 2}
+
+
+def is_set_value(name: str) -> bool:
+    """Whether a column's name says that it is asked for, or computed by the controller, not measured."""
+    words = tokens(name)
+    return "output" in words or any(word in _WORDS["command"] - {"qr", "action"} for word in words)
 
 
 def family(name: str) -> tuple[str, int] | None:

@@ -10,6 +10,7 @@ import pyarrow.compute as pc
 
 from pinotwin.logs.files.clocks import on_one_clock, separated
 from pinotwin.logs.files.content import Content, distinct
+from pinotwin.logs.files.joint_states import joint_columns, stamps
 from pinotwin.logs.files.layout import is_clock
 from pinotwin.logs.files.long_form import spread
 
@@ -26,6 +27,7 @@ def take(table: pa.Table, content: Content, source: str) -> None:
     clock = next((name for name in names if is_clock(name) or content.units.get(name) == "s"), None)
     if clock is not None and _is_number(table.column(clock).type) and spread(table, clock, content):
         return
+    texts: dict[str, str] = {}
     for name, column in zip(names, table.columns, strict=True):
         kind = column.type
         if pa.types.is_timestamp(kind) or pa.types.is_date(kind) or pa.types.is_duration(kind):
@@ -38,6 +40,18 @@ def take(table: pa.Table, content: Content, source: str) -> None:
             content.add(name, _floats(column))
         else:
             content.left_out.append(name)
+            values = pc.unique(pc.drop_null(column)).to_pylist() if _is_text(kind) else []
+            texts.update({name: values[0]} if len(values) == 1 else {})
+    joints = joint_columns(names, texts, content.arrays)
+    content.arrays = {joints.get(name, name): x for name, x in content.arrays.items()}
+    if joints:
+        found = dict.fromkeys(joint.rpartition(".")[0] for joint in joints.values())
+        content.notes.append(f"joints by their names in the file: {', '.join(found)}")
+        t = stamps(names, content.arrays) if clock is None else None
+        if t is not None:
+            content.arrays = {"t": t, **{k: x for k, x in content.arrays.items() if k not in names[:2]}}
+            content.units["t"] = "s"
+            content.notes.append("t: seconds and nanoseconds of the stamps, from the first on")
     if clock in content.arrays:
         _onto_one_clock(clock, content, source)
 
@@ -54,6 +68,10 @@ def _onto_one_clock(clock: str, content: Content, source: str) -> None:
 def _is_number(kind: pa.DataType) -> bool:
     checks = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)
     return any(check(kind) for check in checks)
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_dictionary(kind)
 
 
 def _is_list(kind: pa.DataType) -> bool:

@@ -109,6 +109,27 @@ def separated(clock: str, arrays: Mapping[str, NDArray[np.generic]]) -> list[Gro
     return out if len(out) > 1 else []
 
 
+def streams(
+    name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]
+) -> tuple[list[Group], list[str]]:
+    """Return the groups of messages that share a topic, and what was done, in one sentence each.
+
+    Several publishers may share it, each at its own rate. A message that repeats another with its stamp is dropped.
+
+    Args:
+        name: of the topic.
+        t: time of each message [s].
+        arrays: channels, NaN where a message does not hold them.
+    """
+    table = np.column_stack([np.asarray(x, dtype=float) for x in (t, *arrays.values())])
+    _, first = np.unique(table.view(f"V{table.itemsize * table.shape[1]}"), return_index=True)
+    kept = np.sort(first)
+    notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []
+    rows = {name: t[kept], **{key: x[kept] for key, x in arrays.items()}}
+    apart = separated(name, rows)
+    return apart or [Group(name, rows[name], {key: rows[key] for key in arrays})], notes
+
+
 def _onto(t: Floats, own: Floats, x: Floats) -> Floats:
     known = np.isfinite(own) & np.isfinite(x)
     if known.sum() < 2:

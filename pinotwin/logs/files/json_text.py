@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
+from pinotwin.logs.files.clocks import on_one_clock, streams
 from pinotwin.logs.files.content import Content, damaged
 from pinotwin.logs.files.messages import Table, numbers, stamp
 
@@ -77,17 +79,22 @@ def _is_table(value: object) -> bool:
 
 def _take_rows(rows: Iterable[object], name: str, content: Content) -> None:
     table, text, stamps = Table(), set[str](), list[int]()
+    prefix = f"{name}." if name else ""
     for row in rows:
         if not isinstance(row, Mapping):
             raise ValueError(f"row {table.rows} is no object")
         table.add(numbers(row, "", text))
         at = stamp(row)
         stamps += [] if at is None else [at]
-    prefix = f"{name}." if name else ""
-    arrays = table.arrays()
-    for key, x in arrays.items():
-        content.add(prefix + key, x)
+    arrays: dict[str, Floats] = table.arrays()
     if "t" not in arrays and len(stamps) == table.rows:
-        content.add(f"{prefix}t", (np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9)
+        arrays["t"] = (np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9
         content.units[f"{prefix}t"] = "s"
     content.left_out += sorted(text)
+    if "t" in arrays and table.rows:
+        groups, notes = streams(name or "t", arrays.pop("t"), arrays)
+        t, channels, said = on_one_clock(groups, name or "the messages")
+        arrays = {"t": t, **channels}
+        content.notes += notes + said
+    for key, x in arrays.items():
+        content.add(prefix + key, x)

@@ -17,6 +17,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from pinotwin.errors import LogError
+from pinotwin.logs.files.clocks import on_one_clock, streams
 from pinotwin.logs.files.content import Content, damaged
 from pinotwin.logs.files.messages import Table, numbers
 
@@ -45,7 +46,7 @@ def load(path: Path, source: str) -> Content:
     text: set[str] = set()
     try:
         with path.open("rb") as file:
-            for _schema, channel, message in make_reader(file).iter_messages():
+            for _schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
                 if channel.message_encoding in ROS_ENCODINGS:
                     break
                 if channel.message_encoding != "json":
@@ -73,11 +74,14 @@ def _content(tables: dict[str, Table], times: dict[str, list[int]], text: set[st
     for topic, table in tables.items():
         prefix = "" if len(tables) == 1 else topic.strip("/").replace("/", ".") + "."
         arrays = table.arrays()
-        for name, x in arrays.items():
-            content.add(prefix + name, x)
         if "t" not in arrays:
             stamps = times[topic]
-            content.add(f"{prefix}t", np.array([s - stamps[0] for s in stamps], dtype=float) * 1e-9)
+            arrays["t"] = np.array([s - stamps[0] for s in stamps], dtype=float) * 1e-9
             content.units[f"{prefix}t"] = "s"
             content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")
+        groups, notes = streams(topic, arrays.pop("t"), arrays)
+        t, channels, said = on_one_clock(groups, source)
+        content.notes += notes + said
+        for name, x in {"t": t, **channels}.items():
+            content.add(prefix + name, x)
     return content

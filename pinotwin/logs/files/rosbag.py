@@ -32,7 +32,7 @@ from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
-from pinotwin.logs.files.clocks import Group, on_one_clock
+from pinotwin.logs.files.clocks import Group, on_one_clock, streams
 from pinotwin.logs.files.content import Content, damaged
 from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, stamp
 
@@ -46,6 +46,8 @@ _BROKEN = (
     apsw.Error,
     zstandard.ZstdError,
     struct.error,
+    MemoryError,  # lengths of a damaged record
+    OverflowError,
     OSError,
     EOFError,
     ValueError,
@@ -163,10 +165,11 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
     origin = min(min(t) for t in times.values())
     servo = {name: topic for name, topic in topics.items() if topic.kind == _SERVO}
     if servo:
-        groups = [
-            Group(name, _seconds(times[name], origin), dict(topic.table.arrays()))
-            for name, topic in servo.items()
-        ]
+        groups = []
+        for name, topic in servo.items():
+            own, notes = streams(name, _seconds(times[name], origin), topic.table.arrays())
+            groups += own
+            content.notes += [f"{name}: {note}" for note in notes]
         t, channels, notes = on_one_clock(_without_doubles(groups, content), source)
         content.arrays.update({"t": t, **channels})
         content.units["t"] = "s"
