@@ -43,6 +43,9 @@ def exports(tmp_path_factory: pytest.TempPathFactory, servo: dict[str, np.ndarra
     return out
 
 
+NEWTON = ("halscope", "mr_configurator", "opcua", "mtconnect", "plotjuggler")
+"""Formats whose effort is written in N, without its unit."""
+
 KINDS = [*FORMATS, "ros2_mcap", "ros2_sqlite3", "ros1"]
 
 
@@ -57,6 +60,51 @@ def test_a_flange_without_mass_is_a_machine_all_the_same(tmp_path: Path) -> None
     start = new(tmp_path / "tool.urdf", out=tmp_path / "m")
     assert "j2 moves no mass in the URDF: rotor_inertia 0.01 kg·m² (assumed)" in start.said
     assert [start.machine.axis(name).rotor_inertia for name in ("j1", "j2")] == [0.0, 0.01]
+
+
+def test_a_mill_whose_speeds_state_no_unit_is_usable(tmp_path, data_dir, capsys):
+    """The speed of a column without a unit is that of its position by a time that fits the numbers."""
+    log = str(data_dir / "cnc_mill_smart" / "experiment_01.csv")
+    assert main(["new", "XYZ", log, "--rate", "10", "--out", str(tmp_path / "mill")]) == 0
+    assert "not used: experiment_01[0], X1_ActualAcceleration" in capsys.readouterr().out
+    assert main(["check", str(tmp_path / "mill"), log]) == 0
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mm/s", 1.0), ("mm/min", 60.0)])
+def test_the_unit_of_a_speed_is_found_by_its_size(unit, factor):
+    t = np.arange(0, 8, 0.004)
+    x = 90 * np.sin(t)
+    log = Log({"t": t, "X pos": x, "X speed": factor * 90 * np.cos(t), "X current": np.cos(t)}, "x.csv")
+    found = {g.channel: g.unit for g in guess_columns(log, {"X": ("X", False)}).found}
+    assert found["X.q"] == "mm"
+    assert found["X.v"] == unit
+
+
+@pytest.mark.parametrize("late", [1, 3, 12])
+def test_the_command_is_the_column_that_leads(late):
+    """Three columns of one axis without names: motor, scale, and the command in front of both."""
+    rng, t = np.random.default_rng(late), np.arange(0, 20, 0.004)
+    x = 0.2 * np.sin(0.7 * t) + 0.05 * np.sin(2.3 * t)
+    command, motor = x, np.interp(t - 0.004 * late, t, x) + 1e-7 * rng.normal(size=len(t))
+    v, a = np.gradient(motor, t), np.gradient(np.gradient(motor, t), t)
+    log = Log({"time": t, "f1": motor, "f2": motor + 2e-6, "f3": 50 * a + 30 * v, "f4": command}, "x.csv")
+    found = {g.channel: g.column for g in guess_columns(log, {"Y": ("Y", False)}).found}
+    assert found["Y.qr"] == "f4"
+    assert found["Y.q"] in ("f1", "f2")
+    assert found["Y.u"] == "f3"
+
+
+@pytest.mark.parametrize("asked", ["target", "desired", "command", "setpoint", "ref"])
+def test_what_a_controller_asks_for_is_not_what_was_measured(asked):
+    t = np.arange(0, 4, 0.01)
+    channels = {"t": t}
+    for kind in (asked, "actual"):
+        for k in range(3):
+            channels |= {f"{kind}_q_{k}": np.sin(t + k), f"{kind}_current_{k}": np.cos(t + k)}
+    axes = {f"J{k}": (f"J{k}", True) for k in range(3)}
+    found = {g.channel: g.column for g in guess_columns(Log(channels, "x.csv"), axes).found}
+    assert [found[f"J{k}.u"] for k in range(3)] == [f"actual_current_{k}" for k in range(3)]
+    assert [found[f"J{k}.qr"] for k in range(3)] == [f"{asked}_q_{k}" for k in range(3)]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -76,7 +124,9 @@ def test_two_commands_from_a_raw_file_to_a_check(
     assert checked["ok"]
     machine = pt.Machine.load(out)
     log = bind(pt.read(exports[kind]), machine.columns)
-    electric = kind not in ("lerobot", "json_rows", "json_columns", "json_lines") and "ros" not in kind
+    electric = (
+        kind not in (*NEWTON, "lerobot", "json_rows", "json_columns", "json_lines") and "ros" not in kind
+    )
     stated = electric and kind != "halsampler"  # which states no unit of anything
     amperes = [f["channel"] for f in checked["findings"] if f["code"] == "effort_unit"]
     assert amperes == (["Y.u, A.u"] if stated else [])
@@ -84,7 +134,8 @@ def test_two_commands_from_a_raw_file_to_a_check(
         unit = CURRENT[axis] if electric else 1.0  # the torque constant is nowhere in the file
         np.testing.assert_allclose(log[f"{axis}.u"] / unit, servo[f"{axis}.u"], rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(log[f"{axis}.q"], servo[f"{axis}.q"], atol=1e-6)
-    np.testing.assert_allclose(log.t, servo["t"], atol=1e-7)
+    # PlotJuggler writes seconds since 1970, of which a float keeps the microseconds
+    np.testing.assert_allclose(log.t - log.t[0], servo["t"] - servo["t"][0], atol=1e-6)
 
 
 def test_what_is_identified_from_a_raw_bag_is_the_truth(tmp_path: Path, exports: dict[str, Path]) -> None:
@@ -161,7 +212,8 @@ def test_noise_is_no_axis() -> None:
     log = Log({f"x[{i}]": rng.normal(size=400) for i in range(6)}, "x.txt")
     guesses = guess_columns(log, AXES, rate=250.0)
     assert [g.channel for g in guesses.found] == ["t"]
-    assert any("no column found; add them under `columns`. Not used: x[0], x[1]" in q for q in guesses.open)
+    assert any("no column found; add them under `columns`" in q for q in guesses.open)
+    assert guesses.unused == tuple(log.channels)
 
 
 def test_a_log_without_a_clock_asks_for_the_rate(servo: dict[str, np.ndarray]) -> None:

@@ -210,14 +210,16 @@ def _by_behaviour(table: _Table) -> None:
         if np.isfinite(table.log[c]).any() and np.ptp(table.log[c][np.isfinite(table.log[c])]) > 0
     ]
     moving = [c for c in free if moves(table.log[c])]
+    alike: set[str] = set()
     for axis, columns in zip(table.axes, _following(table.log, moving), strict=False):
+        alike.update(columns)
         command, position, why = _command_first(table.log, columns)
         apart = distance(table.log[position], table.log[command])
         said = f"the two follow each other within {apart:.2%}"
         table.give(f"{axis}.qr", command, f"{said}, and this {why}; axis by order: guessed")
         table.give(f"{axis}.q", position, f"{said}; axis by order: guessed")
     held = [(a, table.log[table.taken[f"{a}.q"].column or ""]) for a in table.axes if f"{a}.q" in table.taken]
-    for column in (c for c in free if c not in table.used):
+    for column in (c for c in free if c not in table.used | alike):
         shares = {axis: push(q, table.log[column], table.step or 1.0).share for axis, q in held}
         best = max(shares, key=lambda a: shares[a], default=None)
         if best is not None and shares[best] > _EXPLAINED:
@@ -246,10 +248,15 @@ def _following(log: Log, columns: Sequence[str]) -> Iterable[list[str]]:
     free = list(columns)
     while free:
         one, *others = free
-        group = [one, *(other for other in others if distance(log[one], log[other]) <= FOLLOWS)]
+        group = [one, *(other for other in others if _apart(log[one], log[other]) <= FOLLOWS)]
         free = [c for c in free if c not in group]
         if len(group) > 1:
             yield group
+
+
+def _apart(x: Floats, y: Floats) -> float:
+    """Return the distance of two columns at their own lag, as a share of the motion of the first."""
+    return distance(x, y) * float(np.sqrt(1.0 - min(lead(x, y)[1], 1.0)))
 
 
 def _command_first(log: Log, columns: Sequence[str]) -> tuple[str, str, str]:
@@ -338,7 +345,8 @@ def _efforts(table: _Table) -> list[str]:
                 table.taken[guess.channel] = guess
         if is_set_value(column):
             questions.append(
-                f"{axis}.u: {column} is what the controller asks for or computes; name the measured effort if there is one"
+                f"{axis}.u: {column} is what the controller asks for or computes; "
+                "name the measured effort if there is one"
             )
         unit = table.log.units.get(column)
         if unit in _ELECTRIC or unit is None:

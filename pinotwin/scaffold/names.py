@@ -36,7 +36,7 @@ _WORDS = {
         "command": "cmd command commanded set setpoint setpos setvalue soll sollwert lagesollwert target desired "
         "ref reference nominal posc action demand goal qr tcmd",
         "effort": "current curr cur torque effort force iq strom moment drehmoment kraft trq amp amps tau torq "
-        "motorcurrent tcmd i load acttorque utilization",
+        "motorcurrent tcmd i u load acttorque utilization",
         "velocity": "vel velo velocity speed geschw geschwindigkeit drehzahl rpm qd dq",
         "acceleration": "acc accel acceleration beschleunigung jerk ruck",
         "position": "pos position actpos ist istwert lageistwert act actual posf feedback fb enc encoder meas "
@@ -82,10 +82,18 @@ def read_label(name: str, unit: str | None, axes: Sequence[str], joints: Sequenc
     return Label(axis, signal, why)
 
 
-def _signal(words: Sequence[str], unit: str | None) -> tuple[str | None, str]:
+def _named(words: Sequence[str]) -> dict[str, list[str]]:
+    """Return kind of signal -> the words that say so."""
     named = {kind: [w for w in words if w in known] for kind, known in _WORDS.items()}
     if "d" in words[1:] and (named["position"] or named["velocity"]):  # q_d: the desired one
         named["command"].append("d")
+    if words[-1:] == ["output"]:  # of a controller: the effort that it asks for
+        named["effort"].append("output")
+    return named
+
+
+def _signal(words: Sequence[str], unit: str | None) -> tuple[str | None, str]:
+    named = _named(words)
     stated = unit if unit in SI_FACTOR else None
     if named["temperature"] or named["acceleration"]:
         return None, ""

@@ -109,9 +109,7 @@ def separated(clock: str, arrays: Mapping[str, NDArray[np.generic]]) -> list[Gro
     return out if len(out) > 1 else []
 
 
-def streams(
-    name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]
-) -> tuple[list[Group], list[str]]:
+def streams(name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> tuple[list[Group], list[str]]:
     """Return the groups of messages that share a topic, and what was done, in one sentence each.
 
     Several publishers may share it, each at its own rate. A message that repeats another with its stamp is dropped.

@@ -1,7 +1,7 @@
 """Joint states as tables: the names of the joints stand in cells beside their numbers.
 
-    rostopic echo -p           field.name0, field.name1 ..., field.position0, field.velocity0, field.effort0 ...
-    ros2 topic echo --csv      no header: stamp, frame, names, positions, velocities, efforts, one after the other
+rostopic echo -p           field.name0, field.name1 ..., field.position0, field.velocity0, field.effort0 ...
+ros2 topic echo --csv      no header: stamp, frame, names, positions, velocities, efforts, one after the other
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ def stamps(columns: Sequence[str], arrays: Mapping[str, NDArray[np.generic]]) ->
         return None
     seconds, rest = (np.asarray(arrays[c], dtype=float) for c in columns[:2])
     t = seconds - seconds[:1] + 1e-9 * rest
-    whole = np.all(seconds == np.round(seconds)) and np.all((rest >= 0) & (rest < 1e9)) and np.any(rest >= 1e3)
+    whole = (
+        np.all(seconds == np.round(seconds)) and np.all((rest >= 0) & (rest < 1e9)) and np.any(rest >= 1e3)
+    )
     return t if whole and np.all(np.diff(t) >= 0) else None
 
 
