@@ -30,6 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mass", nargs="+", default=[], metavar="AXIS=KG", help="mass that the axis alone moves"
     )
+    text = "effort [N, N·m] of one unit of the axis' effort column: torque constant x gear, e.g. Y=35"
+    parser.add_argument("--factor", nargs="+", default=[], metavar="AXIS=NUMBER", help=text)
     text = "limits of an axis [m or rad], e.g. X=-0.3,0.3"
     parser.add_argument("--travel", nargs="+", default=[], metavar="AXIS=LOW,HIGH", help=text)
     text = "place of its joint in the frame of the one before [m]"
@@ -69,7 +71,8 @@ def _sizes(args: argparse.Namespace) -> Sizes:
     mass = {axis: x[0] for axis, x in _numbers(args.mass, "mass", 1).items()}
     travel = {axis: (x[0], x[1]) for axis, x in _numbers(args.travel, "travel", 2).items()}
     offset = {axis: (x[0], x[1], x[2]) for axis, x in _numbers(args.offset, "offset", 3).items()}
-    return Sizes(mass, travel, offset)
+    factor = {axis: x[0] for axis, x in _numbers(args.factor, "factor", 1).items()}
+    return Sizes(mass, travel, offset, factor)
 
 
 def _numbers(given: Sequence[str], option: str, count: int) -> dict[str, list[float]]:

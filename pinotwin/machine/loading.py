@@ -15,7 +15,7 @@ from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, Passive
 from pinotwin.machine.sections import columns, data_settings, data_spec, imus, loops, seconds, transmission
 from pinotwin.machine.urdf import check_inertia, load_model
-from pinotwin.machine.urdf_check import MOVING, mimics, moving_joints, read_tree
+from pinotwin.machine.urdf_check import MOVING, UNFIT, axis_names, moving_joints, read_tree
 from pinotwin.machine.yaml_file import (
     DEFAULT_EFFECTS,
     check_keys,
@@ -74,8 +74,7 @@ def _bundled() -> str:
 def _of_urdf(path: Path) -> Machine:
     """Return the machine of a bare URDF: every moving joint an axis with the default effects."""
     root = read_tree(path)
-    followers = mimics(root)  # they have no motor of their own
-    axes = {name: {"joint": name} for name in moving_joints(root) if name not in followers}
+    axes = {name: {"joint": joint} for name, joint in axis_names(root).items()}
     if not axes:
         raise MachineError(f"{path}: no joint of it can be an axis ({', '.join(MOVING)})")
     return build({"name": path.stem, "urdf": path.name, "axes": axes}, path)
@@ -149,8 +148,9 @@ def _check_words(spec: Mapping[str, Any]) -> None:
     for kind in ("axes", "passive"):
         for name in mapping(spec.get(kind), f"{kind}."):
             text = "" if name is None else str(name)
-            if not text or text.strip() != text or set(',;:=+\n"/\\') & set(text):
-                raise MachineError(f"{kind}: {name!r} cannot name a joint; use letters and digits")
+            if not text or text.strip() != text or UNFIT & set(text):
+                way = f"{kind}: {{J1: {{joint: {text!r}}}}}"
+                raise MachineError(f"{kind}: {name!r} cannot name an axis; give it a name of its own, {way}")
 
 
 def _joints(axes: Mapping[str, Any], passive: Mapping[str, Any]) -> dict[str, str]:

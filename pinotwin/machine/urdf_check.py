@@ -67,6 +67,22 @@ def moving_joints(root: etree._Element) -> tuple[str, ...]:
     return tuple(str(j.get("name")) for j in root.findall("joint") if j.get("type") in MOVING)
 
 
+UNFIT = frozenset(',;:=+\n"/\\')
+"""Characters that no axis' name may hold: it stands in options, channels and files."""
+
+
+def axis_names(root: etree._Element) -> dict[str, str]:
+    """Return axis -> joint: every joint that moves by itself, named as it is where that can name an axis."""
+    followers = mimics(root)
+    out: dict[str, str] = {}
+    for joint in (j for j in moving_joints(root) if j not in followers):
+        name = "".join("_" if c in UNFIT or c.isspace() else c for c in joint).strip("_") or "axis"
+        fits = joint.strip() == joint and not UNFIT & set(joint)
+        taken = (name, *(f"{name}_{k}" for k in range(2, len(out) + 3)))
+        out[joint if fits else next(n for n in taken if n not in out)] = joint
+    return out
+
+
 def mimics(root: etree._Element) -> dict[str, str]:
     """Return the joints that follow another one: name -> the joint they follow."""
     return {

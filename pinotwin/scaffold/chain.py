@@ -45,11 +45,13 @@ class Sizes:
         mass: axis -> mass that its joint moves alone [kg].
         travel: axis -> lower and upper limit [m or rad].
         offset: axis -> its joint's place in the frame of the joint before it [m], shape (3,).
+        factor: axis -> effort of one unit of its column in the log [N or N·m]: torque constant x gear.
     """
 
     mass: Mapping[str, float] = field(default_factory=dict)
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     offset: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    factor: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -54,11 +54,11 @@ class Guess:
         if self.rate is not None:
             entry = f"{{rate: {self.rate:g}}}"
         else:
-            parts = [f"column: {_quoted(self.column or '')}"]
-            parts += [f"unit: {_quoted(self.unit)}"] if self.unit else []
+            parts = [f"column: {quoted(self.column or '')}"]
+            parts += [f"unit: {quoted(self.unit)}"] if self.unit else []
             parts += [f"factor: {self.factor:g}"] if self.factor != 1.0 else []
             entry = "{" + ", ".join(parts) + "}"
-        return f"{_quoted(self.channel)}: {entry}  # {self.reason}"
+        return f"{quoted(self.channel)}: {entry}  # {self.reason}"
 
 
 @dataclass(frozen=True)
@@ -387,6 +387,7 @@ def _missing(table: _Table) -> list[str]:
     return said
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """Return a name as YAML takes it."""
     plain = text.replace(".", "").replace("_", "").isalnum() and not text[0].isdigit()
     return text if plain else '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

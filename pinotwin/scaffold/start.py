@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines, robots
 from pinotwin.machine.urdf import idle_joints, load_model, resolve_meshes
-from pinotwin.machine.urdf_check import mimics, moving_joints, read_tree
+from pinotwin.machine.urdf_check import axis_names, mimics, read_tree
 from pinotwin.notebook import Card, Shown
 from pinotwin.scaffold.chain import (
     LIFT,
@@ -31,7 +31,7 @@ from pinotwin.scaffold.chain import (
     parse_chain,
     write_urdf,
 )
-from pinotwin.scaffold.guess import Guesses, guess_columns
+from pinotwin.scaffold.guess import Guesses, guess_columns, quoted
 from pinotwin.system.writing import as_path, whole_folder
 
 ROTOR = {True: 0.01, False: 1.0}
@@ -88,21 +88,21 @@ def new(
     Raises:
         InputError: the source means nothing, or the folder holds a machine.
     """
-    target, text = as_path(out, "out"), str(source)
+    target, text, sizes = as_path(out, "out"), str(source), sizes or Sizes()
     log = None if log is None else as_log(log)
     if (target / "machine.yaml").exists():
         raise InputError(f"{target}: holds a machine.yaml already; choose another folder, or edit that one")
     with whole_folder(target) as folder:
         if text in machines():
             said = _copy_bundled(text, folder)
-            guesses = _guess_bundled(folder, log, rate)
+            guesses = _guess_bundled(folder, log, rate, sizes)
         elif Path(text).suffix == ".urdf" or text in robots():
             path = robots()[text] if text in robots() else Path(text)
-            guesses, said = _from_urdf(path, folder, log, rate, meshes)
+            guesses, said = _from_urdf(path, folder, log, rate, meshes, sizes)
         elif is_chain(text):
             name = re.sub(r"\W+", "_", target.resolve().name).strip("_") or "machine"
             chain = parse_chain(text, rotary)
-            guesses, said = _from_axes(name, chain, folder, log, rate, sizes or Sizes())
+            guesses, said = _from_axes(name, chain, folder, log, rate, sizes)
             said[0] += "" if "-" in text else "; write XYZ-AC to say it yourself"
         else:
             raise MachineError(
@@ -117,12 +117,34 @@ def _copy_bundled(name: str, folder: Path) -> list[str]:
     return [f"copied from the bundled machine {name}"]
 
 
-def _guess_bundled(folder: Path, log: Log | None, rate: float | None) -> Guesses | None:
+def _guessed(log: Log, axes: Mapping[str, tuple[str, bool]], rate: float | None, sizes: Sizes) -> Guesses:
+    """Return the guesses, with the factors of efforts that are known.
+
+    Raises:
+        InputError: a factor is of no axis, or of one without an effort in the log.
+    """
+    guesses = guess_columns(log, axes, rate)
+    efforts = {f"{axis}.u": factor for axis, factor in sizes.factor.items()}
+    known = [g.channel for g in guesses.found if g.channel.endswith(".u")]
+    for channel in efforts:
+        if channel not in known:
+            raise InputError(f"factor: no effort {channel!r} among the columns; {nearest(channel, known)}")
+    found = tuple(
+        replace(g, factor=g.factor * efforts[g.channel], reason=f"{g.reason}; factor as given")
+        if g.channel in efforts
+        else g
+        for g in guesses.found
+    )
+    asked = tuple(q for q in guesses.open if not any(q.startswith(f"{channel}: ") for channel in efforts))
+    return replace(guesses, found=found, open=asked)
+
+
+def _guess_bundled(folder: Path, log: Log | None, rate: float | None, sizes: Sizes) -> Guesses | None:
     if log is None:
         return None
     machine = Machine.load(folder)
     axes = {name: (axis.joint, axis.rotary) for name, axis in machine.axes.items()}
-    guesses = guess_columns(log, axes, rate)
+    guesses = _guessed(log, axes, rate, sizes)
     if guesses.found:
         file = folder / "machine.yaml"
         text = re.sub(r"(?ms)^columns:.*?(?=^\S|\Z)", "", file.read_text(encoding="utf-8"))
@@ -131,19 +153,18 @@ def _guess_bundled(folder: Path, log: Log | None, rate: float | None) -> Guesses
 
 
 def _from_urdf(
-    path: Path, folder: Path, log: Log | None, rate: float | None, meshes: str | Path | None
+    path: Path, folder: Path, log: Log | None, rate: float | None, meshes: str | Path | None, sizes: Sizes
 ) -> tuple[Guesses | None, list[str]]:
     root = read_tree(path)
     followers = mimics(root)
     joints = {str(j.get("name")): str(j.get("type")) for j in root.findall("joint")}
-    axes = {
-        name: (name, joints[name] != "prismatic") for name in moving_joints(root) if name not in followers
-    }
+    axes = {name: (joint, joints[joint] != "prismatic") for name, joint in axis_names(root).items()}
     if not axes:
         raise MachineError(f"{path}: no joint of it can be an axis")
     said = [f"{len(axes)} joints of {path.name} are axes"]
     said += [f"{name} follows {leader} (mimic) and is no axis" for name, leader in followers.items()]
-    guesses = None if log is None else guess_columns(log, axes, rate)
+    said += [f"{name} is the joint {joint!r}" for name, (joint, _) in axes.items() if name != joint]
+    guesses = None if log is None else _guessed(log, axes, rate, sizes)
     if guesses is not None:
         idle = [name for name in axes if f"{name}.q" not in guesses]
         if idle and len(idle) < len(axes):
@@ -151,15 +172,13 @@ def _from_urdf(
             axes = {name: value for name, value in axes.items() if name not in idle}
             dropped = tuple(q for q in guesses.open if q.partition(".")[0] not in idle)
             guesses = replace(guesses, open=dropped)
-    idle = idle_joints(load_model(path, list(axes)))
-    rotors = {joint: ROTOR[axes[joint][1]] for joint in idle}
-    said += [
-        f"{joint} moves no mass in the URDF: {_rotor(rotor)} (assumed)" for joint, rotor in rotors.items()
-    ]
+    idle = idle_joints(load_model(path, [joint for joint, _ in axes.values()]))
+    rotors = {name: ROTOR[turns] for name, (joint, turns) in axes.items() if joint in idle}
+    said += [f"{name} moves no mass in the URDF: {_rotor(rotor)} (assumed)" for name, rotor in rotors.items()]
     resolve_meshes(root, path)
     name = path.stem
     (folder / f"{name}.urdf").write_bytes(etree.tostring(root, xml_declaration=True, encoding="utf-8"))
-    _write_yaml(folder, name, axes, guesses, meshes, rotors)
+    _write_yaml(folder, name, {axis: joint for axis, (joint, _) in axes.items()}, guesses, meshes, rotors)
     return guesses, said
 
 
@@ -171,11 +190,11 @@ def _from_axes(
     name: str, chain: Chain, folder: Path, log: Log | None, rate: float | None, sizes: Sizes
 ) -> tuple[Guesses | None, list[str]]:
     axes = {axis: (axis, kind_of(axis) == "rotary") for axis in chain.axes}
-    guesses = None if log is None else guess_columns(log, axes, rate)
+    guesses = None if log is None else _guessed(log, axes, rate, sizes)
     travel = {} if log is None or guesses is None else _travel(log, guesses, axes)
     sizes = replace(sizes, travel={**travel, **sizes.travel})
     (folder / f"{name}.urdf").write_bytes(write_urdf(name, chain, sizes))
-    _write_yaml(folder, name, chain.axes, guesses)
+    _write_yaml(folder, name, {axis: axis for axis in chain.axes}, guesses)
     return guesses, _assumed(chain, sizes, set(travel))
 
 
@@ -224,7 +243,7 @@ def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
 def _write_yaml(
     folder: Path,
     name: str,
-    axes: Iterable[str],
+    axes: Mapping[str, str],
     guesses: Guesses | None,
     meshes: str | Path | None = None,
     rotors: Mapping[str, float] | None = None,
@@ -237,7 +256,10 @@ def _write_yaml(
     ]
     lines += [f"meshes: {Path(meshes).resolve()}"] if meshes else []
     lines += ["axes:  # what acts beside the rigid body; more effects: stribeck, ripple, position_table..."]
-    lines += [f"  {axis}: {{joint: {axis}, effects: [viscous, coulomb]{own.get(axis, '')}}}" for axis in axes]
+    lines += [
+        f"  {quoted(axis)}: {{joint: {quoted(joint)}, effects: [viscous, coulomb]{own.get(axis, '')}}}"
+        for axis, joint in axes.items()
+    ]
     text = "\n".join(lines) + "\n"
     if guesses is not None and guesses.found:
         text += _columns(guesses)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -124,6 +125,8 @@ def _read_one(path: Path, only: str | None, seen: Seen | None) -> Log:
     source = str(path)
     if (path / "metadata.yaml").is_file():  # a ROS 2 bag is a folder
         kind, note = "ros", list[str]()
+    elif path.is_dir() and len(stored := _stored(path)) == 1:
+        return replace(_read_one(stored[0], only, seen), source=source)
     else:
         kind, note = _format(path, _head(path))
     loader = importlib.import_module(_READERS[kind])
@@ -135,6 +138,11 @@ def _read_one(path: Path, only: str | None, seen: Seen | None) -> Log:
         content = loader.load(path, source)
     content.notes[:0] = note
     return to_log(content, source, only)
+
+
+def _stored(folder: Path) -> list[Path]:
+    """Return the storage files of a ROS 2 bag that lost its metadata.yaml."""
+    return sorted(p for p in folder.iterdir() if p.suffix in (".mcap", ".db3"))
 
 
 def _head(path: Path) -> bytes:
