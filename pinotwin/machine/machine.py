@@ -58,6 +58,13 @@ class Machine(Card):
     spec: Mapping[str, Any] = field(default_factory=dict, repr=False)
     meshes: tuple[Path, ...] = ()
 
+    def __new__(cls, *given: Any, **fields: Any) -> Machine:
+        """Refuse what is no list of attributes with the name of the function that takes it."""
+        if len(given) == 1 and not fields:
+            how = "from_model" if isinstance(given[0], pin.Model) else "load"
+            raise MachineError(f"Machine({type(given[0]).__name__}): use Machine.{how}")
+        return object.__new__(cls)
+
     @classmethod
     def load(cls, path: str | Path) -> Machine:
         """Read a machine from its folder, its machine.yaml, a bare URDF, or by name.
