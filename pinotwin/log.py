@@ -79,7 +79,7 @@ class Log(Card):
         if not isinstance(self.channels, Mapping):
             raise LogError(
                 f"Log: expected channels by name, as in Log({{'t': t, 'X.q': q}}), not {type(self.channels).__name__}; "
-                "arrays: Log.from_arrays(t, q=q, u=u, axes=names), a table: Log.from_pandas(table), a file: pinotwin.read"
+                "arrays: Log.from_arrays(t, q=q, u=u, axes=names), a table: Log.from_pandas(table), a file: pt.read"
             )
         frozen = {}
         for name, values in self.channels.items():
@@ -182,7 +182,7 @@ class Log(Card):
         Raises:
             InputError: pandas is not installed.
         """
-        pandas = _pandas()
+        pandas = require_pandas()
         table = pandas.DataFrame({name: np.array(x) for name, x in self.channels.items()})
         table.attrs = {"source": self.source, "units": dict(self.units), "notes": list(self.notes)}
         return table
@@ -201,7 +201,7 @@ class Log(Card):
         Raises:
             LogError: a column holds no numbers, or two have one name.
         """
-        table = table if hasattr(table, "index") else table.to_pandas()  # of polars, of pyarrow
+        table = table if hasattr(table, "index") else table.torequire_pandas()  # of polars, of pyarrow
         channels, units = {}, dict(getattr(table, "attrs", {}).get("units", {}))
         index = table.index
         if "t" not in table.columns and index.dtype.kind in "Mm":
@@ -283,9 +283,16 @@ def _ends(x: Floats) -> tuple[float, float]:
     return (float(known.min()), float(known.max())) if len(known) else (np.nan, np.nan)
 
 
-def _pandas() -> Any:
+def require_pandas() -> Any:
+    """Return pandas, which is optional.
+
+    Raises:
+        InputError: it is not installed.
+    """
     try:
         import pandas
     except ImportError:
-        raise InputError("pandas is not installed; `pip install pandas`, or use log.channels") from None
+        raise InputError(
+            "pandas is not installed; `pip install pandas`, or use the NumPy arrays of the object"
+        ) from None
     return pandas

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pandas
 import pinocchio as pin
 import pytest
 
 import pinotwin as pt
-from pinotwin.errors import InputError, LogError, MachineError
+from pinotwin.errors import InputError, LogError, MachineError, TwinError
 from tests.dynamics_models import random_tree
 
 STEP = 0.004
@@ -71,7 +73,7 @@ def test_arrays_that_do_not_fit_are_refused_with_what_was_expected(model, names)
     holed = u.copy()
     holed[7, 1] = np.nan
     for given, said in [
-        ({"q": q.T}, rf"q has shape \(3, 500\), expected \(500, 3\): .*transpose it"),
+        ({"q": q.T}, r"q has shape \(3, 500\), expected \(500, 3\): .*transpose it"),
         ({"q": q[:-1]}, r"q has shape \(499, 3\), expected \(500, 3\)"),
         ({"q": q, "u": u[:, :2]}, r"u has shape \(500, 2\), expected \(500, 3\)"),
         ({"q": q, "u": holed}, r"u of 'j2': 1 of 500 values are not finite, the first in row 7"),
@@ -125,3 +127,29 @@ def test_a_model_is_a_machine(model, names, log, twin):
         pt.Machine(model)
     with pytest.raises(MachineError, match=r"Machine\(str\): use Machine.load"):
         pt.Machine("trunnion")
+
+
+def test_parameters_go_by_name_and_in_order(twin, monkeypatch):
+    found = twin.parameters["j2.viscous.b"]
+    assert found.unit == "N·m·s/rad"
+    assert found.standard_error == found.error
+    assert abs(found.value - 5.0) < 5.0 * found.standard_error
+    low, high = found.interval(0.9)
+    assert (high - low) / 2.0 == pytest.approx(1.6449 * found.standard_error, rel=1e-4)
+    assert found.interval() == pytest.approx(found.value + 1.96 * found.error * np.array([-1, 1]), rel=1e-4)
+    with pytest.raises(InputError, match="level: 90 is not between 0 and 1"):
+        found.interval(90)
+    assert list(twin.parameters) == [twin.parameters[k] for k in range(len(twin.parameters))]
+    assert dict(twin.parameters) == {row.name: row for row in twin.parameters}
+    assert "j2.viscous.b" in twin.parameters
+    assert "j2.viscous.x" not in twin.parameters
+    with pytest.raises(TwinError, match=r"no parameter 'j2.viscus.b'; did you mean 'j2.viscous.b'"):
+        twin.parameters["j2.viscus.b"]
+    frame = twin.parameters.to_frame()
+    assert list(frame.index) == list(twin.parameters.keys())
+    assert frame.loc["j2.viscous.b", "value"] == found.value
+    assert frame.loc["j2.viscous.b", "high95"] == found.interval()[1]
+    assert frame["value"].dtype == float
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(InputError, match="pandas is not installed; `pip install pandas`"):
+        twin.parameters.to_frame()

@@ -21,7 +21,7 @@ from pinotwin.machine.urdf import with_inertias
 from pinotwin.machine.yaml_file import read_yaml
 from pinotwin.system.writing import whole_folder, write_bytes, write_text
 from pinotwin.twin.misfit import FILE, Misfit, read_misfit, write_misfit
-from pinotwin.twin.parameters import Parameter
+from pinotwin.twin.parameters import Parameter, Parameters
 from pinotwin.twin.twin import Twin
 
 SCHEMA = "pinotwin.twin/1"
@@ -179,7 +179,7 @@ def _twin(machine: Machine, content: dict[str, Any], misfit: Misfit | None) -> T
         effects=effects,
         theta=theta,
         covariance=_symmetric(content["covariance_lower"]),
-        parameters=tuple(_parameter(row) for row in content["parameters"]),
+        parameters=Parameters(_parameter(row) for row in content["parameters"]),
         pi=np.array(content["standard_inertial_parameters"], dtype=float),
         **_closed_loop(content),
         quality=content["quality"],

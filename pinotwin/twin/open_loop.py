@@ -17,7 +17,7 @@ from pinotwin.effects.scene import with_model
 from pinotwin.errors import InputError, TwinError, nearest
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.twin.parameters import Parameter
+from pinotwin.twin.parameters import Parameter, Parameters
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,7 +29,7 @@ class OpenLoop:
         effects: the effects with the shapes that were found.
         theta: their linear coefficients, in the order of the effects, shape (p,).
         covariance: of ``theta``, shape (p, p); zero rows for what the data leave open.
-        parameters: the table of all parameters.
+        parameters: all parameters, in order and by full name.
         pi: standard inertial parameters with ``P pi = beta``; physically consistent unless
             ``quality["consistency"]`` of the twin says otherwise.
         diagonal: constant inertia, viscous and stiffness terms that the loops are identified with,
@@ -40,9 +40,12 @@ class OpenLoop:
     effects: tuple[Effect, ...]
     theta: Floats
     covariance: Floats
-    parameters: tuple[Parameter, ...]
+    parameters: Parameters
     pi: Floats
     diagonal: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", Parameters(self.parameters))
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
@@ -75,11 +78,7 @@ class OpenLoop:
         Raises:
             TwinError: there is none of that name.
         """
-        for row in self.parameters:
-            if row.name == name:
-                return row
-        names = [row.name for row in self.parameters]
-        raise TwinError(f"{self.machine.name}: no parameter {name!r}; {nearest(name, names)}")
+        return self.parameters[name]
 
     def scene(self, motion: Motion) -> Motion:
         """Return a motion with this plant's own effort along it, if any of its effects scales with it.
