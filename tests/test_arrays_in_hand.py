@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 
 import numpy as np
@@ -10,8 +11,9 @@ import pinocchio as pin
 import pytest
 
 import pinotwin as pt
-from pinotwin.errors import InputError, LogError, MachineError, TwinError
+from pinotwin.errors import DataError, InputError, LogError, MachineError, TwinError
 from tests.dynamics_models import random_tree
+from tests.simulated import known_twin
 
 STEP = 0.004
 
@@ -153,3 +155,80 @@ def test_parameters_go_by_name_and_in_order(twin, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(InputError, match="pandas is not installed; `pip install pandas`"):
         twin.parameters.to_frame()
+
+
+def exported(twin: pt.Twin, folder):
+    """The module that ``export --format numpy`` writes."""
+    pt.export_twin(twin, "numpy", folder / "exported.py")
+    spec = importlib.util.spec_from_file_location("exported", folder / "exported.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.MODEL
+
+
+def test_the_effort_of_arrays_is_the_exported_inverse_model(model, twin, tmp_path):
+    t, q, v, a, u = arrays(model, 4.0, seed=5)
+    found = twin.effort(q, v, a)
+    assert found.shape == q.shape
+    np.testing.assert_array_equal(twin.predict(q, v, a), found)
+    wanted = exported(twin, tmp_path).run(q, v, a, STEP)
+    np.testing.assert_allclose(found, wanted, atol=1e-9 * np.abs(wanted).max())
+    np.testing.assert_array_equal(twin.effort(q, v, a, t=t), found)
+    for k in (0, 77):  # one sample, as a controller asks for it
+        np.testing.assert_allclose(
+            twin.predict(q[k], v[k], a[k]), twin.predict(q[k:], v[k:], a[k:])[0], atol=1e-9
+        )
+    assert np.sqrt(np.mean((found - u) ** 2)) < 0.3  # u: noise of 0.02, friction that turns round at once
+
+
+def test_arrays_that_are_no_motion_are_refused(model, twin):
+    t, q, v, a, _ = arrays(model, 1.0)
+    with pytest.raises(DataError, match=r"v has shape \(250, 2\), expected \(n, 3\)"):
+        twin.effort(q, v[:, :2], a)
+    with pytest.raises(DataError, match="a has 249 rows but q has 250"):
+        twin.effort(q, v, a[:-1])
+    with pytest.raises(DataError, match=r"t has shape \(9,\), expected \(250,\)"):
+        twin.effort(q, v, a, t=t[:9])
+    with pytest.raises(InputError, match=r"give effort\(q, v, a\), a Motion or a log"):
+        twin.effort(q)
+
+
+@pytest.mark.parametrize("effect", ["viscous_thermal", "drive_flexibility"])
+def test_an_effect_of_time_asks_for_it(model, effect):
+    t, q, v, a, _ = arrays(model, 2.0)
+    twin = known_twin(pt.Machine.from_model(model, {"j1": [effect], "j2": ["viscous"], "j3": ["viscous"]}))
+    with pytest.raises(DataError, match=rf"j1.{effect} depends on time; give t="):
+        twin.predict(q, v, a)
+    assert np.isfinite(twin.predict(q, v, a, t=t)).all()
+
+
+def test_what_a_sensor_adds_is_no_effort_of_the_machine(model):
+    _, q, v, a, _ = arrays(model, 2.0)
+    plain = known_twin(pt.Machine.from_model(model))
+    late = known_twin(
+        pt.Machine.from_model(model, {"j1": ["viscous", "coulomb", "delay"], "j2": [], "j3": []})
+    )
+    assert "j1.delay" in late.keys
+    np.testing.assert_allclose(late.predict(q, v, a)[:, 0], plain.predict(q, v, a)[:, 0], atol=1e-9)
+
+
+def test_a_log_is_a_motion_and_its_residual_is_measured_minus_predicted(log, twin):
+    motion = twin.motion(log)
+    np.testing.assert_array_equal(twin.effort(log), twin.effort(motion))
+    np.testing.assert_array_equal(twin.residual(log), motion.u - twin.effort(motion))
+    np.testing.assert_array_equal(twin.residual(motion), twin.residual(log))
+    table = log.to_pandas().drop(columns="j2.u")
+    assert np.isnan(twin.residual(table)[:, 1]).all()
+    np.testing.assert_array_equal(twin.effort(table), twin.effort(log))
+
+
+def test_the_effort_of_a_log_is_low_passed_and_that_of_arrays_is_not(model, log, tmp_path):
+    """What docs/export.md says of a log with a low corner, on a robot that reverses."""
+    twin = pt.identify(model, log, loop=False, cutoff=4.0)
+    motion = twin.motion(log).cut(500, 3500)
+    u = exported(twin, tmp_path).run(motion.q, motion.v, motion.a, motion.step)
+    size = np.abs(u).max()
+    assert np.abs(u - twin.effort(motion.q, motion.v, motion.a)).max() < 1e-9 * size
+    assert np.abs(u - twin.effort(motion)).max() > 0.02 * size
+    inner = slice(200, -200)  # the filter of a cut motion starts at its ends
+    assert np.abs(motion.passed(u) - twin.effort(motion))[inner].max() < 0.01 * size

@@ -26,6 +26,7 @@ from pinotwin.machine.machine import Machine
 from pinotwin.machine.urdf import inertial_element
 from pinotwin.machine.yaml_file import effect_spec
 
+_WIDE = 1e9
 _COUNT = itertools.count(1)
 _TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
 
@@ -166,16 +167,14 @@ def _joint(root: etree._Element, name: str, kind: str, place: pin.SE3) -> etree.
 
 
 def _limits(model: pin.Model, joint: int) -> dict[str, str]:
-    """Return effort, velocity and range; an end that is not finite is left open."""
+    """Return effort, velocity and range; an end that is not finite, or only a placeholder, is left wide open."""
     at = model.idx_vs[joint]
     wide = {"effort": model.upperEffortLimit[at], "velocity": model.upperVelocityLimit[at]}
-    out = {key: repr(float(x)) if np.isfinite(x) else "1e9" for key, x in wide.items()}
+    out = {key: repr(min(float(x), _WIDE)) for key, x in wide.items()}
     if _kind(model, joint) != "continuous":
         q = model.idx_qs[joint]
         ends = (float(model.lowerPositionLimit[q]), float(model.upperPositionLimit[q]))
-        out["lower"], out["upper"] = (
-            repr(x) if np.isfinite(x) else repr(float(np.sign(x)) * 1e9) for x in ends
-        )
+        out["lower"], out["upper"] = (repr(float(np.clip(x, -_WIDE, _WIDE))) for x in ends)
     return out
 
 
