@@ -9,6 +9,7 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.batch import inverse as inverse_dynamics
 from pinotwin.effects import total_effort
 from pinotwin.export.inverse import Inverse, sweep
+from pinotwin.machine.sections import GRAVITY
 from pinotwin.machine.urdf import with_inertias
 from pinotwin.simulation.tables import tabulate
 from pinotwin.twin import Twin
@@ -52,6 +53,8 @@ def damping_of(inverse: Inverse) -> Floats:
 def urdf_lines(twin: Twin, inverse: Inverse) -> list[str]:
     """Return what a URDF cannot hold, and how much of the effort that is."""
     lost = [_rotor(twin)] if np.any(twin.model.armature) else []
+    pull = twin.model.gravity.linear.tolist()
+    lost += [] if tuple(pull) == GRAVITY else [f"gravity {pull} m/s²"]
     lost += _effects(twin, inverse)
     missed = missed_share(twin, inverse)
     shares = ", ".join(f"{name} {share:.0%}" for name, share in zip(inverse.names, missed, strict=True))

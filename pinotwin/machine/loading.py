@@ -13,7 +13,17 @@ from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.bundled import bundled_path, machines, robots
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, Passive
-from pinotwin.machine.sections import columns, data_settings, data_spec, imus, loops, seconds, transmission
+from pinotwin.machine.sections import (
+    GRAVITY,
+    columns,
+    data_settings,
+    data_spec,
+    gravity,
+    imus,
+    loops,
+    seconds,
+    transmission,
+)
 from pinotwin.machine.urdf import check_inertia, load_model
 from pinotwin.machine.urdf_check import MOVING, mimics, moving_joints, read_tree
 from pinotwin.machine.yaml_file import (
@@ -27,7 +37,19 @@ from pinotwin.machine.yaml_file import (
 )
 from pinotwin.system.writing import as_path
 
-KEYS = ("name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "data", "meshes")
+KEYS = (
+    "name",
+    "urdf",
+    "axes",
+    "passive",
+    "gravity",
+    "imus",
+    "loop",
+    "columns",
+    "transmission",
+    "data",
+    "meshes",
+)
 AXIS_KEYS = (
     "joint",
     "effects",
@@ -103,6 +125,7 @@ def _machine(spec: dict[str, Any], file: Path) -> Machine:
     joints = _joints(axes_spec, passive_spec)
     _check_joints(urdf, joints, tuple(axes_spec))
     model = load_model(urdf, list(joints.values()))
+    model.gravity.linear = gravity(spec)
     axes = {str(n): _axis(str(n), s, model) for n, s in axes_spec.items()}
     passive = {str(n): _passive(str(n), s, model) for n, s in passive_spec.items()}
     _apply_rotors(model, axes)
@@ -275,6 +298,10 @@ def machine_spec(machine: Machine) -> dict[str, Any]:
                 entry[key] = float(value)
         axes[name] = entry
     spec["axes"] = axes
+    pull = machine.model.gravity.linear.tolist()
+    spec = {k: v for k, v in spec.items() if k != "gravity"} | (
+        {} if tuple(pull) == GRAVITY else {"gravity": pull}
+    )
     if machine.meshes:
         spec["meshes"] = [str(folder) for folder in machine.meshes]
     data = data_spec(machine.data)

@@ -92,9 +92,9 @@ class Machine(Card):
         """Make a machine of a ``pin.Model`` in hand, without a file.
 
         Joints that are no axis are locked at neutral. The tree becomes a URDF, so :meth:`save` writes
-        one; what a URDF cannot say (mimic joints, another gravity) is refused here, geometry is not in
-        a model and gets lost. The machine's joints are in the order in which Pinocchio reads a URDF
-        (siblings by name): address them by name.
+        one, ``model.gravity`` becomes ``gravity:`` of machine.yaml, damping and friction are kept; mimic joints are
+        refused here, geometry is not in a model and gets lost. The machine's joints are in the order in which
+        Pinocchio reads a URDF (siblings by name): address them by name.
 
         Args:
             model: Pinocchio model; ``armature`` becomes the axes' rotor inertia.

@@ -101,6 +101,7 @@ def document(twin: Twin) -> dict[str, Any]:
             "schema": SCHEMA,
             "machine": twin.machine.name,
             "axes": list(twin.machine.axes),
+            "gravity": twin.machine.model.gravity.linear.tolist(),
             "parameters": [row.as_dict() for row in twin.parameters],
             "effects": [
                 {"key": key, "effect": effect.name, "axis": effect.axis, "fields": _fields(effect)}
