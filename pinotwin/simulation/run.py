@@ -117,7 +117,7 @@ def simulate(twin: Twin, log: LogLike, *, step: float | None = None, controller:
 @one_blas_thread
 def respond(
     twin: Twin,
-    log: Log,
+    log: Log | Motion,
     *,
     step: float | None = None,
     controller: Loops | None = None,
@@ -131,7 +131,7 @@ def respond(
 
     Args:
         twin: the machine, with its loops.
-        log: the command.
+        log: the command, or a motion that has one.
         step: longest internal step [s].
         controller: see :func:`simulate`.
         full: also keep v, a and d (else they have no rows).
