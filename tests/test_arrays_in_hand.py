@@ -12,6 +12,7 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.errors import DataError, InputError, LogError, MachineError, TwinError
+from pinotwin.machine.in_hand import urdf_of_model
 from tests.dynamics_models import random_tree
 from tests.simulated import known_twin
 
@@ -232,3 +233,21 @@ def test_the_effort_of_a_log_is_low_passed_and_that_of_arrays_is_not(model, log,
     assert np.abs(u - twin.effort(motion)).max() > 0.02 * size
     inner = slice(200, -200)  # the filter of a cut motion starts at its ends
     assert np.abs(motion.passed(u) - twin.effort(motion))[inner].max() < 0.01 * size
+
+
+def test_the_text_of_a_file_is_no_name_of_one(model):
+    urdf = urdf_of_model(model, "arm").decode()
+    for call in (pt.Machine.load, pt.Twin.load, pt.read, lambda text: pt.check("emps", text)):
+        with pytest.raises(
+            InputError, match=r"expected the name of a file or folder, not its text \('<.xml version"
+        ):
+            call(urdf)
+        with pytest.raises(InputError, match="cannot name a file"):
+            call("a\0b")
+
+
+def test_an_axis_without_effort_is_said(model, log):
+    table = log.to_pandas().drop(columns="j2.u")
+    said = pt.identify(model, table, loop=False).quality["warnings"]
+    assert [line for line in said if line.startswith("j2: no effort in the log (channel j2.u is missing")]
+    assert not [line for line in said if line.startswith(("j1: no effort", "j3: no effort"))]

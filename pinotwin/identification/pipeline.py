@@ -84,7 +84,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     closed = ClosedLoops(plant)
     if loop and motion.qr is not None:
         closed = close_loops(plant, motion, bent, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
-    said = [*(bending.warnings if bending else []), *warnings(quality, machine), *closed.warnings]
+    said = [*(bending.warnings if bending else []), *warnings(quality, plant, motion), *closed.warnings]
     return closed.twin(
         quality={**quality, "warnings": said, "springs": springs_found, **closed.quality},
         data=[_provenance(item, motion) for item in logs],

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import yaml
 
 from pinotwin.arrays import Floats, plain
@@ -17,7 +18,7 @@ from pinotwin.effects.layout import effect_slices
 from pinotwin.errors import TwinError
 from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
-from pinotwin.machine.urdf import with_inertias
+from pinotwin.machine.urdf import no_urdf_holds, with_inertias
 from pinotwin.machine.yaml_file import read_yaml
 from pinotwin.system.writing import whole_folder, write_bytes, write_text
 from pinotwin.twin.misfit import FILE, Misfit, read_misfit, write_misfit
@@ -35,10 +36,15 @@ def save(twin: Twin, folder: Path) -> Path:
 
 
 def write_twin(twin: Twin, folder: Path) -> dict[str, Any]:
-    """Write a twin into a folder that is there; return what twin.json holds, digests included."""
+    """Write a twin into a folder that is there; return what twin.json holds, digests included.
+
+    Where a fit that was free to do so found inertias that a URDF cannot hold, the URDF keeps those of the description;
+    what was found is in twin.json.
+    """
     name = f"{twin.machine.name}.urdf"
-    write_bytes(folder / name, with_inertias(twin.machine.urdf, twin.model))
-    write_text(folder / "machine.yaml", _yaml(twin))
+    model = twin.machine.model if no_urdf_holds(twin.model) else twin.model
+    write_bytes(folder / name, with_inertias(twin.machine.urdf, model))
+    write_text(folder / "machine.yaml", _yaml(twin, model))
     if twin.misfit is not None:
         write_misfit(twin.misfit, folder / FILE)
     content = document(twin)
@@ -77,11 +83,11 @@ def _text(content: dict[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _yaml(twin: Twin) -> str:
+def _yaml(twin: Twin, model: pin.Model) -> str:
     spec = machine_spec(twin.machine)
     spec["urdf"] = f"{twin.machine.name}.urdf"
     for name, axis in twin.machine.axes.items():
-        rotor = float(twin.model.armature[axis.index])
+        rotor = float(model.armature[axis.index])
         if rotor > 0.0:
             spec["axes"][name]["rotor_inertia"] = rotor
         else:
@@ -160,8 +166,11 @@ def _check_digests(path: Path, content: dict[str, Any], machine: Machine) -> Non
         raise TwinError(
             f"{path}: damaged twin (changed after it was saved: its digest differs); identify it again"
         )
-    for name, digest in _digests(path.parent, machine.urdf).items():
-        if content["files"].get(name) != digest:
+    found = _digests(path.parent, machine.urdf)
+    for name in {**content["files"], **found}:
+        if name not in found:
+            raise TwinError(f"{path.parent / name}: is missing; put it back, or identify the twin again")
+        if content["files"].get(name) != found[name]:
             raise TwinError(
                 f"{path.parent / name}: is not the one that this twin was saved with (its digest in "
                 "twin.json differs); put it back, or identify the twin again"
