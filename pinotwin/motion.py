@@ -238,7 +238,7 @@ class Motion(Card):
         q, v, a = qva
         names, rotary = joints
         span = float(t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 0.0
-        made = {
+        made: dict[str, Any] = {
             "u": np.full_like(q, np.nan),
             "segments": (slice(0, len(q)),),
             "step": span if np.isfinite(span) else 0.0,
