@@ -139,7 +139,7 @@ class Log(Card):
         t: Any,
         q: Any,
         *,
-        axes: Sequence[str],
+        axes: Sequence[str] = (),
         source: str = "arrays",
         **channels: Any,
     ) -> Log:
@@ -158,6 +158,8 @@ class Log(Card):
             LogError: an array has another shape, holds what is no number, or a name is unknown or given twice.
         """
         names = [axes] if isinstance(axes, str) else [str(name) for name in axes]
+        for kind in channels.keys() - set(ARRAYS):
+            raise LogError(f"{source}: no channel {kind!r}; {nearest(kind, ARRAYS)}; names of columns: axes=")
         if len(set(names)) < len(names):
             raise LogError(f"{source}: axes: {names} names an axis twice")
         clock = _numbers(t, f"{source}: t")
@@ -165,15 +167,8 @@ class Log(Card):
             raise LogError(f"{source}: t has shape {clock.shape}, expected (n,) finite times in s")
         out = {"t": clock}
         for kind, values in {"q": q, **channels}.items():
-            if kind not in ARRAYS:
-                raise LogError(
-                    f"{source}: no channel {kind!r}; {nearest(kind, ARRAYS)}; names of columns: axes="
-                )
             if values is not None:
-                found = _columns(
-                    _numbers(values, f"{source}: {kind}"), len(clock), names, f"{source}: {kind}"
-                )
-                out |= {f"{name}.{kind}": x for name, x in found.items()}
+                out |= _columns(values, kind, len(clock), names, source)
         return cls(out, source=source)
 
     def to_pandas(self) -> Any:
@@ -257,8 +252,9 @@ def _numbers(values: Any, what: str) -> Floats:
         raise LogError(f"{what}: expected an array of numbers, not {type(values).__name__}") from None
 
 
-def _columns(x: Floats, rows: int, names: Sequence[str], what: str) -> dict[str, Floats]:
-    """Return the columns of an array by name; one of NaN throughout is no channel."""
+def _columns(values: Any, kind: str, rows: int, names: Sequence[str], source: str) -> dict[str, Floats]:
+    """Return the columns of an array as channels; one of NaN throughout is none."""
+    x = _numbers(values, what := f"{source}: {kind}")
     x = x[:, None] if x.ndim == 1 and len(names) == 1 else x
     if x.shape != (rows, len(names)):
         turned = "; transpose it" if x.shape == (len(names), rows) else ""
@@ -266,12 +262,12 @@ def _columns(x: Floats, rows: int, names: Sequence[str], what: str) -> dict[str,
             f"{what} has shape {x.shape}, expected ({rows}, {len(names)}): a row for each time, a column for each "
             f"of axes={list(names)}{turned}"
         )
-    out = {name: x[:, k] for k, name in enumerate(names) if not np.isnan(x[:, k]).all()}
+    out = {f"{name}.{kind}": x[:, k] for k, name in enumerate(names) if not np.isnan(x[:, k]).all()}
     for name, column in out.items():
         wrong = np.flatnonzero(~np.isfinite(column))
         if len(wrong):
             raise LogError(
-                f"{what} of {name!r}: {len(wrong)} of {rows} values are not finite, the first in row {wrong[0]}; leave "
+                f"{source}: {name}: {len(wrong)} of {rows} values are not finite, the first in row {wrong[0]}; leave "
                 "these rows out, or use Log.from_pandas, where NaN is a missing value"
             )
     return out

@@ -79,7 +79,7 @@ def test_arrays_that_do_not_fit_are_refused_with_what_was_expected(model, names)
         ({"q": q.T}, r"q has shape \(3, 500\), expected \(500, 3\): .*transpose it"),
         ({"q": q[:-1]}, r"q has shape \(499, 3\), expected \(500, 3\)"),
         ({"q": q, "u": u[:, :2]}, r"u has shape \(500, 2\), expected \(500, 3\)"),
-        ({"q": q, "u": holed}, r"u of 'j2': 1 of 500 values are not finite, the first in row 7"),
+        ({"q": q, "u": holed}, r"j2.u: 1 of 500 values are not finite, the first in row 7"),
         ({"q": q, "tau": u}, r"no channel 'tau'; .*known: a, q, ql, qr, u, v"),
         ({"q": q, "names": names}, r"no channel 'names'; .*names of columns: axes="),
         ({"q": [["a"] * 3] * 500}, "q: expected an array of numbers, not list"),
@@ -88,6 +88,12 @@ def test_arrays_that_do_not_fit_are_refused_with_what_was_expected(model, names)
     ]:
         with pytest.raises(LogError, match=said):
             pt.Log.from_arrays(t, **{"axes": names, **given})
+    with pytest.raises(LogError, match=r"no channel 'names'; .*names of columns: axes="):
+        pt.Log.from_arrays(t, q=q, names=names)
+    with pytest.raises(
+        LogError, match=r"q has shape \(500, 3\), expected \(500, 0\): .* a column for each of axes=\[\]"
+    ):
+        pt.Log.from_arrays(t, q=q)
     with pytest.raises(LogError, match=r"t has shape \(500, 1\), expected \(n,\)"):
         pt.Log.from_arrays(t[:, None], q, axes=names)
 
@@ -120,12 +126,16 @@ def test_a_table_is_a_log_for_read_too(names, log):
         pt.read(table)
 
 
-def test_a_model_is_a_machine(model, names, log, twin):
+def test_a_model_is_a_machine(model, names, log, twin, tmp_path):
     assert twin.machine.names == tuple(names)
     assert pt.prepare(model, log).names == tuple(names)
     assert pt.check(model, log).ok
     found = pt.diagnose(model, log, quick=True, closed_loop=False)
     assert not found.effects
+    made = pt.new(model, log, out=tmp_path / "made").machine
+    assert {name: a.rotor_inertia for name, a in made.axes.items()} == dict(
+        zip(names, model.armature, strict=True)
+    )
     with pytest.raises(MachineError, match=r"Machine\(Model\): use Machine.from_model"):
         pt.Machine(model)
     with pytest.raises(MachineError, match=r"Machine\(str\): use Machine.load"):

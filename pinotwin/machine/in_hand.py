@@ -101,11 +101,7 @@ def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Mode
     others = [i for i in range(1, model.njoints) if i not in single.values()]
     if not others:
         return model
-    reduced = pin.buildReducedModel(model, others, pin.neutral(model))
-    reduced.armature = np.array(
-        [model.armature[model.idx_vs[model.getJointId(n)]] for n in list(reduced.names)[1:]]
-    )
-    return reduced
+    return pin.buildReducedModel(model, others, pin.neutral(model))
 
 
 def urdf_of_model(model: pin.Model, name: str) -> bytes:

@@ -195,13 +195,8 @@ class Machine(Card):
         model = self.model
         locked = [model.getJointId(part.joint) for part in self.passive.values()]
         rigid = pin.buildReducedModel(model, locked, pin.neutral(model))
-        armature = np.zeros(rigid.nv)
-        axes = {}
-        for name, axis in self.axes.items():
-            index = int(rigid.idx_vs[rigid.getJointId(axis.joint)])
-            armature[index] = model.armature[axis.index]
-            axes[name] = replace(axis, index=index)
-        rigid.armature = armature
+        places = {name: int(rigid.idx_vs[rigid.getJointId(axis.joint)]) for name, axis in self.axes.items()}
+        axes = {name: replace(axis, index=places[name]) for name, axis in self.axes.items()}
         spec = {key: value for key, value in self.spec.items() if key != "passive"}
         return replace(self, model=rigid, axes=axes, passive={}, spec=spec)
 

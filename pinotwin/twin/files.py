@@ -228,19 +228,9 @@ def _remade(machine: Machine, item: dict[str, Any]) -> Effect:
 
 
 def _parameter(row: dict[str, Any]) -> Parameter:
-    value, error = row["value"], row["standard_error"]
-    return Parameter(
-        name=row["name"],
-        effect=row["effect"],
-        kind=row["kind"],
-        value=np.nan if value is None else float(value),
-        unit=row["unit"],
-        error=np.nan if error is None else float(error),
-        determined=bool(row["determined"]),
-        verdict=row["verdict"],
-        prior=row["prior"],
-        meaning=row["meaning"],
-    )
+    value, error = (np.nan if row[key] is None else float(row[key]) for key in ("value", "standard_error"))
+    kept = {f.name: row[f.name] for f in dataclasses.fields(Parameter) if f.name in row}
+    return Parameter(**kept | {"value": value, "error": error})
 
 
 def _closed_loop(content: dict[str, Any]) -> dict[str, Any]:

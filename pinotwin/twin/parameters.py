@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from statistics import NormalDist
 from typing import Any, SupportsIndex, overload
 
@@ -76,22 +76,6 @@ class Parameter:
         }
 
 
-_FRAME = [
-    "name",
-    "effect",
-    "kind",
-    "value",
-    "unit",
-    "standard_error",
-    "low95",
-    "high95",
-    "determined",
-    "verdict",
-    "prior",
-    "meaning",
-]
-
-
 class Parameters(Card, tuple[Parameter, ...]):
     """The parameters of a twin, in order and by full name: ``twin.parameters["Y.viscous.b"].value``."""
 
@@ -135,10 +119,11 @@ class Parameters(Card, tuple[Parameter, ...]):
         Raises:
             InputError: pandas is not installed.
         """
-        rows = [row.as_dict() | dict(zip(("low95", "high95"), row.interval(), strict=True)) for row in self]
-        table = require_pandas().DataFrame(rows, columns=_FRAME).set_index("name")
-        numbers = ["value", "standard_error", "low95", "high95", "prior"]
-        return table.astype(dict.fromkeys(numbers, float))
+        names = [f.name for f in fields(Parameter)]
+        table = require_pandas().DataFrame([vars(row) for row in self], columns=names).set_index("name")
+        ends = np.array([row.interval() for row in self]).reshape(-1, 2)
+        table = table.rename(columns={"error": "standard_error"}).astype({"prior": float})
+        return table.assign(low95=ends[:, 0], high95=ends[:, 1])
 
     def _shown(self) -> Shown:
         """Return one row a parameter, for a notebook and for ``repr``."""
