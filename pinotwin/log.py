@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -28,6 +28,9 @@ from pinotwin.units import SI_FACTOR
 _UNIT_AT_END = re.compile(
     r"^(?P<name>.*?\S)\s*(?:[\[(<]\s*(?P<unit>[^\])>]+?)\s*[\])>]|\s(?:/|in)\s+(?P<bare>[^\s\[\]()]+))$"
 )
+
+ARRAYS = ("q", "v", "a", "u", "qr", "ql")
+"""Channels of an axis that a log in the names of the contract may have."""
 
 _LOG_COLUMNS = ("channel", "unit", "smallest", "largest", "missing")
 ONE_UNIT: tuple[float, float] = (1.0, 0.0)
@@ -73,14 +76,24 @@ class Log(Card):
     scale: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        lengths = {name: len(x) for name, x in self.channels.items()}
-        if len(set(lengths.values())) > 1:
-            raise LogError(f"{self.source}: channels differ in length: {lengths}")
+        if not isinstance(self.channels, Mapping):
+            raise LogError(
+                f"Log: expected channels by name, as in Log({{'t': t, 'X.q': q}}), not {type(self.channels).__name__}; "
+                "arrays: Log.from_arrays(t, q=q, u=u, axes=names), a table: Log.from_pandas(table), a file: pt.read"
+            )
         frozen = {}
         for name, values in self.channels.items():
-            x = values if _is_frozen(values) else np.array(values, dtype=float)
+            x = values if _is_frozen(values) else _numbers(values, f"{self.source}: channel {name!r}")
+            if x.ndim != 1:
+                raise LogError(
+                    f"{self.source}: channel {name!r} has shape {x.shape}, expected (n,); several axes at once: "
+                    "Log.from_arrays(t, q=q, u=u, axes=names)"
+                )
             x.flags.writeable = False
             frozen[str(name)] = x
+        lengths = {name: len(x) for name, x in frozen.items()}
+        if len(set(lengths.values())) > 1:
+            raise LogError(f"{self.source}: channels differ in length: {lengths}")
         object.__setattr__(self, "channels", MappingProxyType(frozen))
         for name in ("scalars", "units", "scale"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
@@ -120,13 +133,51 @@ class Log(Card):
         """Return this log with other channels and further notes."""
         return Log(channels, self.source, self.scalars, (*self.notes, *notes), self.units, self.scale)
 
+    @classmethod
+    def from_arrays(
+        cls,
+        t: Any,
+        q: Any,
+        *,
+        axes: Sequence[str] = (),
+        source: str = "arrays",
+        **channels: Any,
+    ) -> Log:
+        """Return arrays of all axes as a log in the names of the contract, SI.
+
+        Args:
+            t: time [s], shape (n,).
+            q: measured position [m or rad], shape (n, nv), or (n,) of a single axis.
+            axes: name of every column, ``list(model.names)[1:]`` of a ``pin.Model``.
+            source: what messages call it.
+            **channels: of the same shape as ``q``, or None: ``v`` and ``a`` (its derivatives), ``u`` motor effort
+                [N or N·m], ``qr`` commanded position, ``ql`` position at the load. A column of NaN is left out:
+                the axis has no such channel.
+
+        Raises:
+            LogError: an array has another shape, holds what is no number, or a name is unknown or given twice.
+        """
+        names = [axes] if isinstance(axes, str) else [str(name) for name in axes]
+        for kind in channels.keys() - set(ARRAYS):
+            raise LogError(f"{source}: no channel {kind!r}; {nearest(kind, ARRAYS)}; names of columns: axes=")
+        if len(set(names)) < len(names):
+            raise LogError(f"{source}: axes: {names} names an axis twice")
+        clock = _numbers(t, f"{source}: t")
+        if clock.ndim != 1 or not np.isfinite(clock).all():
+            raise LogError(f"{source}: t has shape {clock.shape}, expected (n,) finite times in s")
+        out = {"t": clock}
+        for kind, values in {"q": q, **channels}.items():
+            if values is not None:
+                out |= _columns(values, kind, len(clock), names, source)
+        return cls(out, source=source)
+
     def to_pandas(self) -> Any:
         """Return the channels as a pandas DataFrame; units and notes in its ``attrs``.
 
         Raises:
             InputError: pandas is not installed.
         """
-        pandas = _pandas()
+        pandas = require_pandas()
         table = pandas.DataFrame({name: np.array(x) for name, x in self.channels.items()})
         table.attrs = {"source": self.source, "units": dict(self.units), "notes": list(self.notes)}
         return table
@@ -139,22 +190,25 @@ class Log(Card):
         unless there is a column of that name.
 
         Args:
-            table: one row a sample; headers may carry units, ``Y_ActPos [mm]``.
+            table: one row a sample; headers may carry units, ``Y_ActPos [mm]``; of two levels, ``Y.q``.
             source: what messages call it.
 
         Raises:
-            LogError: a column holds no numbers.
+            LogError: a column holds no numbers, or two have one name.
         """
+        table = table if hasattr(table, "index") else table.torequire_pandas()  # of polars, of pyarrow
         channels, units = {}, dict(getattr(table, "attrs", {}).get("units", {}))
         index = table.index
         if "t" not in table.columns and index.dtype.kind in "Mm":
             channels["t"] = np.asarray((index - index[0]) / np.timedelta64(1, "s"), dtype=float)
         elif "t" not in table.columns and index.name == "t":
             channels["t"] = np.asarray(index, dtype=float)
-        for header in table.columns:
-            name, unit = split_unit(str(header))
+        for k, header in enumerate(table.columns):
+            name, unit = split_unit(".".join(map(str, header)) if isinstance(header, tuple) else str(header))
+            if name in channels:
+                raise LogError(f"{source}: two columns are called {name!r}; rename or drop one")
             try:
-                channels[name] = table[header].to_numpy(dtype=float, na_value=np.nan)
+                channels[name] = table.iloc[:, k].to_numpy(dtype=float, na_value=np.nan)
             except (ValueError, TypeError):
                 raise LogError(f"{source}: column {header!r} does not hold numbers; drop it") from None
             if unit is not None:
@@ -183,15 +237,58 @@ class Log(Card):
         return digest.hexdigest()[:16]
 
 
+def is_table(given: Any) -> bool:
+    """Whether something is a table of pandas, polars or pyarrow, which :meth:`Log.from_pandas` takes."""
+    return hasattr(given, "columns") and (hasattr(given, "iloc") or hasattr(given, "to_pandas"))
+
+
+def _numbers(values: Any, what: str) -> Floats:
+    """Return a copy of values as real numbers."""
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError("complex")
+        return np.array(values, dtype=float)
+    except (ValueError, TypeError):
+        raise LogError(f"{what}: expected an array of numbers, not {type(values).__name__}") from None
+
+
+def _columns(values: Any, kind: str, rows: int, names: Sequence[str], source: str) -> dict[str, Floats]:
+    """Return the columns of an array as channels; one of NaN throughout is none."""
+    x = _numbers(values, what := f"{source}: {kind}")
+    x = x[:, None] if x.ndim == 1 and len(names) == 1 else x
+    if x.shape != (rows, len(names)):
+        turned = "; transpose it" if x.shape == (len(names), rows) else ""
+        raise LogError(
+            f"{what} has shape {x.shape}, expected ({rows}, {len(names)}): a row for each time, a column for each "
+            f"of axes={list(names)}{turned}"
+        )
+    out = {f"{name}.{kind}": x[:, k] for k, name in enumerate(names) if not np.isnan(x[:, k]).all()}
+    for name, column in out.items():
+        wrong = np.flatnonzero(~np.isfinite(column))
+        if len(wrong):
+            raise LogError(
+                f"{source}: {name}: {len(wrong)} of {rows} values are not finite, the first in row {wrong[0]}; leave "
+                "these rows out, or use Log.from_pandas, where NaN is a missing value"
+            )
+    return out
+
+
 def _ends(x: Floats) -> tuple[float, float]:
     """Return the smallest and the largest value, NaN where there is none."""
     known = x[np.isfinite(x)]
     return (float(known.min()), float(known.max())) if len(known) else (np.nan, np.nan)
 
 
-def _pandas() -> Any:
+def require_pandas() -> Any:
+    """Return pandas, which is optional.
+
+    Raises:
+        InputError: it is not installed.
+    """
     try:
         import pandas
     except ImportError:
-        raise InputError("pandas is not installed; `pip install pandas`, or use log.channels") from None
+        raise InputError(
+            "pandas is not installed; `pip install pandas`, or use the NumPy arrays of the object"
+        ) from None
     return pandas

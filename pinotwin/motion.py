@@ -168,6 +168,8 @@ class Motion(Card):
         within a sample is not: compared with a filtered effort it reads too small, and the rest of it as
         viscous (*parallel filter*, Gautier 1997).
         """
+        if not np.isfinite(self.passband):
+            return x
         long = [s for s in self.segments if s.stop - s.start > 3 * self.order]
         return low_pass(x, 1.0 / self.step, self.passband, self.order, long)
 
@@ -220,6 +222,29 @@ class Motion(Card):
             rows.append((name, travel, fast, f"{float(np.mean(self.use[:, k])):.0%}"))
         note = f"{1.0 / self.step:.6g} Hz, {len(self.segments)} stretch(es), corner {self.cutoff:.4g} Hz"
         return f"Motion {self.source}: {len(self)} rows", ("axis", "travel", "up to", "used"), rows, note
+
+    @classmethod
+    def exact(
+        cls, joints: tuple[Sequence[str], Sequence[bool]], t: Floats, *qva: Floats, **rest: Any
+    ) -> Motion:
+        """Return what is known without a log as one stretch: nothing is filtered, no effort is measured.
+
+        Args:
+            joints: names and rotary of the columns.
+            t: time [s], shape (n,); NaN where there is no clock.
+            *qva: position, velocity and acceleration, shape (n, nv).
+            **rest: further attributes.
+        """
+        q, v, a = qva
+        names, rotary = joints
+        span = float(t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 0.0
+        made: dict[str, Any] = {
+            "u": np.full_like(q, np.nan),
+            "segments": (slice(0, len(q)),),
+            "step": span if np.isfinite(span) else 0.0,
+            "use": np.ones(q.shape, dtype=bool),
+        }
+        return cls(names=tuple(names), rotary=tuple(rotary), t=t, q=q, v=v, a=a, **(made | rest))
 
     @classmethod
     def join(cls, parts: Sequence[Motion]) -> Motion:

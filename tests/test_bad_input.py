@@ -505,7 +505,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def copy_of(saved: Path, folder: Path) -> Path:
     folder.mkdir()
-    for name in ("twin.json", "machine.yaml", "rig.urdf"):
+    for name in ("twin.json", "machine.yaml", "rig.urdf", "misfit.npz"):
         (folder / name).write_bytes((saved / name).read_bytes())
     return folder
 

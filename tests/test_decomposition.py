@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
+import pinotwin as pt
 from pinotwin.analysis.decomposition import COMMAND, decompose
 from pinotwin.errors import DataError
 from pinotwin.log import Log
@@ -111,3 +112,18 @@ def test_a_window_outside_the_log_is_refused(twin, log):
 def test_axes_without_a_loop_are_left_out(twin, log):
     part = dataclasses.replace(twin, loops={"Y": twin.loops["Y"]})
     assert decompose(part, log).axes == ("Y",)
+
+
+def test_a_motion_is_taken_for_its_command(twin, log, parts):
+    measured = simulate(twin, log)
+    whole = Log({**log.channels, **{k: x for k, x in measured.channels.items() if k != "t"}}, "measured")
+    motion = pt.prepare(twin.machine, whole, cutoff=0.0)
+    found = decompose(twin, motion)
+    for axis in parts.axes:
+        np.testing.assert_allclose(
+            found.error(axis), parts.error(axis), atol=0.01 * np.abs(parts.error(axis)).max()
+        )
+    with pytest.raises(DataError, match="this motion has no command"):
+        decompose(twin, dataclasses.replace(motion, qr=None))
+    with pytest.raises(DataError, match=r"several stretches; take one: motion.cut"):
+        decompose(twin, pt.Motion.join([motion, motion]))

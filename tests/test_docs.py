@@ -52,7 +52,7 @@ def test_python_code_runs(page, workspace, identified, monkeypatch, capsys):
             )  # no page minds being validated too
         key = (
             machine.name,
-            str(machine.path),
+            str(getattr(machine, "path", id(machine))),  # a pin.Model has none
             getattr(log, "source", str(log)),
             repr(sorted((k, getattr(v, "source", v)) for k, v in options.items())),
         )

@@ -107,10 +107,10 @@ def test_what_cannot_be_a_machine_is_said_with_the_remedy():
         Machine.from_model(model, "j1")
     with pytest.raises(MachineError, match="unknown effect 'viscus'; did you mean 'viscous'"):
         Machine.from_model(model, {"j1": ["viscus"]})
-    tilted = model.copy()
-    tilted.gravity.linear = np.array([0.0, -9.81, 0.0])
-    with pytest.raises(MachineError, match="a URDF has z up"):
-        Machine.from_model(tilted)
+    turning = model.copy()
+    turning.gravity.angular = np.array([0.0, -9.81, 0.0])
+    with pytest.raises(MachineError, match=r"gravity\.angular is not zero"):
+        Machine.from_model(turning)
     with pytest.raises(MachineError, match="no joint of it can be an axis"):
         Machine.from_model(pin.Model())
 

@@ -66,7 +66,7 @@ def test_a_table_will_do_as_a_log(folder):
         (lambda: pt.resample(3, 100.0), "log: expected a Log, a file name"),
         (lambda: pt.new("emps", 3, out="m"), "log: expected a Log, a file name"),
         (lambda: pt.diagnose("emps", []), "no log given"),
-        (lambda: known_twin(plain_machine("emps")).effort("log.csv"), "motion: expected twin.motion"),
+        (lambda: known_twin(plain_machine("emps")).effort(3), "log: expected a Log, a file name"),
         (lambda: pt.export_twin(None, "c", "x.c"), "twin: expected a Twin or its folder, not NoneType"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import mujoco
@@ -10,7 +11,8 @@ import pinocchio as pin
 import pytest
 
 import pinotwin as pt
-from pinotwin.errors import TwinError
+from pinotwin.errors import InputError, TwinError
+from pinotwin.identification.judge import warnings
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 
@@ -114,3 +116,36 @@ def test_files_of_another_run_and_edits_are_refused(tmp_path, saved):
     ]:
         with pytest.raises(TwinError, match=said):
             loaded_after(change)
+
+
+def test_a_file_that_was_deleted_is_missed(saved, tmp_path):
+    twin, _, folder = saved
+    files = json.loads((folder / "twin.json").read_text())["files"]
+    assert "misfit.npz" in files
+    for name in files:
+        twin.save(tmp_path / name)
+        (tmp_path / name / name).unlink()
+        with pytest.raises(
+            InputError, match=rf"{name}: (is missing; put it back|no such URDF|.*found: )|no machine.yaml"
+        ):
+            pt.Twin.load(tmp_path / name)
+
+
+def test_a_twin_of_impossible_inertias_can_be_loaded(saved, tmp_path):
+    """``--inconsistent``: a URDF has no place for a negative mass, twin.json has."""
+    twin, log, _ = saved
+    pi = twin.pi.copy()
+    pi[0] = -abs(pi[0])
+    odd = dataclasses.replace(twin, pi=pi)
+    odd.save(tmp_path / "odd")
+    again = pt.Twin.load(tmp_path / "odd")
+    np.testing.assert_allclose(again.pi, pi)
+    np.testing.assert_allclose(again.effort(log), twin.effort(log), rtol=1e-12, atol=1e-9)
+    described, kept = (m.inertias[1] for m in (twin.machine.model, again.machine.model))
+    assert kept.isApprox(described, 1e-9)
+    assert [
+        w
+        for w in warnings(twin.quality, odd, twin.motion(log))
+        if "inertias that were found are impossible" in w
+    ]
+    assert not [w for w in warnings(twin.quality, twin, twin.motion(log)) if "impossible" in w]

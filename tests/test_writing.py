@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import os
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from pinotwin.errors import InputError
+from pinotwin.errors import InputError, OutputError
 from pinotwin.system import writing
 from pinotwin.system.writing import check_file, check_folder, whole_file, whole_folder, write_text
 
@@ -129,7 +130,7 @@ def test_a_folder_that_was_only_set_aside_comes_back(tmp_path: Path) -> None:
 
 FULL = """
 import resource, signal, sys
-from pinotwin.errors import InputError
+from pinotwin.errors import InputError, OutputError
 from pinotwin.system.writing import whole_file, whole_folder
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
@@ -237,3 +238,22 @@ def test_permissions_are_those_of_any_other_file(tmp_path: Path) -> None:
     (tmp_path / "r.json").chmod(0o600)
     write_text(tmp_path / "r.json", "still private")
     assert (tmp_path / "r.json").stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize(("earlier", "kept"), [(True, "the earlier one is kept"), (False, "nothing is kept")])
+def test_a_folder_says_what_became_of_it_when_a_file_of_it_fails(tmp_path, monkeypatch, earlier, kept):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def fill(folder):
+        with whole_folder(folder) as part:
+            monkeypatch.setattr(Path, "write_text", full)
+            write_text(part / "report.html", "text")
+
+    folder = tmp_path / "twin"
+    if earlier:
+        folder.mkdir()
+    with pytest.raises(OutputError) as raised:
+        fill(folder)
+    assert str(raised.value) == f"{folder}: cannot be written: No space left on device; {kept}"
+    assert folder.exists() == earlier

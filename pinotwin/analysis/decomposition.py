@@ -22,6 +22,7 @@ from pinotwin.analysis.disturbance import CAUSES, split
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 from pinotwin.signals import rms
 from pinotwin.simulation.command import beginning
@@ -104,7 +105,7 @@ class Decomposition(Card):
 @one_blas_thread
 def decompose(
     twin: TwinLike,
-    log: LogLike,
+    log: LogLike | Motion,
     window: tuple[float, float] | None = None,
     *,
     controller: Loops | None = None,
@@ -113,15 +114,16 @@ def decompose(
 
     Args:
         twin: the machine, with its loops.
-        log: ``t``, ``<axis>.qr`` and external loads; nothing measured is used.
+        log: ``t``, ``<axis>.qr`` and external loads; nothing measured is used. Or a motion, for its command.
         window: first and last time to keep [s]; all when None.
         controller: which loops, see :func:`pinotwin.simulation.simulate`.
 
     Raises:
-        DataError: nothing of the log lies in the window.
+        DataError: nothing of the log lies in the window, or a motion has no command.
     """
     twin = as_twin(twin)
-    found = respond(twin, as_log(log), controller=controller, every_step=True)
+    given = log if isinstance(log, Motion) else as_log(log)
+    found = respond(twin, given, controller=controller, every_step=True)
     asked = found.request
     modes = is_coupled(preferred(twin) if controller is None else controller)
     parts = dict(split(twin, as_motion(twin, asked, found), modes=modes).parts)

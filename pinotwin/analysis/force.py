@@ -74,7 +74,7 @@ def external_effort(twin: Twin, log: Log) -> ExternalEffort:
     if twin.misfit is None:
         raise DataError(f"{twin.machine.name}: this twin does not know its own misfit; identify it again")
     motion = twin.motion(log)
-    residual = twin.effort(motion) - motion.u
+    residual = -twin.residual(motion)
     inside, unsure = motion.inside, _unsure(twin, motion, twin.misfit.motion)
     names, force, half = [], [], []
     for name, axis in twin.machine.axes.items():

@@ -122,7 +122,7 @@ def compile_steppers() -> None:
     from pinotwin.log import Log
     from pinotwin.loop import Controller, Servo
     from pinotwin.machine import Machine
-    from pinotwin.twin import Twin
+    from pinotwin.twin import Parameters, Twin
 
     machine = Machine.load("trunnion")
     for name in machine.axes:
@@ -130,7 +130,7 @@ def compile_steppers() -> None:
     pi, ones = parameters(machine.model), np.ones(machine.nv)
     theta = machine.base.from_standard(pi)
     diagonal = {"inertia": ones, "viscous": ones, "stiffness": 0.0 * ones}
-    twin = Twin(machine, machine.effects, theta, np.diag(0.0 * theta), (), pi, diagonal=diagonal)
+    twin = Twin(machine, machine.effects, theta, np.diag(0.0 * theta), Parameters(), pi, diagonal=diagonal)
     log = Log({"t": np.linspace(0.0, 0.02, 21), **{f"{name}.qr": np.zeros(21) for name in machine.axes}})
     for law in (Servo((1e4, 1e4, 1e3, 0.0, 0.0, 0.0)), Controller("p_pi", kp=10.0, kv=100.0)):
         with contextlib.suppress(PinotwinError):  # compiled all the same

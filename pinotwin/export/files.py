@@ -90,7 +90,7 @@ _Files = tuple[dict[str, bytes], list[str]]
 
 
 def _urdf(twin: Twin, inverse: Inverse, stem: str) -> _Files:
-    return {f"{stem}.urdf": urdf_text(twin, inverse)}, urdf_lines(twin, inverse)
+    return {f"{stem}.urdf": urdf_text(twin)}, urdf_lines(twin, inverse)
 
 
 def _mjcf(twin: Twin, inverse: Inverse, stem: str) -> _Files:

@@ -238,19 +238,8 @@ def sweep(machine: Machine, travel: Floats, speed: Floats, seconds: float = 6.0)
     size = np.minimum(half, 0.5 * speed / w)
     q = middle + size * np.sin(w * t)
     v = size * w * np.cos(w * t)
-    return Motion(
-        names=machine.names,
-        rotary=machine.rotary,
-        t=t[:, 0],
-        q=q,
-        v=v,
-        a=-size * w**2 * np.sin(w * t),
-        u=np.zeros_like(q),
-        segments=(slice(0, len(t)),),
-        step=STEP,
-        use=np.ones(q.shape, dtype=bool),
-        source="sweep",
-    )
+    a = -size * w**2 * np.sin(w * t)
+    return Motion.exact((machine.names, machine.rotary), t[:, 0], q, v, a, step=STEP, source="sweep")
 
 
 def deviation(twin: Twin, data: dict[str, Any], motion: Motion) -> Floats:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 from lxml import etree
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.batch import inverse as inverse_dynamics
 from pinotwin.effects import total_effort
 from pinotwin.export.inverse import Inverse, sweep
+from pinotwin.machine.sections import GRAVITY
 from pinotwin.machine.urdf import with_inertias
 from pinotwin.simulation.tables import tabulate
 from pinotwin.twin import Twin
 
 
-def urdf_text(twin: Twin, inverse: Inverse) -> bytes:
+def urdf_text(twin: Twin) -> bytes:
     """Return the text of the URDF; comments and foreign tags of the original stay."""
     machine = twin.machine
     root = etree.fromstring(with_inertias(machine.urdf, twin.model))
-    friction, damping = level_at_speed(inverse), damping_of(inverse)
+    friction, damping = dry_friction(twin.model), twin.model.damping
     for part in machine.parts:
         joint = root.find(f"joint[@name='{part.joint}']")
         if joint is None:
@@ -32,26 +34,16 @@ def urdf_text(twin: Twin, inverse: Inverse) -> bytes:
     return etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
 
 
-def level_at_speed(inverse: Inverse) -> Floats:
-    """Return the dry friction of every joint at the largest speed, both directions' mean, shape (nv,)."""
-    level = np.zeros(len(inverse.names))
-    for row in inverse.data["dry"]:
-        if row["partner"] >= 0:
-            continue  # follows the speed of two joints
-        level[row["joint"]] += 0.5 * (row["plus"].y[-1] - row["minus"].y[-1])
-    for row in inverse.data["slip"]:
-        level[row["joint"]] += row["level"].y[-1]
-    return np.maximum(level, 0.0)
-
-
-def damping_of(inverse: Inverse) -> Floats:
-    """Return the viscous friction of every joint, shape (nv,)."""
-    return np.maximum(inverse.data["viscous"], 0.0)
+def dry_friction(model: pin.Model) -> Floats:
+    """Return the dry friction of every joint, both directions' mean, shape (nv,) [N or N·m]."""
+    return np.asarray(0.5 * (model.upperDryFrictionLimit - model.lowerDryFrictionLimit))
 
 
 def urdf_lines(twin: Twin, inverse: Inverse) -> list[str]:
     """Return what a URDF cannot hold, and how much of the effort that is."""
     lost = [_rotor(twin)] if np.any(twin.model.armature) else []
+    pull = twin.model.gravity.linear.tolist()
+    lost += [] if tuple(pull) == GRAVITY else [f"gravity {pull} m/s²"]
     lost += _effects(twin, inverse)
     missed = missed_share(twin, inverse)
     shares = ", ".join(f"{name} {share:.0%}" for name, share in zip(inverse.names, missed, strict=True))
@@ -88,7 +80,7 @@ def missed_share(twin: Twin, inverse: Inverse) -> Floats:
     model = twin.model.copy()
     model.armature = np.zeros(model.nv)
     found = inverse_dynamics(model, motion.q, motion.v, motion.a)
-    found = found + damping_of(inverse) * motion.v + level_at_speed(inverse) * np.sign(motion.v)
+    found = found + model.damping * motion.v + dry_friction(model) * np.sign(motion.v)
     wanted = total_effort(motion, twin.effects, twin.theta)
     scale = np.sqrt(np.mean(wanted**2, axis=0))
     return np.sqrt(np.mean((found - wanted) ** 2, axis=0)) / np.where(scale > 0.0, scale, 1.0)

@@ -33,7 +33,7 @@ from pinotwin.simulation import simulate
 from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.state import Lookup
 from pinotwin.system.threads import side_by_side
-from pinotwin.twin import OpenLoop, Twin
+from pinotwin.twin import OpenLoop, Parameters, Twin
 
 WINDOW = 6.0
 """Longest window that is simulated at every evaluation [s]."""
@@ -192,7 +192,7 @@ def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
         viscous[plant.machine.axes[axis].index] *= factor[1]
     diagonal = {**plant.diagonal, "viscous": viscous}
     return replace(
-        plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=tuple(rows.values())
+        plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=Parameters(rows.values())
     )
 
 

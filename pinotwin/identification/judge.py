@@ -13,9 +13,11 @@ from pinotwin.identification.assemble import assemble
 from pinotwin.identification.parted import FOLDS, Parted
 from pinotwin.identification.plant import Plant
 from pinotwin.machine import Machine
+from pinotwin.machine.urdf import no_urdf_holds
 from pinotwin.motion import Motion
 from pinotwin.solve.consistency import ConsistentFit
 from pinotwin.solve.problem import Problem
+from pinotwin.twin import OpenLoop
 
 CONDITION_LIMIT = 1e4
 """Scaled condition number above which parameters trade off against each other."""
@@ -53,10 +55,21 @@ def whiteness_row(residual: Floats) -> dict[str, float]:
     }
 
 
-def warnings(quality: Mapping[str, Any], machine: Machine) -> list[str]:
+def warnings(quality: Mapping[str, Any], plant: OpenLoop, motion: Motion) -> list[str]:
     """Return what the reader should know before trusting the numbers."""
+    machine = plant.machine
     rotary = dict(zip(machine.names, machine.rotary, strict=True))
-    out = []
+    out = [
+        f"{name}: no effort in the log (channel {name}.u is missing or never changes): friction of this axis is not "
+        "identified"
+        for name, axis in machine.axes.items()
+        if np.isnan(motion.u[:, axis.index]).all()
+    ]
+    if no_urdf_holds(plant.model):
+        out.append(
+            "the inertias that were found are impossible (a mass or a moment of inertia is negative): the URDF of a "
+            "saved twin keeps those of the description; identify with physical consistency for a URDF of what was found"
+        )
     if quality["condition"] > CONDITION_LIMIT:
         out.append(
             f"condition number {quality['condition']:.1e}: some parameters trade off against each "

@@ -50,7 +50,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     All axes are fitted in one problem, so that a parameter that two axes share is found once.
 
     Args:
-        machine: what is believed about it; or its folder, URDF or bundled name.
+        machine: what is believed about it; or its folder, URDF or bundled name, or a ``pin.Model``.
         log: servo log(s) to fit, or their files.
         validate: log(s) to judge on; without them the judgement is on held-out blocks.
         loop: also identify the closed loops of the axes whose command is logged.
@@ -84,7 +84,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     closed = ClosedLoops(plant)
     if loop and motion.qr is not None:
         closed = close_loops(plant, motion, bent, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
-    said = [*(bending.warnings if bending else []), *warnings(quality, machine), *closed.warnings]
+    said = [*(bending.warnings if bending else []), *warnings(quality, plant, motion), *closed.warnings]
     return closed.twin(
         quality={**quality, "warnings": said, "springs": springs_found, **closed.quality},
         data=[_provenance(item, motion) for item in logs],

@@ -25,7 +25,7 @@ from pinotwin.signals.band import vibration_band
 from pinotwin.solve.consistency import Bodies, Evidence, consistent
 from pinotwin.solve.sandwich import long_run
 from pinotwin.twin import OpenLoop
-from pinotwin.twin.parameters import Parameter, verdict
+from pinotwin.twin.parameters import Parameter, Parameters, verdict
 
 _DOUBT = 0.5  # a CAD value that the motors do not see may be off by this share of itself,
 _LEAST = 0.02  # and by this share of the largest of its unit
@@ -159,7 +159,7 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoo
     numbers = dict(zip([f"rigid_body.{n}" for n in base.labels], range(b), strict=True))
     numbers |= {f"{joint}.spring.k": b, f"{joint}.spring.c": b + 1}
     values = np.concatenate([whole[rigid], whole[spring]])
-    table = tuple(
+    table = Parameters(
         _row(p, values[numbers[p.name]], errors[numbers[p.name]]) if p.name in numbers else p
         for p in plant.parameters
     )

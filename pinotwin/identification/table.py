@@ -14,10 +14,10 @@ from pinotwin.identification.plant import Plant
 from pinotwin.identification.refine import AxisEffects
 from pinotwin.machine import Machine
 from pinotwin.twin.open_loop import OpenLoop
-from pinotwin.twin.parameters import Parameter, verdict
+from pinotwin.twin.parameters import Parameter, Parameters, verdict
 
 
-def parameter_table(machine: Machine, plant: Plant) -> tuple[Parameter, ...]:
+def parameter_table(machine: Machine, plant: Plant) -> Parameters:
     """Return one row per coefficient and per searched shape."""
     rows: list[Parameter] = []
     keys = effect_keys(plant.effects)
@@ -27,7 +27,7 @@ def parameter_table(machine: Machine, plant: Plant) -> tuple[Parameter, ...]:
         count = len(effect.shapes())
         rows += _shape_rows(key, effect, slice(at, at + count), where, plant)
         at += count
-    return tuple(rows)
+    return Parameters(rows)
 
 
 def open_loop(machine: Machine, fit: Plant) -> OpenLoop:
@@ -102,7 +102,7 @@ def _shape_rows(key: str, effect: Effect, which: slice, where: slice, plant: Pla
     return rows
 
 
-def refined_table(plant: OpenLoop, found: Loops) -> tuple[Parameter, ...]:
+def refined_table(plant: OpenLoop, found: Loops) -> Parameters:
     """Return the table of a plant with the rows that its closed loops refined."""
     rows = {row.name: row for row in plant.parameters}
     for axis in found.refined.values():
@@ -117,7 +117,7 @@ def refined_table(plant: OpenLoop, found: Loops) -> tuple[Parameter, ...]:
             for item in effect.shapes():
                 value, error = shape.pop(0)
                 rows[f"{key}.{item.name}"] = _renewed(rows[f"{key}.{item.name}"], value, error)
-    return tuple(rows.values())
+    return Parameters(rows.values())
 
 
 def _shape_numbers(axis: AxisEffects) -> list[tuple[float, float]]:

@@ -124,7 +124,7 @@ def check(machine: MachineLike, log: LogLike | None = None) -> Check:
     """Examine a machine, and what a log of it can identify.
 
     Args:
-        machine: the machine; or its folder, URDF or bundled name.
+        machine: the machine; or its folder, URDF or bundled name, or a ``pin.Model``.
         log: a servo log of it or its file, raw or in the names of the contract.
     """
     machine = as_machine(machine)

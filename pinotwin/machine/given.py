@@ -1,22 +1,25 @@
-"""A machine wherever one is asked for: an object, or what :meth:`Machine.load` reads."""
+"""A machine wherever one is asked for: an object, a ``pin.Model``, or what :meth:`Machine.load` reads."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import pinocchio as pin
+
 from pinotwin.errors import InputError
 from pinotwin.machine.machine import Machine
 
-MachineLike = Machine | str | Path
-"""A machine, its folder, machine.yaml or URDF, or the name of a bundled one."""
+MachineLike = Machine | pin.Model | str | Path
+"""A machine, a ``pin.Model``, a folder, machine.yaml or URDF, or the name of a bundled one."""
 
 
 def as_machine(given: Any, name: str = "machine") -> Machine:
-    """Return a machine as it is, or load it.
+    """Return a machine as it is, make one of a model, or load it.
 
     Args:
-        given: a machine, or what :meth:`Machine.load` takes.
+        given: a machine, a ``pin.Model`` (every joint of one degree of freedom an axis with the default effects), or
+            what :meth:`Machine.load` takes.
         name: of the argument, for the message.
 
     Raises:
@@ -25,8 +28,10 @@ def as_machine(given: Any, name: str = "machine") -> Machine:
     """
     if isinstance(given, Machine):
         return given
+    if isinstance(given, pin.Model):
+        return Machine.from_model(given)
     if isinstance(given, str | Path):
         return Machine.load(given)
     raise InputError(
-        f"{name}: expected a Machine, its folder, a URDF or a bundled name, not {type(given).__name__}"
+        f"{name}: expected a Machine, its folder, a pin.Model, a URDF or a bundled name, not {type(given).__name__}"
     )

@@ -26,6 +26,7 @@ from pinotwin.machine.machine import Machine
 from pinotwin.machine.urdf import inertial_element
 from pinotwin.machine.yaml_file import effect_spec
 
+_WIDE = 1e9
 _COUNT = itertools.count(1)
 _TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
 
@@ -35,7 +36,10 @@ def machine_of_model(
 ) -> Machine:
     """See :meth:`Machine.from_model`."""
     title = name or model.name or "robot"
-    _check_gravity(title, model)
+    if np.any(model.gravity.angular):
+        raise MachineError(
+            f"{title}: model.gravity.angular is not zero: {model.gravity.angular.tolist()}; set it to zero"
+        )
     single = {str(model.names[i]): i for i in range(1, model.njoints) if _kind(model, i)}
     chosen = _axes(title, axes, single)
     model = _locked(title, model, single)
@@ -45,7 +49,8 @@ def machine_of_model(
     folder.mkdir()
     urdf = folder / "model.urdf"
     urdf.write_bytes(urdf_of_model(model, title))
-    return build({"name": title, "urdf": urdf.name, "axes": settings}, urdf)
+    pull = model.gravity.linear.tolist()
+    return build({"name": title, "urdf": urdf.name, "gravity": pull, "axes": settings}, urdf)
 
 
 @cache
@@ -62,14 +67,6 @@ def _kind(model: pin.Model, joint: int) -> str:
     if name.startswith(_ENDLESS):
         return "continuous"
     return "revolute" if name.startswith(_TURNING) else "prismatic" if name.startswith(_SLIDING) else ""
-
-
-def _check_gravity(title: str, model: pin.Model) -> None:
-    if not np.allclose(model.gravity.vector, [0.0, 0.0, -9.81, 0.0, 0.0, 0.0], atol=1e-9):
-        raise MachineError(
-            f"{title}: gravity of the model is {model.gravity.linear.tolist()} m/s²; a URDF has z up and "
-            "9.81 m/s²: turn the base by its first placement and set model.gravity.linear"
-        )
 
 
 def _axes(title: str, axes: Any, single: Mapping[str, int]) -> dict[str, Any]:
@@ -104,11 +101,7 @@ def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Mode
     others = [i for i in range(1, model.njoints) if i not in single.values()]
     if not others:
         return model
-    reduced = pin.buildReducedModel(model, others, pin.neutral(model))
-    reduced.armature = np.array(
-        [model.armature[model.idx_vs[model.getJointId(n)]] for n in list(reduced.names)[1:]]
-    )
-    return reduced
+    return pin.buildReducedModel(model, others, pin.neutral(model))
 
 
 def urdf_of_model(model: pin.Model, name: str) -> bytes:
@@ -132,6 +125,10 @@ def urdf_of_model(model: pin.Model, name: str) -> bytes:
         etree.SubElement(element, "child", link=links[joint])
         etree.SubElement(element, "axis", xyz=_text(axis))
         etree.SubElement(element, "limit", _limits(model, joint))
+        at = model.idx_vs[joint]
+        lost = {"damping": model.damping[at], "friction": model.upperDryFrictionLimit[at]}
+        if any(lost.values()):
+            etree.SubElement(element, "dynamics", {key: repr(float(x)) for key, x in lost.items()})
     taken = {*links, *map(str, model.names)}
     for frame in model.frames:
         if frame.name in taken or frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
@@ -166,16 +163,14 @@ def _joint(root: etree._Element, name: str, kind: str, place: pin.SE3) -> etree.
 
 
 def _limits(model: pin.Model, joint: int) -> dict[str, str]:
-    """Return effort, velocity and range; an end that is not finite is left open."""
+    """Return effort, velocity and range; an end that is not finite, or only a placeholder, is left wide open."""
     at = model.idx_vs[joint]
     wide = {"effort": model.upperEffortLimit[at], "velocity": model.upperVelocityLimit[at]}
-    out = {key: repr(float(x)) if np.isfinite(x) else "1e9" for key, x in wide.items()}
+    out = {key: repr(min(float(x), _WIDE)) for key, x in wide.items()}
     if _kind(model, joint) != "continuous":
         q = model.idx_qs[joint]
         ends = (float(model.lowerPositionLimit[q]), float(model.upperPositionLimit[q]))
-        out["lower"], out["upper"] = (
-            repr(x) if np.isfinite(x) else repr(float(np.sign(x)) * 1e9) for x in ends
-        )
+        out["lower"], out["upper"] = (repr(float(np.clip(x, -_WIDE, _WIDE))) for x in ends)
     return out
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.machine import sections
 from pinotwin.machine.bundled import bundled_path, machines, robots
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.parts import Axis, Passive
-from pinotwin.machine.sections import columns, data_settings, data_spec, imus, loops, seconds, transmission
 from pinotwin.machine.urdf import check_inertia, load_model
 from pinotwin.machine.urdf_check import MOVING, UNFIT, axis_names, moving_joints, read_tree
 from pinotwin.machine.yaml_file import (
@@ -27,7 +27,8 @@ from pinotwin.machine.yaml_file import (
 )
 from pinotwin.system.writing import as_path
 
-KEYS = ("name", "urdf", "axes", "passive", "imus", "loop", "columns", "transmission", "data", "meshes")
+_REQUIRED = ("name", "urdf", "axes")
+KEYS = (*_REQUIRED, "passive", "gravity", "imus", "loop", "columns", "transmission", "data", "meshes")
 AXIS_KEYS = (
     "joint",
     "effects",
@@ -92,7 +93,7 @@ def build(spec: dict[str, Any], file: Path) -> Machine:
 
 def _machine(spec: dict[str, Any], file: Path) -> Machine:
     check_keys(spec, KEYS, "")
-    for key in ("name", "urdf", "axes"):
+    for key in _REQUIRED:
         if not spec.get(key):
             raise MachineError(f"{key}: missing; a machine needs name, urdf and axes")
     _check_words(spec)
@@ -102,6 +103,7 @@ def _machine(spec: dict[str, Any], file: Path) -> Machine:
     joints = _joints(axes_spec, passive_spec)
     _check_joints(urdf, joints, tuple(axes_spec))
     model = load_model(urdf, list(joints.values()))
+    model.gravity.linear = sections.gravity(spec)
     axes = {str(n): _axis(str(n), s, model) for n, s in axes_spec.items()}
     passive = {str(n): _passive(str(n), s, model) for n, s in passive_spec.items()}
     _apply_rotors(model, axes)
@@ -115,11 +117,11 @@ def _machine(spec: dict[str, Any], file: Path) -> Machine:
         model=model,
         axes=axes,
         passive=passive,
-        imus=imus(spec, urdf),
-        loop=loops(spec, names),
-        columns=columns(spec, (*axes, *passive), model),
-        transmission=transmission(spec, axes, model.nv),
-        data=data_settings(spec),
+        imus=sections.imus(spec, urdf),
+        loop=sections.loops(spec, names),
+        columns=sections.columns(spec, (*axes, *passive), model),
+        transmission=sections.transmission(spec, axes, model.nv),
+        data=sections.data_settings(spec),
         spec=spec,
         meshes=_meshes(spec, file.parent),
     )
@@ -209,7 +211,7 @@ def _axis(name: str, settings: Any, model: pin.Model) -> Axis:
         zero=number(settings.get("zero", 0.0), f"{where}zero"),
         min_speed=None if speed is None else number(speed, f"{where}min_speed"),
         min_acceleration=_positive(settings, "min_acceleration", where, np.inf),
-        lead=None if settings.get("lead") is None else seconds(settings["lead"], f"{where}lead"),
+        lead=None if settings.get("lead") is None else sections.seconds(settings["lead"], f"{where}lead"),
     )
 
 
@@ -275,8 +277,12 @@ def machine_spec(machine: Machine) -> dict[str, Any]:
                 entry[key] = float(value)
         axes[name] = entry
     spec["axes"] = axes
+    pull = machine.model.gravity.linear.tolist()
+    spec = {k: v for k, v in spec.items() if k != "gravity"} | (
+        {} if tuple(pull) == sections.GRAVITY else {"gravity": pull}
+    )
     if machine.meshes:
         spec["meshes"] = [str(folder) for folder in machine.meshes]
-    data = data_spec(machine.data)
+    data = sections.data_spec(machine.data)
     spec.pop("data", None)
     return {**spec, "data": data} if data else spec

@@ -58,6 +58,13 @@ class Machine(Card):
     spec: Mapping[str, Any] = field(default_factory=dict, repr=False)
     meshes: tuple[Path, ...] = ()
 
+    def __new__(cls, *given: Any, **fields: Any) -> Machine:
+        """Refuse what is no list of attributes with the name of the function that takes it."""
+        if len(given) == 1 and not fields:
+            how = "from_model" if isinstance(given[0], pin.Model) else "load"
+            raise MachineError(f"Machine({type(given[0]).__name__}): use Machine.{how}")
+        return object.__new__(cls)
+
     @classmethod
     def load(cls, path: str | Path) -> Machine:
         """Read a machine from its folder, its machine.yaml, a bare URDF, or by name.
@@ -85,9 +92,9 @@ class Machine(Card):
         """Make a machine of a ``pin.Model`` in hand, without a file.
 
         Joints that are no axis are locked at neutral. The tree becomes a URDF, so :meth:`save` writes
-        one; what a URDF cannot say (mimic joints, another gravity) is refused here, geometry is not in
-        a model and gets lost. The machine's joints are in the order in which Pinocchio reads a URDF
-        (siblings by name): address them by name.
+        one, ``model.gravity`` becomes ``gravity:`` of machine.yaml, damping and friction are kept; mimic joints are
+        refused here, geometry is not in a model and gets lost. The machine's joints are in the order in which
+        Pinocchio reads a URDF (siblings by name): address them by name.
 
         Args:
             model: Pinocchio model; ``armature`` becomes the axes' rotor inertia.
@@ -188,13 +195,8 @@ class Machine(Card):
         model = self.model
         locked = [model.getJointId(part.joint) for part in self.passive.values()]
         rigid = pin.buildReducedModel(model, locked, pin.neutral(model))
-        armature = np.zeros(rigid.nv)
-        axes = {}
-        for name, axis in self.axes.items():
-            index = int(rigid.idx_vs[rigid.getJointId(axis.joint)])
-            armature[index] = model.armature[axis.index]
-            axes[name] = replace(axis, index=index)
-        rigid.armature = armature
+        places = {name: int(rigid.idx_vs[rigid.getJointId(axis.joint)]) for name, axis in self.axes.items()}
+        axes = {name: replace(axis, index=places[name]) for name, axis in self.axes.items()}
         spec = {key: value for key, value in self.spec.items() if key != "passive"}
         return replace(self, model=rigid, axes=axes, passive={}, spec=spec)
 

@@ -21,6 +21,20 @@ from pinotwin.machine.yaml_file import check_keys, mapping, number, truth, whole
 LOOP_KEYS = ("real_poles", "pole_pairs", "feedforward_poles", "numerators", "bounds", "closed_on")
 
 
+GRAVITY = (0.0, 0.0, -9.81)
+"""Acceleration of gravity of a machine that stands on the floor, in the axes of the URDF's root [m/s²]."""
+
+
+def gravity(spec: Mapping[str, Any]) -> Floats:
+    """Return the acceleration of gravity in the axes of the URDF's root [m/s²], shape (3,)."""
+    given = spec.get("gravity", GRAVITY)
+    if not isinstance(given, list | tuple) or len(given) != 3:
+        raise MachineError(
+            f"gravity: expected [x, y, z] in m/s² along the axes of the URDF's root, found {given!r}"
+        )
+    return np.array([number(x, f"gravity[{k}]") for k, x in enumerate(given)])
+
+
 def imus(spec: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
     """Return the inertial sensors, each on a link of the URDF."""
     links = [str(link.get("name")) for link in read_tree(urdf).findall("link")]

@@ -106,6 +106,14 @@ def check_inertia(model: pin.Model, where: str) -> None:
         )
 
 
+def no_urdf_holds(model: pin.Model) -> bool:
+    """Whether the inertias are such as no URDF is read with: a negative mass, or a joint that moves no inertia.
+
+    A fit that is free to leave what a body can have may find them.
+    """
+    return any(body.mass < 0.0 for body in model.inertias) or bool(idle_joints(model))
+
+
 def impossible_bodies(model: pin.Model) -> dict[str, str]:
     """Return the joints that move a body which cannot exist, and what is wrong with it.
 

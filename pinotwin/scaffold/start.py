@@ -7,8 +7,10 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from lxml import etree
 
 from pinotwin.errors import InputError, MachineError, nearest
@@ -64,7 +66,7 @@ class Start(Card):
 
 
 def new(
-    source: str | Path,
+    source: str | Path | pin.Model,
     log: LogLike | None = None,
     *,
     out: str | Path,
@@ -77,7 +79,7 @@ def new(
 
     Args:
         source: letters of axes (``XYZAC``, ``XYZ-BC``), a ``.urdf``, a bundled name, a robot of
-            example-robot-data.
+            example-robot-data, or a ``pin.Model``.
         log: a log of the machine, as read, or its file; its columns are guessed.
         out: the folder to write; it must not hold a machine yet.
         rotary: what rotary axes carry where ``source`` does not say: ``table`` or ``head``.
@@ -93,8 +95,8 @@ def new(
     if (target / "machine.yaml").exists():
         raise InputError(f"{target}: holds a machine.yaml already; choose another folder, or edit that one")
     with whole_folder(target) as folder:
-        if text in machines():
-            said = _copy_bundled(text, folder)
+        if isinstance(source, pin.Model) or text in machines():
+            said = _copy_bundled(source, folder)
             guesses = _guess_bundled(folder, log, rate, sizes)
         elif Path(text).suffix == ".urdf" or text in robots():
             path = robots()[text] if text in robots() else Path(text)
@@ -112,7 +114,12 @@ def new(
     return Start(target, Machine.load(target), tuple(said), guesses)
 
 
-def _copy_bundled(name: str, folder: Path) -> list[str]:
+def _copy_bundled(name: Any, folder: Path) -> list[str]:
+    if isinstance(name, pin.Model):
+        Machine.from_model(name).save(folder)
+        return [
+            f"made of the model {name.name or 'in hand'}: every joint of one degree of freedom is an axis"
+        ]
     shutil.copytree(machines()[name], folder, dirs_exist_ok=True)
     return [f"copied from the bundled machine {name}"]
 

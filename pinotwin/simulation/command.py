@@ -20,6 +20,7 @@ from pinotwin.logs.channels import loads
 from pinotwin.logs.columns import LOAD_SIGNALS, Column, bind
 from pinotwin.loop import command_rates
 from pinotwin.machine import Machine
+from pinotwin.motion import Motion
 from pinotwin.signals import segments
 
 FEWEST = 8
@@ -90,12 +91,15 @@ class Request:
         )
 
 
-def request(machine: Machine, log: Log) -> Request:
-    """Return the command of a log.
+def request(machine: Machine, log: Log | Motion) -> Request:
+    """Return the command of a log, or of a motion made of one stretch of it.
 
     Raises:
         LogError: a command is missing, has NaN, or the time does not advance.
+        DataError: a motion has no command, or more than one clock.
     """
+    if isinstance(log, Motion):
+        return _of_motion(log)
     held = log.channels
     log = bind(log, _asked(machine))
     _require(machine, log, held)
@@ -109,6 +113,19 @@ def request(machine: Machine, log: Log) -> Request:
     external = _external(machine, log, t, clock, q)
     q, vr = np.ascontiguousarray(q), np.ascontiguousarray(vr)  # else the kernel is compiled again
     return Request(t, clock, step, q, vr, external, even, log.source, notes)
+
+
+def _of_motion(motion: Motion) -> Request:
+    """Return the command of a motion, as smooth as it was made."""
+    source = motion.source or "motion"
+    if motion.qr is None or motion.vr is None or len(motion) < FEWEST:
+        raise DataError(f"{source}: this motion has no command; prepare it from a log with <axis>.qr")
+    if len(segments(motion.t)) != 1:
+        raise DataError(f"{source}: this motion is of several stretches; take one: motion.cut(start, stop)")
+    clock = np.linspace(motion.t[0], motion.t[-1], len(motion))
+    qr, vr = np.ascontiguousarray(motion.qr), np.ascontiguousarray(motion.vr)
+    external = np.zeros((1, qr.shape[1])) if motion.external is None else motion.external
+    return Request(motion.t, clock, motion.step, qr, vr, external, True, source, ())
 
 
 def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:

@@ -117,7 +117,7 @@ def simulate(twin: Twin, log: LogLike, *, step: float | None = None, controller:
 @one_blas_thread
 def respond(
     twin: Twin,
-    log: Log,
+    log: Log | Motion,
     *,
     step: float | None = None,
     controller: Loops | None = None,
@@ -131,7 +131,7 @@ def respond(
 
     Args:
         twin: the machine, with its loops.
-        log: the command.
+        log: the command, or a motion that has one.
         step: longest internal step [s].
         controller: see :func:`simulate`.
         full: also keep v, a and d (else they have no rows).
@@ -287,17 +287,12 @@ def as_motion(twin: Twin, asked: Request, found: Response) -> Motion:
     """Return a response as a motion, so that effects can be evaluated on it."""
     n = len(found.q)
     external = asked.external
-    return Motion(
-        names=twin.machine.names,
-        rotary=twin.machine.rotary,
-        t=asked.clock,
-        q=found.q,
-        v=found.v,
-        a=found.a,
+    return Motion.exact(
+        (twin.machine.names, twin.machine.rotary),
+        asked.clock,
+        *(found.q, found.v, found.a),
         u=found.u,
-        segments=(slice(0, n),),
         step=asked.step,
-        use=np.ones(found.q.shape, dtype=bool),
         qr=asked.qr,
         vr=asked.vr,
         external=external if len(external) == n else None,
@@ -428,17 +423,11 @@ def feedforward(twin: Twin, log: Log) -> Log:
     asked = request(twin.machine, log)
     a = np.stack([CubicSpline(asked.clock, x)(asked.clock, 2) for x in asked.qr.T], axis=1)
     n = len(asked.clock)
-    motion = Motion(
-        names=twin.machine.names,
-        rotary=twin.machine.rotary,
-        t=asked.clock,
-        q=asked.qr,
-        v=asked.vr,
-        a=a,
-        u=np.zeros_like(asked.qr),
-        segments=(slice(0, n),),
+    motion = Motion.exact(
+        (twin.machine.names, twin.machine.rotary),
+        asked.clock,
+        *(asked.qr, asked.vr, a),
         step=asked.step,
-        use=np.ones(asked.qr.shape, dtype=bool),
         external=asked.external if len(asked.external) == n else None,
         source=asked.source,
     )

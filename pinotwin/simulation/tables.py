@@ -163,20 +163,7 @@ def _motion(machine: Machine, i: int, given: Sequence[Floats | None]) -> Motion:
         if x is not None:
             values[:, i] = x
         parts.append(values)
-    q, v, a = parts
-    return Motion(
-        names=machine.names,
-        rotary=machine.rotary,
-        t=np.arange(n, dtype=float),
-        q=q,
-        v=v,
-        a=a,
-        u=np.zeros_like(q),
-        segments=(slice(0, n),),
-        step=1.0,
-        use=np.ones(q.shape, dtype=bool),
-        source="table",
-    )
+    return Motion.exact((machine.names, machine.rotary), np.arange(n, dtype=float), *parts, step=1.0)
 
 
 def _dense(efforts: Sequence[_Effort], effects: Sequence[Effect], travel: Floats) -> tuple[Floats, Floats]:

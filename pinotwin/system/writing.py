@@ -38,9 +38,20 @@ def as_path(given: Any, name: str) -> Path:
         name: of the argument, for the message.
 
     Raises:
-        InputError: it is something else.
+        InputError: it is something else, or a text that cannot name a file.
     """
     if isinstance(given, str | os.PathLike):
+        try:
+            os.lstat(given)
+        except ValueError:  # a zero byte
+            raise InputError(f"{name}: {given!r} cannot name a file") from None
+        except OSError as error:
+            text = os.fsdecode(given)
+            if error.errno == errno.ENAMETOOLONG or "\n" in text:
+                start = " ".join(text[:60].split())
+                raise InputError(
+                    f"{name}: expected the name of a file or folder, not its text ({start!r} ...); save it as a file"
+                ) from None
         return Path(given)
     raise InputError(f"{name}: expected a file or folder name, not {type(given).__name__}")
 
@@ -348,6 +359,8 @@ def _in_one_line(target: Path) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as error:
+        if any(p.name.startswith(".") and p.suffix == ".part" for p in target.parents):
+            raise  # a file of a folder that is being made: the folder says what became of it
         if error.filename is not None and not str(error.filename).startswith(str(target.parent)):
             raise  # trouble with another file, which the command line names
         kept = "the earlier one is kept" if target.is_file() or target.is_dir() else "nothing is kept"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pinotwin.twin.open_loop import OpenLoop
-from pinotwin.twin.parameters import Parameter
+from pinotwin.twin.parameters import Parameter, Parameters
 from pinotwin.twin.twin import Twin
 
-__all__ = ["OpenLoop", "Parameter", "Twin"]
+__all__ = ["OpenLoop", "Parameter", "Parameters", "Twin"]

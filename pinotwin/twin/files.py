@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import yaml
 
 from pinotwin.arrays import Floats, plain
@@ -17,11 +18,11 @@ from pinotwin.effects.layout import effect_slices
 from pinotwin.errors import TwinError
 from pinotwin.machine import Machine
 from pinotwin.machine.loading import machine_spec
-from pinotwin.machine.urdf import with_inertias
+from pinotwin.machine.urdf import no_urdf_holds, with_inertias
 from pinotwin.machine.yaml_file import read_yaml
 from pinotwin.system.writing import whole_folder, write_bytes, write_text
 from pinotwin.twin.misfit import FILE, Misfit, read_misfit, write_misfit
-from pinotwin.twin.parameters import Parameter
+from pinotwin.twin.parameters import Parameter, Parameters
 from pinotwin.twin.twin import Twin
 
 SCHEMA = "pinotwin.twin/1"
@@ -35,10 +36,15 @@ def save(twin: Twin, folder: Path) -> Path:
 
 
 def write_twin(twin: Twin, folder: Path) -> dict[str, Any]:
-    """Write a twin into a folder that is there; return what twin.json holds, digests included."""
+    """Write a twin into a folder that is there; return what twin.json holds, digests included.
+
+    Where a fit that was free to do so found inertias that a URDF cannot hold, the URDF keeps those of the description;
+    what was found is in twin.json.
+    """
     name = f"{twin.machine.name}.urdf"
-    write_bytes(folder / name, with_inertias(twin.machine.urdf, twin.model))
-    write_text(folder / "machine.yaml", _yaml(twin))
+    model = twin.machine.model if no_urdf_holds(twin.model) else twin.model
+    write_bytes(folder / name, with_inertias(twin.machine.urdf, model))
+    write_text(folder / "machine.yaml", _yaml(twin, model))
     if twin.misfit is not None:
         write_misfit(twin.misfit, folder / FILE)
     content = document(twin)
@@ -77,11 +83,11 @@ def _text(content: dict[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _yaml(twin: Twin) -> str:
+def _yaml(twin: Twin, model: pin.Model) -> str:
     spec = machine_spec(twin.machine)
     spec["urdf"] = f"{twin.machine.name}.urdf"
     for name, axis in twin.machine.axes.items():
-        rotor = float(twin.model.armature[axis.index])
+        rotor = float(model.armature[axis.index])
         if rotor > 0.0:
             spec["axes"][name]["rotor_inertia"] = rotor
         else:
@@ -101,6 +107,7 @@ def document(twin: Twin) -> dict[str, Any]:
             "schema": SCHEMA,
             "machine": twin.machine.name,
             "axes": list(twin.machine.axes),
+            "gravity": twin.machine.model.gravity.linear.tolist(),
             "parameters": [row.as_dict() for row in twin.parameters],
             "effects": [
                 {"key": key, "effect": effect.name, "axis": effect.axis, "fields": _fields(effect)}
@@ -159,8 +166,11 @@ def _check_digests(path: Path, content: dict[str, Any], machine: Machine) -> Non
         raise TwinError(
             f"{path}: damaged twin (changed after it was saved: its digest differs); identify it again"
         )
-    for name, digest in _digests(path.parent, machine.urdf).items():
-        if content["files"].get(name) != digest:
+    found = _digests(path.parent, machine.urdf)
+    for name in {**content["files"], **found}:
+        if name not in found:
+            raise TwinError(f"{path.parent / name}: is missing; put it back, or identify the twin again")
+        if content["files"].get(name) != found[name]:
             raise TwinError(
                 f"{path.parent / name}: is not the one that this twin was saved with (its digest in "
                 "twin.json differs); put it back, or identify the twin again"
@@ -179,7 +189,7 @@ def _twin(machine: Machine, content: dict[str, Any], misfit: Misfit | None) -> T
         effects=effects,
         theta=theta,
         covariance=_symmetric(content["covariance_lower"]),
-        parameters=tuple(_parameter(row) for row in content["parameters"]),
+        parameters=Parameters(_parameter(row) for row in content["parameters"]),
         pi=np.array(content["standard_inertial_parameters"], dtype=float),
         **_closed_loop(content),
         quality=content["quality"],
@@ -218,19 +228,9 @@ def _remade(machine: Machine, item: dict[str, Any]) -> Effect:
 
 
 def _parameter(row: dict[str, Any]) -> Parameter:
-    value, error = row["value"], row["standard_error"]
-    return Parameter(
-        name=row["name"],
-        effect=row["effect"],
-        kind=row["kind"],
-        value=np.nan if value is None else float(value),
-        unit=row["unit"],
-        error=np.nan if error is None else float(error),
-        determined=bool(row["determined"]),
-        verdict=row["verdict"],
-        prior=row["prior"],
-        meaning=row["meaning"],
-    )
+    value, error = (np.nan if row[key] is None else float(row[key]) for key in ("value", "standard_error"))
+    kept = {f.name: row[f.name] for f in dataclasses.fields(Parameter) if f.name in row}
+    return Parameter(**kept | {"value": value, "error": error})
 
 
 def _closed_loop(content: dict[str, Any]) -> dict[str, Any]:

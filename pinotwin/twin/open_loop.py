@@ -17,7 +17,7 @@ from pinotwin.effects.scene import with_model
 from pinotwin.errors import InputError, TwinError, nearest
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.twin.parameters import Parameter
+from pinotwin.twin.parameters import Parameter, Parameters
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,7 +29,7 @@ class OpenLoop:
         effects: the effects with the shapes that were found.
         theta: their linear coefficients, in the order of the effects, shape (p,).
         covariance: of ``theta``, shape (p, p); zero rows for what the data leave open.
-        parameters: the table of all parameters.
+        parameters: all parameters, in order and by full name.
         pi: standard inertial parameters with ``P pi = beta``; physically consistent unless
             ``quality["consistency"]`` of the twin says otherwise.
         diagonal: constant inertia, viscous and stiffness terms that the loops are identified with,
@@ -40,9 +40,12 @@ class OpenLoop:
     effects: tuple[Effect, ...]
     theta: Floats
     covariance: Floats
-    parameters: tuple[Parameter, ...]
+    parameters: Parameters
     pi: Floats
     diagonal: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", Parameters(self.parameters))
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
@@ -56,8 +59,25 @@ class OpenLoop:
 
     @cached_property
     def model(self) -> pin.Model:
-        """Pinocchio model with the identified inertias and rotor inertias."""
-        return with_parameters(self.machine.model, self.pi)
+        """Pinocchio model with the identified inertias, rotor inertias (``armature``), ``damping`` and dry friction.
+
+        ``friction`` (``upperDryFrictionLimit``) and ``lowerDryFrictionLimit`` are the level at speed, both ways apart.
+        Pinocchio's ``rnea`` and ``aba`` know the armature alone: what all friction takes is in :meth:`effort`.
+        """
+        model = with_parameters(self.machine.model, self.pi)
+        nv = self.machine.nv
+        damping, level = np.zeros(nv), {way: np.zeros(nv) for way in (1.0, -1.0)}
+        for effect, s in zip(self.effects, self.slices, strict=True):
+            viscous = [cause == "viscous" for cause in effect.causes]
+            if effect.axis is not None and any(viscous):
+                damping[self.machine.names.index(effect.axis)] += float(np.sum(self.theta[s] * viscous))
+            elif effect.depends in ("direction", "displacement"):
+                for way, total in level.items():
+                    total += effect.columns(_sliding(self.machine, way)).effort(self.theta[s], nv)[-1]
+        model.damping = np.maximum(damping, 0.0)
+        model.upperDryFrictionLimit = np.maximum(level[1.0], 0.0)
+        model.lowerDryFrictionLimit = np.minimum(level[-1.0], 0.0)
+        return model
 
     def coefficients(self, key: str) -> Floats:
         """Return the coefficients of one effect, e.g. ``twin.coefficients("Y.coulomb")``.
@@ -75,11 +95,7 @@ class OpenLoop:
         Raises:
             TwinError: there is none of that name.
         """
-        for row in self.parameters:
-            if row.name == name:
-                return row
-        names = [row.name for row in self.parameters]
-        raise TwinError(f"{self.machine.name}: no parameter {name!r}; {nearest(name, names)}")
+        return self.parameters[name]
 
     def scene(self, motion: Motion) -> Motion:
         """Return a motion with this plant's own effort along it, if any of its effects scales with it.
@@ -127,3 +143,16 @@ class OpenLoop:
                 variance = np.einsum("np,np->n", X @ self.covariance[np.ix_(at, at)], X)
                 out[:, j] = np.sqrt(np.maximum(variance, 0.0))
         return out
+
+
+_FAR = 1e6
+"""A way [m or rad] on which every contact slides, and at which times _FAST every effect of low speed has faded."""
+_FAST = 1e3
+"""A speed [m/s or rad/s] beyond any drive's."""
+
+
+def _sliding(machine: Machine, way: float) -> Motion:
+    """Return three samples of all joints sliding fast one way (1 or -1)."""
+    q = way * _FAR * np.arange(3.0)[:, None] * np.ones(machine.nv)
+    v = np.full_like(q, way * _FAST)
+    return Motion.exact((machine.names, machine.rotary), np.arange(3.0), q, v, np.zeros_like(q))

@@ -1,11 +1,17 @@
-"""The parameter table of a twin: every number with its unit, its interval, and whether to believe it."""
+"""The parameters of a twin by name: every number with its unit, its interval, and whether to believe it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from statistics import NormalDist
+from typing import Any, SupportsIndex, overload
 
 import numpy as np
+
+from pinotwin.errors import InputError, TwinError, nearest
+from pinotwin.log import require_pandas
+from pinotwin.notebook import Card, Shown
 
 
 @dataclass(frozen=True)
@@ -36,9 +42,21 @@ class Parameter:
     prior: float | None = None
     meaning: str = ""
 
-    def interval(self, z: float = 1.959964) -> tuple[float, float]:
-        """Return the interval ``value ± z error``; 95 % by default."""
-        return (self.value - z * self.error, self.value + z * self.error)
+    @property
+    def standard_error(self) -> float:
+        """Standard error [unit]; NaN when the data do not determine it."""
+        return self.error
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """Return the two-sided interval of a normal estimate at a level of confidence, NaN where not determined.
+
+        Raises:
+            InputError: the level is not between 0 and 1.
+        """
+        if not 0.0 < level < 1.0:
+            raise InputError(f"level: {level} is not between 0 and 1, such as 0.95")
+        half = NormalDist().inv_cdf(0.5 + 0.5 * level) * self.error
+        return (self.value - half, self.value + half)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the row as it is written to twin.json."""
@@ -56,6 +74,61 @@ class Parameter:
             "prior": self.prior,
             "meaning": self.meaning,
         }
+
+
+class Parameters(Card, tuple[Parameter, ...]):
+    """The parameters of a twin, in order and by full name: ``twin.parameters["Y.viscous.b"].value``."""
+
+    __slots__ = ()
+
+    @overload  # type: ignore[override]
+    def __getitem__(self, key: SupportsIndex | str) -> Parameter: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[Parameter, ...]: ...
+    def __getitem__(self, key: SupportsIndex | str | slice) -> Parameter | tuple[Parameter, ...]:
+        """Return a parameter by name or place.
+
+        Raises:
+            TwinError: there is none of that name.
+        """
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        for row in self:
+            if row.name == key:
+                return row
+        raise TwinError(f"no parameter {key!r}; {nearest(key, self.keys())}")
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.keys() if isinstance(key, str) else super().__contains__(key)
+
+    def keys(self) -> tuple[str, ...]:
+        """Return the full names, in order."""
+        return tuple(row.name for row in self)
+
+    def values(self) -> tuple[Parameter, ...]:
+        """Return the parameters, in order."""
+        return tuple(self)
+
+    def items(self) -> Iterator[tuple[str, Parameter]]:
+        """Return pairs of name and parameter, in order."""
+        return zip(self.keys(), self, strict=True)
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame, one row a parameter, its full name as index.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        names = [f.name for f in fields(Parameter)]
+        table = require_pandas().DataFrame([vars(row) for row in self], columns=names).set_index("name")
+        ends = np.array([row.interval() for row in self]).reshape(-1, 2)
+        table = table.rename(columns={"error": "standard_error"}).astype({"prior": float})
+        return table.assign(low95=ends[:, 0], high95=ends[:, 1])
+
+    def _shown(self) -> Shown:
+        """Return one row a parameter, for a notebook and for ``repr``."""
+        rows = [(p.name, f"{p.value:.5g}", f"{p.error:.2g}", p.unit, p.verdict) for p in self]
+        return (f"{len(self)} parameters", ("name", "value", "standard error", "unit", "verdict"), rows, "")
 
 
 def verdict(value: float, error: float, *, at_bound: bool) -> str:

@@ -7,7 +7,12 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinotwin.errors import InputError
+import numpy as np
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.checks import as_log
+from pinotwin.effects.scene import moves, with_model
+from pinotwin.errors import DataError, InputError
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike
 from pinotwin.logs.prepare import prepare
@@ -53,6 +58,88 @@ class Twin(OpenLoop, Card):
     def motion(self, log: LogLike) -> Motion:
         """Return a log of this machine prepared as the ones the twin was identified from."""
         return prepare(self.machine, log, **self.settings)
+
+    def effort(
+        self,
+        motion: Motion | LogLike | Floats,
+        v: Floats | None = None,
+        a: Floats | None = None,
+        *,
+        t: Floats | None = None,
+    ) -> Floats:
+        """Return the motor effort that a motion takes, shape (n, nv) [N or N·m]; columns as ``machine.names``.
+
+        Of a log, or of a motion made of one, it is what compares with the measured effort, row by row of
+        ``twin.motion(log)``: that is low-passed at the log's corner, and so are effects that change faster than the
+        motion, such as dry friction where it reverses. Of arrays nothing is filtered: see :meth:`predict`.
+
+        Args:
+            motion: a motion, a log or its file; or positions.
+            v: velocities, of arrays only; see :meth:`predict`.
+            a: accelerations, likewise.
+            t: times, likewise.
+
+        Raises:
+            DataError: arrays do not fit, or an effect needs ``t``.
+            LogError: a channel of the log is missing or unusable.
+        """
+        if v is not None and a is not None:
+            return self.predict(motion, v, a, t=t)
+        if isinstance(motion, np.ndarray) or v is not None or a is not None:
+            raise InputError("effort: positions alone are no motion; give effort(q, v, a), a Motion or a log")
+        return super().effort(self._prepared(motion))
+
+    def predict(self, q: Any, v: Any, a: Any, *, t: Any = None) -> Floats:
+        """Return the motor effort for positions, velocities and accelerations: the inverse model, nothing filtered.
+
+        Rows are samples of one motion in order, for dry friction remembers the direction; the first is taken to have
+        gone on as it is. What a sensor or the controller adds to a log is left out, as in an exported model.
+
+        Args:
+            q: positions [m or rad], shape (n, nv) in the order of ``machine.names``, or (nv,) for one sample.
+            v: velocities [m/s or rad/s], likewise.
+            a: accelerations [m/s² or rad/s²], likewise.
+            t: times [s], shape (n,); only effects of time and of flexible drives need them.
+
+        Returns:
+            Effort [N or N·m], of the shape of ``q``.
+
+        Raises:
+            DataError: the shapes do not fit, or an effect needs ``t``.
+        """
+        given = np.asarray(q, dtype=float)
+        rows = as_log(self.machine.model, **{k: np.atleast_2d(x) for k, x in (("q", q), ("v", v), ("a", a))})
+        clock = np.full(len(rows[0]), np.nan) if t is None else np.atleast_1d(np.asarray(t, dtype=float))
+        if clock.shape != (len(rows[0]),):
+            raise DataError(
+                f"t has shape {clock.shape}, expected ({len(rows[0])},): a time for each row of q"
+            )
+        motion = Motion.exact((self.machine.names, self.machine.rotary), clock, *rows, source="arrays")
+        timed = [k for k, e in zip(self.keys, self.effects, strict=True) if e.family.acts == "states"]
+        out = np.zeros_like(rows[0])
+        if t is not None or not timed:
+            motion = with_model(motion, self.effects, self.theta)
+            for key, effect, s in zip(self.keys, self.effects, self.slices, strict=True):
+                if moves(effect):
+                    part = effect.columns(motion).effort(self.theta[s], self.machine.nv)
+                    timed += [key] if t is None and effect.axis and np.isnan(part).any() else []
+                    out += part
+        if t is None and timed and np.isfinite(rows).all():
+            raise DataError(
+                f"{self.machine.name}: {', '.join(timed)} depends on time; give t=, shape (n,) [s]"
+            )
+        return out.reshape(given.shape)
+
+    def residual(self, log: LogLike | Motion) -> Floats:
+        """Return measured minus predicted effort, ``u - effort``, shape (n, nv) [N or N·m].
+
+        Rows are those of ``twin.motion(log)``; NaN where no effort is measured.
+        """
+        motion = self._prepared(log)
+        return np.asarray(motion.u - super().effort(motion))
+
+    def _prepared(self, log: Any) -> Motion:
+        return log if isinstance(log, Motion) else self.motion(log)
 
     def simulate(self, log: LogLike, **options: Any) -> Log:
         """Return position, error and effort that the command of a log will produce.

@@ -26,6 +26,7 @@ class Folder:
         truth: the sealed truth.
         rotors: axis -> nominal reflected rotor inertia [kg or kg·m²].
         limits: axis -> effort limit of the drive [N or N·m].
+        gravity: in the axes of the URDF's root [m/s²]; the usual one when None.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Folder:
     truth: Truth
     rotors: Mapping[str, float] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
+    gravity: tuple[float, ...] | None = None
 
 
 def read_folder(path: Path | str) -> Folder:
@@ -66,6 +68,7 @@ def read_folder(path: Path | str) -> Folder:
         truth,
         _numbers(raw["axes"], "rotor_inertia"),
         _numbers(raw["axes"], "effort_limit"),
+        tuple(map(float, raw["gravity"])) if "gravity" in raw else None,
     )
 
 

@@ -110,7 +110,7 @@ def record_imu(
         number: which sensor.
         clock: faults of its clock: ``drop``, ``holes``, ``restart``, ``jitter``.
     """
-    own = sensor(machine_seed, number, run_seed, **clock)
+    own = replace(sensor(machine_seed, number, run_seed, **clock), gravity=truth.tree.gravity)
     rng = np.random.default_rng([machine_seed, 632, number, run_seed])
     reading = own.measure(link_motion(truth, link), rng)
     return Log(channels(reading), source=f"virtual imu{number} on {link} (seed {run_seed})")

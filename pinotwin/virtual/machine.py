@@ -82,6 +82,8 @@ class VirtualMachine:
     ) -> VirtualMachine:
         """Return the virtual machine of a :class:`Folder`; see :meth:`load`."""
         model = load_model(folder.urdf, [*folder.axes.values(), *folder.passive.values()])
+        if folder.gravity is not None:
+            model.gravity.linear = np.array(folder.gravity)
         cad = tree_of(model)
         truth, sizes = resolve(folder, model, cad)
         truth = withhold_all(truth, withhold)

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from pinotwin.errors import InputError
-from pinotwin.log import Log
+from pinotwin.log import Log, is_table
 from pinotwin.logs.files.reading import read_argument
+from pinotwin.system.writing import as_path
 
 LogLike = Log | str | Path
 """A log, or the name of its file (``a.csv+b.csv`` joins columns). A pandas table will do as well."""
@@ -28,12 +29,15 @@ def as_log(given: Any, name: str = "log") -> Log:
     if isinstance(given, Log):
         return given
     if isinstance(given, str | Path):
-        return read_argument(str(given))
-    if hasattr(given, "to_numpy") and hasattr(given, "columns"):
+        return read_argument(str(as_path(given, name)))
+    if is_table(given):
         return Log.from_pandas(given)
     if isinstance(given, Mapping):
         return Log(given)
-    raise InputError(f"{name}: expected a Log, a file name or a pandas DataFrame, not {type(given).__name__}")
+    raise InputError(
+        f"{name}: expected a Log, a file name or a pandas DataFrame, not {type(given).__name__}; arrays: "
+        "Log.from_arrays(t, q=q, u=u, axes=names)"
+    )
 
 
 def as_logs(given: Any, name: str = "log") -> list[Log]:

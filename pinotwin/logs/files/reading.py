@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
-from pinotwin.log import Log
+from pinotwin.log import Log, is_table
 from pinotwin.logs.files import isolated
 from pinotwin.logs.files.content import Seen, to_log
 from pinotwin.system.writing import as_path
@@ -78,12 +79,12 @@ _REFUSED = {
 }
 
 
-def read(*paths: str | Path, only: str | None = None) -> Log:
+def read(*paths: Any, only: str | None = None) -> Log:
     """Read a recording; several files are joined side by side.
 
     Args:
         paths: CSV/TXT, JSON, Parquet, MAT (v5, v7.3), HDF5, MCAP, ROS bags (also folders), NPY or NPZ,
-            of equal length.
+            of equal length; or pandas DataFrames.
         only: keep only names that begin with this, for a file that holds several clocks.
 
     Raises:
@@ -92,14 +93,17 @@ def read(*paths: str | Path, only: str | None = None) -> Log:
     return _read(paths, only)
 
 
-def _read(paths: Sequence[str | Path], only: str | None = None, seen: Seen | None = None) -> Log:
+def _read(paths: Sequence[Any], only: str | None = None, seen: Seen | None = None) -> Log:
     if not paths:
         raise LogError("no log file given; name at least one")
     logs = []
     for k, path in enumerate(paths):
         share = None if seen is None else partial(_share, seen, k, len(paths))
-        logs.append(_read_one(as_path(path, "paths"), only, share))
-    return logs[0] if len(logs) == 1 else join(logs, [Path(path).stem for path in paths])
+        if is_table(path):
+            logs.append(Log.from_pandas(path, f"table {k + 1}" if len(paths) > 1 else "DataFrame"))
+        else:
+            logs.append(_read_one(as_path(path, "paths"), only, share))
+    return logs[0] if len(logs) == 1 else join(logs, [Path(log.source).stem for log in logs])
 
 
 def _share(seen: Seen, k: int, of: int, done: float) -> None:
