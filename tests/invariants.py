@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pinotwin.effects import EFFECTS
+from pinotwin.effects.family import TRANSMISSION
 from pinotwin.machine import Machine
 
 OPEN = ("not explained", "partly explained")
@@ -100,7 +101,9 @@ def _bounds() -> dict[str, tuple[float, float]]:
             coefficients = kind.on(machine, "X").coefficients()
         except (TypeError, ValueError, KeyError):
             continue
-        out |= {f"{name}.{c.name}": (c.lower, c.upper) for c in coefficients}
+        # Of a machine, whose inertia was fitted without the spring, a share behind it is no bound.
+        most = math.inf if kind.family is TRANSMISSION else None
+        out |= {f"{name}.{c.name}": (c.lower, c.upper if most is None else most) for c in coefficients}
     return out | {"viscous_thermal.b": (0.0, math.inf)}
 
 

@@ -14,7 +14,7 @@ from pinotwin.diagnosis.candidates.catalogue import named as named_of
 from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of_other_state, resting
-from pinotwin.diagnosis.conclusion.closed import Account, at_one_gap
+from pinotwin.diagnosis.conclusion.closed import Account, at_one_gap, stated_of
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
 from pinotwin.diagnosis.conclusion.provenance import provenance
@@ -104,10 +104,11 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     loops = _closed_loops(s, sure, named, leave_out, rules, tell, quick=quick) if closed_loop else _Loops()
     named += servo_named(loops.turned)
     shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
-    named += shaken.effects
+    others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
+    named = at_one_gap([*named, *shaken.effects], others | {x: {"v": g} for x, g in shaken.gaps.items()})
     result = _concluded(subject, account, gaps, kind, named, loops.gone, seed, quick)
     result = _with_encoders(_with_tracking(result, loops.tracked), measured)
-    result = strayed(at_one_gap(_with_vibration(result, shaken, unused(subject, s.rest.logs))))
+    result = strayed(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     return replace(result, provenance=provenance(subject, s.rest.logs, s.rest.validation, **options))
 
@@ -173,11 +174,11 @@ def _with_tracking(d: Diagnosis, tracked: Tracked) -> Diagnosis:
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
     """Return the diagnosis with the gap between motor and load where both are measured."""
-    gap = {
-        axis: {**row, **({"ql": measured[axis].gap} if axis in measured else {})}
-        for axis, row in d.gap.items()
-    }
-    gap |= {axis: {"ql": seen.gap} for axis, seen in measured.items() if axis not in gap}
+    gap = {axis: dict(row) for axis, row in d.gap.items()}
+    for axis, seen in measured.items():
+        gone = sum(e.shrink["ql"].share for e in d.effects if e.axis == axis and "ql" in e.shrink)
+        after = seen.gap.rms * float(np.sqrt(max(1.0 - gone, 0.0)))  # the named parts alone
+        gap.setdefault(axis, {})["ql"] = replace(seen.gap, after=after)
     where = [r for seen in measured.values() for r in seen.where]
     notes = [n for seen in measured.values() for n in seen.notes]
     return replace(d, gap=gap, where=[*d.where, *where], advice=[*d.advice, *notes])
@@ -186,7 +187,7 @@ def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
 def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagnosis:
     """Return the diagnosis with what the measured vibration of passive joints says."""
     gap = {**d.gap, **{joint: {"v": g} for joint, g in v.gaps.items()}}
-    shrink = {**d.shrink, **{joint: {"v": s} for joint, s in v.shrinks.items()}}
+    shrink = {**d.shrink, **{x: {"v": stated_of(v.gaps[x].rms, s)} for x, s in v.shrinks.items()}}
     return replace(d, gap=gap, shrink=shrink, where=[*d.where, *v.where], advice=[*d.advice, *advice])
 
 

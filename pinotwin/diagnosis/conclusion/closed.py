@@ -6,8 +6,7 @@ pushes included. So the shares of several causes add up, and a rival's share is 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +15,7 @@ from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
-from pinotwin.diagnosis.result import Diagnosis, Found, Shrink, shrunk
+from pinotwin.diagnosis.result import Found, Gap, Shrink, shrunk
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import Step
@@ -168,32 +167,25 @@ class Account:
         return out
 
 
-def at_one_gap(d: Diagnosis) -> Diagnosis:
-    """Return the diagnosis with every share stated of the gap of its axis and signal.
+def at_one_gap(effects: Sequence[Found], gaps: Mapping[str, Mapping[str, Gap]]) -> list[Found]:
+    """Return effects with every share stated of the gap of its axis and signal.
 
     What a further part closes of a twist was measured of what the first had left; of a vibration, of its power above
-    the noise. What is left of a twist is what the named parts leave.
+    the noise.
+
+    Args:
+        effects: with shrinks of any signal.
+        gaps: axis -> signal -> gap.
     """
-    effects, possible = ([_of_gap(d, e) for e in part] for part in (d.effects, d.possible))
-    shrink = {
-        axis: {s: _stated(x, d.gap[axis][s].rms) if s in d.gap.get(axis, {}) else x for s, x in row.items()}
-        for axis, row in d.shrink.items()
-    }
-    gap = {axis: dict(row) for axis, row in d.gap.items()}
-    for axis, row in gap.items():
-        if "ql" in row:
-            gone = sum(e.shrink["ql"].share for e in effects if e.axis == axis and "ql" in e.shrink)
-            row["ql"] = replace(row["ql"], after=row["ql"].rms * math.sqrt(max(1.0 - gone, 0.0)))
-    return replace(d, effects=effects, possible=possible, shrink=shrink, gap=gap)
+    out = []
+    for e in effects:
+        row = gaps.get(str(e.axis), {})
+        shrink = {s: stated_of(row[s].rms, x) if s in row else x for s, x in e.shrink.items()}
+        out.append(replace(e, shrink=shrink))
+    return out
 
 
-def _of_gap(d: Diagnosis, e: Found) -> Found:
-    row = d.gap.get(str(e.axis), {})
-    shrink = {s: _stated(x, row[s].rms) if s != "u" and s in row else x for s, x in e.shrink.items()}
-    return replace(e, shrink=shrink)
-
-
-def _stated(x: Shrink, level: float) -> Shrink:
+def stated_of(level: float, x: Shrink) -> Shrink:
     """Return a shrink as one of the whole gap of a signal, from its RMS."""
     share = (x.before**2 - x.after**2) / max(level**2, 1e-300)
     part = share / x.share if x.share > 0.0 else 0.0
