@@ -104,7 +104,8 @@ def _bounds() -> dict[str, tuple[float, float]]:
         # Of a machine, whose inertia was fitted without the spring, a share behind it is no bound.
         most = math.inf if kind.family is TRANSMISSION else None
         out |= {f"{name}.{c.name}": (c.lower, c.upper if most is None else most) for c in coefficients}
-    return out | {"viscous_thermal.b": (0.0, math.inf)}
+    # The effort may be counted the other way; what is no factor at all is asked of its interval.
+    return out | {"viscous_thermal.b": (0.0, math.inf), "effort_scale.share": (-math.inf, math.inf)}
 
 
 def _sizes(d: Document) -> Iterator[str]:
@@ -117,6 +118,8 @@ def _sizes(d: Document) -> Iterator[str]:
             high = math.inf if high is None else high
             if not low - NEAR * abs(low) <= after <= high + NEAR * abs(high):
                 yield f"size in its interval: {who} {after:.4g} not in [{low:.4g}, {high:.4g}]"
+            if s["name"] == "effort_scale.share" and low <= -1.0 <= high:
+                yield f"a change that a machine can make: {who} [{low:.4g}, {high:.4g}]"
             least, most = _bounds().get(s["name"], (-math.inf, math.inf))
             if not least - 1e-12 <= after <= most + 1e-12:
                 yield f"a change that a machine can make: {who} {after:.4g}"
