@@ -41,6 +41,8 @@ def _named(account: Account, turn: Turn, levels: Mapping[int, float]) -> Found:
     theta = dict(zip(names, one.judged.theta.tolist(), strict=True))
     shapes = dict(zip((s.name for s in effect.shapes()), effect.shape_values(), strict=True))
     sizes = sizes_of(c, one)
+    own = {f"{effect.name}.{x.name}" for x in effect.coefficients()}
+    rode = isinstance(one.effect, Joined)  # its own number comes before that of what it rides on
     for s in sizes:
         if s.name.endswith(".resonance"):
             shapes["resonance"] = s.after
@@ -54,7 +56,7 @@ def _named(account: Account, turn: Turn, levels: Mapping[int, float]) -> Found:
         alternatives=_rivals(account, turn, closed[one.joint]),
         moves=_moves(one, sizes),
         gain=one.gain / max(_rows(c), 1),
-        size=sizes,
+        size=sorted(sizes, key=lambda s: s.name not in own) if rode else sizes,
         listed=effect,
         acts=acts,
     )

@@ -54,4 +54,5 @@ def _said(axis: str, signal: str, times: float, found: Diagnosis) -> str:
             "twin's own logs) though its effort agrees: look at its controller and at what shapes its command"
         )
     size = f"{times:.3g} times what the twin left of its own logs" if known else f"{times:.1%} of the signal"
-    return f"the {SIGNALS[signal]} of {axis} is not explained: {size} stays"
+    word = "in part" if found.grade(axis, signal) == "partly explained" else "by no cause"
+    return f"the {SIGNALS[signal]} of {axis} is explained {word}: {size} stays"
