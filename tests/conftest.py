@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from pinotwin.diagnosis.result import Diagnosis
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -81,3 +86,21 @@ def urdf_dir() -> Path:
 def lines_stay_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Output is wrapped where COLUMNS is set, as pytest-xdist does; tests read whole lines."""
     monkeypatch.delenv("COLUMNS", raising=False)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def answers_hold() -> Iterator[None]:
+    """Every diagnosis that a test makes holds what holds of all of them; see :mod:`tests.invariants`."""
+    from pinotwin.diagnosis import pipeline
+    from tests.invariants import invariants
+
+    last = pipeline.strayed
+
+    def checked(found: Diagnosis) -> Diagnosis:
+        said = last(found)
+        assert invariants(said.to_dict()) == []
+        return said
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "strayed", checked)
+        yield

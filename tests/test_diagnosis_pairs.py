@@ -13,7 +13,7 @@ from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.result import Found as Named
-from pinotwin.diagnosis.result import Gap
+from pinotwin.diagnosis.result import Gap, shrunk
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search import forward
 from pinotwin.diagnosis.search.forward import Found, Step, search
@@ -111,7 +111,8 @@ def test_a_cause_that_is_not_sure_opens_the_axis_that_it_moves_most(twin: Twin) 
     searcher = Searcher(c)
     load = one_number(EFFECTS["payload"].on(tree(), "A"), (0,), 1.0)
     found = Found([Step(load, (), searcher)], None, (), searcher, searcher)
-    unsure = Named("payload", "A", 0.3, {}, {}, {}, [])
+    acts = {"X": shrunk(4.0, 0.9, (0.8, 0.95), 0.9, "held-out blocks", "X")}
+    unsure = Named("payload", "A", 0.3, {}, {}, {}, [], acts=acts)
     said = judge(
         c, found, {"X": {"u": Gap(rms=4.0, nrmse=0.1, noise=0.8, after=0.9, misfit=0.6)}}, [], [unsure]
     )

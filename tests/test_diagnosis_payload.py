@@ -15,6 +15,7 @@ from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
+from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.signals import rms
 from pinotwin.solve.pseudoinertia import pseudo_inertia
 
@@ -70,6 +71,18 @@ def test_a_kilogram_on_a_real_robot(found):
     assert mass.interval[0] < 1.0 < mass.interval[1]
     centre = {s.name: s for s in first.size}["payload.cz"]
     assert centre.after == pytest.approx(0.05, abs=0.02)
+
+
+def test_it_counts_on_every_axis_that_it_acts_on(found):
+    acts = found.effects[0].acts
+    assert len(acts) > 1
+    lines = headline(found)
+    for axis, shrink in acts.items():
+        gap = found.gap[axis]["u"]
+        assert (shrink.axis, shrink.before) == (axis, gap.rms)
+        assert gap.after < gap.rms
+        assert found.grade(axis) != "not explained"
+        assert not any(f"Axis {axis}:" in x and "closed by no named cause" in x for x in lines)
 
 
 def test_a_kilogram_that_was_taken_off(robot, logs):

@@ -107,7 +107,7 @@ def test_the_headline_names_cause_axis_size_and_data() -> None:
     first = headline(EXPLAINED)[0]
     assert "quadratic drag on axis Y, b2 12 N·s²/m²" in first
     assert (
-        "from 5 to 3.4 N RMS where the axis slides, on the validation log, to which nothing was fitted"
+        "from 5 to 3.4 N RMS, by the share that goes on the validation log, to which nothing was fitted"
         in first
     )
     logs = [{"source": "/a/b/new.csv", "role": "validation"}, {"source": "old.csv", "role": "diagnosed"}]

@@ -10,7 +10,6 @@ import pytest
 import pinotwin as pt
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels
 from pinotwin.diagnosis.data.comparison import compare
-from pinotwin.diagnosis.search.forward import search
 
 LOGS = {
     "emps": ("emps", ("emps/DATA_EMPS.mat",)),
@@ -27,7 +26,7 @@ def test_the_stated_gap_is_that_of_the_twin(name: str, data_dir: Path, tmp_path:
     log = pt.read(*(data_dir / f for f in files))
     twin = pt.Twin.load(pt.identify(machine, log, loop=False).save(tmp_path))
     c = compare(twin, [log], [])
-    stated = gap_table(c, search(c, []), {}, noise_levels(c)[0])
+    stated = gap_table(c, {}, noise_levels(c)[0])
     motion = twin.motion(log)
     effort = twin.effort(motion)
     assert set(stated) <= set(machine.axes)

@@ -115,7 +115,7 @@ def reached(given: Asked, rules: Rules = RULES) -> dict[str, float]:
 
 def _stays(c: Comparison, nothing: Found) -> float:
     """Return the most that stays of an axis' gap where nothing is named."""
-    gaps, out = gap_table(c, nothing, {}, noise_levels(c)[0]), [0.0]
+    gaps, out = gap_table(c, {}, noise_levels(c)[0]), [0.0]
     for j in c.new.joints:
         g = gaps[c.machine.names[j]]["u"]
         out.append(stays(g.after, g.noise, g.misfit, c.new.size(j)))

@@ -47,6 +47,10 @@ KIND: dict[Grade, str] = {
 """Grade -> colour of its chip."""
 
 
+OPEN: tuple[Grade, ...] = ("not explained", "partly explained")
+"""Grades of a signal that no verdict calls explained."""
+
+
 def grade(
     rms: float,
     misfit: float | None,
@@ -75,14 +79,18 @@ def grade(
     if own and rms <= RULES.odd * level:
         return "within misfit"
     share = explained(rms, level, after)
-    if after is not None and _whole(after, level, share, own=own):
+    if own or size is not None:
+        left = is_open(rms if after is None else after, noise, misfit, size, signal=signal)
+    else:
+        left = after is not None and after > RULES.open_change * level
+    enough = RULES.explained_known if own else RULES.explained_unknown
+    if after is not None and not left and share >= enough:
         return "gap explained"
     if share >= RULES.explained_part:
         return "partly explained"
-    large = is_open(rms, noise, misfit, size, signal=signal)
     if own:
-        return "not explained" if large else "above misfit"
-    return "not explained" if large or after is not None else "not judged"
+        left = is_open(rms, noise, misfit, size, signal=signal)
+    return "not explained" if left else "above misfit" if own else "not judged"
 
 
 def is_open(
@@ -114,13 +122,6 @@ def left_anyway(noise: float | None, misfit: float | None) -> float:
     """Return the level that a gap is held against: noise and misfit together, those of the two that are known."""
     quiet, own = _positive(noise), _known(misfit)
     return math.hypot(float(noise or 0.0) if quiet else 0.0, float(misfit or 0.0) if own else 0.0)
-
-
-def _whole(after: float, level: float, share: float, *, own: bool) -> bool:
-    """Whether what stays of a gap is no more than what is left anyway."""
-    return after <= RULES.open_change * level and share >= (
-        RULES.explained_known if own else RULES.explained_unknown
-    )
 
 
 def explained(rms: float, level: float, after: float | None) -> float:

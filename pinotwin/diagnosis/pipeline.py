@@ -14,6 +14,7 @@ from pinotwin.diagnosis.candidates.catalogue import named as named_of
 from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of_other_state, resting
+from pinotwin.diagnosis.conclusion.closed import Account, at_one_gap, stated_of
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
 from pinotwin.diagnosis.conclusion.provenance import provenance
@@ -27,7 +28,7 @@ from pinotwin.diagnosis.others.retuned import retuned
 from pinotwin.diagnosis.others.servo import ServoChange, broken_laws, servo_changes
 from pinotwin.diagnosis.others.tracking import TURNED, Tracked, track
 from pinotwin.diagnosis.others.vibration import Vibrations, look_at_vibration, unused
-from pinotwin.diagnosis.result import Diagnosis, Region
+from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import search
@@ -93,15 +94,21 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     s, sure = _confirmed(s, shown, seed, rules, quick=quick)
     found, pushed = s.found, s.pushed
     sure_pushes = push_confidences(c, s.whole, pushed, np.random.default_rng([seed, 5]), rules)
-    named = [*effects_named(s.rest, found, sure), *pushes_named(s.rest, pushed, sure_pushes)]
+    account = Account(s.whole.first, found, sure, list(zip(pushed, sure_pushes, strict=True)), rules)
+    noise, kind = noise_levels(s.rest, rules)
+    together = account.together()
+    gaps = gap_table(s.rest, together, noise)
+    levels = {j: gaps[s.rest.machine.names[j]]["u"].rms for j in s.rest.new.joints}
+    named = [*effects_named(account, levels), *pushes_named(account, levels)]
     named = with_encoders(named, measured, leave_out)
     loops = _closed_loops(s, sure, named, leave_out, rules, tell, quick=quick) if closed_loop else _Loops()
     named += servo_named(loops.turned)
     shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
-    named += shaken.effects
-    result = _concluded(subject, s.rest, found, pushed, named, loops.gone, seed, quick, rules)
-    result = strayed(_with_tracking(result, loops.tracked), rules)
-    result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, s.rest.logs))
+    others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
+    named = at_one_gap([*named, *shaken.effects], others | {x: {"v": g} for x, g in shaken.gaps.items()})
+    result = _concluded(subject, account, gaps, kind, named, loops.gone, seed, quick)
+    result = _with_encoders(_with_tracking(result, loops.tracked), measured)
+    result = strayed(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     return replace(result, provenance=provenance(subject, s.rest.logs, s.rest.validation, **options))
 
@@ -123,7 +130,7 @@ class _Loops:
 def _closed_loops(
     s: _Searched,
     sure: Sequence[float],
-    named: Sequence[Any],
+    named: Sequence[Found],
     leave_out: Sequence[str],
     rules: Rules,
     tell: Tell,
@@ -167,11 +174,11 @@ def _with_tracking(d: Diagnosis, tracked: Tracked) -> Diagnosis:
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
     """Return the diagnosis with the gap between motor and load where both are measured."""
-    gap = {
-        axis: {**row, **({"ql": measured[axis].gap} if axis in measured else {})}
-        for axis, row in d.gap.items()
-    }
-    gap |= {axis: {"ql": seen.gap} for axis, seen in measured.items() if axis not in gap}
+    gap = {axis: dict(row) for axis, row in d.gap.items()}
+    for axis, seen in measured.items():
+        gone = sum(e.shrink["ql"].share for e in d.effects if e.axis == axis and "ql" in e.shrink)
+        after = seen.gap.rms * float(np.sqrt(max(1.0 - gone, 0.0)))  # the named parts alone
+        gap.setdefault(axis, {})["ql"] = replace(seen.gap, after=after)
     where = [r for seen in measured.values() for r in seen.where]
     notes = [n for seen in measured.values() for n in seen.notes]
     return replace(d, gap=gap, where=[*d.where, *where], advice=[*d.advice, *notes])
@@ -180,7 +187,7 @@ def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
 def _with_vibration(d: Diagnosis, v: Vibrations, advice: Sequence[str]) -> Diagnosis:
     """Return the diagnosis with what the measured vibration of passive joints says."""
     gap = {**d.gap, **{joint: {"v": g} for joint, g in v.gaps.items()}}
-    shrink = {**d.shrink, **{joint: {"v": s} for joint, s in v.shrinks.items()}}
+    shrink = {**d.shrink, **{x: {"v": stated_of(v.gaps[x].rms, s)} for x, s in v.shrinks.items()}}
     return replace(d, gap=gap, shrink=shrink, where=[*d.where, *v.where], advice=[*d.advice, *advice])
 
 
@@ -255,24 +262,23 @@ def tried(c: Comparison, leave_out: Sequence[str] = ()) -> list[Effect]:
     return [e for e in every if c.gate.admits(named_of(e).name, e.axis)]
 
 
-def _mismeasured(effects: Sequence[Any]) -> set[str]:
+def _mismeasured(effects: Sequence[Found]) -> set[str]:
     return {str(e.axis) for e in effects if e.effect in ("effort_scale", "delay", "encoder_error")}
 
 
 def _concluded(  # noqa: PLR0913, what one call has found out
     subject: Machine | Twin,
-    c: Comparison,
-    found: Search,
-    pushed: Sequence[Episodes],
-    every: Sequence[Any],
+    account: Account,
+    gaps: Mapping[str, Mapping[str, Gap]],
+    kind: str,
+    every: Sequence[Found],
     gone: Mapping[str, str],
     seed: int,
     quick: bool,
-    rules: Rules,
 ) -> Diagnosis:
-    noise, kind = noise_levels(c, rules)
-    gaps = gap_table(c, found, {p.joint: p.share for p in pushed}, noise)
-    ordered = sorted(every, key=lambda e: -_closes(e, every))
+    c, found, rules = account.comparison, account.found, account.rules
+    pushed = [p for p, _ in account.pushed]
+    ordered = sorted(every, key=_closes)
     named = [e for e in ordered if e.confidence >= rules.named]
     possible = [e for e in ordered if e.confidence < rules.named]
     verdict = judge(c, found, gaps, named, possible, rules, gone)
@@ -305,9 +311,12 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         warnings=[*c.gate.warnings, *([] if c.apart is None else [c.apart.words(change=c.change)])],
         differs=[] if c.apart is None else c.apart.names,
         situation="change" if c.change else "structure",
-        shrink=_together(named, gaps),
+        shrink={
+            axis: {"u": x.shrink(gaps[axis]["u"].rms, axis)}
+            for axis, x in ((c.machine.names[j], x) for j, x in account.together().items())
+        },
         quick=quick,
-        traces=traces(c, found.searcher),
+        traces=traces(c, account.named),
         machine=c.machine.name,
         subject=subject,
         commands=files,
@@ -316,7 +325,7 @@ def _concluded(  # noqa: PLR0913, what one call has found out
     )
 
 
-def _untold(named: Sequence[Any]) -> list[str]:
+def _untold(named: Sequence[Found]) -> list[str]:
     """Return what to do where these logs do not tell a payload's mass or centre."""
     out = []
     for e in named:
@@ -329,25 +338,9 @@ def _untold(named: Sequence[Any]) -> list[str]:
     return out
 
 
-def _closes(e: Any, every: Sequence[Any]) -> float:
-    """Return the share that a cause closes of its axis' whole squared gap: a later one began with less of it."""
-    if not e.shrink:
-        return float("inf")
-    signal, x = next(iter(e.shrink.items()))
-    whole = max(o.shrink[signal].before for o in every if o.axis == e.axis and signal in o.shrink)
-    return float(x.share * (x.before / max(whole, 1e-300)) ** 2)
-
-
-def _together(named: Sequence[Any], gaps: Mapping[str, Any]) -> dict[str, Any]:
-    """Return, for every axis, how far all named causes together shrink its gap."""
-    out: dict[str, Any] = {}
-    for axis, row in gaps.items():
-        own = [e.shrink["u"] for e in named if e.axis == axis and "u" in e.shrink]
-        if own:
-            g = row["u"]
-            share = float(1.0 - (g.after / max(g.rms, 1e-300)) ** 2)
-            out[axis] = {"u": replace(own[0], before=g.rms, after=g.after, share=share)}
-    return out
+def _closes(e: Found) -> float:
+    """Return what causes are ordered by: the share of the squared gap that they close, most first."""
+    return -next((x.share for x in e.shrink.values()), float("inf"))
 
 
 def missing_before(c: Comparison, found: Search) -> list[dict[str, Any]]:

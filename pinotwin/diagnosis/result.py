@@ -28,6 +28,7 @@ class Gap:
         after: RMS once the named effects are modelled.
         misfit: RMS that the twin left of its own logs, cross-validated, with what its effort is less sure of in this
             motion; NaN where there is none.
+        size: by how much the signal varies, against which the gap of a machine is judged; its RMS where NaN.
     """
 
     rms: float
@@ -35,6 +36,7 @@ class Gap:
     noise: float
     after: float
     misfit: float = float("nan")
+    size: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -67,17 +69,18 @@ class Region:
 
 @dataclass(frozen=True)
 class Shrink:
-    """How far the gap of a signal shrinks.
+    """How far the gap of a signal of an axis shrinks: after = before sqrt(1 - share).
 
     Attributes:
-        before: RMS without the effect [unit of the signal].
-        after: RMS with it.
-        share: of the squared gap above the noise that goes.
-        interval: 90 % interval of that share.
+        before: the gap, :attr:`Gap.rms` [unit of the signal].
+        after: what is left of it.
+        share: of the squared gap that goes, measured on the rows that ``on`` names.
+        interval: 90 % interval of that share, which it holds.
         promised: the share that the fit itself promised.
         on: ``validation``, ``held-out blocks``, or ``fitted logs`` (of an event that no other holds).
         promised_interval: within which another log's share is promised to lie (90 %): the range of the
             shares of single blocks that were not fitted. None where there are too few.
+        axis: whose gap it is: of a body on a link the axis that it moves most. None for the effect's own.
     """
 
     before: float
@@ -87,6 +90,16 @@ class Shrink:
     promised: float
     on: str
     promised_interval: tuple[float, float] | None = None
+    axis: str | None = None
+
+
+def shrunk(
+    before: float, share: float, interval: tuple[float, float], promised: float, on: str, axis: str | None
+) -> Shrink:
+    """Return how far a gap shrinks by a share of its square; what makes it larger closes nothing."""
+    share, low, high, promised = (float(min(max(x, 0.0), 1.0)) for x in (share, *interval, promised))
+    after = before * math.sqrt(1.0 - share)
+    return Shrink(before, after, share, (min(low, share), max(high, share)), promised, on, axis=axis)
 
 
 @dataclass(frozen=True)
@@ -120,6 +133,7 @@ class Found:
         shape: shape values, SI.
         theta: coefficients, SI.
         shrink: per signal, the effect alone.
+        acts: axis -> how far its effort's gap shrinks by the effect alone, of every axis that the effect acts on.
         alternatives: other effects with probability and reason.
         moves: base parameters that move when it is admitted: name -> (before, after, in sigmas).
         gain: squared residual closed on rows that were not fitted, over that of a good model.
@@ -138,6 +152,7 @@ class Found:
     gain: float = 0.0
     size: Sequence[Size] = ()
     listed: Effect | None = field(default=None, repr=False)
+    acts: Mapping[str, Shrink] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -222,7 +237,8 @@ class Diagnosis(Card):
             return "not judged"  # the log itself is in doubt
         named = self._acts(axis, signal)
         shrinks = named or (signal == "e" and g.after < g.rms)  # by what was named on another axis
-        size = g.rms / g.nrmse if g.nrmse > 0.0 else None
+        own = g.rms / g.nrmse if g.nrmse > 0.0 else None
+        size = g.size if math.isfinite(g.size) else own
         word = grade(g.rms, g.misfit, g.noise, g.after if shrinks else None, size=size, signal=signal)
         if named and word in ("agrees", "within misfit", "above misfit") and g.after < g.rms:
             word = "gap explained"  # small, yet a cause of it was found
@@ -233,7 +249,7 @@ class Diagnosis(Card):
     def _acts(self, axis: str, signal: str) -> bool:
         """Whether a named effect acts on a signal of an axis; on others than the effort only if it was tried."""
         if signal == "u":
-            return any(e.axis in (axis, None) for e in self.effects)
+            return any(e.axis in (axis, None) or axis in e.acts for e in self.effects)
         tried = [e for e in self.effects if e.axis == axis and signal in e.shrink]
         return bool(tried) or signal in self.shrink.get(axis, {})
 
@@ -311,6 +327,7 @@ def _effect(e: Found) -> dict[str, Any]:
         "size": sizes[0] if sizes else None,
         "sizes": sizes,
         "shrink": _shrinks(e),
+        "acts": {axis: _shrink(x) for axis, x in e.acts.items()},
         "alternatives": [dict(a) for a in e.alternatives],
         "moves": {k: list(v) for k, v in e.moves.items()},
         "gain": e.gain,

@@ -108,7 +108,7 @@ _WHERE = (
 )
 _HOW_FAR = (
     "Promised: the share of the squared gap that the fit itself expects to remove. Removed: what came of it on "
-    "data that the size was not fitted to, on rows at which the axis slides, with a 90 % interval; "
+    "data that the size was not fitted to, with a 90 % interval; the shares of several causes of one axis add up; "
     "the choice of the cause has seen the diagnosed "
     "logs, so without a validation log it flatters. Bars: RMS of log minus model on the diagnosed logs. Noise: "
     "what differs between two runs of the same motion. Own misfit: what the twin left of its own logs, and is less "
@@ -293,11 +293,14 @@ def how_far_blocks(d: Diagnosis) -> list[Block]:
             plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}: {word}"))
     rows = []
     for e in d.effects:
-        for signal, x in e.shrink.items():
-            scale = signal_scale(signal, rotary.get(e.axis or "", False), x.before)
+        others = [("u", x) for x in e.acts.values() if x is not e.shrink.get("u")]
+        for signal, x in (*e.shrink.items(), *others):
+            axis = x.axis or e.axis or ""
+            scale = signal_scale(signal, rotary.get(axis, False), x.before)
+            of = "" if axis == e.axis else f" of {axis}"
             rows.append(
                 [
-                    f"{on_axis(e.effect, e.axis)}, {SIGNALS.get(signal, signal)}",
+                    f"{on_axis(e.effect, e.axis)}, {SIGNALS.get(signal, signal)}{of}",
                     f"{x.before * scale.factor:.3g} {scale.unit}",
                     f"{x.after * scale.factor:.3g} {scale.unit}",
                     display.percent(x.share),

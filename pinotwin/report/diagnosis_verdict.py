@@ -88,10 +88,20 @@ def _cause(d: Diagnosis, e: Found) -> str:
         return said
     if shrink.share <= 0.0:
         return f"{said} On {named_data(d, shrink)} the gap does not shrink by it yet: take it as a hint."
-    scale = signal_scale(signal, rotary_axes(d).get(e.axis or "", False), shrink.before)
+    axis = shrink.axis or e.axis or ""
+    scale = signal_scale(signal, rotary_axes(d).get(axis, False), shrink.before)
     numbers = f"{shrink.before * scale.factor:.3g} to {shrink.after * scale.factor:.3g} {scale.unit}"
-    rows = " where the axis slides" if signal == "u" else ""  # the cards count every row in motion
-    return f"{said} With it the gap shrinks from {numbers} RMS{rows}, on {named_data(d, shrink)}."
+    gap = "the gap" if axis == e.axis else f"the gap of {axis}"
+    data = named_data(d, shrink)
+    return (
+        f"{said} {_with_it(d, e, axis)} {gap} shrinks from {numbers} RMS, by the share that goes on {data}."
+    )
+
+
+def _with_it(d: Diagnosis, e: Found, axis: str) -> str:
+    """Return whether a cause closes an axis' gap by itself, or one of several does a part of it."""
+    others = [x for x in d.effects if x is not e and (axis in x.acts or x.axis == axis)]
+    return "By it alone" if others else "With it"
 
 
 def named_data(d: Diagnosis, x: Shrink) -> str:

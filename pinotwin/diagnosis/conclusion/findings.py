@@ -7,55 +7,58 @@ from typing import Any
 
 import numpy as np
 
-from pinotwin.arrays import Floats
-from pinotwin.diagnosis.candidates.catalogue import named
-from pinotwin.diagnosis.candidates.episodes import Episodes
+from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
+from pinotwin.diagnosis.conclusion.closed import Account, Closed, Turn
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
-from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.evidence.springs import inertias
 from pinotwin.diagnosis.others.servo import ServoChange
-from pinotwin.diagnosis.result import Found, Shrink, Size
-from pinotwin.diagnosis.search.forward import Found as Search
-from pinotwin.diagnosis.search.forward import Step
+from pinotwin.diagnosis.result import Found, Size, shrunk
 from pinotwin.diagnosis.search.forward import known as known_of
-from pinotwin.diagnosis.search.scan import Scored, Searcher
+from pinotwin.diagnosis.search.scan import Scored
 
 LIKELY = 0.5
 """Share of the winner's gain from which a rival is worth a line."""
 
 
-def effects_named(comparison: Comparison, found: Search, confidence: Sequence[float]) -> list[Found]:
-    """Return the effects that a search has found, patterns left out."""
-    out = []
-    for step, sure in zip(found.steps, confidence, strict=True):
-        if not isinstance(step.chosen.effect, Pattern):
-            out.append(_named(comparison, step, sure))
-    return out
+def effects_named(account: Account, levels: Mapping[int, float]) -> list[Found]:
+    """Return the effects that a search has found, patterns left out.
+
+    Args:
+        account: of the search.
+        levels: joint -> RMS of its gap [N or N·m].
+    """
+    return [_named(account, turn, levels) for turn in account.turns]
 
 
-def _named(c: Comparison, step: Step, sure: float) -> Found:
-    one, effect = step.chosen, named(step.chosen.effect)
+def _named(account: Account, turn: Turn, levels: Mapping[int, float]) -> Found:
+    c, one = account.comparison, turn.step.chosen
+    effect = named(one.effect)
+    closed = account.all_of(turn)
+    acts = {c.machine.names[j]: x.shrink(levels[j], c.machine.names[j]) for j, x in closed.items()}
     names = [x.name for x in one.effect.coefficients()]
     theta = dict(zip(names, one.judged.theta.tolist(), strict=True))
     shapes = dict(zip((s.name for s in effect.shapes()), effect.shape_values(), strict=True))
     sizes = sizes_of(c, one)
+    own = {f"{effect.name}.{x.name}" for x in effect.coefficients()}
+    rode = isinstance(one.effect, Joined)  # its own number comes before that of what it rides on
     for s in sizes:
         if s.name.endswith(".resonance"):
             shapes["resonance"] = s.after
     return Found(
         effect=effect.name,
         axis=effect.axis,
-        confidence=sure,
+        confidence=turn.sure,
         shape=shapes,
         theta=theta,
-        shrink={"u": shrink_of(c, one, step.searcher)},
-        alternatives=_rivals(step, sure),
+        shrink={"u": acts[c.machine.names[one.joint]]},
+        alternatives=_rivals(account, turn, closed[one.joint]),
         moves=_moves(one, sizes),
         gain=one.gain / max(_rows(c), 1),
-        size=sizes,
+        size=sorted(sizes, key=lambda s: s.name not in own) if rode else sizes,
         listed=effect,
+        acts=acts,
     )
 
 
@@ -74,13 +77,13 @@ def sizes_of(c: Comparison, one: Scored) -> list[Size]:
     if effect.name == "payload":
         return body_sizes(body_of(theta, covariance), theta, covariance)
     before = known_of(one.effect, c)
-    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    now = known_of(one.effect, c, one.judged if isinstance(one.effect, Joined) else None) + theta
+    half = 1.645 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     rows = []
     for k, x in enumerate(one.effect.coefficients()):
-        after = before[k] + float(theta[k])
-        half = 1.645 * float(error[k])
-        was = before[k] if abs(before[k]) > ROUNDED * abs(after) else 0.0
-        rows.append(Size(f"{effect.name}.{x.name}", was, after, x.unit, (after - half, after + half)))
+        was = float(before[k]) if abs(before[k]) > ROUNDED * abs(now[k]) else 0.0
+        low, high = (float(np.clip(now[k] + h, min(x.lower, now[k]), np.inf)) for h in (-half[k], half[k]))
+        rows.append(Size(f"{effect.name}.{x.name}", was, float(now[k]), x.unit, (low, high)))
     resonance = _resonance(c, one)
     return rows if resonance is None else [resonance, *rows]
 
@@ -116,49 +119,27 @@ def _moves(one: Scored, sizes: Sequence[Size]) -> dict[str, tuple[float, float, 
     }
 
 
-def shrink_of(c: Comparison, one: Scored, searcher: Searcher) -> Shrink:
-    """Return how far the gap of an effect's main axis shrinks by it alone, on rows not fitted."""
-    fitted, beyond = searcher.alone_by_joint
-    gains, unseen = searcher.main_gains(one)
-    at = list(c.new.joints).index(one.joint)
-    before, gained = fitted[:, at], gains
-    promised = _share(before, gained)
-    count, on = len(c.new.residual[one.joint]), "held-out blocks"
-    if len(unseen) and c.unseen is not None and one.joint in c.unseen.joints:
-        before = beyond[:, list(c.unseen.joints).index(one.joint)]
-        gained = unseen
-        count, on = len(c.unseen.residual[one.joint]), "validation"
-    share = _share(before, gained)
-    low, high = share_interval(before, before - gained)
-    level = c.floor[one.joint] * float(np.sqrt(before.sum() / max(count, 1)))
-    after = level * float(np.sqrt(max(1.0 - share, 0.0)))
-    return Shrink(level, after, share, (low, min(high, 1.0)), promised, on)
-
-
-def _share(before: Floats, gained: Floats) -> float:
-    return float(np.clip(gained.sum() / max(before.sum(), 1e-300), -1.0, 1.0))
-
-
-def _rivals(step: Step, sure: float) -> list[Mapping[str, Any]]:
-    """Return other effects that close nearly as much, with how they stand against the winner."""
-    out: list[Mapping[str, Any]] = []
-    near = [
-        r for r in step.rivals if r.gain > LIKELY * step.chosen.gain and not isinstance(r.effect, Pattern)
+def _rivals(account: Account, turn: Turn, won: Closed) -> list[Mapping[str, Any]]:
+    """Return other effects that close nearly as much of the gap of the winner's main axis."""
+    step, joint, near = turn.step, turn.joint, []
+    for r in step.rivals:
+        acts = joint in r.table[0] and not isinstance(r.effect, Pattern)
+        if acts and r.gain > LIKELY * step.chosen.gain:
+            again = turn.ground.score(r.effect, r.table) or r
+            near.append((named(r.effect), account.closed(turn.ground, again, joint).bounded))
+    total = max(sum(share for _, share in near), 1e-300)
+    return [
+        {
+            "effect": effect.name,
+            "axis": effect.axis,
+            "probability": (1.0 - turn.sure) * share / total,
+            "share": share,
+            "why": f"closes {share:.0%} where {named(step.chosen.effect).name} closes "
+            f"{won.bounded:.0%} of the squared gap",
+        }
+        for effect, share in near[:5]
+        if share > 0.0
     ]
-    total = sum(r.gain for r in near)
-    whole = step.chosen.gain / max(step.chosen.share, 1e-300)  # the gap of all joints that the winner acts on
-    for r in near[:5]:
-        effect = named(r.effect)
-        out.append(
-            {
-                "effect": effect.name,
-                "axis": effect.axis,
-                "probability": (1.0 - sure) * r.gain / total,
-                "why": f"closes {r.gain / whole:.0%} where {named(step.chosen.effect).name} closes "
-                f"{step.chosen.share:.0%} of the squared gap",
-            }
-        )
-    return out
 
 
 def servo_named(changes: Sequence[ServoChange]) -> list[Found]:
@@ -169,35 +150,28 @@ def servo_named(changes: Sequence[ServoChange]) -> list[Found]:
         shrink = {}
         if x.gap[0] > 0.0:
             low = max(2.0 * x.share - 1.0, 0.0)
-            shrink = {"law": Shrink(x.gap[0], x.gap[1], x.share, (low, 1.0), x.share, "held-out blocks")}
+            shrink = {"law": shrunk(x.gap[0], x.share, (low, 1.0), x.share, "held-out blocks", None)}
         shape = {"limit": x.after} if x.effect == "saturation" else {}
         theta = {x.name.replace(" ", "_"): x.after - (0.0 if np.isinf(x.before) else x.before)}
         out.append(Found(x.effect, x.axis, x.confidence, shape, theta, shrink, [], size=[size], gain=x.share))
     return out
 
 
-def pushes_named(c: Comparison, found: Sequence[Episodes], confidence: Sequence[float]) -> list[Found]:
-    """Return the pushes on every axis as one named effect each."""
-    out = []
-    for pushed, sure in zip(found, confidence, strict=True):
+def pushes_named(account: Account, levels: Mapping[int, float]) -> list[Found]:
+    """Return the pushes on every axis as one named effect each; their gap is that with the pushes in it."""
+    c, out = account.comparison, []
+    for pushed, sure in account.pushed:
         axis = c.machine.names[pushed.joint]
         unit = "N·m" if c.machine.rotary[pushed.joint] else "N"
         largest = max(pushed.episodes, key=lambda e: abs(e.force))
-        level = float(np.sqrt(np.mean(c.new.residual[pushed.joint] ** 2)))
         half = 1.645 * largest.error
         size = Size("largest push", 0.0, largest.force, unit, (largest.force - half, largest.force + half))
-        shrink = Shrink(
-            before=level,
-            after=level * float(np.sqrt(max(1.0 - pushed.share, 0.0))),
-            share=pushed.share,
-            interval=pushed.interval,
-            promised=pushed.share,
-            on="held-out rows of the pushes",
-        )
+        acts = {axis: account.pushes(pushed).shrink(levels[pushed.joint], axis)}
         theta = {f"f{k}": e.force for k, e in enumerate(pushed.episodes)}
         shape = {f"start{k}": e.start for k, e in enumerate(pushed.episodes)}
         gain = pushed.gain / max(_rows(c), 1)
+        shrink = {"u": acts[axis]}
         out.append(
-            Found("external_force", axis, sure, shape, theta, {"u": shrink}, [], size=[size], gain=gain)
+            Found("external_force", axis, sure, shape, theta, shrink, [], size=[size], gain=gain, acts=acts)
         )
     return out

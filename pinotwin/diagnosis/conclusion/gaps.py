@@ -7,46 +7,43 @@ from collections.abc import Mapping
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.diagnosis.conclusion.closed import Closed
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.noise import difference, repeats, rough
 from pinotwin.diagnosis.data.samples import judged_rows
 from pinotwin.diagnosis.data.scatter import scatter
 from pinotwin.diagnosis.result import Gap, Traces
 from pinotwin.diagnosis.rules import RULES, Rules
-from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.signals import joined, rms
 
 
 def gap_table(
-    c: Comparison, found: Search, pushed: Mapping[int, float], noise: Mapping[int, float]
+    c: Comparison, closed: Mapping[int, Closed], noise: Mapping[int, float]
 ) -> dict[str, dict[str, Gap]]:
     """Return axis -> signal -> gap.
 
     ``rms`` is that of ``u - twin.effort`` on the rows in motion of the logs in question; ``after`` is what
-    is left of it once the causes are modelled, by the share that goes on rows that were not fitted.
+    is left of it once the named causes are modelled, by the share that goes on rows that were not fitted.
 
     Args:
         c: the comparison.
-        found: the search for causes.
-        pushed: joint -> share of the squared gap that pushes account for.
+        closed: joint -> what all named causes close.
         noise: joint -> RMS of the noise.
     """
     motion = c.new.motion
     residual = motion.u - c.twin.effort(motion)
-    first, last = (s.alone_by_joint[0].sum(axis=0) for s in (found.first, found.searcher))
     out = {}
-    for at, j in enumerate(c.new.joints):
+    for j in c.new.joints:
         rows = judged_rows(motion, j)
         level = rms(residual[rows, j])
-        left = min(float(last[at] / max(first[at], 1e-300)), 1.0) * (1.0 - pushed.get(j, 0.0))
+        left = 1.0 - closed[j].bounded if j in closed else 1.0
         effort = rms(motion.u[rows, j])
         misfit = float("nan")
         if c.own is not None and j in c.own.joints:
             misfit = c.floor[j]
-        out[motion.names[j]] = {
-            "u": Gap(level, level / max(effort, 1e-300), noise[j], level * float(np.sqrt(left)), misfit)
-        }
+        after, size = level * float(np.sqrt(left)), c.new.size(j)
+        out[motion.names[j]] = {"u": Gap(level, level / max(effort, 1e-300), noise[j], after, misfit, size)}
     for axis in c.gate.silent:
         j = motion.index(axis)
         rows = judged_rows(motion, j)
@@ -79,7 +76,7 @@ def noise_levels(c: Comparison, rules: Rules = RULES) -> tuple[dict[int, float],
 
 
 def traces(c: Comparison, searcher: Searcher) -> list[Traces]:
-    """Return arrays for plots: the gap before and after the causes, by axis and log."""
+    """Return arrays for plots: the gap before and after the causes of a ground, by axis and log."""
     after = searcher.residual()
     out = []
     for j in c.new.joints:

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin.diagnosis.result import Found, Size
+from pinotwin.effects.position import PositionTable
 
 WORDS = {
     "viscous.b": "friction coefficient",
@@ -98,19 +99,19 @@ def _amplitude(a: Size, b: Size) -> Size:
 
 def _extreme(sizes: Sequence[Size], *, high: bool) -> Size:
     one = sorted(sizes, key=lambda s: s.after)[-1 if high else 0]
-    family = one.name.rpartition(".")[0]
+    family = one.name.partition(".")[0]
     return replace(one, name=f"{family}.{'highest' if high else 'lowest'} of {len(sizes)} points")
 
 
 def name_words(size: Size) -> str:
     """Return what a number is, in words."""
-    family, _, last = size.name.rpartition(".")
-    return WORDS.get(size.name) or (last.replace("_", " ") if family else size.name)
+    family, _, last = size.name.partition(".")
+    return WORDS.get(size.name) or (last or family).replace("_", " ")
 
 
 def size_text(size: Size) -> str:
     """Return a size in words: from what to what where the model held a number, or an effort had no limit."""
-    name = size.name.rpartition(".")[2]
+    name = size.name.partition(".")[2] or size.name
     if np.isnan(size.before) or size.before == 0.0:
         return f"{name} {now_text(size)}"
     return f"{name} {f'{size.before:.4g}' if np.isfinite(size.before) else 'none'} -> {now_text(size)}"
@@ -152,8 +153,30 @@ def times_text(size: Size) -> str:
 
 
 def first_text(found: Found) -> str:
-    """Return the size of a cause for a sentence; empty for one without numbers."""
+    """Return the size of a cause for a sentence, with its pitch or place; empty for one without numbers."""
     sizes = told(found.size)
     if not sizes:
         return ""
-    return size_text(max(sizes, key=lambda s: abs(s.after)) if "points" in sizes[0].name else sizes[0])
+    if "points" not in sizes[0].name:
+        return size_text(sizes[0]) + _pitch(found)
+    return size_text(max(sizes, key=lambda s: abs(s.after))) + _place(found)
+
+
+def _pitch(found: Found) -> str:
+    """Return the pitch of a cause that returns along the travel."""
+    shapes = () if found.listed is None else found.listed.shapes()
+    unit = next((s.unit for s in shapes if s.name == "period"), "")
+    return f", pitch {_along(found.shape['period'], unit)}" if unit and "period" in found.shape else ""
+
+
+def _place(found: Found) -> str:
+    """Return where along the travel a table is largest."""
+    table = found.listed
+    if not isinstance(table, PositionTable) or len(table.knots) != len(found.size):
+        return ""
+    at = max(range(len(found.size)), key=lambda k: abs(found.size[k].after))
+    return f" at {_along(float(table.knots[at]), 'rad' if table.rotary else 'm')}"
+
+
+def _along(x: float, unit: str) -> str:
+    return f"{math.degrees(x):.4g}°" if unit == "rad" else f"{1e3 * x:.4g} mm"

@@ -1,4 +1,4 @@
-"""Axes whose efforts are the twin's while their tracking error is not: what the verdict says of them."""
+"""Signals that are open beside what the verdict was judged on: every signal counts."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pinotwin.diagnosis.grade import stays
-from pinotwin.diagnosis.result import Diagnosis, Gap
-from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.diagnosis.grade import OPEN, stays
+from pinotwin.diagnosis.result import Diagnosis, Gap, Verdict
 
 
 def off_track(gaps: Mapping[str, Gap], level: float) -> dict[str, float]:
@@ -17,24 +16,43 @@ def off_track(gaps: Mapping[str, Gap], level: float) -> dict[str, float]:
     return {axis: x for axis, x in times.items() if x > level}
 
 
-def strayed(found: Diagnosis, rules: Rules = RULES) -> Diagnosis:
-    """Return the diagnosis with axes left open that follow their command otherwise than the twin does.
+def strayed(found: Diagnosis) -> Diagnosis:
+    """Return the diagnosis with every signal left open that its grades call open: no verdict stands beside another.
 
-    Where a cause is named its own consequences are in the tracking error, of other axes too: nothing is added then.
+    The verdict is judged on the efforts and the causes found in them; tracking errors, motor against load and
+    vibrations may be open beside them.
     """
-    if found.effects or found.possible:
-        return found
-    closed = {a: row["e"] for a, row in found.gap.items() if "e" in row and a not in found.unexplained}
-    off = off_track(closed, rules.open_tracking)
+    off = {
+        (axis, signal): stays(
+            g.after, g.noise, g.misfit, g.size if math.isfinite(g.size) else g.rms / g.nrmse
+        )
+        for axis, row in found.gap.items()
+        for signal, g in row.items()
+        if signal not in found.unexplained.get(axis, {}) and found.grade(axis, signal) in OPEN
+    }
     if not off:
         return found
-    said = [
-        f"{axis} follows its command otherwise than its twin ({x:.1f} times what the simulation left of the twin's own "
-        "logs) though its effort agrees: look at its controller and at what shapes its command"
-        for axis, x in off.items()
-    ]
+    said = [_said(axis, signal, x, found) for (axis, signal), x in off.items()]
+    unexplained = {axis: dict(row) for axis, row in found.unexplained.items()}
+    for axis, signal in off:
+        g = found.gap[axis][signal]
+        unexplained.setdefault(axis, {})[signal] = min((g.after / g.rms) ** 2, 1.0)
     before = [] if found.verdict == "none" else [found.sentence]
-    unexplained = {**found.unexplained, **{axis: {"e": 1.0} for axis in off}}
-    return replace(
-        found, verdict="unexplained", sentence=". ".join([*before, *said]), unexplained=unexplained
-    )
+    verdict: Verdict = "partly_explained" if found.effects else "unexplained"
+    sentence = ". ".join([*before, *said])
+    return replace(found, verdict=verdict, sentence=sentence, unexplained=unexplained)
+
+
+SIGNALS = {"u": "effort", "e": "tracking error", "ql": "motor against load", "v": "vibration"}
+
+
+def _said(axis: str, signal: str, times: float, found: Diagnosis) -> str:
+    known = math.isfinite(found.gap[axis][signal].misfit)
+    if signal == "e" and found.grade(axis, signal) == "not explained" and not found.effects:
+        return (
+            f"{axis} follows its command otherwise than its twin ({times:.1f} times what the simulation left of the "
+            "twin's own logs) though its effort agrees: look at its controller and at what shapes its command"
+        )
+    size = f"{times:.3g} times what the twin left of its own logs" if known else f"{times:.1%} of the signal"
+    word = "in part" if found.grade(axis, signal) == "partly explained" else "by no cause"
+    return f"the {SIGNALS[signal]} of {axis} is explained {word}: {size} stays"

@@ -64,16 +64,11 @@ def judge(
     }
     judged = {axis: row for axis, row in gaps.items() if axis not in c.gate.silent}
     open_axes = {axis: row["u"] for axis, row in judged.items() if _open(c, axis, row["u"], rules)}
-    unexplained = {
-        axis: {"u": float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))}
-        for axis, g in open_axes.items()
-    }
-    most = {s.chosen.key: c.machine.names[s.chosen.joint] for s in found.steps}
-    told = {axis for e in effects for axis in _axes(e, most)}
+    told = {axis for e in effects for axis in _axes(e)}
     known = gaps.keys() - told
-    unsure = [axis for e in possible for axis in _axes(e, most) & known if not _agrees(gaps[axis]["u"])]
-    for axis in (*patterns, *unsure, *(name for name in c.gate.silent if name in gaps)):
-        unexplained.setdefault(axis, {"u": 1.0})
+    unsure = [axis for e in possible for axis in _axes(e) & known if not _agrees(gaps[axis]["u"])]
+    left = (*open_axes, *patterns, *unsure, *(name for name in c.gate.silent if name in gaps))
+    unexplained = {axis: {"u": _left(gaps[axis]["u"])} for axis in left}
     for axis in controllers:
         unexplained[axis] = {**unexplained.get(axis, {}), "e": 1.0}
     if effects:
@@ -95,9 +90,14 @@ def judge(
     return Judgement(verdict, sentence, unexplained, remains, notes)
 
 
-def _axes(e: Found, most: Mapping[tuple[str, str | None], str]) -> set[str]:
-    """Return the axis of an effect, and the one that it moves most: a load on one link weighs on another."""
-    return {str(e.axis), most.get((e.effect, e.axis), str(e.axis))}
+def _axes(e: Found) -> set[str]:
+    """Return the axis of an effect, and those that it acts on: a load on one link weighs on others."""
+    return {str(e.axis), *e.acts}
+
+
+def _left(g: Gap) -> float:
+    """Return the share of a squared gap that no named cause closes."""
+    return float(np.clip((g.after / max(g.rms, 1e-300)) ** 2, 0.0, 1.0))
 
 
 def _open(c: Comparison, axis: str, g: Gap, rules: Rules) -> bool:
@@ -183,7 +183,7 @@ def _sentence(
     loud = [a for a, row in gaps.items() if a in patterns or not _quiet(row["u"])]
     largest = max(loud, key=lambda a: _relative(gaps[a]["u"]), default="")
     asked = largest and (effects or not c.gate.silent or _open(c, largest, gaps[largest]["u"], RULES))
-    if asked and largest not in {e.axis for e in effects}:
+    if asked and not any(largest in _axes(e) for e in effects):
         text += ("; " if text else "") + _largest(largest, gaps[largest]["u"], patterns.get(largest))
     head = {
         "explained": "has changed: " if c.change else "the model misses ",

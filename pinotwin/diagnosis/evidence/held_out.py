@@ -20,6 +20,8 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.diagnosis.evidence.moments import Base, Products
 from pinotwin.solve.jackknife import jackknife, solved, without_each
 
+Span = tuple[Floats, Floats]
+"""Lower and upper bounds of coefficients, shape (p,) each."""
 FREE, HELD = 1e-6, 1e6
 """Precision of a coefficient of the model over what the rows say of it: one that is free, one at its bound."""
 RIDGE = 1e-9
@@ -126,7 +128,12 @@ class Judged:
 
 
 def judged(
-    ground: Ground, new: Products, own: Products | None, unseen: Products | None, hold: float = 0.0
+    ground: Ground,
+    new: Products,
+    own: Products | None,
+    unseen: Products | None,
+    hold: float = 0.0,
+    span: Span | None = None,
 ) -> Judged:
     """Return what a candidate leaves; see the module's docstring.
 
@@ -136,17 +143,18 @@ def judged(
         own: on the twin's own logs; None where there are none or it has no rows there.
         unseen: on the validation logs.
         hold: precision by which the candidate's coefficients are held near zero [1 / unit²].
+        span: least and largest change of the candidate's coefficients, shape (p,) each.
 
     A coefficient of the model at its lower bound may leave it beside the candidate, for it may have come to rest there
     for want of it: of an axis that lacks its drag, viscous friction takes what Coulomb's had (least squares with
     inequalities, by their active set).
     """
-    found = _judged(ground, new, own, unseen, hold)
+    found = _judged(ground, new, own, unseen, hold, span)
     if not ground.bound.any() or not new.Cr.shape[1]:
         return found
     rising = ground.bound & (_slopes(ground.new, new, found) > 0.0)
     while rising.any():
-        beside = _judged(ground.released(rising), new, own, unseen, hold)
+        beside = _judged(ground.released(rising), new, own, unseen, hold, span)
         falling = rising & (beside.base < 0.0)
         if not falling.any():
             return beside
@@ -161,16 +169,23 @@ def _slopes(base: Base, c: Products, found: Judged) -> Floats:
 
 
 def _judged(
-    ground: Ground, new: Products, own: Products | None, unseen: Products | None, hold: float
+    ground: Ground,
+    new: Products,
+    own: Products | None,
+    unseen: Products | None,
+    hold: float,
+    span: Span | None,
 ) -> Judged:
     base = ground.new
-    theta, delta, determined = _solve(ground.folds, base, new, hold, leave_out=True)
-    p = theta.shape[1]
-    spread = np.zeros((p, p))
+    p = new.Cr.shape[1]
+    there, moved, spread = np.zeros(p), np.zeros(base.Xr.shape[2]), np.zeros((p, p))
     if ground.own is not None and own is not None:
-        there, moved, _ = _solve(ground.own_inverse, ground.own, own, hold, leave_out=False)
-        theta, delta = theta - there[-1], delta - moved[-1]
+        before, beside, _ = _solve(ground.own_inverse, ground.own, own, hold, leave_out=False)
+        there, moved = before[-1], beside[-1]
         spread = _spread(own, hold)
+    within = None if span is None else (span[0] + there, span[1] + there)
+    theta, delta, determined = _solve(ground.folds, base, new, hold, within, leave_out=True)
+    theta, delta = theta - there, delta - moved
     left = _left(base, new, theta[:-1], delta[:-1])
     beyond = np.zeros(0)
     if ground.unseen is not None and unseen is not None:
@@ -193,7 +208,7 @@ def _inverses(base: Base, precision: Floats, *, leave_out: bool) -> Floats:
 
 
 def _solve(
-    inverse: Floats, base: Base, c: Products, hold: float, *, leave_out: bool
+    inverse: Floats, base: Base, c: Products, hold: float, span: Span | None = None, *, leave_out: bool
 ) -> tuple[Floats, Floats, bool]:
     """Return candidate's and model's coefficients, one row a fold and the last for all blocks."""
 
@@ -211,6 +226,7 @@ def _solve(
         whole = np.maximum(np.diagonal(CC[-1]), 1e-300)
         determined = bool(np.max(np.diagonal(S[-1]) / whole) > COLLINEAR)
         theta = solved(S + hold * np.eye(p), s, SCALED_RIDGE, np.sqrt(whole))
+        theta = theta if span is None else np.clip(theta, *span)
     delta = np.einsum("kbc,kc->kb", inverse, Xr - np.einsum("kpb,kp->kb", CX, theta))
     return theta, delta, determined
 

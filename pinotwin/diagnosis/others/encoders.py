@@ -378,7 +378,7 @@ class _Told:
             shape = {"gap": sizes[0].after}
         else:
             effect, sizes = "encoder_error", self._table(fit, known)
-        theta = {s.name.rpartition(".")[2]: s.after for s in sizes}
+        theta = {s.name.partition(".")[2]: s.after for s in sizes}
         return Found(effect, self.axis, sure, shape, theta, {"ql": shrink}, [], size=sizes, gain=shrink.share)
 
     def _spring(self, fit: Blocked, known: Blocked | None) -> list[Size]:

@@ -14,12 +14,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.scatter import scattered
 from pinotwin.diagnosis.evidence.bodies import possible
 from pinotwin.diagnosis.evidence.bootstrap import lower_bound
+from pinotwin.diagnosis.evidence.held_out import Judged
 from pinotwin.diagnosis.evidence.springs import fits
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.duel import Duel, duel, richer
@@ -315,15 +317,15 @@ def rank(searcher: Searcher, tables: Sequence[tuple[Effect, Table]]) -> list[Sco
     """
     best: dict[tuple[str, str | None, int], Scored] = {}
     for effect, table in tables:
-        one = searcher.score(effect, table)
-        if one is None or one.gain <= 0.0 or not allowed(one, searcher.comparison):
+        one = _admitted(searcher.score(effect, table), searcher)
+        if one is None or one.gain <= 0.0:
             continue
         group = (*one.key, one.numbers)
         if group not in best or one.gain > best[group].gain:
             best[group] = one
     ranked = sorted(best.values(), key=lambda s: -s.gain)
     near = [s for s in one_each(ranked)[:POLISHED] if s.gain > NEAR * ranked[0].gain]
-    better = {id(s): t for s in near if allowed(t := searcher.polished(s), searcher.comparison)}
+    better = {id(s): t for s in near if (t := _admitted(searcher.polished(s), searcher)) is not None}
     return sorted((better.get(id(s), s) for s in ranked), key=lambda s: -s.gain)
 
 
@@ -427,37 +429,74 @@ def _link(one: Scored) -> int:
     return one.order if body else 0
 
 
+def _admitted(one: Scored | None, searcher: Searcher) -> Scored | None:
+    """Return a candidate with its coefficients held to what they can be; None where it asks for what no machine has."""
+    if one is None or not allowed(one, searcher.comparison):
+        return None
+    if isinstance(one.effect, (Pattern, Joined)) or named(one.effect).name == "payload":
+        return one
+    low, high = (x - known(one.effect, searcher.comparison) for x in _bounds(one, searcher.comparison))
+    theta = one.judged.theta
+    return one if ((low <= theta) & (theta <= high)).all() else searcher.bounded(one, low, high)
+
+
 def allowed(one: Scored, comparison: Comparison) -> bool:
-    """Whether the coefficients can be those of the effect: within their bounds, by two standard errors."""
-    if isinstance(one.effect, (Pattern, Joined)):
+    """Whether the coefficients, once they have changed, can be those of the effect: by two standard errors."""
+    if isinstance(one.effect, Pattern):
         return True
+    theta, covariance = one.judged.theta, one.judged.covariance
     if one.effect.name == "payload":
-        theta, covariance = one.judged.theta, one.judged.covariance
         return possible(theta, covariance, comparison.machine.model, removal=comparison.change)
-    before = known(one.effect, comparison)
-    error = np.sqrt(np.maximum(np.diag(one.judged.covariance), 0.0))
+    if isinstance(one.effect, Joined):
+        return _dissipates(one, comparison)
+    played = one.effect.family is TRANSMISSION and not comparison.change
+    if played and not fits(comparison, one.judged, one.joint):
+        return False
+    error = 2.0 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    if one.effect.logged_effort:
+        error = -error  # a factor that is not told from zero measures no effort
+    value = known(one.effect, comparison) + theta
+    low, high = _bounds(one, comparison)
+    return bool(((low - error <= value) & (value <= high + error)).all()) and one.effect.possible(theta)
+
+
+def _bounds(one: Scored, comparison: Comparison) -> tuple[Floats, Floats]:
+    """Return within which values the coefficients of an effect lie."""
+    low, high = (np.array([getattr(c, x) for c in one.effect.coefficients()]) for x in ("lower", "upper"))
+    if one.effect.logged_effort and one.effect.axis in comparison.gate.turned:
+        factor = np.isfinite(low)  # that drive counts its effort the other way
+        return np.where(factor, -np.inf, low), np.where(factor, low, high)
     # A machine's inertia was fitted without the spring: what that leaves of it is no bound for the load's.
     bounded = comparison.change or one.effect.family is not TRANSMISSION
-    if not bounded and not fits(comparison, one.judged, one.joint):
-        return False
-    for k, c in enumerate(one.effect.coefficients()):
-        value = before[k] + one.judged.theta[k]
-        if comparison.change and one.effect.logged_effort:
-            continue  # a drive may log its effort with the other sign
-        if value < c.lower - 2.0 * error[k] or (bounded and value > c.upper + 2.0 * error[k]):
-            return False
-    return one.effect.possible(one.judged.theta)
+    return low, high if bounded else np.full_like(high, np.inf)
 
 
-def known(effect: Effect, comparison: Comparison) -> Sequence[float]:
-    """Return the coefficients that the twin has of an effect of the same kind; zeros where it has none."""
+def _dissipates(one: Scored, comparison: Comparison) -> bool:
+    """Whether friction that changes in the course of a log brakes in every stretch of it."""
+    j, new = one.joint, comparison.new
+    course = one.table[0][j] @ (known(one.effect, comparison, one.judged) + one.judged.theta)
+    power = np.bincount(new.block[j], course * new.motion.v[new.samples(j), j], new.blocks)
+    return bool((power >= -1e-9 * np.abs(power).max(initial=0.0)).all())
+
+
+def known(effect: Effect, comparison: Comparison, beside: Judged | None = None) -> Floats:
+    """Return the coefficients that the base has of an effect of the same kind; zeros where it has none.
+
+    Args:
+        effect: a candidate.
+        comparison: of a twin; of a machine, whose coefficients are free, only an effect that a candidate rides on.
+        beside: the fit of a machine's own coefficients beside a candidate that rides on one of them.
+    """
+    if isinstance(effect, Joined):
+        return np.concatenate([known(part, comparison, beside) for part in effect.parts])
     twin = comparison.twin
     for own, where in zip(twin.effects, twin.slices, strict=True):
-        if own.name == effect.name and own.axis == effect.axis and comparison.change:
-            theta = [float(x) for x in twin.theta[where]]
-            if len(theta) == len(effect.coefficients()):
-                return theta
-    return [0.0] * len(effect.coefficients())
+        if (own.name, own.axis) == (effect.name, effect.axis) and comparison.change:
+            if len(twin.theta[where]) == len(effect.coefficients()):
+                return twin.theta[where]
+        elif (own.name, own.axis) == (effect.name, effect.axis) and beside is not None:
+            return twin.theta[where] + beside.base[where]
+    return np.zeros(len(effect.coefficients()))
 
 
 def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from pinotwin.diagnosis.data.comparison import Comparison, thinned_model
 from pinotwin.diagnosis.evidence.held_out import FREE, HELD, Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import Base, Products, base_of, products
 from pinotwin.effects import Effect
+from pinotwin.solve.jackknife import jackknife
 
 Table = Sequence[Mapping[int, Floats]]
 """Columns of one effect on every sample: joint -> (m, p)."""
@@ -112,12 +113,23 @@ class Searcher:
         table = table or self.table(effect)
         if table is None:
             return None
+        return self._scored(effect, table, self._fitted(effect, table))
+
+    def bounded(self, one: Scored, low: Floats, high: Floats) -> Scored | None:
+        """Return a candidate with the change of its coefficients held within bounds, as uncertain as it was."""
+        found = self._fitted(one.effect, one.table, (low, high))
+        own = one.judged.covariance - jackknife(found.folds)
+        return self._scored(one.effect, one.table, replace(found, own=own))
+
+    def _fitted(self, effect: Effect, table: Table, span: tuple[Floats, Floats] | None = None) -> Judged:
         parts = [
             None if base is None else _products(base, part)
             for base, part in zip(self._bases(), self._filled(table), strict=True)
         ]
         assert parts[0] is not None
-        found = judged(self.ground, parts[0], parts[1], parts[2], self._hold(effect))
+        return judged(self.ground, parts[0], parts[1], parts[2], self._hold(effect), span)
+
+    def _scored(self, effect: Effect, table: Table, found: Judged) -> Scored | None:
         if not found.determined or not np.isfinite(found.left).all():
             return None
         alone = self.ground.alone
