@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import known
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.notebook import Card, Shown
@@ -213,7 +213,8 @@ def compare(*twins: TwinLike, labels: Sequence[str] | None = None, log: LogLike 
 def effect_title(key: str) -> str:
     """Return what an effect is called in a heading, from its key ``Y.ripple#2``."""
     name = key.rsplit(".", 1)[-1].split("#")[0]
-    return EFFECTS[name].title if name in EFFECTS else name
+    kind = known().get(name)
+    return name if kind is None else kind.title
 
 
 def _rows(twins: Sequence[Twin], labels: Sequence[str]) -> tuple[tuple[Row, ...], dict[str, tuple[str, ...]]]:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from pinotwin.cli.inputs import add_effects
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.system.writing import whole_folder
 
@@ -21,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--log", metavar="LOG", help="servo log on which every twin is judged (without one: parameters alone)"
     )
+    add_effects(parser)
     add_common(parser, out="folder for compare.html and compare.json", required=True)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.each import REPLACES, Asked, Fill, run_each
-from pinotwin.cli.inputs import add_meshes, add_resample, read_logs, resampled, with_meshes
+from pinotwin.cli.inputs import add_effects, add_meshes, add_resample, read_logs, resampled, with_meshes
 from pinotwin.cli.output import add_common, columns, say, stamp, write_json
 from pinotwin.cli.progress import Report, progress, silent
 from pinotwin.errors import InputError, PinotwinError
@@ -61,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--scheduler", metavar="ADDRESS", help="run --each on this Dask scheduler, not on this computer"
     )
     add_meshes(parser)
+    add_effects(parser)
     add_common(parser, out="folder for diagnosis.json and what goes with it", required=True)
 
 
@@ -74,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     for name in ("workers", "scheduler"):
         if getattr(args, name) is not None:
             raise InputError(f"--{name}: is for many logs; add --each, which diagnoses every log by itself")
-    asked = Asked(args.subject, tuple(args.validate), args.resample, args.quick, args.seed, args.meshes)
+    asked = Asked.of(args)
     with progress() as report:
         found, fill = _diagnosed(args.logs, asked, report)
         with whole_folder(args.out, replaces=REPLACES) as folder:
@@ -89,7 +90,10 @@ def run(args: argparse.Namespace) -> int:
 
 def diagnose_one(log: str, asked: Asked) -> tuple[dict[str, Any], Fill]:
     """Diagnose one log: the content of diagnosis.json, and what fills a folder with the result."""
-    found, fill = _diagnosed([log], asked, silent)
+    from pinotwin.effects.known import given_files
+
+    with given_files(asked.effects):  # a worker is another process
+        found, fill = _diagnosed([log], asked, silent)
     return found.to_dict(), fill
 
 

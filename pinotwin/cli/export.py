@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pinotwin.cli.inputs import add_effects
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.system.writing import write_bytes
 
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="AXIS=V",
         help="largest speed that curves cover [m/s or rad/s] (the URDF's limit)",
     )
+    add_effects(parser)
     add_common(parser, out="file to write (.urdf, .xml, .py or .c)", required=True, file=True)
 
 

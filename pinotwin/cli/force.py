@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pinotwin.cli.inputs import add_effects
 from pinotwin.cli.output import add_common, columns, say, write_json
 
 
@@ -13,6 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("twin", help="folder that `pinotwin identify` wrote")
     parser.add_argument("log", metavar="LOG", help="servo log of the same machine")
     parser.add_argument("--link", metavar="NAME", help="also the pure force on this link, in its axes")
+    add_effects(parser)
     add_common(parser, out="external effort over time to write (.csv)", required=True, file=True)
 
 

@@ -36,6 +36,17 @@ def add_preparation(parser: argparse.ArgumentParser) -> None:
     add_resample(parser)
 
 
+def add_effects(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names files with own effects."""
+    parser.add_argument(
+        "--effects",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="Python file with effects of your own; may be given several times",
+    )
+
+
 def add_resample(parser: argparse.ArgumentParser) -> None:
     """Add the option that puts logs on another clock."""
     parser.add_argument(

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pinotwin.cli.inputs import add_effects
 from pinotwin.cli.output import add_common, beside, check_page, columns, made, say, write_json
 from pinotwin.system.writing import write_text
 
@@ -35,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--report", metavar="FILE", help="also write a page: predicted beside measured (.html)"
     )
     parser.add_argument("--rrd", metavar="FILE", help="also write a recording for the Rerun viewer (.rrd)")
+    add_effects(parser)
     add_common(parser, out="prediction to write (.csv)", required=True, file=True)
 
 

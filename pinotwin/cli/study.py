@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from pinotwin.cli.inputs import read_logs
+from pinotwin.cli.inputs import add_effects, read_logs
 from pinotwin.cli.output import add_common, made, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.system.writing import whole_folder, write_text
@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--axis", nargs="+", default=[], metavar="AXIS", help="these axes; all without")
     text = "seconds of the first log in which the tracking error is told apart by cause"
     parser.add_argument("--window", metavar="LOW,HIGH", help=text)
+    add_effects(parser)
     add_common(parser, out="folder for study.html and a CSV file per study", required=True)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -44,6 +44,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     resample: float | None = None,
     report: Callable[[str, float], None] | None = None,
     springs: bool = True,
+    effects: Iterable[Any] | Mapping[str, Iterable[Any]] = (),
 ) -> Twin:
     """Find the model of a machine in its logs.
 
@@ -60,6 +61,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         resample: rate of the even clock to put the logs on [Hz]; theirs when None.
         report: called with the stage and the share done.
         springs: also find those of passive joints; not where their vibration was predicted from springs.
+        effects: what is fitted beside what the machine lists, see :meth:`pinotwin.Machine.listing`.
 
     Raises:
         LogError: a channel is missing or unusable.
@@ -67,7 +69,9 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the log", 0.02)
-    machine = _as_logged(as_machine(machine).require_physical(), logs := as_logs(log), resample)
+    machine = _as_logged(
+        as_machine(machine).listing(effects).require_physical(), logs := as_logs(log), resample
+    )
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs)
     bent = bend_all(bending, logs)

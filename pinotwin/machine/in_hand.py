@@ -24,14 +24,17 @@ from pinotwin.errors import MachineError, nearest
 from pinotwin.machine.loading import build
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.urdf import inertial_element
-from pinotwin.machine.yaml_file import effect_spec
+from pinotwin.machine.yaml_file import make_effects
 
 _COUNT = itertools.count(1)
 _TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
 
 
 def machine_of_model(
-    model: pin.Model, axes: Iterable[str] | Mapping[str, Any] | None, name: str | None
+    model: pin.Model,
+    axes: Iterable[str] | Mapping[str, Any] | None,
+    name: str | None,
+    effects: Iterable[Any] | None = None,
 ) -> Machine:
     """See :meth:`Machine.from_model`."""
     title = name or model.name or "robot"
@@ -40,7 +43,8 @@ def machine_of_model(
     chosen = _axes(title, axes, single)
     model = _locked(title, model, single)
     rotors = {str(model.names[i]): float(model.armature[model.idx_vs[i]]) for i in range(1, model.njoints)}
-    settings = {axis: _settings(axis, given, rotors) for axis, given in chosen.items()}
+    usual = None if effects is None else list(effects)
+    settings = {axis: _settings(axis, given, rotors, usual) for axis, given in chosen.items()}
     folder = Path(_scratch().name) / str(next(_COUNT))
     folder.mkdir()
     urdf = folder / "model.urdf"
@@ -86,14 +90,40 @@ def _axes(title: str, axes: Any, single: Mapping[str, int]) -> dict[str, Any]:
     return given
 
 
-def _settings(axis: str, given: Any, rotors: Mapping[str, float]) -> dict[str, Any]:
+def _settings(axis: str, given: Any, rotors: Mapping[str, float], usual: list[Any] | None) -> dict[str, Any]:
     """Return an axis' part of machine.yaml from nothing, a list of effects, or the part itself."""
     out = dict(given) if isinstance(given, Mapping) else {} if given is None else {"effects": given}
     out.setdefault("joint", axis)
     out.setdefault("rotor_inertia", rotors[out["joint"]])
-    if not isinstance(out.get("effects", ""), str):
-        out["effects"] = [effect_spec(e) if isinstance(e, Effect) else e for e in out["effects"]]
+    if usual is not None:
+        out.setdefault("effects", [e for e in usual if not isinstance(e, Effect) or e.axis == axis])
     return out
+
+
+def listing(machine: Machine, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
+    """Return the machine with further effects beside those that it lists.
+
+    Args:
+        machine: a machine.
+        effects: of every axis, or axis -> its own: names or mappings as in machine.yaml, classes, or effects (an
+            object acts on its own axis). One that an axis lists already, and may list once, stays as it is.
+
+    Raises:
+        MachineError: one of them is no effect, or an axis is unknown.
+    """
+    if isinstance(effects, str):
+        raise MachineError(f"effects: expected a list such as [stribeck], found {effects!r}")
+    each = dict(effects) if isinstance(effects, Mapping) else {}
+    for effect in [] if isinstance(effects, Mapping) else effects:
+        for name in (str(effect.axis),) if isinstance(effect, Effect) else machine.axes:
+            each.setdefault(name, []).append(effect)
+    for name, more in each.items():
+        axis = machine.axis(name)
+        made = make_effects(list(more), name, axis.rotary, f"effects of {name}")
+        there = {e.name for e in axis.effects}
+        new = tuple(e for e in made if e.several or e.name not in there)
+        machine = machine.with_effects(name, (*axis.effects, *new))
+    return machine
 
 
 def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Model:

@@ -81,6 +81,7 @@ class Machine(Card):
         axes: Iterable[str] | Mapping[str, Any] | None = None,
         *,
         name: str | None = None,
+        effects: Iterable[Any] | None = None,
     ) -> Machine:
         """Make a machine of a ``pin.Model`` in hand, without a file.
 
@@ -95,13 +96,21 @@ class Machine(Card):
                 as in machine.yaml (``["viscous", {"ripple": {"period": 0.01}}]``) or as
                 :class:`pinotwin.Effect`, or joint -> the whole entry under ``axes`` of machine.yaml.
             name: of the machine; the model's own when None.
+            effects: what an axis without a list of its own has, viscous and Coulomb friction when None:
+                names, classes (own ones too), or effects (each on its own axis).
 
         Raises:
             MachineError: with what cannot be a machine, and the remedy.
         """
         from pinotwin.machine.in_hand import machine_of_model
 
-        return machine_of_model(model, axes, name)
+        return machine_of_model(model, axes, name, effects)
+
+    def listing(self, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
+        """Return the machine with further effects, own ones too; see :func:`pinotwin.machine.in_hand.listing`."""
+        from pinotwin.machine.in_hand import listing
+
+        return listing(self, effects)
 
     def regulated(self, axis: str) -> str:
         """Return the channel whose position an axis' controller regulates: ``<axis>.q`` or ``<axis>.ql``."""
