@@ -46,9 +46,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     springs: bool = True,
     effects: Iterable[Any] | Mapping[str, Iterable[Any]] = (),
 ) -> Twin:
-    """Find the model of a machine in its logs.
-
-    All axes are fitted in one problem, so that a parameter that two axes share is found once.
+    """Find the model of a machine in its logs: all axes in one problem, what two axes share once.
 
     Args:
         machine: what is believed about it; or its folder, URDF or bundled name.
@@ -69,9 +67,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the log", 0.02)
-    machine = _as_logged(
-        as_machine(machine).listing(effects).require_physical(), logs := as_logs(log), resample
-    )
+    machine = _as_logged(as_machine(machine).listing(effects), logs := as_logs(log), resample)
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs)
     bent = bend_all(bending, logs)
@@ -116,6 +112,7 @@ def _completed(
 
 def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) -> Machine:
     """Return the machine as its logs show it: on the clock asked for, joints without spring or measurement locked."""
+    machine = machine.require_physical()
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
     seen = bends(machine, logs) or all(_sees_passive(machine, bind(log, machine.columns)) for log in logs)
