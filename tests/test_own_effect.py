@@ -157,6 +157,10 @@ def test_an_own_cause_is_named_where_it_is_given(drive, logs):
     assert [(e.effect, e.axis) for e in found.effects] == [("root_drag", "X")]
     assert found.provenance["options"]["seed"] == 1
     assert "root_drag" not in known()
+    assert list(found.causes) == list(found.effects)
+    assert found.repaired().axes["X"].effects[-1] == RootDrag("X")
+    again = pt.identify(found.repaired(), day[0], loop=False)
+    assert again.parameter("X.root_drag.g").determined
 
 
 def test_seed_has_one_value(drive, logs):

@@ -45,9 +45,6 @@ ENDINGS = (
 )
 """Endings of the files that a folder among the logs stands for."""
 
-REPLACES = ("machine", "advice_*.csv")
-"""What of an earlier result goes, if the new one has none of it."""
-
 Fill = Callable[[Path], list[str]]
 """Writes a result into a folder; returns what went wrong with its picture."""
 Work = Callable[[str, "Asked"], tuple[Mapping[str, Any], Fill]]
@@ -258,6 +255,8 @@ def known_answer(job: Job) -> dict[str, Any] | None:
 @one_blas_thread
 def do_job(job: Job, *, work: Work, asked: Asked) -> dict[str, Any]:
     """Diagnose one log (in a worker) and return its line of the table."""
+    from pinotwin.report.saved import REPLACES
+
     start = time.perf_counter()
     found, fill = work(job.log, asked)
     with whole_folder(job.folder, replaces=REPLACES) as folder:

@@ -124,14 +124,4 @@ def with_meshes(machine: Machine, folder: str | None) -> Machine:
     Raises:
         InputError: there is no such folder.
     """
-    from dataclasses import replace
-
-    from pinotwin.errors import InputError
-
-    if folder is None:
-        return machine
-    if not Path(folder).is_dir():
-        raise InputError(
-            f"--meshes: no folder {folder}; give the one that holds the meshes or their packages"
-        )
-    return replace(machine, meshes=(Path(folder).resolve(), *machine.meshes))
+    return machine.with_meshes(folder)

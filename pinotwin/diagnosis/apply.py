@@ -11,8 +11,7 @@ from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.effects import Effect, known
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
-from pinotwin.machine.urdf import with_inertias
-from pinotwin.system.writing import write_bytes
+from pinotwin.machine.in_hand import with_bodies
 from pinotwin.twin import Twin
 
 SAME = 0.03
@@ -20,25 +19,27 @@ SAME = 0.03
 
 
 def apply(diagnosis: Diagnosis, folder: Path) -> Path:
-    """See :meth:`Diagnosis.apply`.
+    """See :meth:`Diagnosis.apply`."""
+    return repaired(diagnosis).save(folder)
 
-    A payload is written into the inertia of its link: of a twin, beside the inertias that were identified.
+
+def repaired(diagnosis: Diagnosis) -> Machine:
+    """Return the machine with the named causes added.
+
+    A payload goes into the inertia of its link: of a twin, beside the inertias that were identified.
+
+    Raises:
+        DataError: the diagnosis does not know its machine.
     """
     machine = extended(diagnosis)
     bodies = [e for e in diagnosis.effects if e.effect == "payload" and e.axis in machine.axes]
     if not bodies:
-        return machine.save(folder)
+        return machine
     subject = diagnosis.subject
     model = subject.model if isinstance(subject, Twin) else machine.model
     for found in bodies:
         model = loaded(model, machine.axis(str(found.axis)).joint, found_body(found.theta))
-    axes = {
-        k: dataclasses.replace(a, rotor_inertia=max(float(model.armature[a.index]), 0.0))
-        for k, a in machine.axes.items()
-    }
-    path = dataclasses.replace(machine, axes=axes).save(folder)
-    write_bytes(folder / machine.urdf.name, with_inertias(machine.urdf, model))
-    return path
+    return with_bodies(machine, model)
 
 
 def extended(diagnosis: Diagnosis) -> Machine:

@@ -90,7 +90,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     tell, seed = report or _silent, _seed(seed, random_state)
     tell("preparing the logs", 0.02)
     subject = _subject(subject)
-    c = compare(subject, _logs(log), [] if validate is None else as_logs(validate, "validate"))
+    logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
+    c = compare(subject, logs, unseen)
     tell("candidates", 0.15)
     measured = second_encoders(c, np.random.default_rng([seed, 4]))
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
@@ -110,7 +111,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     result = _with_vibration(_with_encoders(result, measured), shaken, unused(subject, s.rest.logs))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
     options |= {"effects": [kind_of(e).name for e in effects]} if effects else {}
-    return replace(result, provenance=provenance(subject, s.rest.logs, s.rest.validation, **options))
+    made = provenance(subject, s.rest.logs, s.rest.validation, **options)
+    return replace(result, provenance=made, logs=logs, validation=unseen)
 
 
 @dataclass(frozen=True)

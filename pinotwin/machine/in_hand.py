@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from pinotwin.effects import Effect
 from pinotwin.errors import MachineError, nearest
 from pinotwin.machine.loading import build
 from pinotwin.machine.machine import Machine
-from pinotwin.machine.urdf import inertial_element
+from pinotwin.machine.urdf import inertial_element, load_model, with_inertias
 from pinotwin.machine.yaml_file import make_effects
 
 _COUNT = itertools.count(1)
@@ -45,11 +46,27 @@ def machine_of_model(
     rotors = {str(model.names[i]): float(model.armature[model.idx_vs[i]]) for i in range(1, model.njoints)}
     usual = None if effects is None else list(effects)
     settings = {axis: _settings(axis, given, rotors, usual) for axis, given in chosen.items()}
-    folder = Path(_scratch().name) / str(next(_COUNT))
-    folder.mkdir()
-    urdf = folder / "model.urdf"
+    urdf = _new_folder() / "model.urdf"
     urdf.write_bytes(urdf_of_model(model, title))
     return build({"name": title, "urdf": urdf.name, "axes": settings}, urdf)
+
+
+def with_bodies(machine: Machine, model: pin.Model) -> Machine:
+    """Return the machine with the inertias and rotor inertias of another model of its joints, in hand."""
+    axes = {
+        k: replace(a, rotor_inertia=max(float(model.armature[a.index]), 0.0)) for k, a in machine.axes.items()
+    }
+    urdf = _new_folder() / machine.urdf.name
+    urdf.write_bytes(with_inertias(machine.urdf, model))
+    other = load_model(urdf, [part.joint for part in machine.parts])
+    other.armature = model.armature.copy()
+    return replace(machine, urdf=urdf, model=other, axes=axes)
+
+
+def _new_folder() -> Path:
+    folder = Path(_scratch().name) / str(next(_COUNT))
+    folder.mkdir()
+    return folder
 
 
 @cache

@@ -16,7 +16,7 @@ from lxml import etree
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.base import BaseParameters, base_parameters
 from pinotwin.effects import Effect, RigidBody, Spring, Tree
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.logs.columns import Column
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
@@ -189,6 +189,20 @@ class Machine(Card):
         axes = dict(self.axes)
         axes[axis] = replace(self.axis(axis), effects=effects)
         return replace(self, axes=axes)
+
+    def with_meshes(self, folder: str | Path | None) -> Machine:
+        """Return the machine with its meshes looked for in a folder first; None: the machine itself.
+
+        Raises:
+            InputError: there is no such folder.
+        """
+        if folder is None:
+            return self
+        if not Path(folder).is_dir():
+            raise InputError(
+                f"meshes: no folder {folder}; give the one that holds the meshes or their packages"
+            )
+        return replace(self, meshes=(Path(folder).resolve(), *self.meshes))
 
     def with_rigid_joints(self) -> Machine:
         """Return the machine with its passive joints locked at zero, as if infinitely stiff."""

@@ -8,21 +8,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinotwin.errors import InputError
-from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike
 from pinotwin.logs.prepare import prepare
 from pinotwin.motion import Motion
-from pinotwin.notebook import Card, Shown
+from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path
 from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.open_loop import OpenLoop
 
 if TYPE_CHECKING:
     from pinotwin.loop import Controller, LoopModel, Servo
+    from pinotwin.simulation.prediction import Prediction
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Twin(OpenLoop, Card):
+class Twin(OpenLoop, Drawn):
     """An identified machine: its plant (see :class:`OpenLoop`), its closed loops, and how good they are.
 
     Attributes:
@@ -54,7 +54,7 @@ class Twin(OpenLoop, Card):
         """Return a log of this machine prepared as the ones the twin was identified from."""
         return prepare(self.machine, log, **self.settings)
 
-    def simulate(self, log: LogLike, **options: Any) -> Log:
+    def simulate(self, log: LogLike, **options: Any) -> Prediction:
         """Return position, error and effort that the command of a log will produce.
 
         Nothing measured is used; see :func:`pinotwin.simulation.simulate` for the options.
