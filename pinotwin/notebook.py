@@ -62,6 +62,7 @@ class Drawn(Card):
         return written
 
     def _repr_html_(self) -> str:
+        """Return the table with the picture below it."""
         return card(*self._shown()) + _pictures().picture(self)
 
 

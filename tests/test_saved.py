@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import pytest
 from lxml import etree
 
 import pinotwin as pt
+from pinotwin.arrays import plain
 from pinotwin.cli.main import main
 from pinotwin.report.still import svg
 from pinotwin.system.writing import write_json
@@ -139,6 +142,81 @@ def test_a_still_keeps_the_extremes_and_breaks():
     assert min(heights) == pytest.approx(26.0)
     assert len(heights) < 1600
     assert ">7<" in text
+
+
+COMMANDS = [
+    "check",
+    "identify",
+    "simulate",
+    "diagnose",
+    "force",
+    "compare",
+    "vibration",
+    "export",
+    "record",
+    "study",
+]
+
+
+def test_every_command_is_a_function_of_its_name():
+    code = (
+        f"import pinotwin as pt; [getattr(pt, n) for n in {COMMANDS}]; assert callable(pt.export), pt.export"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    for name in COMMANDS:
+        assert callable(getattr(pt, name)), name
+
+
+def same(by_hand: dict[str, object], by_command: str) -> None:
+    """Whether a result says what the command's JSON says."""
+    said = json.loads(Path(by_command).read_text())
+    assert json.loads(json.dumps(plain(by_hand))) == said
+
+
+def test_force_and_export(folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(folder)
+    found = pt.force("twin", "day.csv")
+    assert main(["force", "twin", "day.csv", "--out", "f.csv", "--json", "f.json"]) == 0
+    same(found.to_dict(), "f.json")
+    assert found.save(tmp_path / "f.csv").read_text() == Path("f.csv").read_text()
+    made = pt.export("twin", "urdf", "arm.urdf")
+    assert main(["export", "twin", "--format", "urdf", "--out", "arm.urdf", "--json", "x.json"]) == 0
+    same(made.to_dict(), "x.json")
+
+
+def test_record_is_the_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["--seconds", "2", "--seed", "3", "--inject", "viscous:X=0.3", "--withhold", "coulomb"]
+    assert main(["record", "emps", *words, "--out", "r.csv", "--json", "r.json"]) == 0
+    log = pt.record("emps", seconds=2.0, seed=3, inject=["viscous:X=0.3"], withhold=["coulomb"])
+    same(log.to_dict(), "r.json")
+    assert log.save("again.csv").read_text() == Path("r.csv").read_text()
+    repeat = pt.record("emps", seed=4, command=log)
+    np.testing.assert_allclose(repeat["X.qr"], log["X.qr"][: len(repeat)])
+    with pytest.raises(pt.InputError, match="no kind 'randm'; did you mean 'random'"):
+        pt.record("emps", trajectory="randm")
+
+
+def test_compare_takes_twins_or_diagnoses(folder, found, tmp_path, monkeypatch):
+    monkeypatch.chdir(folder)
+    other = pt.identify("emps", "day.csv", loop=False)
+    moved = pt.compare("twin", other, labels=("before", "after"), log="day.csv")
+    assert "X.viscous.b" in {row.name for row in moved.moved}
+    moved.save(tmp_path / "twins")
+    assert json.loads((tmp_path / "twins/compare.json").read_text())["labels"] == ["before", "after"]
+    both = pt.compare(found, found)
+    assert list(both.causes) == [("viscous", "X")]
+    assert (both.save(tmp_path / "both") / "compare.html").is_file()
+    with pytest.raises(pt.InputError, match="two twins or more"):
+        pt.compare(other, found)
+
+
+def test_study_saves_its_tables(folder, tmp_path):
+    found = pt.study(folder / "twin", folder / "log.csv", only=["without"])
+    found.save(tmp_path / "s")
+    assert {p.name for p in (tmp_path / "s").iterdir()} >= {"study.html", *found.to_dict()["tables"]}
+    with pytest.raises(pt.InputError, match="no study 'amont'; did you mean 'amount'"):
+        pt.study(folder / "twin", folder / "log.csv", only=["amont"])
 
 
 def test_json_has_no_word_for_infinity(tmp_path):

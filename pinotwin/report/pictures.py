@@ -13,10 +13,14 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from pinotwin.analysis.comparison import Comparison
+from pinotwin.analysis.diagnoses import Diagnoses
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.reconstruction import Vibration
 from pinotwin.report.closed_loop_plots import response_figure
+from pinotwin.report.comparison import comparison_report, diagnoses_report
 from pinotwin.report.diagnosis_plots import bars, gap_figure, shrink_figure
 from pinotwin.report.diagnosis_verdict import rotary_axes
 from pinotwin.report.effort_plots import effort_figure
@@ -25,6 +29,7 @@ from pinotwin.report.saved import diagnosis_html, save_diagnosis
 from pinotwin.report.simulation import simulation_report
 from pinotwin.report.still import still
 from pinotwin.report.style import CSS
+from pinotwin.report.vibration import vibration_report
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.studies.evidence import evidence, evidence_of
 from pinotwin.system.writing import write_text
@@ -75,7 +80,7 @@ save: Callable[..., list[str]] = save_diagnosis
 @singledispatch
 def figure(result: Any, *given: Any) -> go.Figure:
     """Return the figure of a result as on its page."""
-    raise TypeError(f"no figure of a {type(result).__name__}")
+    raise InputError(f"a {type(result).__name__} has no figure; see its page, .report(path)")
 
 
 @singledispatch
@@ -130,3 +135,8 @@ def _(found: Diagnosis, axis: str | None = None) -> go.Figure:
 @page.register
 def _(found: Diagnosis) -> str:
     return diagnosis_html(found)
+
+
+page.register(Comparison, comparison_report)
+page.register(Diagnoses, diagnoses_report)
+page.register(Vibration, vibration_report)

@@ -25,6 +25,7 @@ from pinotwin.simulation.prediction import Prediction
 from pinotwin.simulation.score import bound
 from pinotwin.simulation.state import Command, Record
 from pinotwin.system.threads import one_blas_thread
+from pinotwin.twin.twin import TwinLike, as_twin
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
@@ -72,12 +73,12 @@ class Response:
 
 
 def simulate(
-    twin: Twin, log: LogLike, *, step: float | None = None, controller: Loops | None = None
+    twin: TwinLike, log: LogLike, *, step: float | None = None, controller: Loops | None = None
 ) -> Prediction:
     """Return position, tracking error and effort that the machine will show for a command.
 
     Args:
-        twin: the machine, with its loops.
+        twin: the machine, with its loops; or its folder.
         log: ``t``, ``<axis>.qr`` and, if any, external loads ``<link>.fx`` ...; nothing else of it is
             used.
         step: longest internal step [s]; the log's own sampling is kept for the result.
@@ -98,7 +99,7 @@ def simulate(
         TwinError: the twin has no closed loop.
         DataError: the simulated machine leaves its command.
     """
-    log = as_log(log)
+    twin, log = as_twin(twin), as_log(log)
     found = respond(twin, log, step=step, controller=controller, full=bool(twin.machine.passive))
     asked, machine = found.request, twin.machine
     q, e, u = motor_coordinates(machine, *(asked.at_stamps(x) for x in (found.q, found.e, found.u)))

@@ -75,6 +75,12 @@ class Twin(OpenLoop, Drawn):
         note = f"{len(self.theta)} coefficients from {len(self.data)} log(s)"
         return (f"Twin of {self.machine.name}", columns, rows, note)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of twin.json, without the digests of its files."""
+        from pinotwin.twin.files import document
+
+        return document(self)
+
     def save(self, folder: str | Path) -> Path:
         """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""
         from pinotwin.twin.files import save
