@@ -12,8 +12,8 @@ HEAD = """# Effects
 Every effect adds `columns(motion; shape) @ theta` to the effort of its axis. Coefficients (theta) are
 solved by least squares, shapes are searched. `rigid_body` (inertia, coupling, Coriolis, centrifugal,
 gravity: the base parameters of the whole tree) belongs to every machine. Units are for a linear axis; a
-rotary one has rad for m and N·m for N. A new effect is one small class in `pinotwin/effects/` and one
-line in its table.
+rotary one has rad for m and N·m for N. One of your own is a class of 20 lines in any module:
+[your own effect](own_effect.md).
 
 """
 

@@ -9,8 +9,9 @@
 Wherever a log, a machine or a twin is asked for, the name of its file or folder will do.
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
-Verbs:     new  read  check  identify  diagnose  compare  decompose  export_twin  reconstruct_vibration  prepare
-           resample  machines; of their own: Machine.load .save  Twin.load .simulate .save  Diagnosis.apply
+Commands:  new  check  identify  simulate  diagnose  force  compare  vibration  export  record  study
+Verbs:     read  prepare  resample  decompose  machines; of their own: Machine.load .save
+           Twin.load .simulate .plot .report .save  Diagnosis.save .plot .report .repaired .apply
 Table:     EFFECTS (every effect by name)
 Errors:    PinotwinError > InputError > LogError, MachineError, DataError, TwinError
 
@@ -43,22 +44,31 @@ _HOME = {
     "TwinError": "pinotwin.errors",
     "Vibration": "pinotwin.reconstruction",
     "check": "pinotwin.logs.check",
-    "compare": "pinotwin.analysis.comparison",
+    "compare": "pinotwin.analysis.diagnoses",
     "decompose": "pinotwin.analysis.decomposition",
     "diagnose": "pinotwin.diagnosis",
+    "export": "pinotwin.export",
     "export_twin": "pinotwin.export",
+    "force": "pinotwin.analysis.force",
     "identify": "pinotwin.identification",
     "machines": "pinotwin.machine",
     "new": "pinotwin.scaffold",
     "prepare": "pinotwin.logs.prepare",
     "read": "pinotwin.logs.files",
+    "record": "pinotwin.cli.record",
     "reconstruct_vibration": "pinotwin.reconstruction",
     "resample": "pinotwin.logs.quality",
+    "simulate": "pinotwin.simulation",
+    "study": "pinotwin.cli.study",
+    "vibration": "pinotwin.reconstruction",
 }
 
 if TYPE_CHECKING:
-    from pinotwin.analysis.comparison import compare as compare
     from pinotwin.analysis.decomposition import decompose as decompose
+    from pinotwin.analysis.diagnoses import compare as compare
+    from pinotwin.analysis.force import force as force
+    from pinotwin.cli.record import record as record
+    from pinotwin.cli.study import study as study
     from pinotwin.diagnosis import Diagnosis as Diagnosis
     from pinotwin.diagnosis import diagnose as diagnose
     from pinotwin.effects import EFFECTS as EFFECTS
@@ -69,6 +79,7 @@ if TYPE_CHECKING:
     from pinotwin.errors import MachineError as MachineError
     from pinotwin.errors import PinotwinError as PinotwinError
     from pinotwin.errors import TwinError as TwinError
+    from pinotwin.export import export as export
     from pinotwin.export import export_twin as export_twin
     from pinotwin.identification import identify as identify
     from pinotwin.log import Log as Log
@@ -83,7 +94,9 @@ if TYPE_CHECKING:
     from pinotwin.motion import Motion as Motion
     from pinotwin.reconstruction import Vibration as Vibration
     from pinotwin.reconstruction import reconstruct_vibration as reconstruct_vibration
+    from pinotwin.reconstruction import vibration as vibration
     from pinotwin.scaffold import new as new
+    from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import html
+import importlib
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 Shown = tuple[str, Sequence[str], Sequence[Sequence[object]], str]
 """Title, heads of the columns, rows of cells, and a line below."""
@@ -25,6 +28,46 @@ class Card(ABC):
 
     def _repr_html_(self) -> str:
         return card(*self._shown())
+
+
+class Drawn(Card):
+    """A result that also draws itself and writes its page; a notebook shows a still of its figure.
+
+    A result is easier to ask for its picture than a function of another package: the figures themselves are made
+    in :mod:`pinotwin.report.pictures`, which is loaded on first use.
+    """
+
+    def plot(self, *given: Any) -> Any:
+        """Return the plotly figure of the result.
+
+        Args:
+            given: of a twin a log to compare with (its own logs without one); of a diagnosis the axis.
+
+        Raises:
+            InputError: there is nothing to draw.
+        """
+        return _pictures().plot(self, *given)
+
+    def report(self, path: str | Path, *logs: Any) -> Path:
+        """Write the page of the result and return its path.
+
+        Args:
+            path: file to write (.html).
+            logs: of a twin, the logs that the page compares it with.
+
+        Raises:
+            InputError: the path is no page, or a log is missing.
+        """
+        written: Path = _pictures().report(self, Path(path), *logs)
+        return written
+
+    def _repr_html_(self) -> str:
+        """Return the table with the picture below it."""
+        return card(*self._shown()) + _pictures().picture(self)
+
+
+def _pictures() -> Any:
+    return importlib.import_module("pinotwin.report.pictures")
 
 
 _CELL = "text-align:left;padding:2px 12px 2px 0;vertical-align:top"

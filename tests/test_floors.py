@@ -192,6 +192,7 @@ CIRCLES = {
     },
     "known: Twin's verbs stand on Twin": {
         "simulation",
+        "simulation.prediction",
         "simulation.run",
         "twin",
         "twin.files",

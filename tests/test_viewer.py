@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import math
 import re
 from pathlib import Path
@@ -314,20 +315,20 @@ def test_a_folder_of_meshes_in_the_yaml(tmp_path: Path) -> None:
 
 
 def test_a_picture_that_fails_is_one_line_and_costs_no_diagnosis(tmp_path: Path) -> None:
-    from pinotwin.cli.diagnose import write_view
     from pinotwin.diagnosis.result import Diagnosis
     from pinotwin.log import Log
+    from pinotwin.report.saved import write_view
 
     (tmp_path / "arm.urdf").write_text(GONE)
     machine = Machine.load(tmp_path / "arm.urdf")
     t = 0.01 * np.arange(400)
     log = Log({"t": t, "J1.q": np.sin(t), "J2.q": 0.1 * np.sin(2 * t)})
     found = Diagnosis("none", "", {}, (), (), (), {}, {}, "assumed", (), "structure", {}, subject=machine)
-    said = write_view(found, machine, log, tmp_path, None)
+    said = write_view(dataclasses.replace(found, logs=[log]), tmp_path, None)
     assert (tmp_path / "machine.html").is_file()
     assert len(said) == 1
     assert "joints and lines are drawn" in said[0]
     wrong = Log({"t": t, "Q.q": np.sin(t)})
-    (said,) = write_view(found, machine, wrong, tmp_path, None)
+    (said,) = write_view(dataclasses.replace(found, logs=[wrong]), tmp_path, None)
     assert said.startswith("machine.html was not written: ")
     assert "\n" not in said

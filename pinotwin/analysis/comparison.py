@@ -14,21 +14,24 @@ change of effort along a log.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import known
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.notebook import Card, Shown
+from pinotwin.notebook import Drawn, Shown
 from pinotwin.simulation import compare as score
 from pinotwin.simulation import simulate
+from pinotwin.system.writing import as_path, whole_folder, write_json
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
 
@@ -93,8 +96,23 @@ class Row:
         }
 
 
+class Compared(Drawn):
+    """Results side by side, with a page."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of compare.json."""
+
+    def save(self, folder: str | Path) -> Path:
+        """Write compare.json and compare.html into a folder and return it."""
+        with whole_folder(target := as_path(folder, "folder")) as part:
+            write_json(part / "compare.json", self.to_dict())
+            self.report(part / "compare.html")
+        return target
+
+
 @dataclass(frozen=True, repr=False)
-class Comparison(Card):
+class Comparison(Compared):
     """Twins of one machine side by side.
 
     Attributes:
@@ -213,7 +231,8 @@ def compare(*twins: TwinLike, labels: Sequence[str] | None = None, log: LogLike 
 def effect_title(key: str) -> str:
     """Return what an effect is called in a heading, from its key ``Y.ripple#2``."""
     name = key.rsplit(".", 1)[-1].split("#")[0]
-    return EFFECTS[name].title if name in EFFECTS else name
+    kind = known().get(name)
+    return name if kind is None else kind.title
 
 
 def _rows(twins: Sequence[Twin], labels: Sequence[str]) -> tuple[tuple[Row, ...], dict[str, tuple[str, ...]]]:

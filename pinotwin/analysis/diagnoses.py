@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pinotwin.analysis.comparison import effect_title
+from pinotwin.analysis.comparison import Compared, Comparison, effect_title
+from pinotwin.analysis.comparison import compare as twins_compared
 from pinotwin.errors import InputError
+from pinotwin.logs.files.given import LogLike
+from pinotwin.notebook import Shown
 
 
-@dataclass(frozen=True)
-class Diagnoses:
+@dataclass(frozen=True, repr=False)
+class Diagnoses(Compared):
     """Diagnoses side by side.
 
     Attributes:
@@ -58,6 +61,10 @@ class Diagnoses:
         shared = f"Found in all: {', '.join(common)}" if common else "No cause is found in all"
         return f"{shared}; {'; '.join(single)}." if single else f"{shared}."
 
+    def _shown(self) -> Shown:
+        rows = [(f"{effect} on {axis}", ", ".join(found)) for (effect, axis), found in self.causes.items()]
+        return "Diagnoses side by side", ("cause", "found in"), rows, self.sentence
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of compare.json."""
         return {
@@ -76,20 +83,53 @@ class Diagnoses:
         }
 
 
-def read_diagnoses(folders: Sequence[str | Path], labels: Sequence[str]) -> Diagnoses:
-    """Read diagnoses from their folders or from their diagnosis.json.
+def compare(
+    *subjects: Any, labels: Sequence[str] | None = None, log: LogLike | None = None
+) -> Comparison | Diagnoses:
+    """Put twins of one machine, or diagnoses, side by side, in the order of time.
+
+    Args:
+        subjects: two twins or more, or two diagnoses or more; or their folders.
+        labels: name of each; ``1``, ``2``... where None.
+        log: on which every twin is judged; without it parameters alone are compared.
+
+    Raises:
+        InputError: fewer than two, twins beside diagnoses, or twins of different machines.
+    """
+    kinds = {_is_diagnosis(one) for one in subjects}
+    if len(subjects) < 2 or len(kinds) > 1:
+        raise InputError("compare: give two twins or more, or two diagnoses or more")
+    if not kinds.pop():
+        return twins_compared(*subjects, labels=labels, log=log)
+    if log is not None:
+        raise InputError("compare: log: belongs to twins; a diagnosis has its own logs")
+    return read_diagnoses(subjects, labels or tuple(str(k + 1) for k in range(len(subjects))))
+
+
+def _is_diagnosis(given: Any) -> bool:
+    if isinstance(given, str | Path):
+        return Path(given).name == "diagnosis.json" or (Path(given) / "diagnosis.json").is_file()
+    return hasattr(given, "verdict")
+
+
+def read_diagnoses(folders: Sequence[Any], labels: Sequence[str]) -> Diagnoses:
+    """Return diagnoses, or those in their folders or diagnosis.json, side by side.
 
     Raises:
         InputError: a folder holds none, or it cannot be read.
     """
-    documents = []
-    for folder in folders:
-        path = Path(folder) / "diagnosis.json" if Path(folder).is_dir() else Path(folder)
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: not a diagnosis ({error}); give what `diagnose --out` wrote") from None
-        if not isinstance(content, dict) or "verdict" not in content:
-            raise InputError(f"{path}: not a diagnosis; give what `diagnose --out` wrote")
-        documents.append(content)
-    return Diagnoses(tuple(labels), tuple(documents))
+    return Diagnoses(tuple(labels), tuple(map(_document, folders)))
+
+
+def _document(given: Any) -> Mapping[str, Any]:
+    if hasattr(given, "verdict"):
+        content: Any = given.to_dict()
+        return dict(content)
+    path = Path(given) / "diagnosis.json" if Path(given).is_dir() else Path(given)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a diagnosis ({error}); give what `diagnose --out` wrote") from None
+    if not isinstance(content, dict) or "verdict" not in content:
+        raise InputError(f"{path}: not a diagnosis; give what `diagnose --out` wrote")
+    return content

@@ -12,7 +12,8 @@ that posture; in the others nothing is said.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,9 +22,13 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.frames import jacobian
 from pinotwin.errors import DataError
 from pinotwin.log import Log
+from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.write import write_log
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.system.writing import as_path
 from pinotwin.twin import Twin
+from pinotwin.twin.twin import TwinLike, as_twin
 
 WIDE = 1.645
 """Half width of a 90 % interval in standard deviations."""
@@ -39,6 +44,9 @@ class ExternalEffort:
         force: external effort, shape (n, axes) [N or N·m].
         half: half width of its 90 % interval, shape (n, axes).
         q: positions of all joints, shape (n, nv) [m or rad].
+        twin: whose axes they are, where :func:`force` made it.
+        source: of the log.
+        link: the pure force on a link, if one was named.
     """
 
     t: Floats
@@ -46,6 +54,9 @@ class ExternalEffort:
     force: Floats
     half: Floats
     q: Floats
+    twin: Twin | None = None
+    source: str = ""
+    link: LinkForce | None = None
 
     def channels(self) -> dict[str, Floats]:
         """Return ``t`` and, for every axis, ``<axis>.f``, ``.f_low`` and ``.f_high``."""
@@ -53,11 +64,52 @@ class ExternalEffort:
         for k, name in enumerate(self.names):
             f, h = self.force[:, k], self.half[:, k]
             out |= {f"{name}.f": f, f"{name}.f_low": f - h, f"{name}.f_high": f + h}
+        return out | ({} if self.link is None else self.link.channels())
+
+    def save(self, path: str | Path) -> Path:
+        """Write :meth:`channels` (.csv or .parquet, SI) and return the path."""
+        write_log(target := as_path(path, "path"), self.channels())
+        return target
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``pinotwin force --json`` writes."""
+        rows = {}
+        for k, (name, share) in enumerate(zip(self.names, self.beyond(), strict=True)):
+            rotary = self.twin is not None and self.twin.machine.axis(name).rotary
+            rows[name] = {
+                "largest": float(abs(self.force[:, k]).max()),
+                "half_width90": float(self.half[:, k].mean()),
+                "share_beyond": float(share),
+                "unit": "N·m" if rotary else "N",
+            }
+        machine = "" if self.twin is None else self.twin.machine.name
+        out: dict[str, Any] = {"machine": machine, "log": self.source, "axes": rows}
+        if self.link is not None:
+            out["link"] = {self.link.link: dict(zip("xyz", self.link.felt().tolist(), strict=True))}
         return out
 
     def beyond(self) -> Floats:
         """Return the share of the time in which each axis' interval leaves out zero, shape (axes,)."""
         return np.asarray(np.mean(np.abs(self.force) > self.half, axis=0))
+
+
+def force(twin: TwinLike, log: LogLike, *, link: str | None = None) -> ExternalEffort:
+    """Estimate the external effort on every axis over time, with its interval.
+
+    Args:
+        twin: a twin with its misfit, or its folder.
+        log: servo log of the same machine, or its file.
+        link: also find the pure force on this link.
+
+    Raises:
+        LogError: a channel is missing or unusable.
+        DataError: the twin does not know its misfit.
+        MachineError: there is no such link.
+    """
+    twin, log = as_twin(twin), as_log(log)
+    found = external_effort(twin, log)
+    at_link = None if link is None else link_force(twin.machine, found, link)
+    return replace(found, twin=twin, source=log.source, link=at_link)
 
 
 def external_effort(twin: Twin, log: Log) -> ExternalEffort:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.inputs import add_resample, read_logs, resampled
+from pinotwin.cli.inputs import add_effects, add_resample, read_logs, resampled
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.system.writing import whole_folder, write_text
 
@@ -19,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
     parser.add_argument("log", nargs="?", help="servo log; a.csv+b.csv joins columns")
     add_resample(parser)
+    add_effects(parser)
     add_common(parser, out="folder for check.json and check.txt, what is printed")
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
+from pinotwin.cli.inputs import add_effects
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.system.writing import whole_folder
+
+if TYPE_CHECKING:
+    from pinotwin.analysis.comparison import Compared, Comparison
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--log", metavar="LOG", help="servo log on which every twin is judged (without one: parameters alone)"
     )
+    add_effects(parser)
     add_common(parser, out="folder for compare.html and compare.json", required=True)
 
 
@@ -37,12 +41,20 @@ def run(args: argparse.Namespace) -> int:
     (kind,) = kinds
     if kind == "diagnosis" and args.log:
         raise InputError("--log: belongs to twins; a diagnosis has its own logs")
-    document, page, lines = _twins(args, labels) if kind == "twin" else _diagnoses(args, labels)
-    with whole_folder(args.out) as folder:
-        write_json(folder / "compare.json", document)
-        (folder / "compare.html").write_text(page, encoding="utf-8")
+    found: Compared
+    if kind == "twin":
+        from pinotwin.analysis.comparison import compare
+
+        found = compare(*args.subjects, labels=labels, log=args.log)
+        lines = moved_lines(found)
+    else:
+        from pinotwin.analysis.diagnoses import read_diagnoses
+
+        found = read_diagnoses(args.subjects, labels)
+        lines = [found.sentence]
+    found.save(args.out)
     if args.json:
-        write_json(args.json, document)
+        write_json(args.json, found.to_dict())
     for line in lines:
         say(line)
     say(f"written to {args.out}: compare.html, compare.json")
@@ -73,11 +85,10 @@ def _labels(subjects: list[str]) -> list[str]:
     return [f"{k + 1}" for k in range(len(paths))]
 
 
-def _twins(args: argparse.Namespace, labels: list[str]) -> tuple[dict[str, Any], str, list[str]]:
-    from pinotwin.analysis.comparison import compare
-    from pinotwin.report.comparison import comparison_report, effort_grade
+def moved_lines(found: Comparison) -> list[str]:
+    """Return what moved between twins, and how well each predicts."""
+    from pinotwin.report.comparison import effort_grade
 
-    found = compare(*args.subjects, labels=labels, log=args.log)
     lines = [found.sentence]
     width = min(max([len(row.name) for row in found.moved[:10]], default=0), 34)
     for row in found.moved[:10]:
@@ -87,12 +98,4 @@ def _twins(args: argparse.Namespace, labels: list[str]) -> tuple[dict[str, Any],
         for signal, held in signals.items():
             told = ", ".join(f"{row['nrmse']:.1%} {effort_grade(row)}".strip() for row in held.values())
             lines.append(f"  {axis} {signal} error: {told}")
-    return found.to_dict(), comparison_report(found), [*lines, *(f"note: {n}" for n in found.notes)]
-
-
-def _diagnoses(args: argparse.Namespace, labels: list[str]) -> tuple[dict[str, Any], str, list[str]]:
-    from pinotwin.analysis.diagnoses import read_diagnoses
-    from pinotwin.report.comparison import diagnoses_report
-
-    found = read_diagnoses(args.subjects, labels)
-    return found.to_dict(), diagnoses_report(found), [found.sentence]
+    return [*lines, *(f"note: {n}" for n in found.notes)]

@@ -9,16 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.each import REPLACES, Asked, Fill, run_each
-from pinotwin.cli.inputs import add_meshes, add_resample, read_logs, resampled, with_meshes
+from pinotwin.cli.each import Asked, Fill, run_each
+from pinotwin.cli.inputs import add_effects, add_meshes, add_resample, read_logs, resampled
 from pinotwin.cli.output import add_common, columns, say, stamp, write_json
 from pinotwin.cli.progress import Report, progress, silent
-from pinotwin.errors import InputError, PinotwinError
-from pinotwin.system.writing import whole_folder, write_text
+from pinotwin.errors import InputError
 
 if TYPE_CHECKING:
     from pinotwin.diagnosis import Diagnosis
-    from pinotwin.log import Log
     from pinotwin.machine import Machine
     from pinotwin.report.display import Scale
     from pinotwin.twin import Twin
@@ -61,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--scheduler", metavar="ADDRESS", help="run --each on this Dask scheduler, not on this computer"
     )
     add_meshes(parser)
+    add_effects(parser)
     add_common(parser, out="folder for diagnosis.json and what goes with it", required=True)
 
 
@@ -74,11 +73,12 @@ def run(args: argparse.Namespace) -> int:
     for name in ("workers", "scheduler"):
         if getattr(args, name) is not None:
             raise InputError(f"--{name}: is for many logs; add --each, which diagnoses every log by itself")
-    asked = Asked(args.subject, tuple(args.validate), args.resample, args.quick, args.seed, args.meshes)
+    asked = Asked.of(args)
+    from pinotwin.report.saved import save_diagnosis
+
     with progress() as report:
-        found, fill = _diagnosed(args.logs, asked, report)
-        with whole_folder(args.out, replaces=REPLACES) as folder:
-            said = fill(folder)
+        found = _diagnosed(args.logs, asked, report)
+        said = save_diagnosis(found, Path(args.out), args.meshes)
     if args.json:
         write_json(args.json, found.to_dict())
     for line in (*summary(found), *said):
@@ -89,35 +89,29 @@ def run(args: argparse.Namespace) -> int:
 
 def diagnose_one(log: str, asked: Asked) -> tuple[dict[str, Any], Fill]:
     """Diagnose one log: the content of diagnosis.json, and what fills a folder with the result."""
-    found, fill = _diagnosed([log], asked, silent)
-    return found.to_dict(), fill
+    from pinotwin.effects.known import given_files
+    from pinotwin.report.saved import write_diagnosis
+
+    with given_files(asked.effects):  # a worker is another process
+        found = _diagnosed([log], asked, silent)
+    return found.to_dict(), lambda folder: write_diagnosis(found, folder, asked.meshes)
 
 
-def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> tuple[Diagnosis, Fill]:
-    """Return the diagnosis and what writes it into a folder, which returns what went wrong with the picture."""
+def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> Diagnosis:
+    """Return the diagnosis, with its date and the time that it took."""
     from pinotwin.diagnosis import diagnose
-    from pinotwin.logs.columns import bind
-    from pinotwin.report import diagnosis_report
 
     subject = resampled(load_subject(asked.subject), asked.resample)
-    # bound here, so that nothing further down meets a controller's own names
-    columns = machine_of(subject).columns
-    logs = [bind(log, columns) for log in read_logs(names)]
-    validate = [bind(log, columns) for log in read_logs(asked.validate)]
     began = time.monotonic()
     found = diagnose(
-        subject, logs, validate=validate or None, quick=asked.quick, report=report, seed=asked.seed
+        subject,
+        read_logs(names),
+        validate=read_logs(asked.validate) or None,
+        quick=asked.quick,
+        report=report,
+        seed=asked.seed,
     )
-    found = dated(found, began)
-
-    def fill(folder: Path) -> list[str]:
-        write(found, folder)
-        said = write_view(found, subject, logs[0], folder, asked.meshes)
-        page = diagnosis_report(found, logs, validate, files=beside(folder))
-        write_text(folder / "report.html", page)
-        return said
-
-    return found, fill
+    return replace(found, provenance={**found.provenance, **stamp(began)})
 
 
 def load_subject(path: str) -> Machine | Twin:
@@ -129,64 +123,6 @@ def load_subject(path: str) -> Machine | Twin:
     if (given / "twin.json").is_file() or given.name == "twin.json":
         return Twin.load(given)
     return Machine.load(path)
-
-
-def machine_of(subject: Machine | Twin) -> Machine:
-    """Return the machine of a twin, or the machine itself."""
-    from pinotwin.twin import Twin
-
-    return subject.machine if isinstance(subject, Twin) else subject
-
-
-def write(found: Diagnosis, folder: Path) -> None:
-    """Write diagnosis.json, the extended machine, and the advised commands."""
-    import numpy as np
-
-    write_json(folder / "diagnosis.json", found.to_dict())
-    if found.effects:
-        found.apply(folder / "machine")
-    for name, channels in found.commands.items():
-        table = np.column_stack(list(channels.values()))
-        np.savetxt(folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments="")
-
-
-def dated(found: Diagnosis, began: float) -> Diagnosis:
-    """Return the diagnosis with the date and the time that it took."""
-    return replace(found, provenance={**found.provenance, **stamp(began)})
-
-
-BESIDE = {
-    "machine.html": "the machine playing the log in 3-D, coloured by the gap; open it in a browser",
-    "diagnosis.json": "everything that is said here, for programs",
-    "machine/machine.yaml": "the machine with the named causes added, for `pinotwin identify`",
-}
-"""What lies beside the page -> what it holds."""
-
-
-def beside(folder: Path) -> list[tuple[str, str]]:
-    """Return what was written beside the page."""
-    found = [(name, text) for name, text in BESIDE.items() if (folder / name).is_file()]
-    moves = sorted(path.name for path in folder.glob("advice_*.csv"))
-    return [*found, *((name, "command of a motion to record next") for name in moves)]
-
-
-def write_view(
-    found: Diagnosis, subject: Machine | Twin, log: Log, folder: Path, meshes: str | None
-) -> list[str]:
-    """Write the machine playing the log, every axis in the colour of its gap.
-
-    Returns what went wrong with the picture, one line each: it never costs the diagnosis.
-    """
-    from pinotwin.viewer import missing_meshes
-    from pinotwin.viewer.gap import gap_page
-
-    machine = with_meshes(machine_of(subject), meshes)
-    try:
-        write_text(folder / "machine.html", gap_page(found, machine, log))
-    except (PinotwinError, ValueError, RuntimeError, KeyError, IndexError, OSError) as error:
-        return [f"machine.html was not written: {' '.join(str(error).split())[:200]}"]
-    missing = missing_meshes(machine.urdf, machine.meshes)
-    return [missing] if missing else []
 
 
 def summary(found: Diagnosis) -> list[str]:

@@ -45,9 +45,6 @@ ENDINGS = (
 )
 """Endings of the files that a folder among the logs stands for."""
 
-REPLACES = ("machine", "advice_*.csv")
-"""What of an earlier result goes, if the new one has none of it."""
-
 Fill = Callable[[Path], list[str]]
 """Writes a result into a folder; returns what went wrong with its picture."""
 Work = Callable[[str, "Asked"], tuple[Mapping[str, Any], Fill]]
@@ -64,6 +61,13 @@ class Asked:
     quick: bool
     seed: int
     meshes: str | None
+    effects: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, args: argparse.Namespace) -> Asked:
+        """Return what the words of a command ask."""
+        own = tuple(getattr(args, "effects", ()))
+        return cls(args.subject, tuple(args.validate), args.resample, args.quick, args.seed, args.meshes, own)
 
     def elsewhere(self) -> Asked:
         """Return the same with absolute paths, for workers that stand in another folder."""
@@ -71,6 +75,7 @@ class Asked:
             self,
             subject=_absolute(self.subject),
             validate=tuple(map(_absolute, self.validate)),
+            effects=tuple(map(_absolute, self.effects)),
             meshes=None if self.meshes is None else _absolute(self.meshes),
         )
 
@@ -95,7 +100,7 @@ def run_each(args: argparse.Namespace, work: Work) -> int:
         raise InputError(f"--workers: {args.workers}: must be at least 1")
     started = time.monotonic()
     out = Path(args.out)
-    asked = Asked(args.subject, tuple(args.validate), args.resample, args.quick, args.seed, args.meshes)
+    asked = Asked.of(args)
     if args.scheduler is not None:
         asked, out = asked.elsewhere(), out.absolute()
     jobs = jobs_of(args, asked, out)
@@ -216,7 +221,7 @@ def _made_of(asked: Asked) -> str:
         digest.update(" ".join(_digest(str(path)) for path in sorted(near)).encode())
     else:
         digest.update(asked.subject.encode())  # the name of a machine that pinotwin brings
-    for log in asked.validate:
+    for log in (*asked.validate, *asked.effects):
         digest.update(_digest(log).encode())
     digest.update(json.dumps([asked.resample, asked.quick, asked.seed, asked.meshes]).encode())
     return digest.hexdigest()
@@ -250,6 +255,8 @@ def known_answer(job: Job) -> dict[str, Any] | None:
 @one_blas_thread
 def do_job(job: Job, *, work: Work, asked: Asked) -> dict[str, Any]:
     """Diagnose one log (in a worker) and return its line of the table."""
+    from pinotwin.report.saved import REPLACES
+
     start = time.perf_counter()
     found, fill = work(job.log, asked)
     with whole_folder(job.folder, replaces=REPLACES) as folder:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pinotwin.cli.inputs import add_effects
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.system.writing import write_bytes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,44 +26,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="AXIS=V",
         help="largest speed that curves cover [m/s or rad/s] (the URDF's limit)",
     )
+    add_effects(parser)
     add_common(parser, out="file to write (.urdf, .xml, .py or .c)", required=True, file=True)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and say what they leave out."""
-    from pinotwin.export.files import prepare_export
+    from pinotwin.export import export_twin
     from pinotwin.export.inverse import default_speed
     from pinotwin.twin import Twin
 
     twin = Twin.load(args.twin)
     out = Path(args.out)
-    made = prepare_export(
-        twin, args.format, out, speed=_speeds(args.speed, twin, default_speed(twin.machine))
-    )
-    for name, content in made.files.items():
-        write_bytes(out.parent / name, content)
-    inverse = made.inverse
+    speed = _speeds(args.speed, twin, default_speed(twin.machine))
+    made = export_twin(twin, args.format, out, speed=speed)
     if args.json:
-        write_json(
-            args.json,
-            {
-                "machine": inverse.name,
-                "format": made.format,
-                "files": [str(out.parent / name) for name in made.files],
-                "left_out": list(made.notes),
-                "axes": {
-                    name: {"unit": unit, "error": error, "range": travel, "speed": speed}
-                    for name, unit, error, travel, speed in zip(
-                        inverse.names,
-                        inverse.units,
-                        inverse.error,
-                        inverse.travel.T,
-                        inverse.speed,
-                        strict=True,
-                    )
-                },
-            },
-        )
+        files = [str(out.parent / name) for name in made.files]
+        write_json(args.json, {**made.to_dict(), "files": files})
     for note in made.notes:
         say(note)
     say(f"written: {', '.join(str(out.parent / name) for name in made.files)}")

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.inputs import add_preparation, read_logs, settings
+from pinotwin.cli.inputs import add_effects, add_preparation, read_logs, settings
 from pinotwin.cli.output import add_common, columns, made, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--inconsistent", action="store_true", help="do not force the inertias to be physically possible"
     )
     add_preparation(parser)
+    add_effects(parser)
     add_common(parser, out="folder for the twin and its report", required=True)
 
 

@@ -36,6 +36,17 @@ def add_preparation(parser: argparse.ArgumentParser) -> None:
     add_resample(parser)
 
 
+def add_effects(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names files with own effects."""
+    parser.add_argument(
+        "--effects",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="Python file with effects of your own; may be given several times",
+    )
+
+
 def add_resample(parser: argparse.ArgumentParser) -> None:
     """Add the option that puts logs on another clock."""
     parser.add_argument(
@@ -113,14 +124,4 @@ def with_meshes(machine: Machine, folder: str | None) -> Machine:
     Raises:
         InputError: there is no such folder.
     """
-    from dataclasses import replace
-
-    from pinotwin.errors import InputError
-
-    if folder is None:
-        return machine
-    if not Path(folder).is_dir():
-        raise InputError(
-            f"--meshes: no folder {folder}; give the one that holds the meshes or their packages"
-        )
-    return replace(machine, meshes=(Path(folder).resolve(), *machine.meshes))
+    return machine.with_meshes(folder)

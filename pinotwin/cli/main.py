@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from textwrap import fill
 
 from pinotwin.errors import PinotwinError
@@ -124,7 +125,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = _parser(named).parse_args(words)
         _check_outputs(args)
         module = importlib.import_module(f"pinotwin.cli.{args.verb}")
-        code = int(module.run(args))
+        with _own_effects(args):
+            code = int(module.run(args))
         sys.stdout.flush()  # a reader that has gone is noticed here, not at exit
         return code
     except BrokenPipeError:
@@ -146,6 +148,15 @@ def _end_in_order() -> None:
     inside = threading.current_thread() is not threading.main_thread()  # signals are the main thread's
     if not inside and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def _own_effects(args: argparse.Namespace) -> AbstractContextManager[None]:
+    """Return the context in which the effects of ``--effects`` are known."""
+    if not getattr(args, "effects", None):
+        return nullcontext()
+    from pinotwin.effects.known import given_files
+
+    return given_files(args.effects)
 
 
 def _check_outputs(args: argparse.Namespace) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import shutil
@@ -11,13 +10,12 @@ import sys
 import textwrap
 import time
 from collections.abc import Iterable, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pinotwin.arrays import plain
 from pinotwin.errors import InputError
-from pinotwin.system.writing import check_file, check_folder, write_text
+from pinotwin.system.writing import check_file, check_folder, now
+from pinotwin.system.writing import write_json as write_json
 
 
 def add_common(
@@ -66,7 +64,7 @@ def made(began: float, **options: Any) -> dict[str, Any]:
 def stamp(began: float) -> dict[str, Any]:
     """Return the date, and the time taken since ``time.monotonic()`` was ``began``."""
     return {
-        "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "date": now(),
         "seconds_taken": round(time.monotonic() - began, 1),
     }
 
@@ -74,11 +72,6 @@ def stamp(began: float) -> dict[str, Any]:
 def beside(path: str, page: str) -> str:
     """Return the link from a page to a file."""
     return Path(os.path.relpath(path, Path(page).resolve().parent)).as_posix()
-
-
-def write_json(path: str | Path, value: Any) -> None:
-    """Write ``value`` as JSON, whole or not at all."""
-    write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def columns(head: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,)) -> list[str]:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import io
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pinotwin.cli.inputs import add_effects
 from pinotwin.cli.output import add_common, beside, check_page, columns, made, say, write_json
 from pinotwin.system.writing import write_text
 
 if TYPE_CHECKING:
-    from pinotwin.log import Log
-    from pinotwin.twin import Twin
+    from pinotwin.simulation.prediction import Prediction
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--report", metavar="FILE", help="also write a page: predicted beside measured (.html)"
     )
     parser.add_argument("--rrd", metavar="FILE", help="also write a recording for the Rerun viewer (.rrd)")
+    add_effects(parser)
     add_common(parser, out="prediction to write (.csv)", required=True, file=True)
 
 
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     """Simulate, write, and compare with the log where it was measured."""
     from pinotwin.cli.inputs import read_logs
     from pinotwin.errors import InputError
-    from pinotwin.simulation import compare, preferred, simulate
+    from pinotwin.simulation import simulate
     from pinotwin.twin import Twin
 
     out = Path(args.out)
@@ -52,29 +52,16 @@ def run(args: argparse.Namespace) -> int:
     began = time.monotonic()
     twin = Twin.load(args.twin)
     (log,) = read_logs([args.log])
-    form = args.controller or preferred(twin)
-    predicted = simulate(twin, log, step=args.step, controller=form)
-    rows = compare(twin.machine, log, predicted)
-    write_text(out, _csv(predicted))
-    said = _extras(args, twin, log, predicted, form, made(began, step=args.step))
+    predicted = simulate(twin, log, step=args.step, controller=args.controller)
+    predicted.save(out)
+    said = _extras(args, predicted, made(began, step=args.step))
     if args.json:
-        write_json(
-            args.json,
-            {
-                "machine": twin.machine.name,
-                "log": log.source,
-                "controller": form,
-                "rows": len(predicted),
-                "seconds": float(predicted.t[-1] - predicted.t[0]),
-                "axes": rows,
-                "notes": list(predicted.notes),
-            },
-        )
-    for line in summary(rows):
+        write_json(args.json, predicted.to_dict())
+    for line in summary(predicted.errors):
         say(line)
     for note in predicted.notes:
         say(f"note: {note}")
-    say(f"closed loop: {form}")
+    say(f"closed loop: {predicted.controller}")
     say(f"{len(predicted)} rows written to {out}")
     for line in said:
         say(line)
@@ -90,21 +77,20 @@ def _check(args: argparse.Namespace) -> None:
         check_recording(args.rrd)
 
 
-def _extras(
-    args: argparse.Namespace, twin: Twin, log: Log, predicted: Log, form: str, how: Mapping[str, Any]
-) -> list[str]:
+def _extras(args: argparse.Namespace, predicted: Prediction, how: Mapping[str, Any]) -> list[str]:
     """Write the page and the recording that were asked for; return a line about each."""
     said = []
     if args.report is not None:
         from pinotwin.report.simulation import simulation_report
 
         files = [(beside(args.out, args.report), "the prediction, SI")]
-        write_text(args.report, simulation_report(twin, log, predicted, form, files, how))
+        twin, form = predicted.twin, predicted.controller
+        write_text(args.report, simulation_report(twin, predicted.command, predicted, form, files, how))
         said.append(f"page written to {args.report}")
     if args.rrd is not None:
         from pinotwin.viewer.rerun import write_recording
 
-        said.append(write_recording(args.rrd, twin.machine, log, predicted))
+        said.append(write_recording(args.rrd, predicted.twin.machine, predicted.command, predicted))
     return said
 
 
@@ -133,12 +119,3 @@ SHOWN = (
 
 def _percent(x: float | None) -> str:
     return "-" if x is None or x != x else f"{x:.2%}"
-
-
-def _csv(log) -> str:  # type: ignore[no-untyped-def]
-    import numpy as np
-
-    text = io.StringIO()
-    table = np.column_stack([log[name] for name in log.channels])
-    np.savetxt(text, table, fmt="%.12g", delimiter=",", header=",".join(log.channels), comments="")
-    return text.getvalue()

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pinotwin.cli.inputs import read_logs
+from pinotwin.cli.inputs import add_effects, read_logs
 from pinotwin.cli.output import add_common, made, say, write_json
-from pinotwin.cli.progress import progress
-from pinotwin.system.writing import whole_folder, write_text
+from pinotwin.cli.progress import Report, progress
+from pinotwin.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from pinotwin.logs.files.given import LogLike
+    from pinotwin.machine import Machine
+    from pinotwin.report.study import Studied
+    from pinotwin.twin import Twin
 
 KINDS = ("amount", "coupling", "without", "overlay", "errors")
 
@@ -30,38 +39,63 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--axis", nargs="+", default=[], metavar="AXIS", help="these axes; all without")
     text = "seconds of the first log in which the tracking error is told apart by cause"
     parser.add_argument("--window", metavar="LOW,HIGH", help=text)
+    add_effects(parser)
     add_common(parser, out="folder for study.html and a CSV file per study", required=True)
+
+
+def study(
+    subject: Machine | Twin | str | Path,
+    log: LogLike | Sequence[LogLike],
+    *,
+    only: Sequence[str] = (),
+    axes: Sequence[str] = (),
+    window: tuple[float, float] | None = None,
+    report: Report | None = None,
+) -> Studied:
+    """Make the studies of a machine: how much data, which coupling, which effect matters.
+
+    Args:
+        subject: a twin, or a machine to make one of from the logs; or its folder.
+        log: servo log(s) or their files.
+        only: studies of :data:`KINDS`; all when empty.
+        axes: axes to look at; all when empty.
+        window: first and last time of the tracking error by cause [s].
+        report: called with the stage and the share done.
+
+    Raises:
+        InputError: a study or an axis is unknown, or none can be made.
+    """
+    from pinotwin.cli.diagnose import load_subject
+    from pinotwin.identification import identify
+    from pinotwin.logs.files.given import as_logs
+    from pinotwin.report.study import studies
+    from pinotwin.twin import Twin
+
+    began = time.monotonic()
+    for kind in only:
+        if kind not in KINDS:
+            raise InputError(f"study: no study {kind!r}; {nearest(kind, KINDS)}")
+    kinds = [kind for kind in KINDS if not only or kind in only]
+    given = load_subject(subject) if isinstance(subject, str | Path) else subject
+    logs = as_logs(log)
+    twin = given if isinstance(given, Twin) else None
+    machine = given.machine if isinstance(given, Twin) else given
+    if twin is None and set(kinds) - {"amount", "coupling"}:
+        twin = identify(machine, logs, loop="errors" in kinds, report=report)
+    found = studies(machine, twin, logs, kinds=kinds, axes=axes, window=window, report=report)
+    span = None if window is None else ",".join(f"{x:g}" for x in window)
+    return found.dated(machine, logs, made(began, only=kinds, axis=list(axes) or "all", window=span))
 
 
 def run(args: argparse.Namespace) -> int:
     """Make the studies and write page and tables."""
-    from pinotwin.cli.diagnose import load_subject
-    from pinotwin.identification import identify
-    from pinotwin.report.study import csv_lines, made_page, study
-    from pinotwin.twin import Twin
-
     window = _window(args.window)
-    subject = load_subject(args.subject)
     logs = read_logs(args.logs)
-    kinds = [kind for kind in KINDS if not args.only or kind in args.only]
-    began = time.monotonic()
     with progress() as report:
-        twin = subject if isinstance(subject, Twin) else None
-        machine = subject.machine if isinstance(subject, Twin) else subject
-        if twin is None and set(kinds) - {"amount", "coupling"}:
-            twin = identify(machine, logs, loop="errors" in kinds, report=report)
-        found = study(machine, twin, logs, kinds=kinds, axes=args.axis, window=window, report=report)
-        how = made(began, only=kinds, axis=args.axis or "all", window=args.window)
-        with whole_folder(args.out, replaces=("study.html", "*.csv")) as folder:
-            write_text(folder / "study.html", made_page(found, machine, logs, how).html())
-            for name, (header, rows) in found.tables.items():
-                write_text(folder / name, "\n".join(csv_lines(header, rows)) + "\n")
+        found = study(args.subject, logs, only=args.only, axes=args.axis, window=window, report=report)
+        found.save(args.out)
     if args.json:
-        tables = {
-            name: [dict(zip(header, row, strict=True)) for row in rows]
-            for name, (header, rows) in found.tables.items()
-        }
-        write_json(args.json, {"machine": machine.name, "tables": tables, "left_out": found.left_out})
+        write_json(args.json, found.to_dict())
     for name, (_, rows) in found.tables.items():
         say(f"{name}: {len(rows)} rows")
     for line in found.left_out:
@@ -71,8 +105,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _window(text: str | None) -> tuple[float, float] | None:
-    from pinotwin.errors import InputError
-
     if text is None:
         return None
     try:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinotwin.cli.inputs import read_logs
+from pinotwin.cli.inputs import add_effects, read_logs
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.cli.progress import progress
 from pinotwin.system.writing import write_text
@@ -54,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--report", metavar="FILE", help="write an HTML report here")
     parser.add_argument("--no-methods", action="store_true", help="leave out the table that compares methods")
+    add_effects(parser)
     add_common(parser, out="deflection on the servo clock (.csv or .parquet)", required=True, file=True)
 
 

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.inputs import add_meshes, with_meshes
+from pinotwin.cli.inputs import add_effects, add_meshes, with_meshes
 from pinotwin.cli.output import add_common, say, write_json
 from pinotwin.system.writing import whole_folder, write_text
 
@@ -38,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-frames", action="store_true", help="leave out joint frames and masses")
     parser.add_argument("--overlay", metavar="MACHINE|TWIN", help="draw a second one through the first")
     add_meshes(parser)
+    add_effects(parser)
     add_common(parser, out="folder for the page, as --html does with a file")
 
 

@@ -8,11 +8,10 @@ from pathlib import Path
 
 from pinotwin.diagnosis.payload import found_body, loaded
 from pinotwin.diagnosis.result import Diagnosis, Found
-from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects import Effect, known
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
-from pinotwin.machine.urdf import with_inertias
-from pinotwin.system.writing import write_bytes
+from pinotwin.machine.in_hand import with_bodies
 from pinotwin.twin import Twin
 
 SAME = 0.03
@@ -20,25 +19,27 @@ SAME = 0.03
 
 
 def apply(diagnosis: Diagnosis, folder: Path) -> Path:
-    """See :meth:`Diagnosis.apply`.
+    """See :meth:`Diagnosis.apply`."""
+    return repaired(diagnosis).save(folder)
 
-    A payload is written into the inertia of its link: of a twin, beside the inertias that were identified.
+
+def repaired(diagnosis: Diagnosis) -> Machine:
+    """Return the machine with the named causes added.
+
+    A payload goes into the inertia of its link: of a twin, beside the inertias that were identified.
+
+    Raises:
+        DataError: the diagnosis does not know its machine.
     """
     machine = extended(diagnosis)
     bodies = [e for e in diagnosis.effects if e.effect == "payload" and e.axis in machine.axes]
     if not bodies:
-        return machine.save(folder)
+        return machine
     subject = diagnosis.subject
     model = subject.model if isinstance(subject, Twin) else machine.model
     for found in bodies:
         model = loaded(model, machine.axis(str(found.axis)).joint, found_body(found.theta))
-    axes = {
-        k: dataclasses.replace(a, rotor_inertia=max(float(model.armature[a.index]), 0.0))
-        for k, a in machine.axes.items()
-    }
-    path = dataclasses.replace(machine, axes=axes).save(folder)
-    write_bytes(folder / machine.urdf.name, with_inertias(machine.urdf, model))
-    return path
+    return with_bodies(machine, model)
 
 
 def extended(diagnosis: Diagnosis) -> Machine:
@@ -54,7 +55,7 @@ def extended(diagnosis: Diagnosis) -> Machine:
     for found in diagnosis.effects:
         if found.axis in machine.passive:
             machine = _sprung(machine, found)
-        if found.axis is not None and found.axis in machine.axes and found.effect in EFFECTS:
+        if found.axis is not None and found.axis in machine.axes and _kind(found, machine) is not None:
             machine = _with(machine, found)
     return machine
 
@@ -79,7 +80,8 @@ def _with(machine: Machine, found: Found) -> Machine:
     if found.effect == "saturation":
         limited = dataclasses.replace(axis, effort_limit=abs(float(found.shape["limit"])))
         return dataclasses.replace(machine, axes={**machine.axes, name: limited})
-    if EFFECTS[found.effect].unlisted:
+    kind = _kind(found, machine)
+    if kind is None or kind.unlisted:
         return machine
     if found.effect == "encoder_error" and "ql" in found.shrink:
         return machine  # a table between two encoders: machine.yaml corrects no position by it
@@ -90,6 +92,11 @@ def _with(machine: Machine, found: Found) -> Machine:
     return machine.with_effects(name, (*kept, effect))
 
 
+def _kind(found: Found, machine: Machine) -> type[Effect] | None:
+    """Return the class of the effect that a finding names; None for what is no effect."""
+    return known(machine).get(found.effect) if found.listed is None else type(found.listed)
+
+
 def _alike(listed: Effect, found: Found) -> bool:
     """Whether a listed effect has the shapes of a finding, within :data:`SAME`."""
     return all(abs(getattr(listed, k) - x) <= SAME * abs(x) for k, x in found.shape.items())
@@ -97,6 +104,8 @@ def _alike(listed: Effect, found: Found) -> bool:
 
 def _from_shapes(found: Found, machine: Machine) -> Effect:
     """Return the effect that a finding names, from what it says of its shapes."""
-    effect = EFFECTS[found.effect].on(machine, str(found.axis))
+    kind = _kind(found, machine)
+    assert kind is not None
+    effect = kind.on(machine, str(found.axis))
     known = {s.name for s in effect.shapes()}
     return dataclasses.replace(effect, **{k: v for k, v in found.shape.items() if k in known})  # type: ignore[type-var]

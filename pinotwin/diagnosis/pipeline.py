@@ -36,7 +36,8 @@ from pinotwin.diagnosis.search.injections import confidences, pairs_alike
 from pinotwin.diagnosis.search.pushes import courses, only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.effects import Effect
-from pinotwin.errors import DataError
+from pinotwin.effects.known import EffectLike, kind_of, with_given
+from pinotwin.errors import DataError, InputError
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.repeats import labels
@@ -51,6 +52,7 @@ MOST_TIMES = 12
 """Pushes on one axis whose times are listed."""
 
 
+@with_given
 @one_blas_thread
 def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     subject: Machine | Twin | str | Path,
@@ -60,7 +62,9 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     quick: bool = False,
     report: Tell | None = None,
     seed: int = 0,
+    random_state: int | None = None,
     leave_out: Sequence[str] = (),
+    effects: Sequence[EffectLike] = (),
     closed_loop: bool = True,
     rules: Rules = RULES,
 ) -> Diagnosis:
@@ -74,7 +78,9 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         quick: one cause at most, and no trials for its confidence.
         report: called with the stage and the share done.
         seed: of everything random.
+        random_state: another name of ``seed``; give one of both.
         leave_out: effects of the catalogue that are not to be considered.
+        effects: own effects to consider beside the catalogue: classes, or ``module:Class``.
         closed_loop: also look at the servo.
         rules: thresholds.
 
@@ -82,10 +88,11 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         LogError: a channel is missing or unusable.
         DataError: the logs hold too little.
     """
-    tell = report or _silent
+    tell, seed = report or _silent, _seed(seed, random_state)
     tell("preparing the logs", 0.02)
     subject = _subject(subject)
-    c = compare(subject, _logs(log), [] if validate is None else as_logs(validate, "validate"))
+    logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
+    c = compare(subject, logs, unseen)
     tell("candidates", 0.15)
     measured = second_encoders(c, np.random.default_rng([seed, 4]))
     shown = [e for e in tried(c, leave_out) if admitted(measured, named_of(e).name, e.axis)]
@@ -110,7 +117,9 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     result = _with_encoders(_with_tracking(result, loops.tracked), measured)
     result = strayed(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
-    return replace(result, provenance=provenance(subject, s.rest.logs, s.rest.validation, **options))
+    options |= {"effects": [kind_of(e).name for e in effects]} if effects else {}
+    made = provenance(subject, s.rest.logs, s.rest.validation, **options)
+    return replace(result, provenance=made, logs=logs, validation=unseen)
 
 
 @dataclass(frozen=True)
@@ -405,6 +414,15 @@ def _subject(given: Machine | Twin | str | Path) -> Machine | Twin:
     if isinstance(given, str | Path) and (Path(given) / "twin.json").is_file():
         return as_twin(given)
     return as_machine(given, "subject")
+
+
+def _seed(seed: int, random_state: int | None) -> int:
+    """Return the one seed that was given."""
+    if random_state is None:
+        return seed
+    if seed:
+        raise InputError("diagnose: seed and random_state are two names of one thing; give one of them")
+    return random_state
 
 
 def _silent(stage: str, done: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +12,9 @@ from typing import Any, Literal
 from pinotwin.arrays import Floats, plain
 from pinotwin.diagnosis.grade import Grade, grade
 from pinotwin.effects import Effect
-from pinotwin.notebook import Card, Shown
+from pinotwin.log import Log
+from pinotwin.machine import Machine
+from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path
 
 Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
@@ -175,7 +178,7 @@ class Traces:
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis(Card):
+class Diagnosis(Drawn):
     """Where the gap lies, which effects cause it, and how far it shrinks.
 
     Attributes:
@@ -201,6 +204,8 @@ class Diagnosis(Card):
         warnings: what ``check`` says of these logs.
         differs: files that differ from runs of the same command, with which they are not pooled.
         provenance: version, options, seed, and the logs with their fingerprints.
+        logs: those that were diagnosed.
+        validation: those that nothing was fitted to.
     """
 
     verdict: Verdict
@@ -225,6 +230,13 @@ class Diagnosis(Card):
     warnings: Sequence[str] = ()
     differs: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    logs: Sequence[Log] = field(default=(), repr=False, compare=False)
+    validation: Sequence[Log] = field(default=(), repr=False, compare=False)
+
+    @property
+    def causes(self) -> Sequence[Found]:
+        """The named causes, by how much each shrinks the residual; the same as ``effects``."""
+        return self.effects
 
     def grade(self, axis: str, signal: str = "u") -> Grade:
         """Return the one word for an axis and signal, see :mod:`pinotwin.diagnosis.grade`.
@@ -307,6 +319,30 @@ class Diagnosis(Card):
         from pinotwin.diagnosis.apply import apply
 
         return apply(self, as_path(folder, "folder"))
+
+    def repaired(self) -> Machine:
+        """Return the machine with the named causes added, to be identified again.
+
+        Raises:
+            DataError: the diagnosis does not hold its machine.
+        """
+        from pinotwin.diagnosis.apply import repaired
+
+        return repaired(self)
+
+    def save(self, folder: str | Path, *, meshes: str | Path | None = None) -> Path:
+        """Write what ``pinotwin diagnose`` writes: diagnosis.json, report.html, machine.html, machine/.
+
+        Args:
+            folder: where; an earlier diagnosis in it is replaced.
+            meshes: folder of the URDF's meshes, for the picture.
+
+        Returns:
+            The folder.
+        """
+        pictures = importlib.import_module("pinotwin.report.pictures")
+        pictures.save(self, target := as_path(folder, "folder"), meshes)
+        return target
 
 
 def _region(r: Region) -> dict[str, Any]:

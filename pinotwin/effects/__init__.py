@@ -22,6 +22,9 @@ from pinotwin.effects.friction import Viscous as Viscous
 from pinotwin.effects.friction import ViscousAsymmetric as ViscousAsymmetric
 from pinotwin.effects.friction import ViscousThermal as ViscousThermal
 from pinotwin.effects.hysteresis import Hysteresis as Hysteresis
+from pinotwin.effects.known import check_effect as check_effect
+from pinotwin.effects.known import given as given
+from pinotwin.effects.known import known as known
 from pinotwin.effects.load import ExternalForce as ExternalForce
 from pinotwin.effects.load import GeometricError as GeometricError
 from pinotwin.effects.load import InertialCoupling as InertialCoupling
@@ -44,47 +47,9 @@ from pinotwin.effects.servo import LoopGain as LoopGain
 from pinotwin.effects.servo import Saturation as Saturation
 from pinotwin.effects.sight import Sight as Sight
 from pinotwin.effects.spring import Spring as Spring
+from pinotwin.effects.table import EFFECTS as EFFECTS
+from pinotwin.effects.table import LISTED as LISTED
 from pinotwin.effects.transmission import Backlash as Backlash
 from pinotwin.effects.transmission import DriveFlexibility as DriveFlexibility
 from pinotwin.effects.transmission import JointFlexibility as JointFlexibility
 from pinotwin.effects.tree import Tree as Tree
-
-EFFECTS: dict[str, type[Effect]] = {
-    effect.name: effect
-    for effect in (
-        RigidBody,
-        Viscous,
-        ViscousAsymmetric,
-        Coulomb,
-        CoulombAsymmetric,
-        Stribeck,
-        Presliding,
-        LoadFriction,
-        ViscousThermal,
-        QuadraticDrag,
-        Hysteresis,
-        Offset,
-        Ripple,
-        RippleModulated,
-        PositionTable,
-        Spring,
-        InertialCoupling,
-        WristCoupling,
-        DriveFlexibility,
-        JointFlexibility,
-        Backlash,
-        Delay,
-        EffortScale,
-        EncoderError,
-        Payload,
-        ExternalForce,
-        GeometricError,
-        Feedforward,
-        LoopGain,
-        Saturation,
-    )
-}
-"""Name -> effect. ``LISTED`` has those that machine.yaml may list under an axis."""
-
-LISTED: tuple[str, ...] = tuple(name for name, effect in EFFECTS.items() if not effect.unlisted)
-"""Names that an axis may list in machine.yaml."""

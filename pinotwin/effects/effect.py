@@ -25,7 +25,8 @@ Identification, simulation, diagnosis, report and documentation read everything 
   apart whatever the motion.
 * ``title``, ``words``, ``remedy``, ``colour``: for people.
 
-A new effect is one small final class, listed once in the table of :mod:`pinotwin.effects`.
+A new effect is one small final class. A built-in one is listed once in :mod:`pinotwin.effects.table`; how a user's
+own is named: :mod:`pinotwin.effects.known`.
 """
 
 from __future__ import annotations
@@ -126,15 +127,15 @@ class Effect(abc.ABC):
     """Its family, which says what it acts on; every effect of the table has one of its own."""
 
     title: ClassVar[str]
-    """Name in a heading."""
+    """Name in a heading; made of the name where it is not given."""
 
-    words: ClassVar[str]
+    words: ClassVar[str] = ""
     """What it is on the machine, in one sentence without a capital or a full stop."""
 
-    remedy: ClassVar[str]
+    remedy: ClassVar[str] = ""
     """What a person can check or do, in one sentence."""
 
-    colour: ClassVar[str]
+    colour: ClassVar[str] = "#7f7f7f"
     """Its colour in every figure."""
 
     contains: ClassVar[tuple[str, ...]] = ()
@@ -191,6 +192,11 @@ class Effect(abc.ABC):
 
     axis: str | None
     """Axis it belongs to, or None for the whole machine."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if hasattr(cls, "name") and not hasattr(cls, "title"):
+            cls.title = cls.name.replace("_", " ").capitalize()
 
     @abc.abstractmethod
     def coefficients(self) -> tuple[Coefficient, ...]:
@@ -350,7 +356,12 @@ class AxisEffect(Effect):
         """See :meth:`Effect.columns`."""
         assert self.axis is not None
         axis = motion.axis(self.axis)
-        values = self.axis_columns(axis)
+        values = np.asarray(self.axis_columns(axis), dtype=float)
+        if values.shape != (expected := (len(motion), len(self.coefficients()))):
+            raise DataError(
+                f"{self.axis}.{self.name}: axis_columns returned shape {values.shape}, expected {expected}: "
+                "a row a sample, a column a coefficient"
+            )
         return Columns((axis.index,), (motion.passed(values) if self.sharp else values)[:, None, :])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
@@ -38,6 +39,21 @@ class Export(Card):
     files: dict[str, bytes]
     inverse: Inverse
     notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``pinotwin export --json`` writes."""
+        x = self.inverse
+        columns = zip(x.names, x.units, x.error, x.travel.T, x.speed, strict=True)
+        return {
+            "machine": x.name,
+            "format": self.format,
+            "files": list(self.files),
+            "left_out": list(self.notes),
+            "axes": {
+                name: {"unit": unit, "error": error, "range": travel, "speed": speed}
+                for name, unit, error, travel, speed in columns
+            },
+        }
 
     def _shown(self) -> Shown:
         """Return the files and what they leave out, for a notebook and for ``repr``."""

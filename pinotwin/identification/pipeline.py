@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -44,10 +44,9 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     resample: float | None = None,
     report: Callable[[str, float], None] | None = None,
     springs: bool = True,
+    effects: Iterable[Any] | Mapping[str, Iterable[Any]] = (),
 ) -> Twin:
-    """Find the model of a machine in its logs.
-
-    All axes are fitted in one problem, so that a parameter that two axes share is found once.
+    """Find the model of a machine in its logs: all axes in one problem, what two axes share once.
 
     Args:
         machine: what is believed about it; or its folder, URDF or bundled name, or a ``pin.Model``.
@@ -60,6 +59,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         resample: rate of the even clock to put the logs on [Hz]; theirs when None.
         report: called with the stage and the share done.
         springs: also find those of passive joints; not where their vibration was predicted from springs.
+        effects: what is fitted beside what the machine lists, see :meth:`pinotwin.Machine.listing`.
 
     Raises:
         LogError: a channel is missing or unusable.
@@ -67,7 +67,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the log", 0.02)
-    machine = _as_logged(as_machine(machine).require_physical(), logs := as_logs(log), resample)
+    machine = _as_logged(as_machine(machine).listing(effects), logs := as_logs(log), resample)
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs)
     bent = bend_all(bending, logs)
@@ -112,6 +112,7 @@ def _completed(
 
 def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) -> Machine:
     """Return the machine as its logs show it: on the clock asked for, joints without spring or measurement locked."""
+    machine = machine.require_physical()
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
     seen = bends(machine, logs) or all(_sees_passive(machine, bind(log, machine.columns)) for log in logs)

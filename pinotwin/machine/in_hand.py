@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,8 @@ from pinotwin.effects import Effect
 from pinotwin.errors import MachineError, nearest
 from pinotwin.machine.loading import build
 from pinotwin.machine.machine import Machine
-from pinotwin.machine.urdf import inertial_element
-from pinotwin.machine.yaml_file import effect_spec
+from pinotwin.machine.urdf import inertial_element, load_model, with_inertias
+from pinotwin.machine.yaml_file import make_effects
 
 _WIDE = 1e9
 _COUNT = itertools.count(1)
@@ -32,7 +33,10 @@ _TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
 
 
 def machine_of_model(
-    model: pin.Model, axes: Iterable[str] | Mapping[str, Any] | None, name: str | None
+    model: pin.Model,
+    axes: Iterable[str] | Mapping[str, Any] | None,
+    name: str | None,
+    effects: Iterable[Any] | None = None,
 ) -> Machine:
     """See :meth:`Machine.from_model`."""
     title = name or model.name or "robot"
@@ -44,13 +48,30 @@ def machine_of_model(
     chosen = _axes(title, axes, single)
     model = _locked(title, model, single)
     rotors = {str(model.names[i]): float(model.armature[model.idx_vs[i]]) for i in range(1, model.njoints)}
-    settings = {axis: _settings(axis, given, rotors) for axis, given in chosen.items()}
-    folder = Path(_scratch().name) / str(next(_COUNT))
-    folder.mkdir()
-    urdf = folder / "model.urdf"
+    usual = None if effects is None else list(effects)
+    settings = {axis: _settings(axis, given, rotors, usual) for axis, given in chosen.items()}
+    urdf = _new_folder() / "model.urdf"
     urdf.write_bytes(urdf_of_model(model, title))
     pull = model.gravity.linear.tolist()
     return build({"name": title, "urdf": urdf.name, "gravity": pull, "axes": settings}, urdf)
+
+
+def with_bodies(machine: Machine, model: pin.Model) -> Machine:
+    """Return the machine with the inertias and rotor inertias of another model of its joints, in hand."""
+    axes = {
+        k: replace(a, rotor_inertia=max(float(model.armature[a.index]), 0.0)) for k, a in machine.axes.items()
+    }
+    urdf = _new_folder() / machine.urdf.name
+    urdf.write_bytes(with_inertias(machine.urdf, model))
+    other = load_model(urdf, [part.joint for part in machine.parts])
+    other.armature = model.armature.copy()
+    return replace(machine, urdf=urdf, model=other, axes=axes)
+
+
+def _new_folder() -> Path:
+    folder = Path(_scratch().name) / str(next(_COUNT))
+    folder.mkdir()
+    return folder
 
 
 @cache
@@ -83,14 +104,40 @@ def _axes(title: str, axes: Any, single: Mapping[str, int]) -> dict[str, Any]:
     return given
 
 
-def _settings(axis: str, given: Any, rotors: Mapping[str, float]) -> dict[str, Any]:
+def _settings(axis: str, given: Any, rotors: Mapping[str, float], usual: list[Any] | None) -> dict[str, Any]:
     """Return an axis' part of machine.yaml from nothing, a list of effects, or the part itself."""
     out = dict(given) if isinstance(given, Mapping) else {} if given is None else {"effects": given}
     out.setdefault("joint", axis)
     out.setdefault("rotor_inertia", rotors[out["joint"]])
-    if not isinstance(out.get("effects", ""), str):
-        out["effects"] = [effect_spec(e) if isinstance(e, Effect) else e for e in out["effects"]]
+    if usual is not None:
+        out.setdefault("effects", [e for e in usual if not isinstance(e, Effect) or e.axis == axis])
     return out
+
+
+def listing(machine: Machine, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
+    """Return the machine with further effects beside those that it lists.
+
+    Args:
+        machine: a machine.
+        effects: of every axis, or axis -> its own: names or mappings as in machine.yaml, classes, or effects (an
+            object acts on its own axis). One that an axis lists already, and may list once, stays as it is.
+
+    Raises:
+        MachineError: one of them is no effect, or an axis is unknown.
+    """
+    if isinstance(effects, str):
+        raise MachineError(f"effects: expected a list such as [stribeck], found {effects!r}")
+    each = dict(effects) if isinstance(effects, Mapping) else {}
+    for effect in [] if isinstance(effects, Mapping) else effects:
+        for name in (str(effect.axis),) if isinstance(effect, Effect) else machine.axes:
+            each.setdefault(name, []).append(effect)
+    for name, more in each.items():
+        axis = machine.axis(name)
+        made = make_effects(list(more), name, axis.rotary, f"effects of {name}")
+        there = {e.name for e in axis.effects}
+        new = tuple(e for e in made if e.several or e.name not in there)
+        machine = machine.with_effects(name, (*axis.effects, *new))
+    return machine
 
 
 def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Model:

@@ -16,7 +16,7 @@ from lxml import etree
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.base import BaseParameters, base_parameters
 from pinotwin.effects import Effect, RigidBody, Spring, Tree
-from pinotwin.errors import MachineError, nearest
+from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.logs.columns import Column
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
@@ -88,6 +88,7 @@ class Machine(Card):
         axes: Iterable[str] | Mapping[str, Any] | None = None,
         *,
         name: str | None = None,
+        effects: Iterable[Any] | None = None,
     ) -> Machine:
         """Make a machine of a ``pin.Model`` in hand, without a file.
 
@@ -102,13 +103,21 @@ class Machine(Card):
                 as in machine.yaml (``["viscous", {"ripple": {"period": 0.01}}]``) or as
                 :class:`pinotwin.Effect`, or joint -> the whole entry under ``axes`` of machine.yaml.
             name: of the machine; the model's own when None.
+            effects: what an axis without a list of its own has, viscous and Coulomb friction when None:
+                names, classes (own ones too), or effects (each on its own axis).
 
         Raises:
             MachineError: with what cannot be a machine, and the remedy.
         """
         from pinotwin.machine.in_hand import machine_of_model
 
-        return machine_of_model(model, axes, name)
+        return machine_of_model(model, axes, name, effects)
+
+    def listing(self, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
+        """Return the machine with further effects, own ones too; see :func:`pinotwin.machine.in_hand.listing`."""
+        from pinotwin.machine.in_hand import listing
+
+        return listing(self, effects)
 
     def regulated(self, axis: str) -> str:
         """Return the channel whose position an axis' controller regulates: ``<axis>.q`` or ``<axis>.ql``."""
@@ -187,6 +196,20 @@ class Machine(Card):
         axes = dict(self.axes)
         axes[axis] = replace(self.axis(axis), effects=effects)
         return replace(self, axes=axes)
+
+    def with_meshes(self, folder: str | Path | None) -> Machine:
+        """Return the machine with its meshes looked for in a folder first; None: the machine itself.
+
+        Raises:
+            InputError: there is no such folder.
+        """
+        if folder is None:
+            return self
+        if not Path(folder).is_dir():
+            raise InputError(
+                f"meshes: no folder {folder}; give the one that holds the meshes or their packages"
+            )
+        return replace(self, meshes=(Path(folder).resolve(), *self.meshes))
 
     def with_rigid_joints(self) -> Machine:
         """Return the machine with its passive joints locked at zero, as if infinitely stiff."""

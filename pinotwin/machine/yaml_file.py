@@ -10,8 +10,9 @@ from typing import Any, get_origin, get_type_hints
 import numpy as np
 import yaml
 
-from pinotwin.effects import EFFECTS, LISTED, Effect
-from pinotwin.errors import MachineError, nearest
+from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects.known import kind_of, known, path_of
+from pinotwin.errors import InputError, MachineError, nearest
 
 DEFAULT_EFFECTS: tuple[Any, ...] = ("viscous", "coulomb")
 
@@ -166,7 +167,8 @@ def whole(value: Any, where: str, least: int, most: int | None = None) -> int:
 def make_effects(specs: Any, axis: str, rotary: bool, where: str) -> tuple[Effect, ...]:
     """Return the effects of one axis from its YAML list.
 
-    Each item is a name, or a mapping of one name to its settings.
+    Each item is a name, a mapping of one name to its settings, or an effect or its class. An own effect is
+    named as ``module:Class``.
 
     Raises:
         MachineError: with the path of what is wrong.
@@ -175,35 +177,50 @@ def make_effects(specs: Any, axis: str, rotary: bool, where: str) -> tuple[Effec
         raise MachineError(f"{where}: expected a list such as [viscous, coulomb], found {specs!r}")
     effects = [_make(spec, axis, rotary, f"{where}[{i}]") for i, spec in enumerate(specs)]
     names = [effect.name for effect in effects]
-    for name in names:
-        if names.count(name) > 1 and not EFFECTS[name].several:
-            raise MachineError(f"{where}: {name} is listed twice")
+    for effect in effects:
+        if names.count(effect.name) > 1 and not effect.several:
+            raise MachineError(f"{where}: {effect.name} is listed twice")
     return tuple(effects)
 
 
 def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
-    if isinstance(spec, str):
+    if isinstance(spec, Effect):
+        _kind(type(spec), where)
+        return dataclasses.replace(spec, axis=axis, rotary=rotary)  # type: ignore[type-var]
+    if isinstance(spec, str | type):
         name, settings = spec, dict[str, Any]()
     elif isinstance(spec, dict) and len(spec) == 1:
         name, settings = next(iter(spec.items()))
         settings = mapping(settings, f"{where}.{name}.")
     else:
         raise MachineError(f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}")
-    if name not in EFFECTS:
-        raise MachineError(f"{where}: unknown effect {name!r}; {nearest(str(name), LISTED)}")
-    cls = EFFECTS[name]
-    if cls.unlisted:
-        raise MachineError(f"{where}: {name} {cls.unlisted}")
+    cls = _kind(name, where)
     fields, types = settings_of(cls), get_type_hints(cls)
     check_keys(settings, tuple(fields), f"{where}.{name}.")
     values = {
-        fields[key]: _setting(value, types[fields[key]], f"{where}.{name}.{key}")
+        fields[key]: _setting(
+            value, types[fields[key]], f"{where}.{name}.{key}", signed=cls.name not in EFFECTS
+        )
         for key, value in settings.items()
         if value is not None
     }
     effect = cls(axis=axis, rotary=rotary, **values)  # type: ignore[call-arg]
     _check_search(effect, f"{where}.{name}")
     return effect
+
+
+def _kind(name: Any, where: str) -> type[Effect]:
+    """Return the class of an effect that an axis may list."""
+    if isinstance(name, str) and ":" not in name and name not in (names := known()):
+        usable = [n for n, kind in names.items() if not kind.unlisted]
+        raise MachineError(f"{where}: unknown effect {name!r}; {nearest(name, usable)}")
+    try:
+        kind = kind_of(name)
+    except InputError as error:
+        raise MachineError(f"{where}: {error}") from None
+    if kind.unlisted:
+        raise MachineError(f"{where}: {kind.name} {kind.unlisted}")
+    return kind
 
 
 def _check_search(effect: Effect, where: str) -> None:
@@ -227,8 +244,8 @@ def settings_of(cls: type[Effect]) -> dict[str, str]:
 _SIGNED = ("eps", "start", "stop", "width", "span")  # may be zero or less; all others are sizes
 
 
-def _setting(value: Any, kind: Any, where: str) -> Any:
-    """Return a setting as the type of the effect's field."""
+def _setting(value: Any, kind: Any, where: str, *, signed: bool) -> Any:
+    """Return a setting as the type of the effect's field; of an own effect every number may be zero or less."""
     if get_origin(kind) is tuple:
         items = value if isinstance(value, list) else [value]
         return tuple(whole(x, where, 1) for x in items)
@@ -240,7 +257,7 @@ def _setting(value: Any, kind: Any, where: str) -> Any:
         return truth(value, where)
     if kind is int:
         return whole(value, where, 0)
-    return number(value, where, positive=where.rpartition(".")[2] not in _SIGNED)
+    return number(value, where, positive=not signed and where.rpartition(".")[2] not in _SIGNED)
 
 
 def truth(value: Any, where: str) -> bool:
@@ -265,4 +282,6 @@ def effect_spec(effect: Effect) -> Any:
             continue
         plain = [x for x in value] if isinstance(value, tuple) else value
         settings[f.metadata.get("yaml", f.name)] = plain
-    return {effect.name: settings} if settings else effect.name
+    kind = type(effect)
+    name = effect.name if EFFECTS.get(effect.name) is kind else path_of(kind)
+    return {name: settings} if settings else name

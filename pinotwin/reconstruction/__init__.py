@@ -1,6 +1,7 @@
 """The motion of a passive joint from servo and IMU logs (thesis Sections 6.4-6.5, and beyond)."""
 
 from pinotwin.reconstruction.estimate import reconstruct_vibration as reconstruct_vibration
+from pinotwin.reconstruction.estimate import reconstruct_vibration as vibration
 from pinotwin.reconstruction.flexible import Flexible as Flexible
 from pinotwin.reconstruction.flexible import identify_flexible as identify_flexible
 from pinotwin.reconstruction.merge import with_vibration as with_vibration
@@ -13,5 +14,6 @@ __all__ = [
     "Vibration",
     "identify_flexible",
     "reconstruct_vibration",
+    "vibration",
     "with_vibration",
 ]

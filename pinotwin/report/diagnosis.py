@@ -17,7 +17,7 @@ from pinotwin.diagnosis.conclusion.sizes import (
 )
 from pinotwin.diagnosis.conclusion.where import telling
 from pinotwin.diagnosis.result import Diagnosis, Found
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import known
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import (
@@ -329,7 +329,8 @@ def next_blocks(d: Diagnosis) -> list[Block]:
     """Return what a person can do next, the machine first, then what to record."""
     lines = []
     for e in d.effects:
-        remedy = EFFECTS[e.effect].remedy if e.effect in EFFECTS else ""
+        kind = known().get(e.effect)
+        remedy = "" if kind is None else kind.remedy
         if remedy:
             lines.append(f"{_capital(on_axis(e.effect, e.axis))}: {remedy}.")
     if d.effects:

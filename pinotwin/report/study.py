@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
 from pinotwin.studies.overlay import FRICTION, RIPPLE, TABLE, overlay
 from pinotwin.studies.removal import with_and_without
+from pinotwin.system.writing import as_path, whole_folder, write_text
 from pinotwin.twin import Twin
 
 KINDS = {
@@ -51,6 +53,29 @@ class Studied:
     page: Page
     tables: dict[str, tuple[Sequence[str], Sequence[Sequence[object]]]] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
+    machine: str = ""
+
+    def dated(self, machine: Machine, logs: Sequence[Log], made: Mapping[str, Any]) -> Studied:
+        """Return it with the last section of the page: version, date, time taken, options, and the logs."""
+        told = made_of(machine, [(log, "studied") for log in logs], **made)
+        page = self.page.section("How this was made", *provenance_blocks(told))
+        return replace(self, page=page, machine=machine.name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``pinotwin study --json`` writes."""
+        tables = {
+            name: [dict(zip(header, row, strict=True)) for row in rows]
+            for name, (header, rows) in self.tables.items()
+        }
+        return {"machine": self.machine, "tables": tables, "left_out": self.left_out}
+
+    def save(self, folder: str | Path) -> Path:
+        """Write study.html and a CSV file per study into a folder and return it."""
+        with whole_folder(target := as_path(folder, "folder"), replaces=("study.html", "*.csv")) as part:
+            write_text(part / "study.html", self.page.html())
+            for name, (header, rows) in self.tables.items():
+                write_text(part / name, "\n".join(csv_lines(header, rows)) + "\n")
+        return target
 
     def add(
         self, kind: str, name: str, header: Sequence[str], rows: Sequence[Sequence[object]], *more: Block
@@ -68,7 +93,7 @@ class Studied:
         self.page = self.page.section(title, *more, *blocks)
 
 
-def study(
+def studies(
     machine: Machine,
     twin: Twin | None,
     logs: Sequence[Log],
@@ -105,12 +130,6 @@ def study(
     if not out.tables:
         raise DataError("; ".join(out.left_out) or "no study was asked for")
     return out
-
-
-def made_page(found: Studied, machine: Machine, logs: Sequence[Log], made: Mapping[str, Any]) -> Page:
-    """Return the page with its last section: version, ``made`` (date, time taken, options), and the logs."""
-    told = made_of(machine, [(log, "studied") for log in logs], **made)
-    return found.page.section("How this was made", *provenance_blocks(told))
 
 
 def _one(

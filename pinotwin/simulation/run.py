@@ -21,8 +21,11 @@ from pinotwin.simulation import coupled, coupled_kernel, kernel
 from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
 from pinotwin.simulation.plant import Plant, plant_of
+from pinotwin.simulation.prediction import Prediction
+from pinotwin.simulation.score import bound
 from pinotwin.simulation.state import Command, Record
 from pinotwin.system.threads import one_blas_thread
+from pinotwin.twin.twin import TwinLike, as_twin
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
@@ -69,11 +72,13 @@ class Response:
     notes: tuple[str, ...]
 
 
-def simulate(twin: Twin, log: LogLike, *, step: float | None = None, controller: Loops | None = None) -> Log:
+def simulate(
+    twin: TwinLike, log: LogLike, *, step: float | None = None, controller: Loops | None = None
+) -> Prediction:
     """Return position, tracking error and effort that the machine will show for a command.
 
     Args:
-        twin: the machine, with its loops.
+        twin: the machine, with its loops; or its folder.
         log: ``t``, ``<axis>.qr`` and, if any, external loads ``<link>.fx`` ...; nothing else of it is
             used.
         step: longest internal step [s]; the log's own sampling is kept for the result.
@@ -94,7 +99,8 @@ def simulate(twin: Twin, log: LogLike, *, step: float | None = None, controller:
         TwinError: the twin has no closed loop.
         DataError: the simulated machine leaves its command.
     """
-    found = respond(twin, as_log(log), step=step, controller=controller, full=bool(twin.machine.passive))
+    twin, log = as_twin(twin), as_log(log)
+    found = respond(twin, log, step=step, controller=controller, full=bool(twin.machine.passive))
     asked, machine = found.request, twin.machine
     q, e, u = motor_coordinates(machine, *(asked.at_stamps(x) for x in (found.q, found.e, found.u)))
     channels = {"t": asked.t}
@@ -111,7 +117,14 @@ def simulate(twin: Twin, log: LogLike, *, step: float | None = None, controller:
         channels[f"{name}.q"] = q[:, part.index]
         for kind, x in (("v", found.v), ("a", found.a)):
             channels[f"{name}.{kind}"] = asked.at_stamps(x)[:, part.index]
-    return Log(channels, source=f"simulation of {asked.source}", notes=found.notes)
+    return Prediction(
+        channels,
+        source=f"simulation of {asked.source}",
+        notes=found.notes,
+        twin=twin,
+        command=bound(machine, log),
+        controller=controller if isinstance(controller, str) else "given" if controller else preferred(twin),
+    )
 
 
 @one_blas_thread

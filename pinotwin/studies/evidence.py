@@ -88,7 +88,15 @@ def evidence(twin: Twin, log: Log | Sequence[Log]) -> Evidence:
         LogError: a channel is missing.
         DataError: no row of the log can be used.
     """
-    motion = prepare(twin.machine, log, **twin.settings)
+    return evidence_of(twin, prepare(twin.machine, log, **twin.settings))
+
+
+def evidence_of(twin: Twin, motion: Motion) -> Evidence:
+    """Return a prepared motion beside the twin's prediction.
+
+    Raises:
+        DataError: no row of it can be used.
+    """
     rows = choose_rows(motion)
     pick, step = rows.sample, motion.decimation
     parts = {key: thin(motion, part) for key, part in _parts(twin, motion).items()}

@@ -17,17 +17,18 @@ from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike
 from pinotwin.logs.prepare import prepare
 from pinotwin.motion import Motion
-from pinotwin.notebook import Card, Shown
+from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path
 from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.open_loop import OpenLoop
 
 if TYPE_CHECKING:
     from pinotwin.loop import Controller, LoopModel, Servo
+    from pinotwin.simulation.prediction import Prediction
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Twin(OpenLoop, Card):
+class Twin(OpenLoop, Drawn):
     """An identified machine: its plant (see :class:`OpenLoop`), its closed loops, and how good they are.
 
     Attributes:
@@ -141,7 +142,7 @@ class Twin(OpenLoop, Card):
     def _prepared(self, log: Any) -> Motion:
         return log if isinstance(log, Motion) else self.motion(log)
 
-    def simulate(self, log: LogLike, **options: Any) -> Log:
+    def simulate(self, log: LogLike, **options: Any) -> Prediction:
         """Return position, error and effort that the command of a log will produce.
 
         Nothing measured is used; see :func:`pinotwin.simulation.simulate` for the options.
@@ -161,6 +162,12 @@ class Twin(OpenLoop, Card):
         columns = ("axis", "effects", "effort error, held out", "closed loop")
         note = f"{len(self.theta)} coefficients from {len(self.data)} log(s)"
         return (f"Twin of {self.machine.name}", columns, rows, note)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of twin.json, without the digests of its files."""
+        from pinotwin.twin.files import document
+
+        return document(self)
 
     def save(self, folder: str | Path) -> Path:
         """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import known
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
@@ -61,7 +61,8 @@ def _digits(y: Floats) -> list[float | None]:
 
 def _colour(key: str) -> str:
     name = key.rsplit(".", 1)[-1].split("#")[0]
-    return EFFECTS[name].colour if name in EFFECTS else "#888888"
+    kind = known().get(name)
+    return "#888888" if kind is None else kind.colour
 
 
 def tracks_of(machine: Machine, motion: Motion, twin: Twin | None = None) -> Tracks:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.effects import EFFECTS, Coefficient, Columns, Effect, Shape
+from pinotwin.effects import EFFECTS, Coefficient, Columns, Effect, Shape, known
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.tree import Tree
 from pinotwin.machine import Axis
@@ -37,7 +37,7 @@ def candidates(comparison: Comparison, leave_out: Collection[str] = ()) -> Itera
     """
     machine, motion = comparison.machine, comparison.new.motion
     tree = Tree(comparison.twin.model, machine.names, machine.rotary)
-    for name, kind in EFFECTS.items():
+    for name, kind in known(machine).items():
         if name in leave_out or name in APART or kind.family.acts == "loop":
             continue
         if name in SAME and SAME[name] not in leave_out:

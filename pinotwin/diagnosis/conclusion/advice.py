@@ -10,7 +10,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.rules import Rules
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import known
 from pinotwin.effects.family import FRICTION
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -114,7 +114,8 @@ def of_one_run(c: Comparison, named: Sequence[Any]) -> list[str]:
 
 
 def _rubs(effect: str) -> bool:
-    return effect in EFFECTS and EFFECTS[effect].family is FRICTION
+    kind = known().get(effect)
+    return kind is not None and kind.family is FRICTION
 
 
 def of_other_state(c: Comparison, open_axes: Collection[str], rules: Rules) -> list[str]:

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import EFFECTS, known
 from pinotwin.log import Log
 from pinotwin.logs.check import doubts
 from pinotwin.logs.quality import Finding
@@ -154,7 +154,8 @@ def gate(machine: Machine, logs: Sequence[Log], sized: Collection[str] = ()) -> 
             assert bar is not None
             why = _about(finding)
             if bar.effects:
-                effects.setdefault(axis, {}).update(dict.fromkeys(bar.effects, why))
+                names = known(machine) if bar.effects is EVERY else bar.effects
+                effects.setdefault(axis, {}).update(dict.fromkeys(names, why))
             if bar.questions:
                 questions.setdefault(axis, {}).update(dict.fromkeys(bar.questions, why))
             if bar.axis:

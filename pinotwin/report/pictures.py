@@ -1,0 +1,142 @@
+"""What a result draws of itself: the figure of its page, by itself, and a small still of it for a notebook.
+
+:class:`pinotwin.notebook.Drawn` asks here, by the kind of the result.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import singledispatch
+from pathlib import Path
+from typing import Any
+
+import plotly.graph_objects as go
+
+from pinotwin.analysis.comparison import Comparison
+from pinotwin.analysis.diagnoses import Diagnoses
+from pinotwin.diagnosis.result import Diagnosis
+from pinotwin.errors import InputError
+from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.reconstruction import Vibration
+from pinotwin.report.closed_loop_plots import response_figure
+from pinotwin.report.comparison import comparison_report, diagnoses_report
+from pinotwin.report.diagnosis_plots import bars, gap_figure, shrink_figure
+from pinotwin.report.diagnosis_verdict import rotary_axes
+from pinotwin.report.effort_plots import effort_figure
+from pinotwin.report.identification import identification_report
+from pinotwin.report.saved import diagnosis_html, save_diagnosis
+from pinotwin.report.simulation import simulation_report
+from pinotwin.report.still import still
+from pinotwin.report.style import CSS
+from pinotwin.report.vibration import vibration_report
+from pinotwin.simulation.prediction import Prediction
+from pinotwin.studies.evidence import evidence, evidence_of
+from pinotwin.system.writing import write_text
+from pinotwin.twin import Twin
+
+THEME = dict(re.findall(r"--(\w+):(#\w+)", CSS.partition("}")[0]))
+"""Colours of the light style sheet, for figures outside a page."""
+
+
+def plot(result: Any, *given: Any) -> go.Figure:
+    """Return the figure of a result, with colours that need no style sheet."""
+    drawn = figure(result, *given)
+    for trace in drawn.data:
+        looks = {k: trace[k] for k in ("line", "marker") if k in trace}
+        trace.update({k: _literal(look.to_plotly_json()) for k, look in looks.items()})
+    return drawn.update_layout(_literal(drawn.layout.to_plotly_json()))
+
+
+def _literal(part: Any) -> Any:
+    """Return a part of a figure with the colours of the style sheet written out."""
+    if isinstance(part, str):
+        return re.sub(r"var\(--(\w+)\)", lambda m: THEME[m[1]], part)
+    if isinstance(part, dict):
+        return {key: _literal(x) for key, x in part.items()}
+    return [_literal(x) for x in part] if isinstance(part, list | tuple) else part
+
+
+def report(result: Any, path: Path, *given: Any) -> Path:
+    """Write the page of a result (.html) and return its path."""
+    if path.suffix not in (".html", ".htm"):
+        raise InputError(f"{path}: a page is written as .html")
+    write_text(path, page(result, *given))
+    return path
+
+
+def picture(result: Any) -> str:
+    """Return a still of a result's figure as HTML; nothing where it has none."""
+    try:
+        drawn = plot(result)
+    except InputError:
+        return ""
+    return still(drawn)
+
+
+save: Callable[..., list[str]] = save_diagnosis
+
+
+@singledispatch
+def figure(result: Any, *given: Any) -> go.Figure:
+    """Return the figure of a result as on its page."""
+    raise InputError(f"a {type(result).__name__} has no figure; see its page, .report(path)")
+
+
+@singledispatch
+def page(result: Any, *given: Any) -> str:
+    """Return the page of a result."""
+    raise TypeError(f"no page of a {type(result).__name__}")
+
+
+@figure.register
+def _(twin: Twin, log: LogLike | None = None) -> go.Figure:
+    if log is not None:
+        return effort_figure(evidence(twin, as_log(log)))
+    if twin.misfit is None:
+        raise InputError("this twin holds none of its logs: give one, twin.plot(log)")
+    return effort_figure(evidence_of(twin, twin.misfit.motion))
+
+
+@page.register
+def _(twin: Twin, *logs: LogLike) -> str:
+    if not logs:
+        raise InputError("the page of a twin needs the log: twin.report(path, log)")
+    return identification_report(twin, [as_log(log) for log in logs])
+
+
+@figure.register
+def _(predicted: Prediction) -> go.Figure:
+    machine = predicted.twin.machine
+    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
+    return response_figure(rotary, predicted.command, predicted, None)
+
+
+@page.register
+def _(predicted: Prediction) -> str:
+    return simulation_report(predicted.twin, predicted.command, predicted, predicted.controller)
+
+
+@figure.register
+def _(found: Diagnosis, axis: str | None = None) -> go.Figure:
+    """Return log minus model over time, of an axis or of the one with the first named cause."""
+    rotary = rotary_axes(found)
+    wanted = [axis] if axis else [*(str(e.axis) for e in found.effects), *rotary]
+    shown = {t.axis: t for t in reversed(found.traces) if len(t.t) > 1}
+    for name in wanted:
+        if name in shown:
+            return gap_figure(shown[name], rotary.get(name, False))
+    for name in wanted:
+        for signal, gap in found.gap.get(name, {}).items():
+            return shrink_figure(bars(gap, acts=bool(found.effects)), signal, rotary.get(name, False))
+    raise InputError(f"nothing to draw of {', '.join(wanted) or 'this diagnosis'}")
+
+
+@page.register
+def _(found: Diagnosis) -> str:
+    return diagnosis_html(found)
+
+
+page.register(Comparison, comparison_report)
+page.register(Diagnoses, diagnoses_report)
+page.register(Vibration, vibration_report)

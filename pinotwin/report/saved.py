@@ -1,0 +1,106 @@
+"""What a diagnosis looks like on disk: the folder that ``pinotwin diagnose`` and ``Diagnosis.save`` write."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pinotwin.diagnosis.result import Diagnosis
+from pinotwin.effects import Effect, given
+from pinotwin.errors import PinotwinError
+from pinotwin.log import Log
+from pinotwin.logs.columns import bind
+from pinotwin.report.diagnosis import diagnosis_report
+from pinotwin.report.diagnosis_verdict import machine_of
+from pinotwin.system.writing import now, whole_folder, write_json, write_text
+
+REPLACES = ("machine", "advice_*.csv")
+"""What of an earlier result goes, if the new one has none of it."""
+
+BESIDE = {
+    "machine.html": "the machine playing the log in 3-D, coloured by the gap; open it in a browser",
+    "diagnosis.json": "everything that is said here, for programs",
+    "machine/machine.yaml": "the machine with the named causes added, for `pinotwin identify`",
+}
+"""What lies beside the page -> what it holds."""
+
+
+def write_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = None) -> list[str]:
+    """Write a diagnosis into a folder that is there: JSON, page, picture, machine with the causes, advised commands.
+
+    Args:
+        found: the diagnosis.
+        folder: an empty folder.
+        meshes: folder of the URDF's meshes.
+
+    Returns:
+        What went wrong with the picture, one line each: it never costs the diagnosis.
+    """
+    found = dated(found)
+    write_json(folder / "diagnosis.json", found.to_dict())
+    if found.effects and machine_of(found) is not None:
+        found.apply(folder / "machine")
+    for name, channels in found.commands.items():
+        table = np.column_stack(list(channels.values()))
+        np.savetxt(folder / name, table, fmt="%.9g", delimiter=",", header=",".join(channels), comments="")
+    said = write_view(found, folder, meshes)
+    write_text(folder / "report.html", diagnosis_html(found, _beside(folder)))
+    return said
+
+
+def save_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = None) -> list[str]:
+    """Write a diagnosis in place of an earlier one, whole or not at all; see :func:`write_diagnosis`."""
+    with whole_folder(folder, replaces=REPLACES) as part:
+        return write_diagnosis(found, part, meshes)
+
+
+def diagnosis_html(found: Diagnosis, files: Iterable[tuple[str, str]] = ()) -> str:
+    """Return the page of a diagnosis, its own logs and effects at hand."""
+    with given(type(e) for e in own_effects(found)):
+        logs, validation = (_bound(found, part) for part in (found.logs, found.validation))
+        return diagnosis_report(found, logs, validation, files=tuple(files))
+
+
+def own_effects(found: Diagnosis) -> list[Effect]:
+    """Return the effects that a diagnosis names, whoever wrote them."""
+    return [e.listed for e in (*found.effects, *found.possible) if e.listed is not None]
+
+
+def _bound(found: Diagnosis, logs: Iterable[Log]) -> list[Log]:
+    machine = machine_of(found)
+    return [log if machine is None else bind(log, machine.columns) for log in logs]
+
+
+def dated(found: Diagnosis) -> Diagnosis:
+    """Return the diagnosis with a date; one that has a date is returned as it is."""
+    if "date" in found.provenance:
+        return found
+    return replace(found, provenance={**found.provenance, "date": now()})
+
+
+def _beside(folder: Path) -> list[tuple[str, str]]:
+    """Return what was written beside the page."""
+    found = [(name, text) for name, text in BESIDE.items() if (folder / name).is_file()]
+    moves = sorted(path.name for path in folder.glob("advice_*.csv"))
+    return [*found, *((name, "command of a motion to record next") for name in moves)]
+
+
+def write_view(found: Diagnosis, folder: Path, meshes: str | Path | None) -> list[str]:
+    """Write the machine playing the first log, every axis in the colour of its gap."""
+    from pinotwin.viewer import missing_meshes
+    from pinotwin.viewer.gap import gap_page
+
+    machine = machine_of(found)
+    if machine is None or not found.logs:
+        return []
+    machine = machine.with_meshes(meshes)
+    try:
+        (log,) = _bound(found, found.logs[:1])
+        write_text(folder / "machine.html", gap_page(found, machine, log))
+    except (PinotwinError, ValueError, RuntimeError, KeyError, IndexError, OSError) as error:
+        return [f"machine.html was not written: {' '.join(str(error).split())[:200]}"]
+    missing = missing_meshes(machine.urdf, machine.meshes)
+    return [missing] if missing else []
