@@ -31,7 +31,7 @@ from pinotwin.machine.sections import LOOP_KEYS
 from tests.rig import YAML, good_log, write_machine
 
 PACKAGE = Path(pt.__file__).parent
-OTHERS = ("dask", "pip", "mcap", "ros2", "xacro", "npm", "apt")  # commands of other programs
+OTHERS = ("pip", "mcap", "ros2", "xacro", "npm", "apt")  # commands of other programs
 PAGES = ("report/style.py", "report/script.py", "viewer/")  # CSS has --names of its own
 CALLERS = ("bench/elsewhere.py",)  # hands options to scripts that are not ours
 
@@ -187,7 +187,7 @@ def test_the_net_has_no_holes() -> None:
         "give `loop: {A: {real_poles: 3}}`",
         "`pinotwin identify --resample 5`",
         "lower `min_speed`",
-        "start one with `dask scheduler --port 1`",
+        "start one with `mcap recover --port 1`",
         "give columns.{}.factor",
     ):
         assert wrong("logs/check.py", text) == [], text

@@ -45,7 +45,6 @@ class Plan:
         workers: processes.
         minutes: no case is begun after so long; None for no limit.
         quick: screen only.
-        scheduler: address of a running Dask scheduler; None for workers of this computer.
     """
 
     folder: Path
@@ -53,7 +52,6 @@ class Plan:
     workers: int = 2
     minutes: float | None = None
     quick: bool = False
-    scheduler: str | None = None
 
     @property
     def file(self) -> Path:
@@ -156,7 +154,7 @@ def _answers(cases: Sequence[Case], plan: Plan, tell: Report) -> Iterator[tuple[
     if not cases:
         return
     end = None if plan.minutes is None else time.monotonic() + 60.0 * plan.minutes
-    with engine(plan.workers, plan.scheduler) as each:
+    with engine(plan.workers) as each:
         _make_twins(cases, plan, each, tell)
         for case, said in each(functools.partial(answer, plan=plan), cases, end):
             yield case, failed(case, said) if isinstance(said, BaseException) else said
