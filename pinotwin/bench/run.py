@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import fcntl
 import functools
 import json
 import os
@@ -30,6 +29,7 @@ from pinotwin.bench.produce import SECONDS, Sealed, produce
 from pinotwin.bench.twins import healthy_twin, make_twin
 from pinotwin.diagnosis import Diagnosis, diagnose
 from pinotwin.system.threads import one_blas_thread
+from pinotwin.system.writing import held
 from pinotwin.twin import Twin
 
 Report = Callable[[str, float], None]
@@ -140,8 +140,7 @@ def written(file: Path) -> dict[str, Answer]:
 def append(file: Path, key: str, said: Answer) -> None:
     """Add a line to the answers; one that broke off before it, or another process, does not spoil it."""
     line = json.dumps({"key": key, **plain(dataclasses.asdict(said))}) + "\n"
-    with file.open("a+b") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
+    with file.open("a+b") as stream, held(file):
         end = stream.seek(0, os.SEEK_END)
         if end:
             stream.seek(end - 1)
