@@ -13,7 +13,6 @@ ONLY_COUNTED = (
     "scoring",
     "table",
     "confusion",
-    "floor_scores",
     "statistics",
     "real",
     "real_tasks",

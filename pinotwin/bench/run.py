@@ -23,7 +23,6 @@ from pinotwin.bench.answers import Answer, failed, noted, read_answer
 from pinotwin.bench.cases import Case
 from pinotwin.bench.engine import Each, engine
 from pinotwin.bench.fingerprint import fingerprint
-from pinotwin.bench.floors import floors
 from pinotwin.bench.oracle import evidence
 from pinotwin.bench.produce import SECONDS, Sealed, produce
 from pinotwin.bench.twins import healthy_twin, make_twin
@@ -79,17 +78,10 @@ def answer(case: Case, plan: Plan) -> Answer:
     ready = time.perf_counter()
     found = blindly(made.sealed, twin, case, plan.quick)
     said = time.perf_counter()
-    peers = floors(case, made.sealed, twin)
-    scored = time.perf_counter()
     best = evidence(made, twin)
     end = time.perf_counter()
-    spent = {
-        "produce": ready - start,
-        "diagnose": said - ready,
-        "floors": scored - said,
-        "oracle": end - scored,
-    }
-    return noted(case, found, made, spent, peers, best)
+    spent = {"produce": ready - start, "diagnose": said - ready, "oracle": end - said}
+    return noted(case, found, made, spent, best)
 
 
 def blindly(sealed: Sealed, twin: Twin | None, case: Case, quick: bool) -> Diagnosis:
