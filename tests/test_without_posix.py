@@ -46,7 +46,7 @@ if __name__ == "__main__":
     assert len(pt.read("log.mat").t) == len(log.t)
     run("identify", "emps", "log.csv", "--no-loop", "--out", "twin")
     for _ in range(2):  # the second time over the first one's result
-        run("simulate", "twin", "log.csv", "--out", "predicted.csv")
+        run("force", "twin", "log.csv", "--out", "force.csv")
     run("diagnose", "twin", "--each", "log.csv", "worn.csv", "--quick", "--workers", 2, "--out", "found")
 """
 
@@ -67,5 +67,5 @@ def test_a_machine_is_recorded_identified_and_diagnosed(tmp_path: Path) -> None:
     assert rows[0]["verdict"] == "none"
     assert [cause["effect"] for cause in rows[1]["causes"]] == ["viscous"]
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
-        ["shop.py", "log.csv", "worn.csv", "log.mat", "twin", "predicted.csv", "found"]
+        ["shop.py", "log.csv", "worn.csv", "log.mat", "twin", "force.csv", "found"]
     )
