@@ -63,7 +63,7 @@ evidence: setup
 # Questions with known answers that the diagnosis must not get wrong: own, foreign and real machines.
 # `make gate GATE=--quick` is a part of them.
 gate: setup
-	$(BIN)/python -m pinotwin.bench gate $(GATE)
+	$(BIN)/python -m benchmarks gate $(GATE)
 
 # Source archive, wheel, an install without a developer's tools, and every command of the README in it.
 plain:

@@ -12,13 +12,13 @@ import contextlib
 import faulthandler
 import importlib
 import os
-import pickle
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 
 from pinotwin.errors import LogError
@@ -117,19 +117,18 @@ def _limit(memory: int) -> None:
 def _begun(
     loader: Loader, path: Path, source: str, seconds: float
 ) -> tuple[Content | str | None, int | None]:
-    """Return the same of a new interpreter, whose output is what it read."""
+    """Return the same of a new interpreter, whose output is what it read, as a pipe has it."""
     words = [sys.executable, "-m", __name__, loader.__module__, loader.__qualname__, str(path), source]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     try:
         done = subprocess.run(words, capture_output=True, timeout=seconds, env=environment)
     except subprocess.TimeoutExpired:
         return None, None
-    said = pickle.loads(done.stdout) if done.returncode == 0 else None
+    said = ForkingPickler.loads(done.stdout) if done.returncode == 0 else None
     return said, done.returncode
 
 
 if __name__ == "__main__":
     module, name, given, called = sys.argv[1:]
-    sys.stdout.buffer.write(
-        pickle.dumps(_loaded(getattr(importlib.import_module(module), name), Path(given), called))
-    )
+    content = _loaded(getattr(importlib.import_module(module), name), Path(given), called)
+    sys.stdout.buffer.write(ForkingPickler.dumps(content))
