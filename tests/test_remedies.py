@@ -91,7 +91,7 @@ def keys() -> frozenset[str]:
 def wrong(where: str, text: str, arguments: frozenset[str] = frozenset()) -> list[str]:
     """Return what a text tells its reader to use that does not exist."""
     out = []
-    every = frozenset().union(*(options(c) for c in COMMANDS)) | {"--help", "--version"}
+    every = frozenset().union(*(options(c) for c in COMMANDS)) | {"--help", "--version", "--print-completion"}
     own = where.removeprefix("cli/").removesuffix(".py")
     rest = text
     for quoted in re.findall(r"(?<!`)`([^`\n]+)`(?!`)", text):
