@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: on two cores OpenBLAS' own threads make least squares 10 to 200 times slower.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup venv demo test slow style lint bench benchmarks evidence gate fuzz kills docs clean
+.PHONY: setup venv demo test slow style lint bench benchmarks evidence gate plain fuzz kills docs clean
 
 # Python compiles what it imports; compiling all that is installed beforehand takes longer than the install.
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
@@ -63,7 +63,11 @@ evidence: setup
 # Questions with known answers that the diagnosis must not get wrong: own, foreign and real machines.
 # `make gate GATE=--quick` is a part of them.
 gate: setup
-	$(BIN)/python -m pinotwin.bench gate $(GATE)
+	$(BIN)/python -m benchmarks gate $(GATE)
+
+# Source archive, wheel, an install without a developer's tools, and every command of the README in it.
+plain:
+	$(PYTHON) .ci/plain_install
 
 # 10,000 spoiled files for each of ten readers; hours. The suite reads 40 of each.
 fuzz: setup

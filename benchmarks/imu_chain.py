@@ -14,10 +14,10 @@ import argparse
 
 import numpy as np
 
-from pinotwin.imu.baselines import baselines
+from benchmarks._imu_methods import baselines
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import bundled_path
-from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration
+from pinotwin.reconstruction import Vibration, reconstruct_vibration
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
 from pinotwin.virtual.trajectories import random_trajectory
@@ -47,9 +47,7 @@ def compare(runs: int, seconds: float) -> dict[str, tuple[np.ndarray, np.ndarray
         [record_imu(r.truth, "C_link", vm.truth.seed, seed, k + 1) for seed, r in enumerate(recorded)]
         for k in (0, 1)
     ]
-    found = reconstruct_vibration(
-        machine, [r.to_log() for r in recorded], imus[0], imus[1], settings=Settings(methods=False)
-    )
+    found = reconstruct_vibration(machine, [r.to_log() for r in recorded], imus[0], imus[1])
     true = np.mean([np.stack([x[::10] for x in r.truth.joint("delta")]) for r in recorded], axis=0)[1:]
     size = np.sqrt(np.mean(true**2, axis=1)) * DEG
     print(f"{runs} runs of {seconds:g} s; true deflection: {size[0]:.3f} deg/s, {size[1]:.1f} deg/s² RMS")

@@ -27,7 +27,7 @@ from benchmarks.vibration import rig as rough_rig
 from pinotwin.errors import InputError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.reconstruction import Settings, reconstruct_vibration
+from pinotwin.reconstruction import reconstruct_vibration
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import channels, link_motion, sensor
 from pinotwin.virtual.imu_sensor import GRAVITY, ImuSensor
@@ -106,9 +106,7 @@ def study(
     moves = random_trajectory(vm, seconds, 100 + case, **COMMANDS[command])
     recording = vm.record(moves, seed=100 + case, truth_rate=4000.0)
     own = mounted(case)
-    found = reconstruct_vibration(
-        machine, recording.to_log(), read(own, recording, case), settings=Settings(methods=False)
-    )
+    found = reconstruct_vibration(machine, recording.to_log(), read(own, recording, case))
     batch, run = found.sensors[0].batch, found.sensors[0].runs[0].found
     s, c = run.clock.segments[0], own.clock
     turn = Rotation.from_matrix(batch.R_ST @ own.mounting).as_rotvec()
@@ -143,9 +141,7 @@ def refusal(case: int, kind: str) -> str | None:
     recording = silent(kind)
     log = recording.to_log()
     try:
-        reconstruct_vibration(
-            rig()[0], log, read(mounted(case), recording, case), settings=Settings(methods=False)
-        )
+        reconstruct_vibration(rig()[0], log, read(mounted(case), recording, case))
     except InputError as error:
         return str(error)
     return None

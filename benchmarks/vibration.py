@@ -15,9 +15,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks._imu_methods import methods
 from pinotwin.imu.reconstruct import high_passed
 from pinotwin.machine import Machine
-from pinotwin.reconstruction import Settings, Vibration, reconstruct_vibration
+from pinotwin.reconstruction import Vibration, reconstruct_vibration
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu, sensor
 from pinotwin.virtual.trajectories import random_trajectory
@@ -76,7 +77,7 @@ def show(name: str, e: Mapping[str, float], extra: str = "") -> None:
 def single(machine: Machine, vm: VirtualMachine, name: str, seed: int, seconds: float) -> dict[str, float]:
     """Print and return what one run with one IMU is off by: see :func:`errors`; clock [us], skew [ppm], gyro scale."""
     log, imu, true = run(vm, seed, seed, seconds)
-    found = reconstruct_vibration(machine, log, imu[0], settings=Settings(methods=False))
+    found = reconstruct_vibration(machine, log, imu[0])
     part, own = found.sensors[0].runs[0].found, sensor(vm.truth.seed, 1, seed)
     z_scale = (part.scale - own.gyro.scale) / part.scale_se
     s = part.clock.segments[0]
@@ -113,7 +114,7 @@ def repeated(machine: Machine, vm: VirtualMachine, name: str, runs: int, seconds
             f"deflection {u.gyro_rigid:.5f}), accelerometer {u.accel:.4f} m/s² (noise {u.accel_noise:.4f}, "
             f"no deflection {u.accel_rigid:.4f})"
         )
-    for m in found.methods:
+    for m in methods(found.sensors):
         print(f"    {m.method:<12} IMUs differ by", " ".join(f"{x * DEG:.4g}" for x in m.differ))
     return e
 

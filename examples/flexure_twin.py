@@ -15,7 +15,7 @@ import numpy as np
 
 import pinotwin as pt
 from pinotwin.analysis.modal import servo_modes
-from pinotwin.reconstruction import Settings, with_vibration
+from pinotwin.reconstruction import with_vibration
 from pinotwin.report import identification_report
 from pinotwin.simulation import wide_loops
 from pinotwin.simulation.score import compare as compared
@@ -57,7 +57,7 @@ def main(seconds: float = 20.0, report: str = "", rig: pt.Machine | None = None)
     rig, vm = rig or pt.Machine.load("flexure_rig"), VirtualMachine.load("urdf/flexure_rig")
     run = vm.record(random_trajectory(vm, seconds, 11), seed=1, truth_rate=2000.0)
     log, imu = run.to_log(), record_imu(run.truth, "C_link", vm.truth.seed, 1)
-    seen = pt.reconstruct_vibration(rig, log, imu, settings=Settings(methods=False))
+    seen = pt.reconstruct_vibration(rig, log, imu)
     train = with_vibration(log, seen, row=True)
     unseen = random_trajectory(vm, seconds, 12, rig_moves.limits_c1(vm))
     other, fig = (vm.record(x, seed=2).to_log() for x in (unseen, rig_moves.zones(vm)))

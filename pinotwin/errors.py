@@ -55,16 +55,20 @@ MOST_WORDS = 30
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return a hint that names the known word nearest to ``name`` and lists the others (if not too many).
 
+    Words that contain the name come before those that are spelled like it.
+
     Args:
         name: the word that was given.
         known: the words that exist.
     """
     words = sorted(str(word) for word in known)
     folded = {word.casefold(): word for word in reversed(words)}
-    close = difflib.get_close_matches(str(name).casefold(), folded, n=6, cutoff=0.5)
-    near = [folded[word] for word in close]
+    given = str(name).casefold()
+    close = difflib.get_close_matches(given, folded, n=6, cutoff=0.5)
+    holding = sorted((w for w in folded if given and given in w), key=lambda w: (not w.startswith(given), w))
+    near = [folded[word] for word in dict.fromkeys([*holding, *close])]
     hint = f"did you mean {near[0]!r}? " if near else ""
     if len(words) > MOST_WORDS:
-        few = near or words[:6]
+        few = near[: max(6, len(holding))] or words[:6]
         return f"{hint}{'nearest' if near else 'some'} of {len(words)}: {', '.join(few)}"
     return f"{hint}known: {', '.join(words) if words else 'none'}"

@@ -76,7 +76,7 @@ def commands() -> Mapping[str, Command]:
         "vibration": Command(
             lambda k: [
                 *("vibration", "flexure_rig", "--servo", f"s{k}.csv", "--imu", f"i{k}.csv"),
-                *("--no-methods", "--out", "out.csv", "--report", "out.html"),
+                *("--out", "out.csv", "--report", "out.html"),
             ],
             ("out.csv", "out.html"),
         ),

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import pinotwin.diagnosis.rules as rules
-from pinotwin.bench.calibrate import Limit, derived, least, reached, with_value, write_rules
-from pinotwin.bench.healthy import Question, asked
+from benchmarks.questions.calibrate import Limit, derived, least, reached, with_value, write_rules
+from benchmarks.questions.healthy import Question, asked
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.errors import DataError
@@ -60,7 +60,7 @@ def test_values_are_written_where_they_are_read(tmp_path):
     shutil.copy(str(rules.__file__), file)
     for value in (1.25, 2.5):  # twice: the first table is replaced
         limits = [Limit("excess", value, (value, 0.1), 40), Limit("open_change", 3.0, (2.9,), 40)]
-        write_rules(file, limits, "python -m pinotwin.bench calibrate --seed 5", "2026-01-02")
+        write_rules(file, limits, "python -m benchmarks calibrate --seed 5", "2026-01-02")
     module = SimpleNamespace(**runpy.run_path(str(file)))
     assert module.RULES.excess == 2.5
     assert module.RULES.open_change == 3.0

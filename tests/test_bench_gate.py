@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pinotwin.bench import gate
-from pinotwin.bench.__main__ import main
-from pinotwin.bench.gate import CHECKS, Check, checks, run_gate
-from pinotwin.bench.healthy import Question
+from benchmarks.questions import gate
+from benchmarks.questions.__main__ import main
+from benchmarks.questions.gate import CHECKS, Check, checks, run_gate
+from benchmarks.questions.healthy import Question
 
 RIPPLE = Check(Question("own", "emps", "structure", 8), "ripple", "X", 0.02)
 

@@ -8,10 +8,10 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.floors import beaten, floor_scores
 from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, read_answer, same_class
 from pinotwin.bench.confusion import measured
-from pinotwin.bench.floor_scores import beaten, floor_scores
 from pinotwin.bench.real import Line
 from pinotwin.bench.scoring import Bound, rows
 from pinotwin.bench.statistics import Share, calibration
@@ -186,17 +186,14 @@ def test_shrink_promised_and_delivered():
 
 
 def test_floors_are_held_to_our_own_rate_of_false_alarms():
-    def floored(a, effect, score):
-        return dataclasses.replace(a, floors={"pursuit": (effect, "X", score)})
-
-    answers = [floored(healthy(), "delay", s) for s in (0.1, 0.2, 0.3, 0.9)]
+    answers = [healthy() for _ in range(4)]
     answers[0] = dataclasses.replace(answers[0], named=(("delay", "X", 0.9),))
-    answers += [
-        floored(made(named=(STRIBECK,)), "stribeck", 0.5),
-        floored(made(named=(STRIBECK,)), "stribeck", 0.25),
-        floored(made(named=(STRIBECK,)), "delay", 0.95),
-    ]
-    ours, floor = floor_scores(answers)
+    answers += [made(named=(STRIBECK,)) for _ in range(3)]
+    answers = [dataclasses.replace(a, number=k) for k, a in enumerate(answers)]
+    said = [("delay", s) for s in (0.1, 0.2, 0.3, 0.9)]
+    said += [("stribeck", 0.5), ("stribeck", 0.25), ("delay", 0.95)]
+    picks = {k: {"pursuit": (effect, "X", score)} for k, (effect, score) in enumerate(said)}
+    ours, floor = floor_scores(answers, picks)
     assert ours.alarms == Share(1, 4)
     assert ours.visible == Share(3, 3)
     assert floor.threshold == 0.3  # one of four lies above it
@@ -222,7 +219,6 @@ def test_an_answer_survives_its_line_of_json():
     one = made(
         named=(STRIBECK,),
         shrink=None,
-        floors={"pursuit": ("delay", "X", 0.5)},
         confusable=(("X.a", "X.b"),),
     )
     assert read_answer(json.loads(json.dumps(plain(dataclasses.asdict(one))))) == one
@@ -282,7 +278,6 @@ def test_the_page_holds_the_table_the_matrices_and_escapes(bench):
         "Scores",
         "What is taken for what",
         "How far a stated probability",
-        "What others would do",
         "Real recordings",
         "Diagnoses that broke off",
     ):

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import runpy
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
 from importlib import metadata
 from pathlib import Path
 
 import pytest
+import yaml
 
 from pinotwin import __version__
 from pinotwin.machine import machines
@@ -44,7 +48,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     source.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
     for name in ("pinotwin", "urdf"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -73,6 +77,57 @@ def test_every_module_and_machine_is_in_the_wheel(wheel: Path) -> None:
         if p.is_file()
     }
     assert inside == expected
+
+
+def test_the_index_page_has_no_picture_and_no_link_that_leads_nowhere(wheel: Path) -> None:
+    archive = zipfile.ZipFile(wheel)
+    (name,) = (n for n in archive.namelist() if n.endswith(".dist-info/METADATA"))
+    page = archive.read(name).decode()
+    assert "Description-Content-Type: text/markdown" in page
+    assert re.findall(r"\]\((?!https?:|#)[^)]+\)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert re.findall(r"\]\((?!https?:|#)[^)]+\)", page) == []
+    assert re.search("^Project-URL:", page, re.MULTILINE)
+    assert re.search("^Classifier: ", page, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("repository", "expected"),
+    [
+        (None, "See  docs and [a](https://b.c), [d](#e)."),
+        (
+            "//h",
+            "See ![pic](//h/raw/HEAD/i.png) [docs](//h/blob/HEAD/d.md) and [a](https://b.c), [d](#e).",
+        ),
+    ],
+)
+def test_pictures_and_links_lead_to_the_repository_or_go(repository: str | None, expected: str) -> None:
+    setup = runpy.run_path(str(ROOT / "setup.py"))
+    text = "See ![pic](i.png) [docs](d.md) and [a](https://b.c), [d](#e)."
+    assert setup["index_page"](text, repository) == expected
+
+
+def test_the_container_is_for_the_python_and_the_files_that_are_here() -> None:
+    lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
+    steps = [line.split(maxsplit=1) for line in lines if line and not line.startswith("#")]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (base,) = (rest for word, rest in steps if word == "FROM")
+    assert base == f"python:{project['requires-python'].removeprefix('>=')}-slim"
+    (entry,) = (rest for word, rest in steps if word == "ENTRYPOINT")
+    assert json.loads(entry)[0] in project["scripts"]
+    words = [word for word, _ in steps]
+    assert words.index("USER") > max(k for k, word in enumerate(words) if word == "RUN")
+    (install,) = (rest for word, rest in steps if word == "RUN" and "pip install" in rest)
+    assert (ROOT / install.split("-c /src/")[1].split()[0]).is_file()
+    ignored = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
+    assert ".venv" in ignored
+
+
+def test_the_citation_and_the_package_agree() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert cited["version"] == project["version"] == __version__
+    assert cited["license"] == project["license"]
+    assert cited["abstract"] == project["description"]
 
 
 def test_the_installed_package_lists_and_loads_its_machines(wheel: Path, tmp_path: Path) -> None:

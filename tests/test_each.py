@@ -143,7 +143,7 @@ def _asked(shop: Path, seed: int) -> each.Asked:
 def _arguments(shop: Path, seed: int):
     import argparse
 
-    return argparse.Namespace(logs=[str(p) for p in _logs(shop)[:3]], scheduler=None, seed=seed)
+    return argparse.Namespace(logs=[str(p) for p in _logs(shop)[:3]], seed=seed)
 
 
 def dies(log: str, asked: each.Asked):
@@ -220,7 +220,7 @@ def _run(tmp_path: Path, work: each.Work, *names: str) -> int:
         logs=[str(tmp_path / f"{name}.csv") for name in names],
         out=str(tmp_path / "out"),
         **{"validate": [], "resample": None, "quick": True, "seed": 0, "meshes": None, "json": None},
-        **{"scheduler": None, "workers": None, "fail_on_gap": False},
+        **{"workers": None, "fail_on_gap": False},
     )
     return each.run_each(args, work)
 
@@ -258,7 +258,7 @@ def _jobs(tmp_path: Path, logs: list[str]) -> list[each.Job]:
     import argparse
 
     asked = each.Asked("emps", (), None, True, 0, None)
-    return each.jobs_of(argparse.Namespace(logs=logs, scheduler=None), asked, tmp_path / "out")
+    return each.jobs_of(argparse.Namespace(logs=logs), asked, tmp_path / "out")
 
 
 @pytest.mark.usefixtures("in_this_process")

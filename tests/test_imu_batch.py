@@ -10,14 +10,14 @@ import pytest
 from scipy.signal import lsim
 from scipy.spatial.transform import Rotation
 
+from benchmarks._imu_methods import baselines, joint_angles, naive
 from pinotwin.errors import DataError
 from pinotwin.imu import batch
 from pinotwin.imu import rotation as rot
 from pinotwin.imu.averaging import combine
-from pinotwin.imu.baselines import baselines
 from pinotwin.imu.clock import SyncSettings, sync
 from pinotwin.imu.mode import decay, respond
-from pinotwin.imu.reconstruct import high_passed, joint_angles, naive
+from pinotwin.imu.reconstruct import high_passed
 from pinotwin.imu.result import BatchResult, predict_readings
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.virtual.imu_sensor import GRAVITY, ImuSensor, SensorClock, mti630

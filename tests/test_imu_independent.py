@@ -19,7 +19,6 @@ from pinotwin.imu.reconstruct import high_passed
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import reconstruct_vibration
-from pinotwin.reconstruction.settings import Settings
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 DEG = np.pi / 180
@@ -92,7 +91,6 @@ def test_the_vibration_is_found(run, low_pass, cubic, velocity, angle) -> None:
         Machine.load("flexure_rig"),
         run.to_log(),
         imu_log(run, low_pass, cubic),
-        settings=Settings(methods=False),
     )
     m = found.motion
     fine = run.truth.joint("delta")

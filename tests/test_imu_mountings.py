@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks import imu_mountings as bench
 from pinotwin.errors import DataError
-from pinotwin.reconstruction import Settings, reconstruct_vibration
+from pinotwin.reconstruction import reconstruct_vibration
 from pinotwin.solve.sandwich import at_least, left_out
 from pinotwin.virtual.recording import Recording
 from pinotwin.virtual.trajectories import random_trajectory
@@ -53,7 +53,7 @@ def test_a_joint_that_hardly_deflects_is_refused() -> None:
     machine, _ = bench.rig()
     imu = bench.read(bench.mounted(5), gentle(), 5)
     with pytest.raises(DataError, match=r"hardly deflects.*move the axes that shake it"):
-        reconstruct_vibration(machine, gentle().to_log(), imu, settings=Settings(methods=False))
+        reconstruct_vibration(machine, gentle().to_log(), imu)
 
 
 def test_leaving_out_blocks_states_the_scatter_of_a_fit_with_correlated_noise() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pydoc
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import pinotwin as pt
 from pinotwin.cli.main import COMMANDS, EXAMPLES, main
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.result import Gap
+from pinotwin.errors import nearest
 from pinotwin.logs.prepare import prepare
 from tests.conftest import ROOT
 from tests.simulated import known_twin, plain_machine, smooth_command
@@ -191,3 +194,42 @@ def test_docs_and_examples_take_public_names_through_the_front_door():
     assert [
         p.name for p, text in texts.items() if re.search(r"pt\.(identify|diagnose|check)\(\"", text)
     ] == []
+
+
+@pytest.mark.parametrize(
+    ("given", "first"),
+    [("diagnos", "diagnose"), ("bration", "vibration"), ("PORT", "export"), ("identfy", "identify")],
+)
+def test_an_unknown_command_is_answered_with_those_that_contain_it_first(given, first, capfd) -> None:
+    assert main([given, "trunnion"]) == 2
+    assert f"no command {given!r}; did you mean {first!r}?" in capfd.readouterr().err
+
+
+def test_names_that_contain_what_was_given_come_before_those_spelled_like_it() -> None:
+    words = [f"word{k}" for k in range(30)] + ["talos_reduced", "full_talos_v2", "tales", "TALOS_arm"]
+    assert nearest("talos", words).startswith(
+        "did you mean 'TALOS_arm'? nearest of 34: TALOS_arm, talos_reduced, full_talos_v2, tales"
+    )
+    assert nearest("", words).startswith("some of 34")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh", "fish"])
+def test_a_shell_completes_every_command_and_its_options(shell: str, capfd) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--print-completion", shell])
+    assert ended.value.code == 0
+    script = capfd.readouterr().out
+    assert all(command in script for command in COMMANDS)
+    assert "fail-on-gap" in script
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+def test_bash_completes_a_command_and_a_file(tmp_path: Path, capfd) -> None:
+    with pytest.raises(SystemExit):
+        main(["--print-completion", "bash"])
+    (tmp_path / "completion").write_text(capfd.readouterr().out)
+    (tmp_path / "monday.csv").touch()
+    ask = 'COMP_WORDS=(pinotwin {}); COMP_CWORD={}; _shtab_pinotwin; echo "${{COMPREPLY[@]}}"\n'
+    script = "source ./completion\n" + ask.format("diag", 1) + ask.format("check trunnion mon", 3)
+    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["diagnose", "monday.csv"]

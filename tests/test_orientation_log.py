@@ -142,3 +142,17 @@ def _rate_error(q: np.ndarray, w: np.ndarray) -> float:
     turn = 400.0 * rot.log(rot.multiply(rot.conjugate(q[:-1]), q[1:]))
     error = (turn - rot.increments(w, 1 / 400.0) * 400.0)[400:-400]
     return float(np.degrees(np.sqrt(np.mean(error**2))))
+
+
+def test_vqf_is_the_default_of_the_command_and_of_python(tmp_path) -> None:
+    _, channels = swinging()
+    write_log(tmp_path / "imu.csv", channels)
+    written = []
+    for more in ([], ["--method", "vqf"], ["--method", "offline"]):
+        out = tmp_path / f"o{len(written)}.csv"
+        assert main(["orientation", str(tmp_path / "imu.csv"), "--out", str(out), *more]) == 0
+        written.append(out.read_text())
+    assert written[0] == written[1] != written[2]
+    np.testing.assert_array_equal(
+        orientation_of_log(Log(channels)).q, orientation_of_log(Log(channels), "vqf").q
+    )

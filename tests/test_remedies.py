@@ -31,16 +31,15 @@ from pinotwin.machine.sections import LOOP_KEYS
 from tests.rig import YAML, good_log, write_machine
 
 PACKAGE = Path(pt.__file__).parent
-OTHERS = ("dask", "pip", "mcap", "ros2", "xacro", "npm", "apt")  # commands of other programs
+OTHERS = ("pip", "mcap", "ros2", "xacro", "npm", "apt")  # commands of other programs
 PAGES = ("report/style.py", "report/script.py", "viewer/")  # CSS has --names of its own
-CALLERS = ("bench/elsewhere.py",)  # hands options to scripts that are not ours
 
 
 def messages() -> Iterator[tuple[str, str, frozenset[str]]]:
     """Yield file, text with {} for values, and the names of arguments in that module."""
     for path in sorted(PACKAGE.rglob("*.py")):
         where = path.relative_to(PACKAGE).as_posix()
-        if where.startswith((*PAGES, *CALLERS)):
+        if where.startswith(PAGES):
             continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         arguments = frozenset(n.arg for n in ast.walk(tree) if isinstance(n, ast.arg))
@@ -73,13 +72,6 @@ def options(command: str) -> frozenset[str]:
 
 
 @functools.cache
-def declared(where: str) -> frozenset[str]:
-    """Return the options that a module outside ``cli`` declares for itself (``python -m pinotwin.bench``)."""
-    text = (PACKAGE / where).read_text(encoding="utf-8") if (PACKAGE / where).is_file() else ""
-    return frozenset(re.findall(r'\.add_argument\("(--[a-z-]+)"', text))
-
-
-@functools.cache
 def keys() -> frozenset[str]:
     """Return every key that machine.yaml may hold: the tables, and what ``check_keys`` is given in the source."""
     out = {*KEYS, *AXIS_KEYS, *LOOP_KEYS, *LISTED}
@@ -99,7 +91,7 @@ def keys() -> frozenset[str]:
 def wrong(where: str, text: str, arguments: frozenset[str] = frozenset()) -> list[str]:
     """Return what a text tells its reader to use that does not exist."""
     out = []
-    every = frozenset().union(*(options(c) for c in COMMANDS)) | {"--help", "--version"} | declared(where)
+    every = frozenset().union(*(options(c) for c in COMMANDS)) | {"--help", "--version", "--print-completion"}
     own = where.removeprefix("cli/").removesuffix(".py")
     rest = text
     for quoted in re.findall(r"(?<!`)`([^`\n]+)`(?!`)", text):
@@ -187,7 +179,7 @@ def test_the_net_has_no_holes() -> None:
         "give `loop: {A: {real_poles: 3}}`",
         "`pinotwin identify --resample 5`",
         "lower `min_speed`",
-        "start one with `dask scheduler --port 1`",
+        "start one with `mcap recover --port 1`",
         "give columns.{}.factor",
     ):
         assert wrong("logs/check.py", text) == [], text

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import inspect
 import statistics
 from collections.abc import Iterator
 from pathlib import Path
+from types import FunctionType
 
 import pytest
 
 from tests.conftest import ROOT
 
 FILES = sorted((ROOT / "pinotwin").rglob("*.py"))
+METHODS = (FunctionType, classmethod, staticmethod, property)
 FUNCTION_LINES, MEDIAN_FUNCTION = 60, 15
 
 # Function -> (lines, why it is not shorter). Empty is best; a number may only fall.
@@ -80,3 +84,17 @@ def test_the_limits_bite() -> None:
     (node,) = tree.body
     assert isinstance(node, ast.FunctionDef)
     assert length(node) == 71 > FUNCTION_LINES
+
+
+def test_a_public_method_has_a_docstring_or_its_base_has() -> None:
+    """Ruff's D102 asks for one where the base says it already, too."""
+    missing = []
+    for path in (p for p in FILES if not p.name.startswith("__")):
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        classes = inspect.getmembers(importlib.import_module(name), inspect.isclass)
+        for kind in (x for _, x in classes if x.__module__ == name and not x.__name__.startswith("_")):
+            methods = (n for n, x in vars(kind).items() if isinstance(x, METHODS) and not n.startswith("_"))
+            missing += [
+                f"{name}.{kind.__name__}.{n}" for n in methods if not inspect.getdoc(getattr(kind, n))
+            ]
+    assert missing == []

@@ -13,7 +13,7 @@ from pinotwin.identification import identify
 from pinotwin.imu.reconstruct import high_passed
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.reconstruction import Settings, Vibration, identify_flexible, reconstruct_vibration
+from pinotwin.reconstruction import Vibration, identify_flexible, reconstruct_vibration
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.folder import read_folder
 from pinotwin.virtual.imu import record_imu
@@ -39,7 +39,7 @@ def reconstructed() -> tuple[Log, Vibration]:
     np.testing.assert_allclose(vm.tables().springs[0, :2], [STIFFNESS, DAMPING], rtol=1e-4)
     run = vm.record(random_trajectory(vm, 14.0, 11), seed=1, truth_rate=2000.0)
     log, imu = run.to_log(), record_imu(run.truth, "C_link", vm.truth.seed, 1)
-    return log, reconstruct_vibration(machine(), log, imu, settings=Settings(methods=False))
+    return log, reconstruct_vibration(machine(), log, imu)
 
 
 def test_flexible_plant_and_its_spring() -> None:
@@ -71,9 +71,7 @@ def test_hysteresis_and_hardening_are_found() -> None:
     vm = VirtualMachine.build(replace(folder, truth=truth))
     run = vm.record(random_trajectory(vm, 10.0, 2), seed=2, truth_rate=2000.0)
     imu = record_imu(run.truth, "C_link", vm.truth.seed, 2)
-    found = reconstruct_vibration(
-        Machine.load("flexure_rig"), run.to_log(), imu, settings=Settings(methods=False)
-    )
+    found = reconstruct_vibration(Machine.load("flexure_rig"), run.to_log(), imu)
     m, (q, v, a) = found.motion, (x[::5] for x in run.truth.joint("delta"))
     true = high_passed(m.t, q, 0.5)
     angle = np.std(high_passed(m.t, m.q, 0.5) - true)

@@ -141,14 +141,18 @@ try:
     else:
         with whole_folder(sys.argv[2]) as part:
             (part / "a.txt").write_text("new")
-            (part / "b.txt").write_text("x" * 10_000)
+            if sys.argv[1] == "folder":
+                (part / "b.txt").write_text("x" * 10_000)
+            else:  # a file of the folder that is written whole or not at all itself
+                with whole_file(part / "b.txt") as inner:
+                    inner.write_text("x" * 10_000)
 except InputError as error:
     print(error)
     sys.exit(2)
 """
 
 
-@pytest.mark.parametrize("kind", ["file", "folder"])
+@pytest.mark.parametrize("kind", ["file", "folder", "file in a folder"])
 def test_a_disk_that_is_full_costs_nothing(tmp_path: Path, kind: str) -> None:
     target = tmp_path / "out"
     place = target if kind == "file" else target / "a.txt"
@@ -156,7 +160,7 @@ def test_a_disk_that_is_full_costs_nothing(tmp_path: Path, kind: str) -> None:
     done = subprocess.run([sys.executable, "-c", FULL, kind, str(target)], capture_output=True, text=True)
     assert done.returncode == 2, done.stderr
     assert done.stdout.count("\n") == 1
-    assert "cannot be written: File too large; the earlier one is kept" in done.stdout
+    assert f"{target}: cannot be written: File too large; the earlier one is kept" in done.stdout
     assert place.read_text() == "old"
     assert litter(tmp_path) == []
 

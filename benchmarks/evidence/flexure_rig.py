@@ -10,7 +10,7 @@ from __future__ import annotations
 import pinotwin as pt
 from benchmarks.evidence import virtual
 from benchmarks.evidence.store import Figure
-from pinotwin.reconstruction import Settings, reconstruct_vibration, with_vibration
+from pinotwin.reconstruction import reconstruct_vibration, with_vibration
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.imu import record_imu
 
@@ -29,5 +29,5 @@ def _with_imu(rig: VirtualMachine, seed: int) -> pt.Log:
     """Return a servo log with the vibration that an IMU on the table shows."""
     run = rig.record(random_trajectory(rig, virtual.SECONDS, seed), seed=seed, truth_rate=TRUTH_RATE)
     log, imu = run.to_log(), record_imu(run.truth, "C_link", rig.truth.seed, seed)
-    seen = reconstruct_vibration(pt.Machine.load("flexure_rig"), log, imu, settings=Settings(methods=False))
+    seen = reconstruct_vibration(pt.Machine.load("flexure_rig"), log, imu)
     return with_vibration(log, seen, row=True)

@@ -1,6 +1,6 @@
 """Inclination of an IMU alone, on four trials of BROAD (real, optical reference): RMS error while it moves.
 
-`pinotwin orientation` by its default, beside VQF (offline) and the source's filter, in the same run.
+`pinotwin orientation --method offline`, beside VQF (its default) and the source's filter, in the same run.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.evidence.store import Figure
 from benchmarks.vibration import rig
 from pinotwin.machine import Machine
-from pinotwin.reconstruction import Settings, identify_flexible, reconstruct_vibration
+from pinotwin.reconstruction import identify_flexible, reconstruct_vibration
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
 from pinotwin.virtual.trajectories import random_trajectory
@@ -49,7 +49,7 @@ def off(virtual: VirtualMachine, seed: int) -> dict[str, tuple[float, float]]:
     machine, truth = Machine.load("flexure_rig"), virtual.tables().springs[0, :2]
     run = virtual.record(random_trajectory(virtual, 14.0, 200 + seed), seed=seed, truth_rate=2000.0)
     log, imu = run.to_log(), record_imu(run.truth, "C_link", virtual.truth.seed, seed)
-    found = reconstruct_vibration(machine, log, imu, settings=Settings(methods=False))
+    found = reconstruct_vibration(machine, log, imu)
     spring = identify_flexible(machine, log, found)
     both = zip("kc", (spring.stiffness, spring.damping), truth, strict=True)
     return {name: (x.value / true - 1.0, (x.value - true) / x.error) for name, x, true in both}

@@ -17,12 +17,12 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, false_discovery_control
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import known
@@ -290,10 +290,10 @@ def _chance(values: Floats, errors: Floats) -> float:
 
 def _discoveries(rows: Sequence[Row]) -> tuple[Row, ...]:
     """Mark the rows that moved, at the stated rate of false discoveries."""
-    p = np.sort([row.p for row in rows if np.isfinite(row.p)])
-    below = p <= FALSE_DISCOVERIES * np.arange(1, len(p) + 1) / max(len(p), 1)
-    limit = p[np.flatnonzero(below)[-1]] if below.any() else -1.0
-    return tuple(Row(r.name, r.effect, r.unit, r.values, r.errors, r.p, bool(r.p <= limit)) for r in rows)
+    asked = [k for k, row in enumerate(rows) if np.isfinite(row.p)]
+    rate = false_discovery_control([rows[k].p for k in asked]) if asked else []
+    moved = {k for k, value in zip(asked, rate, strict=True) if value <= FALSE_DISCOVERIES}
+    return tuple(replace(row, moved=k in moved) for k, row in enumerate(rows))
 
 
 def _errors(twins: Sequence[Twin], labels: Sequence[str], log: Any) -> tuple[dict[str, Any], tuple[str, ...]]:

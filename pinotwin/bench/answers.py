@@ -38,7 +38,6 @@ class Answer:
         confusable: groups that the diagnosis calls inseparable, as ``axis.effect``.
         shrink: of the first one, or None: delivered share, its 90 % interval, promised share, and the
             promise's own interval where it has one.
-        floors: peer -> (effect, axis, score).
         seconds: stage -> time it took [s].
         form: what the model's laws cannot follow of a healthy machine, over the noise.
         oracle: what the true course of the weakest effect moves, over the least asked for; see bench.oracle.
@@ -58,7 +57,6 @@ class Answer:
     stated: tuple[Key, ...] = ()
     confusable: tuple[tuple[str, ...], ...] = ()
     shrink: Mapping[str, Any] | None = None
-    floors: Mapping[str, tuple[str, str | None, float]] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     form: float = 0.0
     oracle: float | None = None
@@ -115,7 +113,6 @@ def noted(
     found: Diagnosis,
     made: Produced,
     seconds: Mapping[str, float],
-    floors: Mapping[str, Any],
     oracle: float | None = None,
 ) -> Answer:
     """Return what a diagnosis said about a case."""
@@ -128,7 +125,6 @@ def noted(
         stated=_stated(found),
         confusable=tuple(tuple(g) for g in found.confusable),
         shrink=_shrink(found),
-        floors=floors,
         seconds=seconds,
         form=made.form,
         oracle=oracle,
@@ -186,7 +182,6 @@ def read_answer(raw: Mapping[str, Any]) -> Answer:
     """Return an answer from its JSON."""
     known = {f.name for f in dataclasses.fields(Answer)}
     values = {k: _tuples(v) if isinstance(v, list) else v for k, v in raw.items() if k in known}
-    values["floors"] = {k: tuple(v) for k, v in (raw.get("floors") or {}).items() if v}
     return Answer(**values)
 
 

@@ -1,109 +1,120 @@
-"""One function over many items in many processes (Dask distributed): a dead worker costs a retry, no answer.
+"""One function over many items in many processes: a dead worker costs a retry, no answer.
 
-By default the processes are of this computer and end with it; with a scheduler's address the work goes there.
+Every process is an executor of its own, so that one that dies accuses the item it worked on and no other. All of
+them hold the reading end of a pipe whose other end is this process's: it closes when the work is over or this
+process is killed, and they end.
 """
 
 from __future__ import annotations
 
-import logging
+import os
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import Pipe, get_context
+from multiprocessing.connection import Connection
 from typing import Any
-
-from pinotwin.errors import InputError
-
-PATIENCE = "10s"
-"""How long a scheduler may take to answer."""
 
 Each = Callable[[Callable[[Any], Any], Sequence[Any], float | None], Iterator[tuple[Any, Any]]]
 """Takes a function, items and a time after which none is begun; yields items with result or exception."""
 
 
+class KilledWorker(Exception):
+    """The process that worked on an item died, the second time while it worked alone."""
+
+
 @contextmanager
-def engine(workers: int, scheduler: str | None = None, *, apart: bool = False) -> Iterator[Each]:
+def engine(workers: int, *, apart: bool = False) -> Iterator[Each]:
     """Yield what works on items, as they come, each with its result or the exception that it ended in.
 
     Args:
-        workers: processes of this computer; with 1 and no scheduler the work is done in this process.
-        scheduler: address of a running Dask scheduler, such as ``tcp://10.0.0.5:8786``.
+        workers: processes; with 1 the work is done in this process.
         apart: a single worker is a process of its own, too: it may die without this one.
-
-    Raises:
-        InputError: nothing answers at that address.
     """
-    if workers <= 1 and scheduler is None and not apart:
-        yield _here
+    if workers <= 1 and not apart:
+        with ThreadPoolExecutor(1) as pool:  # holds what an item ends in, as a process's future does
+            yield lambda function, items, end: _work([_Worker(lambda: pool)], function, items, end)
         return
-    from distributed import Client, LocalCluster
+    here, there = Pipe(duplex=False)
+    team = [_Worker(lambda: _process(here)) for _ in range(workers)]
 
-    with ExitStack() as stack:
-        if scheduler is None:
-            cluster = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                # no page, and any free port for it: the usual one may be another cluster's
-                scheduler_kwargs={
-                    "dashboard": False,
-                    "dashboard_address": "127.0.0.1:0",
-                    "allowed_failures": 1,  # and again alone, see _there
-                },
-                silence_logs=logging.CRITICAL,
-            )
-            client = stack.enter_context(Client(stack.enter_context(cluster)))
-        else:
-            try:
-                client = stack.enter_context(Client(scheduler, timeout=PATIENCE))
-            except (OSError, ValueError) as error:
-                raise InputError(
-                    f"--scheduler: {scheduler}: no Dask scheduler answers ({error}); start one with "
-                    "`dask scheduler`, and `dask worker ADDRESS`"
-                ) from None
+    def each(
+        function: Callable[[Any], Any], items: Sequence[Any], end: float | None
+    ) -> Iterator[tuple[Any, Any]]:
+        died = []
+        for item, result in _work(team, function, items, end):
+            if isinstance(result, KilledWorker):
+                died.append(item)  # perhaps for want of memory: it is done again, alone
+            else:
+                yield item, result
+        yield from _work(team[:1], function, died, end)
 
-        def there(
-            function: Callable[[Any], Any], items: Sequence[Any], end: float | None
-        ) -> Iterator[tuple[Any, Any]]:
-            return _there(client, function, items, end)
-
-        yield there
+    try:
+        yield each
+    finally:
+        there.close()
+        for worker in team:
+            worker.pool.shutdown()
+        here.close()
 
 
-def _here(
-    function: Callable[[Any], Any], items: Sequence[Any], end: float | None
+class _Worker:
+    """An executor of one worker, replaced when that dies."""
+
+    def __init__(self, make: Callable[[], Executor]) -> None:
+        self.make, self.pool = make, make()
+
+    def begin(self, function: Callable[[Any], Any], item: Any) -> Future[Any]:
+        try:
+            return self.pool.submit(function, item)
+        except BrokenProcessPool:
+            self.pool.shutdown()
+            self.pool = self.make()
+            return self.pool.submit(function, item)
+
+
+def _process(parent: Connection) -> ProcessPoolExecutor:
+    context = get_context("spawn")
+    return ProcessPoolExecutor(1, mp_context=context, initializer=_end_with, initargs=(parent,))
+
+
+def _end_with(parent: Connection) -> None:
+    """Let this process end when its parent closes the pipe or dies, and leave Ctrl-C to the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        parent.poll(None)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _work(
+    team: Sequence[_Worker], function: Callable[[Any], Any], items: Sequence[Any], end: float | None
 ) -> Iterator[tuple[Any, Any]]:
-    with ThreadPoolExecutor(1) as pool:  # holds what an item ends in, as a worker's future does
-        for item in items:
-            if end is not None and time.monotonic() > end:
-                return
-            job = pool.submit(function, item)
-            yield item, job.exception() or job.result()
-
-
-def _there(
-    client: Any, function: Callable[[Any], Any], items: Sequence[Any], end: float | None
-) -> Iterator[tuple[Any, Any]]:
-    """Yield items with what they end in; those whose workers died are done once more, one by one."""
-    from distributed import KilledWorker, wait
-
-    room = 1 + max(1, sum(client.nthreads().values()))
-    running: dict[Any, Any] = {}
-    waiting = list(items)[::-1]
-    accused: list[Any] = []
-    alone = False
-    while running or waiting or accused:
-        if not running and not waiting:
-            waiting, accused, alone = accused[::-1], [], True
-        late = end is not None and time.monotonic() > end
-        while waiting and not late and len(running) < (1 if alone else room):
-            item = waiting.pop()
-            running[client.submit(function, item, pure=False)] = item
+    waiting, free = list(items)[::-1], list(team)
+    running: dict[Future[Any], tuple[_Worker, Any]] = {}
+    while True:
+        while waiting and free and not (end is not None and time.monotonic() > end):
+            worker, item = free.pop(), waiting.pop()
+            running[worker.begin(function, item)] = worker, item
         if not running:
             return
-        for job in wait(list(running), return_when="FIRST_COMPLETED").done:
-            item = running.pop(job)
+        for job in wait(running, return_when=FIRST_COMPLETED).done:
+            worker, item = running.pop(job)
+            free.append(worker)
             error = job.exception()
-            if isinstance(error, KilledWorker) and not alone:
-                accused.append(item)  # or it waited on a worker that another item killed: it is asked alone
-            else:
-                yield item, job.result() if error is None else error.with_traceback(job.traceback())
+            if isinstance(error, BrokenProcessPool):
+                error = KilledWorker(str(error))
+            yield item, error or job.result()

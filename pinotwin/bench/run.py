@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import fcntl
 import functools
 import json
 import os
@@ -24,12 +23,12 @@ from pinotwin.bench.answers import Answer, failed, noted, read_answer
 from pinotwin.bench.cases import Case
 from pinotwin.bench.engine import Each, engine
 from pinotwin.bench.fingerprint import fingerprint
-from pinotwin.bench.floors import floors
 from pinotwin.bench.oracle import evidence
 from pinotwin.bench.produce import SECONDS, Sealed, produce
 from pinotwin.bench.twins import healthy_twin, make_twin
 from pinotwin.diagnosis import Diagnosis, diagnose
 from pinotwin.system.threads import one_blas_thread
+from pinotwin.system.writing import held
 from pinotwin.twin import Twin
 
 Report = Callable[[str, float], None]
@@ -45,7 +44,6 @@ class Plan:
         workers: processes.
         minutes: no case is begun after so long; None for no limit.
         quick: screen only.
-        scheduler: address of a running Dask scheduler; None for workers of this computer.
     """
 
     folder: Path
@@ -53,7 +51,6 @@ class Plan:
     workers: int = 2
     minutes: float | None = None
     quick: bool = False
-    scheduler: str | None = None
 
     @property
     def file(self) -> Path:
@@ -81,17 +78,10 @@ def answer(case: Case, plan: Plan) -> Answer:
     ready = time.perf_counter()
     found = blindly(made.sealed, twin, case, plan.quick)
     said = time.perf_counter()
-    peers = floors(case, made.sealed, twin)
-    scored = time.perf_counter()
     best = evidence(made, twin)
     end = time.perf_counter()
-    spent = {
-        "produce": ready - start,
-        "diagnose": said - ready,
-        "floors": scored - said,
-        "oracle": end - scored,
-    }
-    return noted(case, found, made, spent, peers, best)
+    spent = {"produce": ready - start, "diagnose": said - ready, "oracle": end - said}
+    return noted(case, found, made, spent, best)
 
 
 def blindly(sealed: Sealed, twin: Twin | None, case: Case, quick: bool) -> Diagnosis:
@@ -142,8 +132,7 @@ def written(file: Path) -> dict[str, Answer]:
 def append(file: Path, key: str, said: Answer) -> None:
     """Add a line to the answers; one that broke off before it, or another process, does not spoil it."""
     line = json.dumps({"key": key, **plain(dataclasses.asdict(said))}) + "\n"
-    with file.open("a+b") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
+    with file.open("a+b") as stream, held(file):
         end = stream.seek(0, os.SEEK_END)
         if end:
             stream.seek(end - 1)
@@ -156,7 +145,7 @@ def _answers(cases: Sequence[Case], plan: Plan, tell: Report) -> Iterator[tuple[
     if not cases:
         return
     end = None if plan.minutes is None else time.monotonic() + 60.0 * plan.minutes
-    with engine(plan.workers, plan.scheduler) as each:
+    with engine(plan.workers) as each:
         _make_twins(cases, plan, each, tell)
         for case, said in each(functools.partial(answer, plan=plan), cases, end):
             yield case, failed(case, said) if isinstance(said, BaseException) else said

@@ -32,11 +32,11 @@ class Share:
 
     def upper(self, confidence: float = 0.95) -> float:
         """Return the exact one-sided upper bound of Clopper and Pearson 1934 (10.1093/biomet/26.4.404)."""
-        from scipy.stats import beta
+        from scipy.stats import binomtest
 
-        if self.hits >= self.of:
+        if not self.of:
             return 1.0
-        return float(beta.ppf(confidence, self.hits + 1, self.of - self.hits))
+        return float(binomtest(self.hits, self.of, alternative="less").proportion_ci(confidence).high)
 
     def lower(self, confidence: float = 0.95) -> float:
         """Return the exact one-sided lower bound."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from pinotwin.bench.answers import Answer
 from pinotwin.bench.confusion import measured
-from pinotwin.bench.floor_scores import FloorScore, beaten, floor_scores
 from pinotwin.bench.real import Line
 from pinotwin.bench.scoring import VISIBLE, Bound, Row, confidence, rows
 from pinotwin.bench.statistics import Calibration, Share
@@ -42,10 +41,6 @@ class Bench:
         """Return the table of scores."""
         return rows(self.answers)
 
-    def floors(self) -> list[FloorScore]:
-        """Return ours beside the floors."""
-        return floor_scores(self.answers)
-
     def calibration(self) -> Calibration | None:
         """Return the calibration of all first answers."""
         return confidence(self.answers)
@@ -63,14 +58,11 @@ class Bench:
     def document(self) -> dict[str, Any]:
         """Return everything, for JSON and for the page."""
         found = self.calibration()
-        floors = self.floors()
         return {
             "cases": self.kinds(),
             "planned": self.planned,
             "machines": sorted({a.machine for a in self.answers}),
             "scores": [_plain_row(row) for row in self.rows()],
-            "floors": [dataclasses.asdict(f) for f in floors],
-            "beats_floors": beaten(floors),
             "calibration": None if found is None else dataclasses.asdict(found),
             "confusion": measured(self.visible),
             "real": [dataclasses.asdict(line) for line in self.real],
@@ -102,11 +94,6 @@ def markdown(bench: Bench) -> str:
             )
             for r in bench.rows()
         ],
-    )
-    out += ["", "## Floors at the same rate of named healthy machines", ""]
-    out += _table(
-        ("method", "healthy named", "top-1, rho ≥ 0.1", "top-1, 0.02 to 0.1"),
-        [(f.name, percent(f.alarms), percent(f.visible), percent(f.faint)) for f in bench.floors()],
     )
     if bench.real:
         out += ["", "## Real recordings", ""]

@@ -36,9 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, default=8.0, help="length of every log [s] (8)")
     parser.add_argument("--workers", type=int, default=2, help="processes (2)")
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on this Dask scheduler, not on processes of this computer"
-    )
-    parser.add_argument(
         "--limit-minutes",
         type=float,
         metavar="T",
@@ -66,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(args.out)
     drawn = draw_cases(args.machines or MACHINES, args.seeds, situations=args.situations, seed=args.seed)
     cases = some(drawn, args.cases)
-    plan = Plan(folder, args.seconds, args.workers, args.limit_minutes, args.quick, args.scheduler)
+    plan = Plan(folder, args.seconds, args.workers, args.limit_minutes, args.quick)
     with progress() as report:
         answers = run_bench(cases, plan, report)
         tasks = () if args.no_real else TASKS

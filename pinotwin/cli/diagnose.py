@@ -55,9 +55,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=int, metavar="N", help="processes of --each (default: one for each processor)"
     )
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run --each on this Dask scheduler, not on this computer"
-    )
     add_meshes(parser)
     add_effects(parser)
     add_common(parser, out="folder for diagnosis.json and what goes with it", required=True)
@@ -70,9 +67,8 @@ def run(args: argparse.Namespace) -> int:
         resampled(load_subject(args.subject), args.resample)
         read_logs(args.validate)
         return run_each(args, diagnose_one)
-    for name in ("workers", "scheduler"):
-        if getattr(args, name) is not None:
-            raise InputError(f"--{name}: is for many logs; add --each, which diagnoses every log by itself")
+    if args.workers is not None:
+        raise InputError("--workers: is for many logs; add --each, which diagnoses every log by itself")
     asked = Asked.of(args)
     from pinotwin.report.saved import save_diagnosis
 

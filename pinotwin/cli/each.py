@@ -18,7 +18,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -69,16 +69,6 @@ class Asked:
         own = tuple(getattr(args, "effects", ()))
         return cls(args.subject, tuple(args.validate), args.resample, args.quick, args.seed, args.meshes, own)
 
-    def elsewhere(self) -> Asked:
-        """Return the same with absolute paths, for workers that stand in another folder."""
-        return replace(
-            self,
-            subject=_absolute(self.subject),
-            validate=tuple(map(_absolute, self.validate)),
-            effects=tuple(map(_absolute, self.effects)),
-            meshes=None if self.meshes is None else _absolute(self.meshes),
-        )
-
 
 @dataclass(frozen=True)
 class Job:
@@ -101,8 +91,6 @@ def run_each(args: argparse.Namespace, work: Work) -> int:
     started = time.monotonic()
     out = Path(args.out)
     asked = Asked.of(args)
-    if args.scheduler is not None:
-        asked, out = asked.elsewhere(), out.absolute()
     jobs = jobs_of(args, asked, out)
     for job in jobs:
         check_folder(job.folder)
@@ -138,7 +126,7 @@ def _all_done(
     if not left:
         return document
     workers = min(args.workers or os.cpu_count() or 1, len(left))
-    with progress() as report, engine(workers, args.scheduler, apart=True) as each:
+    with progress() as report, engine(workers, apart=True) as each:
         report(f"{kept} of {len(jobs)} logs", kept / len(jobs))
         for job, row in each(one, left, None):
             if isinstance(row, OutputError):
@@ -152,8 +140,6 @@ def _all_done(
 def jobs_of(args: argparse.Namespace, asked: Asked, out: Path) -> list[Job]:
     """Return what is to be diagnosed, one job a log, in the order given."""
     logs = list(dict.fromkeys(log for given in args.logs for log in logs_in(given)))
-    if args.scheduler is not None:
-        logs = [_absolute(log) for log in logs]
     common = _made_of(asked)
     return [
         Job(log, out / name, hashlib.sha256(f"{common} {_digest(log)}".encode()).hexdigest())
@@ -178,11 +164,6 @@ def _parts(log: str) -> list[Path]:
     """Return the files of a log; ``a.csv+b.csv`` names two."""
     whole = Path(log)
     return [whole] if whole.exists() or "+" not in log else [Path(p.strip()) for p in log.split("+")]
-
-
-def _absolute(text: str) -> str:
-    parts = _parts(text)
-    return "+".join(str(p.absolute()) for p in parts) if all(p.exists() for p in parts) else text
 
 
 def _names(logs: Sequence[str]) -> list[str]:

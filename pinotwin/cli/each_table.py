@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pinotwin.bench.engine import KilledWorker
 from pinotwin.cli.output import write_json
 from pinotwin.errors import PinotwinError
 from pinotwin.system.writing import write_text
@@ -89,7 +90,7 @@ def failed(log: str, error: BaseException) -> dict[str, Any]:
     """Return the row of a log whose diagnosis ended in an error; an unforeseen one keeps its traceback."""
     if isinstance(error, PinotwinError):
         return _without_answer(log, FAILED, str(error))
-    if type(error).__name__ == "KilledWorker":
+    if isinstance(error, KilledWorker):
         why = "its worker died several times: too little memory (fewer --workers), or a crash on this log"
         return _without_answer(log, FAILED, why)
     text = " ".join(f"{type(error).__name__}: {error}".split())[:300]

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from textwrap import fill
 
-from pinotwin.errors import PinotwinError
+from pinotwin.errors import PinotwinError, nearest
 
 COMMANDS: dict[str, str] = {
     "new": "start a machine folder from axes, a URDF or a name; guess the columns of a log",
@@ -46,7 +46,7 @@ EXAMPLES: dict[str, str] = {
     "diagnose": "pinotwin diagnose twin today.csv today2.csv --validate other.csv --out found",
     "force": "pinotwin force twin today.csv --out force.csv",
     "compare": "pinotwin compare twin_march twin_june --log today.csv --out moved",
-    "blind": "pinotwin blind --machines trunnion --seeds 1 --out bench",
+    "blind": "pinotwin blind --machines trunnion --cases 4 --no-real --out bench",
     "vibration": "pinotwin vibration flexure_rig --servo s.csv --imu i.csv --out vib.csv",
     "orientation": "pinotwin orientation imu.csv --out orientation.csv",
     "record": "pinotwin record trunnion --seconds 24 --inject viscous:Y=0.2 --out log.csv",
@@ -83,6 +83,24 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see `{self.prog} --help`\n")
 
 
+class _Completion(argparse.Action):
+    """Print the script by which a shell completes commands, options and file names."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, _args: object, shell: object, _name: object = ""
+    ) -> None:
+        import shtab
+
+        whole = _parser(tuple(COMMANDS))
+        (commands,) = (a for a in whole._actions if isinstance(a, argparse._SubParsersAction))
+        for command in commands.choices.values():
+            for action in command._actions:
+                if action.nargs != 0 and action.type is None and action.choices is None:
+                    action.complete = shtab.FILE
+        sys.stdout.write(shtab.complete(whole, str(shell)))
+        parser.exit()
+
+
 def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="pinotwin",
@@ -93,6 +111,9 @@ def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
     from pinotwin import __version__
 
     parser.add_argument("--version", action="version", version=f"pinotwin {__version__}")
+    shells = ("bash", "zsh", "tcsh", "fish")
+    told = "print the script for a shell's completion and exit"
+    parser.add_argument("--print-completion", choices=shells, action=_Completion, metavar="SHELL", help=told)
     sub = parser.add_subparsers(dest="verb", metavar="COMMAND", required=True, title="commands")
     for name, text in COMMANDS.items():
         if importlib.util.find_spec(f"pinotwin.cli.{name}") is None:
@@ -121,6 +142,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         _parser(()).print_help()
         return 0
     named = [w for w in words[:1] if w in COMMANDS]
+    if not named and not words[0].startswith("-"):
+        return _complain(f"no command {words[0]!r}; {nearest(words[0], COMMANDS)}")
     try:
         args = _parser(named).parse_args(words)
         _check_outputs(args)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pinotwin.log import Log
     from pinotwin.reconstruction.orientation import Orientation
 
-_METHODS = ("offline", "vqf", "smoother", "ekf")
+_METHODS = ("vqf", "offline", "smoother", "ekf")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,8 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--method",
         choices=_METHODS,
-        default="offline",
-        help="offline: smoother over the whole record (default); vqf; smoother or ekf: adaptive Kalman filter",
+        default="vqf",
+        help="vqf: offline VQF by Laidig and Seel (default); offline: our smoother over the whole record, which "
+        "has not won on recordings yet; smoother or ekf: adaptive Kalman filter",
     )
     parser.add_argument("--report", metavar="FILE", help="also write a page: angles over time (.html)")
     add_common(parser, out="orientation over time (.csv or .parquet)", required=True, file=True)

@@ -53,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="corner of the zero-phase low-pass on the encoders (100)",
     )
     parser.add_argument("--report", metavar="FILE", help="write an HTML report here")
-    parser.add_argument("--no-methods", action="store_true", help="leave out the table that compares methods")
+    parser.add_argument(
+        "--no-methods", action="store_true", help=argparse.SUPPRESS
+    )  # of scripts: no table any more
     add_effects(parser)
     add_common(parser, out="deflection on the servo clock (.csv or .parquet)", required=True, file=True)
 
@@ -72,13 +74,7 @@ def run(args: argparse.Namespace) -> int:
     machine = Machine.load(args.machine)
     servo, imu = read_logs(args.servo), read_logs(args.imu)
     imu2 = read_logs(args.imu2) if args.imu2 else None
-    settings = Settings(
-        args.joint,
-        (args.link, args.link2),
-        args.imu_cutoff,
-        args.servo_cutoff,
-        not args.no_methods,
-    )
+    settings = Settings(args.joint, (args.link, args.link2), args.imu_cutoff, args.servo_cutoff)
     with progress() as report:
         found = reconstruct_vibration(machine, servo, imu, imu2, settings=settings, report=report)
         found.save(args.out)

@@ -1,6 +1,6 @@
 """Every threshold of a decision, in one place: what it means, its unit, its value.
 
-Those in :data:`DERIVED` are limits of false alarms that ``python -m pinotwin.bench calibrate`` derives from
+Those in :data:`DERIVED` are limits of false alarms that ``python -m benchmarks calibrate`` derives from
 healthy machines of several kinds and writes here. The others were set by hand on healthy and faulty cases of
 another simulator (random machines 200 to 207, a trunnion) and of real logs (LWR4, Panda, EMPS, faults of seed 7);
 what was seen on those cases is said where it decided a value.
@@ -302,7 +302,7 @@ DERIVED: Mapping[str, tuple[float, float, int]] = {
     "size_structure": (0.011, 0.01, 25),
 }
 """Rule -> its value, what the most demanding healthy question needs, and how many questions there were."""
-COMMAND = "python -m pinotwin.bench calibrate --seed 780"
+COMMAND = "python -m benchmarks calibrate --seed 780"
 """That derived them."""
 DATE = "2026-11-25"
 """When."""

@@ -54,7 +54,6 @@ class WristCoupling(Paired):
     partner: str = field(default="", metadata={"yaml": "with"})
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         f, x = effort(self.rotary), length(self.rotary)
         return (
             Coefficient("Ia_m", f"{f}·s²/{x}", lower=0.0),
@@ -63,7 +62,6 @@ class WristCoupling(Paired):
         )
 
     def terms(self, theta: Floats) -> tuple[float, float, float]:
-        """See :meth:`Paired.terms`."""
         return float(theta[0]), float(theta[1]), float(theta[2])
 
     @classmethod
@@ -77,7 +75,6 @@ class WristCoupling(Paired):
         return tuple(cls(axis, True, partner=x) for x in partners if Sight.of(motion, x).moves)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         own, other = motion.axis(self.axis), motion.axis(self.partner)
         slide = motion.passed(np.sign(own.v + other.v))
         values = np.stack(

@@ -353,7 +353,6 @@ class AxisEffect(Effect):
         """Return the columns for that axis, shape (n, p)."""
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         assert self.axis is not None
         axis = motion.axis(self.axis)
         values = np.asarray(self.axis_columns(axis), dtype=float)

@@ -81,11 +81,9 @@ class Viscous(AxisEffect):
     rotary: bool = False
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("b", f"{effort(self.rotary)}·s/{length(self.rotary)}", lower=0.0),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         return motion.v[:, None]
 
 
@@ -110,12 +108,10 @@ class ViscousAsymmetric(AxisEffect):
     rotary: bool = False
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         unit = f"{effort(self.rotary)}·s/{length(self.rotary)}"
         return (Coefficient("b_plus", unit, lower=0.0), Coefficient("b_minus", unit, lower=0.0))
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         return np.stack([np.maximum(motion.v, 0.0), np.minimum(motion.v, 0.0)], axis=-1)
 
 
@@ -142,7 +138,6 @@ class Coulomb(Turning, AxisEffect):
     width: float | None = None
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("c", effort(self.rotary), lower=0.0),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -151,7 +146,6 @@ class Coulomb(Turning, AxisEffect):
         return (self,) if sight.both_ways else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         return self._direction(motion)[:, None]
 
 
@@ -181,17 +175,14 @@ class CoulombAsymmetric(Turning, AxisEffect):
     width: float | None = None
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         unit = effort(self.rotary)
         return (Coefficient("c_plus", unit, lower=0.0), Coefficient("c_minus", unit, lower=0.0))
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`."""
         del motion
         return (self,) if sight.both_ways else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         d = self._direction(motion)
         return np.stack([np.maximum(d, 0.0), np.minimum(d, 0.0)], axis=-1)
 
@@ -225,7 +216,6 @@ class Stribeck(Turning, AxisEffect):
     width: float | None = None
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("s", effort(self.rotary), lower=0.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
@@ -252,7 +242,6 @@ class Stribeck(Turning, AxisEffect):
         return (replace(self, exponent=1.0 if self.exponent > 1.5 else 2.0),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         fade = np.exp(-(np.abs(motion.v / self.v_s) ** self.exponent))
         return (self._direction(motion) * fade)[:, None]
 
@@ -274,12 +263,10 @@ class QuadraticDrag(AxisEffect):
     rotary: bool = False
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         unit = f"{effort(self.rotary)}·s²/{length(self.rotary)}²"
         return (Coefficient("b2", unit, lower=0.0),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         return (motion.v * np.abs(motion.v))[:, None]
 
 
@@ -314,7 +301,6 @@ class LoadFriction(Turning, Effect):
     width: float | None = None
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("mu", "-", lower=0.0),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -325,7 +311,6 @@ class LoadFriction(Turning, Effect):
         return self, replace(self, total=1), replace(self, total=2)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         own = motion.axis(self.axis)
         load = channel(self, motion, "model" if self.total == 1 else "rigid")[:, own.index]
         if self.total == 2:  # without what accelerates: weight and the forces of speed
@@ -359,11 +344,9 @@ class ViscousThermal(AxisEffect):
     warming: float = 15.0
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("b_warm", f"{effort(self.rotary)}·s/{length(self.rotary)}"),)
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         return (Shape("warming", "s", 0.5, 3600.0),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -373,5 +356,4 @@ class ViscousThermal(AxisEffect):
         return self.over([tau for tau in WARMING if tau < 2.0 * length_of])
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         return (motion.v * -np.expm1(-since_start(motion.t) / self.warming))[:, None]

@@ -104,11 +104,9 @@ class Hysteresis(AxisEffect):
             object.__setattr__(self, "x_h", 0.05 if self.rotary else 0.005)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("k", effort(self.rotary), lower=0.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         low, high = (1e-4, 3.0) if self.rotary else (1e-5, 0.5)
         return (Shape("x_h", length(self.rotary), low, high), Shape("n", "-", 0.25, 4.0))
 
@@ -127,7 +125,6 @@ class Hysteresis(AxisEffect):
         return self.over([x for x in distances if x >= least], sharp)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         assert self.x_h is not None
         out = np.zeros((len(motion.q), 1))
         for part in motion.segments:

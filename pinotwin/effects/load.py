@@ -61,11 +61,9 @@ class Payload(Effect):
     tree: Tree | None = field(default=None, compare=False, repr=False, metadata={"internal": True})
 
     def bound(self, tree: Tree) -> Self:
-        """See :meth:`Effect.bound`."""
         return replace(self, tree=tree)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         pairs = zip(BODY_NAMES, BODY_UNITS, strict=True)
         return tuple(Coefficient(x, unit, lower=0.0 if x == "m" else -np.inf) for x, unit in pairs)
 
@@ -106,7 +104,6 @@ class InertialCoupling(Paired):
         return (Coefficient("J", inertia(self.rotary)),)
 
     def terms(self, theta: Floats) -> tuple[float, float, float]:
-        """See :meth:`Paired.terms`."""
         return float(theta[0]), 0.0, 0.0
 
     @classmethod
@@ -118,7 +115,6 @@ class InertialCoupling(Paired):
         return tuple(cls(axis, turns, partner=other) for other in moving)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         own, other = motion.axis(self.axis), motion.axis(self.partner)
         values = np.stack([other.a, own.a], axis=1)[:, :, None]
         return Columns((own.index, other.index), values)
@@ -151,7 +147,6 @@ class ExternalForce(AxisEffect):
     width: float = 0.5
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return tuple(Coefficient(f"f{k}", effort(self.rotary)) for k in range(len(self.starts)))
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -165,7 +160,6 @@ class ExternalForce(AxisEffect):
         return tuple(found)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         x = (motion.t[:, None] - np.asarray(self.starts)) / self.width
         return -np.where((x > 0.0) & (x < 1.0), np.sin(np.pi * x), 0.0)
 
@@ -193,11 +187,9 @@ class GeometricError(Effect):
     tree: Tree | None = field(default=None, compare=False, repr=False, metadata={"internal": True})
 
     def bound(self, tree: Tree) -> Self:
-        """See :meth:`Effect.bound`."""
         return replace(self, tree=tree)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("tilt1", "rad"), Coefficient("tilt2", "rad"))
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -207,7 +199,6 @@ class GeometricError(Effect):
         return (self,) if model.nv > 1 or np.any(model.gravity.linear) else ()
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         tree = _tree(self, self.tree)
         path = (motion.q, motion.v, motion.a)
         straight = inverse(tree.model, *path)

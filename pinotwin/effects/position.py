@@ -53,11 +53,9 @@ class Offset(AxisEffect):
     rotary: bool = False
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("f0", effort(self.rotary)),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         return np.ones((len(motion.q), 1))
 
 
@@ -145,23 +143,19 @@ class Ripple(AxisEffect):
             raise MachineError(f"axes.{self.axis}: ripple period must be positive, not {self.period}")
 
     def bound(self, tree: Tree) -> Self:
-        """See :meth:`Effect.bound`."""
         return dataclasses.replace(self, endless=tree.endless(self.axis))
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         unit = effort(self.rotary)
         return tuple(Coefficient(f"{w}{h}", unit) for h in self.harmonics for w in "ab")
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         if not self.free_pitch:
             return ()
         low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
         return (Shape("period", length(self.rotary), low, high),)
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """See :meth:`Effect.grid`."""
         if not self.free_pitch:
             return ()
         low, high = _pitch_bounds(self.rotary, self.shortest, self.longest)
@@ -189,7 +183,6 @@ class Ripple(AxisEffect):
         return dataclasses.replace(self, free_pitch=False)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         assert self.period is not None
         return _waves(motion.q, self.period, self.harmonics)
 
@@ -238,12 +231,10 @@ class RippleModulated(AxisEffect):
             object.__setattr__(self, "free_pitch", True)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         unit = effort(self.rotary)
         return tuple(Coefficient(name, unit) for name in ("a", "b", "a_mod", "b_mod"))
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         eps = Shape("eps", "rad", -0.5 * np.pi, 0.5 * np.pi, log=False)
         if not self.free_pitch:
             return (eps,)
@@ -251,7 +242,6 @@ class RippleModulated(AxisEffect):
         return (Shape("period", length(self.rotary), low, high), eps)
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """See :meth:`Effect.grid`."""
         eps = np.linspace(-0.5, 0.5, 13)[:-1] * np.pi
         if not self.free_pitch:
             return (eps,)
@@ -273,7 +263,6 @@ class RippleModulated(AxisEffect):
         return dataclasses.replace(self, free_pitch=False)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         assert self.period is not None
         waves = _waves(motion.q, self.period, (1,))
         size = np.abs(_waves(motion.q + self.eps, _TURN, (1,))[:, 1:])
@@ -324,7 +313,6 @@ class PositionTable(AxisEffect):
             )
 
     def bound(self, tree: Tree) -> Self:
-        """See :meth:`Effect.bound`."""
         return dataclasses.replace(self, endless=tree.endless(self.axis))
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -369,11 +357,9 @@ class PositionTable(AxisEffect):
         return np.linspace(self.start, self.stop, count)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return tuple(Coefficient(f"m{k}", effort(self.rotary)) for k in range(len(self.knots)))
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         knots, q = self.knots, motion.q
         assert self.spacing is not None
         if self.endless:

@@ -154,7 +154,6 @@ class Presliding(AxisEffect, Slipping):
         return replace(self, play=encoder_noise(motion.axis(self.axis)))
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         unit = effort(self.rotary)
         found = [Coefficient("c", unit, lower=0.0)]
         if self.stribeck:
@@ -168,7 +167,6 @@ class Presliding(AxisEffect, Slipping):
         return (float(theta[-2]), float(theta[-1])) if self.bristle else (0.0, 0.0)
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         x = length(self.rotary)
         bend = Shape("x_s", x, *((1e-6, 1e-2) if self.rotary else (1e-7, 1e-3)))
         fade = Shape("v_s", f"{x}/s", *((1e-3, 3.0) if self.rotary else (5e-4, 0.3)))
@@ -221,7 +219,6 @@ class Presliding(AxisEffect, Slipping):
         return (replace(self, exponent=1.0 if self.exponent > 1.5 else 2.0),) if self.stribeck else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         assert self.x_s is not None
         z, y, rate = contact(motion, self.x_s, self.play or 0.0, self.spread).T
         columns = [z]

@@ -53,7 +53,6 @@ class RigidBody(Effect):
     axis: str | None = None  # it belongs to the whole machine
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         pairs = zip(self.base.names, self.base.units, strict=True)
         return tuple(Coefficient(name, unit) for name, unit in pairs)
 
@@ -66,7 +65,6 @@ class RigidBody(Effect):
         return self.base.from_standard(parameters(self.model))
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         values = self.base.regressor(self.model, motion.q, motion.v, motion.a)
         return Columns(tuple(range(self.model.nv)), values)
 

@@ -64,11 +64,9 @@ class Delay(Effect):
     span: float = 1e-3
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("seconds", "s"),)
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         return (Shape("span", "s", -0.06, 0.06, log=False),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -86,7 +84,6 @@ class Delay(Effect):
         return bool(WHOLE < float(theta[0]) / self.span < 1.0 / WHOLE)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         joint = motion.index(self.axis)
         effort = channel(self, motion, "model")[:, joint]
         out = np.zeros(len(effort))
@@ -125,11 +122,9 @@ class EffortScale(Effect):
     rotary: bool = False
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("share", "-", lower=-1.0),)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         joint = motion.index(self.axis)
         return Columns((joint,), channel(self, motion, "model")[:, joint, None, None])
 
@@ -167,17 +162,14 @@ class EncoderError(Effect):
             object.__setattr__(self, "period", _TURN if self.rotary else 1e-2)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         unit = length(self.rotary)
         return (Coefficient("a", unit), Coefficient("b", unit))
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         low, high = (_TURN / 200.0, _TURN) if self.rotary else (1e-4, 1.0)
         return (Shape("period", length(self.rotary), low, high),)
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """See :meth:`Effect.grid`."""
         if self.rotary:
             return (_TURN / np.array(sorted(TURNS, reverse=True), dtype=float),)
         (shape,) = self.shapes()
@@ -196,7 +188,6 @@ class EncoderError(Effect):
         return self.over([p for p in each if low <= p <= shape.upper])
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         assert self.period is not None
         own = motion.axis(self.axis)
         k = _TURN / self.period

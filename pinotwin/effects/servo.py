@@ -52,7 +52,6 @@ class Feedforward(Effect):
     rotary: bool = False
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         f, x = effort(self.rotary), length(self.rotary)
         return (Coefficient("K_v", f"{f}·s/{x}"), Coefficient("K_a", inertia(self.rotary)))
 
@@ -62,7 +61,6 @@ class Feedforward(Effect):
         return () if motion.vr is None else (self,)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         _, vr, ar = _command(self, motion)
         return Columns((motion.index(self.axis),), np.stack([vr, ar], axis=-1)[:, None, :])
 
@@ -85,7 +83,6 @@ class LoopGain(Effect):
     rotary: bool = False
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         f, x = effort(self.rotary), length(self.rotary)
         units = {"dK_p": f"{f}/{x}", "dK_d": f"{f}·s/{x}", "dK_i": f"{f}/({x}·s)"}
         return tuple(Coefficient(name, unit) for name, unit in units.items())
@@ -130,7 +127,6 @@ class Saturation(Effect):
     limit: float = np.inf
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("share", "-", lower=0.0),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
@@ -143,7 +139,6 @@ class Saturation(Effect):
         return (replace(self, limit=limit),) if held > AT_LIMIT else ()
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         joint = motion.index(self.axis)
         asked = channel(self, motion, "model")[:, joint]
         missing = np.clip(asked, -self.limit, self.limit) - asked

@@ -31,10 +31,8 @@ class Spring(AxisEffect):
     rotary: bool = True
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         f, x = effort(self.rotary), length(self.rotary)
         return (Coefficient("k", f"{f}/{x}", lower=0.0), Coefficient("c", f"{f}·s/{x}", lower=0.0))
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         return np.stack([motion.q, motion.v], axis=-1)

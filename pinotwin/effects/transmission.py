@@ -168,11 +168,9 @@ class _Flexible(Effect):
         return (Coefficient("share", "-", lower=0.0, upper=1.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         return (Shape("frequency", "Hz", 2.0, 200.0), Shape("damping", "-", 0.005, 0.7))
 
     def mode(self) -> tuple[float, float]:
-        """See :meth:`Effect.mode`."""
         return self.frequency, self.damping
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
@@ -188,7 +186,6 @@ class _Flexible(Effect):
         return self.over(np.geomspace(LOWEST_MODE, max(sight.fastest_mode, 16.0), MODES), DAMPING)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         joint = motion.index(self.axis)
         own = inertia(self, motion, joint)
         itself = own * motion.a[:, joint]
@@ -301,11 +298,9 @@ class Backlash(Effect):
             object.__setattr__(self, "gap", 1e-4 if self.rotary else 1e-5)
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         return (Coefficient("share", "-", lower=0.0, upper=1.5),)
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         low, high = (5e-6, 5e-2) if self.rotary else (5e-7, 5e-3)
         return (
             Shape("gap", length(self.rotary), low, high),
@@ -314,7 +309,6 @@ class Backlash(Effect):
         )
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """See :meth:`Effect.grid`."""
         del motion
         gaps, faces = self._usual() * GAPS, np.array(sorted({f for f, _ in CONTACTS}))
         return gaps, faces, np.array(sorted({z for _, z in CONTACTS}))
@@ -332,7 +326,6 @@ class Backlash(Effect):
         return tuple(e.shaped((g, f, z)) for e in bodies for g in gaps for f, z in FACES)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         assert self.gap is not None
         joint = motion.index(self.axis)
         rigid = channel(self, motion, "rigid")[:, joint]

@@ -16,7 +16,7 @@ Method = Literal["ekf", "smoother", "vqf", "offline"]
 
 
 def orientation(
-    gyr: Floats, acc: Floats, rate: float, method: Method = "offline", *, rule: rot.Rule = "mean"
+    gyr: Floats, acc: Floats, rate: float, method: Method = "vqf", *, rule: rot.Rule = "mean"
 ) -> Floats:
     """Return quaternions (n, 4), sensor to earth (z up), heading as at the start.
 
@@ -24,8 +24,9 @@ def orientation(
         gyr: angular rate [rad/s], (n, 3), evenly sampled.
         acc: specific force [m/s²], (n, 3).
         rate: sampling rate [Hz].
-        method: "ekf" the adaptive filter (thesis Fig. 6-5), "smoother" its two-way form, "vqf" the
-            offline VQF of its authors' package as a reference, "offline" ours for whole records.
+        method: "vqf" the offline VQF of its authors' package (Laidig and Seel 2023,
+            10.1016/j.inffus.2022.10.014), "offline" our smoother for whole records, "ekf" the adaptive filter
+            (thesis Fig. 6-5), "smoother" its two-way form.
         rule: what the gyro's samples are, see :func:`pinotwin.imu.rotation.increments`; means over the
             interval that ends at the stamp, as sensors deliver them, or instantaneous rates, as they are
             after an interpolation. VQF knows means only: it is given those of the interpolated rate.

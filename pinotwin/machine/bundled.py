@@ -1,4 +1,4 @@
-"""Machines by name: those that come with pinotwin, and the robots of example-robot-data if installed."""
+"""Machines by name: those that come with pinotwin, and the robots of example-robot-data."""
 
 from __future__ import annotations
 

@@ -63,7 +63,6 @@ def load_machine(path: str | Path) -> Machine:
         raise MachineError(
             f"{path}: no such machine; {more}; give a folder, a machine.yaml, a .urdf, a bundled one "
             f"({_bundled()}) or a robot of example-robot-data"
-            + ("" if robots() else " (not installed: pip install 'pinotwin[robots]')")
         )
     return build(read_yaml(file), file)
 

@@ -71,8 +71,8 @@ class Machine(Card):
 
         Args:
             path: folder, ``machine.yaml``, ``*.urdf`` (every moving joint an axis with the default
-                effects), one of :func:`pinotwin.machines`, or a robot of example-robot-data where
-                that is installed (``pip install pinotwin[robots]``), e.g. ``"ur5"``.
+                effects), one of :func:`pinotwin.machines`, or a robot of example-robot-data,
+                e.g. ``"ur5"``.
 
         Raises:
             MachineError: with the file, the key and the remedy.

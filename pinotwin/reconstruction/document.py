@@ -28,7 +28,6 @@ def document(vibration: Vibration) -> dict[str, Any]:
         },
         "sensors": [_sensor(sensor) for sensor in vibration.sensors],
         "unused_imu": [dataclasses.asdict(u) for u in vibration.unused],
-        "methods": [dataclasses.asdict(m) for m in vibration.methods],
         "quasi_static": vibration.verdict,
         "notes": vibration.notes,
     }

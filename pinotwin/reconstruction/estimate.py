@@ -7,7 +7,7 @@ not (:mod:`pinotwin.imu.batch`), then IMUs and repeats are combined by informati
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.reconstruction.combine import combined, of_run
-from pinotwin.reconstruction.methods import methods
 from pinotwin.reconstruction.nonlinear import needed, shares, with_columns, with_posture
 from pinotwin.reconstruction.repeats import delay
 from pinotwin.reconstruction.result import Motion3, Sensor, SensorRun, Vibration
@@ -86,8 +85,7 @@ def reconstruct_vibration(
         sensors.append(job.sensor(f"imu{k + 1}", servo, group))
     runs = [of_run(r, log.t, sensors) for r, log in enumerate(servo)]
     motion, spread = combined(runs, delays)
-    tell("comparing methods", 0.85)
-    found = Vibration(
+    return Vibration(
         machine=machine.name,
         joint=joint,
         motion=motion,
@@ -99,7 +97,6 @@ def reconstruct_vibration(
         unused=unused(sensors, prior),
         notes=_notes(sensors, runs),
     )
-    return replace(found, methods=methods(sensors, prior)) if s.methods else found
 
 
 def _silent(stage: str, done: float) -> None:

@@ -44,7 +44,7 @@ class Orientation:
         return {"t": self.t, **dict(zip(names, self.q.T, strict=True)), "inclination": self.inclination}
 
 
-def orientation_of_log(log: Log, method: Method = "offline") -> Orientation:
+def orientation_of_log(log: Log, method: Method = "vqf") -> Orientation:
     """Return the orientation over an IMU's log.
 
     A log on an even clock is taken as the sensor's own means; one with jitter or holes is interpolated to

@@ -84,27 +84,6 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class MethodRow:
-    """One method on the first run; RMS values, SI.
-
-    Attributes:
-        method: its name.
-        slow: of the angle below 0.5 Hz [rad]: drift, where a method integrates.
-        dynamic: of the angle above 0.5 Hz [rad].
-        velocity: [rad/s]. acceleration: [rad/s²].
-        differ: how much two IMUs differ in slow angle, dynamic angle, velocity, acceleration, (4,);
-            NaN for one IMU.
-    """
-
-    method: str
-    slow: float
-    dynamic: float
-    velocity: float
-    acceleration: float
-    differ: Floats
-
-
-@dataclass(frozen=True)
 class Unused:
     """What is left of an IMU's raw signals; RMS per axis and run [rad/s] and [m/s²].
 
@@ -139,7 +118,6 @@ class Vibration:
         spread: standard deviation between the runs of q, v, a: the noise ceiling; NaN for one run.
         sensors: the IMUs.
         unused: how well each IMU's raw signals follow from the deflection found by another one.
-        methods: the table of methods.
         notes: what a user should know.
     """
 
@@ -152,7 +130,6 @@ class Vibration:
     spread: Floats
     sensors: tuple[Sensor, ...]
     unused: tuple[Unused, ...] = ()
-    methods: tuple[MethodRow, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property

@@ -25,14 +25,12 @@ class Settings:
         imu_cutoff: corner of the low-pass inside the IMUs [Hz], second order; 0 for none. A wrong
             corner only shifts the clock offset: the delays add up.
         servo_cutoff: corner of the zero-phase low-pass on the encoders [Hz].
-        methods: also run the methods that integrate the gyro, for the table.
     """
 
     joint: str | None = None
     links: tuple[str | None, ...] = (None, None)
     imu_cutoff: float = 140.0
     servo_cutoff: float = 100.0
-    methods: bool = True
 
 
 def passive_joint(machine: Machine, name: str | None) -> str:

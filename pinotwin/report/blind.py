@@ -1,4 +1,4 @@
-"""The report of the withheld bench: the table, what is confused with what, calibration, floors, real data.
+"""The report of the withheld bench: the table, what is confused with what, calibration, real data.
 
 It shows what is wrong as plainly as what is right: a figure below its bound is marked, and the confusion
 matrix is published as it is.
@@ -42,16 +42,11 @@ def bench_page(bench: Scored) -> Page:
     page = page.section("How far a stated probability can be trusted", *_calibration(d))
     dots = Plot(rho_figure(d["answers"]), "Every single effect", "Each mark is one case.")
     page = page.section("By size of the gap", dots)
-    page = page.section("What others would do", *_floors(d), intro=_OTHERS)
     page = page.section("Real recordings", *_real(d))
     return page.section("Diagnoses that broke off", *_errors(d))
 
 
 _TAKEN = "Rows: what was put in. Columns: what was named first. Single effects with rho of at least 0.1."
-_OTHERS = (
-    "Textbook methods on the same cases, their thresholds set so that they accuse healthy machines "
-    "no more often than we do."
-)
 
 
 def _subtitle(d: Mapping[str, Any]) -> str:
@@ -129,16 +124,6 @@ def _calibration(d: Mapping[str, Any]) -> list[Block]:
             note,
         )
     ]
-
-
-def _floors(d: Mapping[str, Any]) -> list[Block]:
-    rows = [[f["name"], *(_share(f[k]) for k in ("alarms", "visible", "faint"))] for f in d["floors"]]
-    header = ("method", "healthy machines named", "top-1, rho ≥ 0.1", "top-1, 0.02 to 0.1")
-    return [table(header, rows, numeric=(1, 2, 3))]
-
-
-def _share(share: Mapping[str, int]) -> str:
-    return f"{share['hits'] / share['of']:.1%} ({share['hits']}/{share['of']})" if share["of"] else "–"
 
 
 def _real(d: Mapping[str, Any]) -> list[Block]:

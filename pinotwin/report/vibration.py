@@ -60,7 +60,6 @@ def vibration_page(found: Vibration) -> Page:
         "Spectrum", Plot(_spectrum(found)), intro="Velocity of the deflection; the peak is the mode."
     )
     page = page.section("The unused IMU", *_unused(found))
-    page = page.section("Methods", *_methods(found))
     page = page.section("Sensors", *_sensors(found))
     return page.section(
         "Parasitic axes",
@@ -153,33 +152,6 @@ def _unused(found: Vibration) -> list[Block]:
             "must also predict the raw signals of the other. RMS of what is left:"
         ),
         table(("test", "signal", "with the deflection", "without", "noise at rest"), rows, numeric=(2, 3, 4)),
-    ]
-
-
-def _methods(found: Vibration) -> list[Block]:
-    if not found.methods:
-        return []
-    header = [
-        "method",
-        "slow angle [deg]",
-        "dynamic angle [deg]",
-        "velocity [deg/s]",
-        "acceleration [deg/s²]",
-    ]
-    two = len(found.sensors) > 1
-    if two:
-        header += [f"IMUs differ: {w}" for w in ("slow", "dynamic", "velocity", "acceleration")]
-    rows = []
-    for m in found.methods:
-        values = [m.slow, m.dynamic, m.velocity, m.acceleration, *(m.differ if two else ())]
-        rows.append((m.method, *(_degrees(x, 3) for x in values)))
-    return [
-        paragraph(
-            "RMS on the first run. Below 0.5 Hz every method that integrates the gyro shows "
-            "its scale error; the source's two IMUs differed there by 0.04 deg, and by "
-            "0.0474 deg/s and 7.33 deg/s² after 22 repeats."
-        ),
-        table(header, rows, numeric=range(1, len(header))),
     ]
 
 

@@ -3,7 +3,8 @@
 A result is made beside its target under a hidden name, ``.<name>.<random>.part``, and takes the target's
 place by a rename when it is complete. A full disk, an error or a kill therefore leaves what was there
 before. Whoever makes such a part holds a lock on it (``flock``, which ends with the process), so that the
-next command of the same target can tell what a killed process left, and removes it.
+next command of the same target can tell what a killed process left, and removes it. Windows has no such locks:
+there such parts stay.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import errno
-import fcntl
 import json
 import os
 import re
@@ -20,7 +20,7 @@ import stat
 import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -28,9 +28,17 @@ from typing import Any
 from pinotwin.arrays import plain
 from pinotwin.errors import InputError, OutputError
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 _EXCHANGE = 2  # RENAME_EXCHANGE of renameat2(2), Linux 3.15: swaps two names in one step
 _AT_CWD = -100
 _NAME = 40  # letters of the target's name in that of its part: file systems stop at 255 bytes
+_PART = re.compile(r"\..+\.\w{8}\.part")
+_READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0)
+_SYNC = os.O_RDWR if os.name == "nt" else os.O_RDONLY
 
 
 def as_path(given: Any, name: str) -> Path:
@@ -122,8 +130,9 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Raises:
         OutputError: it cannot be written (full disk, no permission); the earlier file is kept.
     """
-    check_file(path)
     target = Path(path).resolve()  # a symbolic link stays one
+    if not _is_inside(target):
+        check_file(path)
     with _in_one_line(target):
         if _is_sink(target):
             yield target
@@ -170,18 +179,40 @@ def alone_in(folder: Path) -> Iterator[None]:
         OutputError: another process holds it.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        with contextlib.suppress(OSError):  # a file system without locks
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise OutputError(
-                    f"{folder}: another pinotwin is writing here; wait for it, or give another --out"
-                ) from None
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(held(folder.resolve(), wait=False))
+        except BlockingIOError:
+            raise OutputError(
+                f"{folder}: another pinotwin is writing here; wait for it, or give another --out"
+            ) from None
         yield
-    finally:
-        os.close(handle)
+
+
+@contextmanager
+def held(path: Path, *, wait: bool = True) -> Iterator[bool]:
+    """Hold a file or folder; yield whether it is held: not everywhere are there locks.
+
+    Args:
+        path: what to hold.
+        wait: for another process that holds it.
+
+    Raises:
+        BlockingIOError: another process holds it.
+    """
+    with ExitStack() as stack:
+        done = False
+        if fcntl is not None:
+            try:
+                handle = os.open(path, _READ)
+                stack.callback(os.close, handle)
+                fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+                done = True
+            except BlockingIOError:
+                raise
+            except OSError:  # a file system without locks
+                pass
+        yield done
 
 
 def _take_place(part: Path, target: Path, replaces: Sequence[str]) -> None:
@@ -207,7 +238,7 @@ def _is_in_use(target: Path) -> bool:
 
 def _exchange(part: Path, target: Path) -> bool:
     """Swap two folders in one step, or by two renames where the system cannot; False if neither can."""
-    with contextlib.suppress(AttributeError, OSError):
+    with contextlib.suppress(AttributeError, OSError, TypeError):  # no C library by that name, no such call
         rename = ctypes.CDLL(None, use_errno=True).renameat2
         if rename(_AT_CWD, os.fsencode(part), _AT_CWD, os.fsencode(target), _EXCHANGE) == 0:
             return True
@@ -239,7 +270,7 @@ def _carry_over(old: Path, new: Path, replaces: Sequence[str] = ()) -> None:
         elif not os.path.lexists(place) and not _matches(entry.name, replaces):
             try:
                 os.link(entry.path, place, follow_symlinks=False)
-            except OSError:
+            except (OSError, NotImplementedError):
                 shutil.copy2(entry.path, place, follow_symlinks=False)
 
 
@@ -271,17 +302,14 @@ def _part(target: Path, *, folder: bool = False) -> Iterator[Path]:
     sweep(target)
     while True:
         made = _new(target, folder)
-        lock = os.open(made, os.O_RDONLY)
-        with contextlib.suppress(OSError):  # a file system without locks: nothing is swept there
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        if made.exists():  # else another process swept it before it was locked
-            break
-        os.close(lock)
-    try:
-        yield made
-    finally:
-        _remove(made)
-        os.close(lock)
+        with held(made):
+            if not made.exists():
+                continue  # another process swept it before it was held
+            try:
+                yield made
+            finally:
+                _remove(made)
+            return
 
 
 def _new(target: Path, folder: bool) -> Path:
@@ -305,21 +333,16 @@ def sweep(target: Path) -> None:
     pattern = re.compile(rf"\.{re.escape(_stem(target))}\.\w{{8}}(\.old)?\.part(\.\w+)?")
     for entry in target.parent.iterdir():
         if pattern.fullmatch(entry.name):
-            with contextlib.suppress(OSError):
-                lock = os.open(entry, os.O_RDONLY | os.O_NOFOLLOW)
-                try:
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    if ".old.part" in entry.name and not target.exists():
-                        os.rename(entry, target)
-                    else:
-                        _remove(entry)
-                finally:
-                    os.close(lock)
+            with contextlib.suppress(OSError), held(entry, wait=False) as dead:
+                if ".old.part" in entry.name and not target.exists():
+                    os.rename(entry, target)
+                elif dead:
+                    _remove(entry)
 
 
 def _settle(file: Path) -> None:
     """Wait until a file is on the disk: a rename may overtake its contents when the power fails."""
-    handle = os.open(file, os.O_RDONLY)
+    handle = os.open(file, _SYNC)
     try:
         os.fsync(handle)
     finally:
@@ -372,12 +395,17 @@ def _in_one_line(target: Path) -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        if any(p.name.startswith(".") and p.suffix == ".part" for p in target.parents):
-            raise  # a file of a folder that is being made: the folder says what became of it
+        if _is_inside(target):
+            raise  # the folder that it is a file of says what became of it
         if error.filename is not None and not str(error.filename).startswith(str(target.parent)):
             raise  # trouble with another file, which the command line names
         kept = "the earlier one is kept" if target.is_file() or target.is_dir() else "nothing is kept"
         raise OutputError(f"{target}: cannot be written: {_why(error)}; {kept}") from None
+
+
+def _is_inside(target: Path) -> bool:
+    """Whether a file is of a folder that is being made."""
+    return any(_PART.fullmatch(parent.name) for parent in target.parents)
 
 
 def _why(error: OSError) -> str:

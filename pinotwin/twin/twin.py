@@ -13,7 +13,6 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.checks import as_log
 from pinotwin.effects.scene import moves, with_model
 from pinotwin.errors import DataError, InputError
-from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike
 from pinotwin.logs.prepare import prepare
 from pinotwin.motion import Motion

@@ -74,20 +74,16 @@ class Joined(Effect):
         return tuple(replace(c, lower=-np.inf) for part in self.parts for c in part.coefficients())
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`."""
         found = [part.columns(motion) for part in self.parts]
         return Columns(found[0].joints, np.concatenate([c.values for c in found], axis=2))
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         return self.parts[-1].shapes()
 
     def shape_values(self) -> tuple[float, ...]:
-        """See :meth:`Effect.shape_values`."""
         return self.parts[-1].shape_values()
 
     def shaped(self, values: Sequence[float]) -> Joined:
-        """See :meth:`Effect.shaped`."""
         return replace(self, parts=(*self.parts[:-1], self.parts[-1].shaped(values)))
 
 

@@ -37,7 +37,6 @@ class Pattern(AxisEffect):
         return 2
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`."""
         unit = "N·m" if self.rotary else "N"
         return tuple(Coefficient(f"c{k}", unit) for k in range(self._count()))
 
@@ -57,7 +56,6 @@ class Hum(Pattern):
     frequency: float = 5.0
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         return (Shape("frequency", "Hz", 0.2, 200.0),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
@@ -66,7 +64,6 @@ class Hum(Pattern):
         return np.stack([np.sin(phase), np.cos(phase)], axis=1)
 
     def says(self) -> str:
-        """See :meth:`Pattern.says`."""
         return f"swings in time at {self.frequency:.3g} Hz"
 
 
@@ -83,16 +80,13 @@ class SpeedRipple(Pattern):
     high: float = 1e3
 
     def shapes(self) -> tuple[Shape, ...]:
-        """See :meth:`Effect.shapes`."""
         return (Shape("pitch", "rad" if self.rotary else "m", self.low, self.high),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         phase = 2.0 * np.pi * motion.q / self.pitch
         return np.abs(motion.v)[:, None] * np.stack([np.sin(phase), np.cos(phase)], axis=1)
 
     def says(self) -> str:
-        """See :meth:`Pattern.says`."""
         unit = "rad" if self.rotary else "m"
         return f"is a ripple of pitch {self.pitch:.4g} {unit} that grows with speed"
 
@@ -111,7 +105,6 @@ class SpeedCurve(Pattern):
         return len(self.knots)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         eye = np.eye(len(self.knots))
         return np.stack([np.interp(motion.v, self.knots, row) for row in eye], axis=1)
 
@@ -131,7 +124,6 @@ class PositionSpeedCurve(Pattern):
         return len(self.knots)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        """See :meth:`AxisEffect.axis_columns`."""
         eye = np.eye(len(self.knots))
         hats = np.stack([np.interp(motion.q, self.knots, row) for row in eye], axis=1)
         return hats * (np.sign(motion.v) if self.dry else motion.v)[:, None]

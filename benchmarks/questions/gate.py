@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.questions.elsewhere import Elsewhere
+from benchmarks.questions.healthy import Asked, Question, asked, foreign_case, read_logs, twin_of
 from pinotwin.bench.answers import Key, same_class
 from pinotwin.bench.cases import Case
-from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.engine import engine
 from pinotwin.bench.fingerprint import fingerprint
-from pinotwin.bench.healthy import Asked, Question, asked, foreign_case, read_logs, twin_of
 from pinotwin.bench.produce import produce
 from pinotwin.bench.twins import healthy_twin
 from pinotwin.diagnosis import diagnose

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pinotwin.bench.elsewhere import Elsewhere
+from benchmarks.questions.elsewhere import Elsewhere
+from benchmarks.questions.healthy import Asked, Question, asked
 from pinotwin.bench.engine import engine
-from pinotwin.bench.healthy import Asked, Question, asked
 from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.grade import stays

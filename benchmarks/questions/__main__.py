@@ -1,4 +1,4 @@
-"""``python -m pinotwin.bench calibrate``: the limits of the diagnosis, derived from healthy machines.
+"""``python -m benchmarks calibrate``: the limits of the diagnosis, derived from healthy machines.
 
 The bench itself is ``pinotwin blind``.
 """
@@ -21,7 +21,7 @@ from pinotwin.errors import PinotwinError
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a subcommand."""
-    parser = argparse.ArgumentParser(prog="python -m pinotwin.bench", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parts = parser.add_subparsers(dest="what", required=True)
     calibrate = parts.add_parser(
         "calibrate", help="derive the limits of false alarms from healthy machines and write the rules"
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _gate(args)
         return _calibrate(args, ["calibrate", *_said(arguments)])
     except PinotwinError as error:
-        sys.stderr.write(f"pinotwin.bench: {error}\n")
+        sys.stderr.write(f"benchmarks: {error}\n")
         return 2
 
 
@@ -62,9 +62,9 @@ def _said(arguments: Sequence[str] | None) -> list[str]:
 
 
 def _calibrate(args: argparse.Namespace, words: Sequence[str]) -> int:
-    from pinotwin.bench.calibrate import derived, measured, write_rules
-    from pinotwin.bench.elsewhere import Elsewhere
-    from pinotwin.bench.healthy import questions
+    from benchmarks.questions.calibrate import derived, measured, write_rules
+    from benchmarks.questions.elsewhere import Elsewhere
+    from benchmarks.questions.healthy import questions
 
     def tell(line: str) -> None:
         sys.stdout.write(line + "\n")
@@ -84,14 +84,14 @@ def _calibrate(args: argparse.Namespace, words: Sequence[str]) -> int:
         tell(f"{x.rule}: {was:g} -> {x.value:g} (of {x.questions} questions the largest need {largest})")
     if not args.dry:
         date = datetime.datetime.now(datetime.UTC).date().isoformat()
-        command = " ".join(["python -m pinotwin.bench", *words])
+        command = " ".join(["python -m benchmarks", *words])
         write_rules(Path(args.out or str(rules.__file__)), limits, command, date)
     return 0
 
 
 def _gate(args: argparse.Namespace) -> int:
-    from pinotwin.bench.elsewhere import Elsewhere
-    from pinotwin.bench.gate import Result, checks, run_gate
+    from benchmarks.questions.elsewhere import Elsewhere
+    from benchmarks.questions.gate import Result, checks, run_gate
 
     def tell(x: Result) -> None:
         sys.stdout.write(f"{'ok   ' if x.holds else 'WRONG'} {x.seconds:5.1f} s  {x.check} -> {x.said}\n")

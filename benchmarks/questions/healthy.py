@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.questions.elsewhere import Elsewhere
 from pinotwin.bench.cases import Case
-from pinotwin.bench.elsewhere import Elsewhere
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.produce import produce
 from pinotwin.bench.twins import healthy_twin
