@@ -85,18 +85,23 @@ class Servo:
         """Return the law of a cascade: rate is 1/ti, weight that of the set point in the proportional part."""
         seen = 1.0 - rate * shapes.get("velocity_lag", 0.0)
         gains = (kv * (kp + rate), kv * kp * rate, kv * seen, kv * weight * ffv, kv * rate * (ffv - 1.0), ffa)
-        return cls(gains, **{"form": "cascade" if weight == 1.0 else "general", **shapes})
+        form = "proportional" if rate == 0.0 else "cascade" if weight == 1.0 else "general"
+        return cls(gains, **{"form": form, **shapes})
 
     def cascades(self) -> list[dict[str, float]]:
         """Return the cascades that have these gains: two, since kp and 1/ti enter k_e and k_i alike.
 
-        Each has kp, kv, rate (1/ti), ffv, ffa and the set-point weight; they differ in ffv and weight. The
-        usual one, whose weight is nearest to 1, comes first. A double root stands for a pair that is not real.
+        Each has kp, kv, rate (1/ti), ffv, ffa and the set-point weight; they differ in ffv and weight. The one
+        whose feed-forward is nearest to a set-point weight of 1 comes first. A double root stands for a pair that is
+        not real. A law without an integral has no 1/ti: its other root, an integral in place of kp, is none of a drive.
         """
+        if self.gains[1] == 0.0 and self.gains[4] == 0.0:
+            return [self._without_integral()]
         roots = Roots.of(self.gains, self.velocity_lag)
         half = roots.half()
         found = (self.with_rate(rate) for rate in (roots.rate - half, roots.rate + half))
-        return sorted((f for f in found if f is not None), key=lambda f: abs(f["weight"] - 1.0))
+        real = (f for f in found if f is not None and f["kp"] >= 0.0)
+        return sorted(real, key=lambda f: abs(self.gains[3] / f["kv"] - f["ffv"]))
 
     def with_rate(self, rate: float) -> dict[str, float] | None:
         """Return the cascade with this 1/ti [1/s] and the feedback of these gains, None where there is none."""
@@ -106,7 +111,7 @@ class Servo:
             return None
         kv = k_v / seen
         ffv = 1.0 + k_w / (kv * rate)
-        weight = k_vr / (kv * ffv) if ffv != 0.0 else math.inf
+        weight = k_vr / (kv * ffv) if ffv != 0.0 else 1.0 if k_vr == 0.0 else math.inf
         return {"kp": k_e / kv - rate, "kv": kv, "rate": rate, "ffv": ffv, "ffa": ffa, "weight": weight}
 
     def cascade(self) -> dict[str, float]:
@@ -116,8 +121,9 @@ class Servo:
         in them): the larger is then called kp. See :meth:`cascades` for the other one.
         """
         found = self.cascades()
-        if found:
-            return found[0]
+        return found[0] if found else self._without_integral()
+
+    def _without_integral(self) -> dict[str, float]:
         k_e, _, kv, k_vr, _, ffa = self.gains
         return {"kp": k_e / kv, "kv": kv, "rate": 0.0, "ffv": k_vr / kv, "ffa": ffa, "weight": 1.0}
 
