@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+import pinotwin as pt
 from pinotwin.diagnosis import diagnose
 from pinotwin.identification import identify
 from pinotwin.log import Log
@@ -151,3 +152,69 @@ def test_two_runs_of_one_real_drive_have_not_changed(data_dir, rotor):
     found = diagnose(own, bench(data_dir, "B", rotor, load=True), quick=True)
     assert found.verdict == "none"
     assert found.effects == []
+
+
+STRANGE = {
+    "late by a second": lambda t, q, ql: np.interp(t - 1.0, t, ql),
+    "early by a second": lambda t, q, ql: np.interp(t + 1.0, t, ql),
+    "another axis adds to it": lambda t, q, ql: ql - 1.5 * 0.05 * np.sin(2.0 * np.pi * 0.37 * t),
+    "moves less far": lambda t, q, ql: 0.39 * ql,
+    "turned round": lambda t, q, ql: -ql,
+    "ahead of the force": lambda t, q, ql: 2.0 * q - ql,
+    "play of the wrong sign": lambda t, q, ql: ql + 4e-5 * np.sign(np.gradient(q)),
+    "damping of the wrong sign": lambda t, q, ql: ql + 5e-3 * np.gradient(q - ql, t),
+    "noise": lambda t, q, ql: ql + 1e-4 * np.random.default_rng(5).normal(size=len(t)),
+    "in coarse steps": lambda t, q, ql: np.round(ql / 1e-4) * 1e-4,
+}
+POSITIVE = ("stiffness", "damping", "rotor", "gap")
+
+
+@pytest.mark.parametrize("kind", STRANGE)
+@pytest.mark.parametrize("change", [False, True], ids=["machine", "twin"])
+def test_no_number_that_no_machine_has_is_said(machine, twin, kind, change):
+    log = run(2)
+    other = STRANGE[kind](log.t, log["X.q"], log["X.ql"])
+    found = diagnose(
+        twin if change else machine, Log({**log.channels, "X.ql": other}, source="odd.csv"), quick=True
+    )
+    for effect in (e for e in found.effects if "ql" in e.shrink):
+        for size in (s for s in effect.size if s.name.rpartition(".")[2] in POSITIVE):
+            assert size.after >= 0.0, size
+            assert size.before >= 0.0, size
+            assert 0.0 <= size.interval[0] <= size.after <= size.interval[1], size
+    text = " ".join([*found.warnings, *found.advice])
+    assert "is taken 1" not in text  # a second is no time between two encoders on one clock
+
+
+@pytest.mark.parametrize("speed", [0.016, 0.1])
+def test_play_at_one_speed_is_no_delay_between_the_encoders(machine, speed):
+    """To and fro at one speed v, sign(v) and the effort of friction are nearly one column."""
+
+    def log(gap, seed):
+        rng = np.random.default_rng(seed)
+        t = np.arange(0.0, 20.0, 2e-3)
+        v = speed * np.clip(8.0 * np.sin(2.0 * np.pi * t / 5.0), -1.0, 1.0)
+        x = np.cumsum(v) * 2e-3
+        u = 95.0 * np.gradient(v, t) + 100.0 * np.tanh(v / 1e-4) + rng.normal(0.0, 2.0, len(t))
+        q = x + 0.5 * gap * np.tanh(v / 1e-4) + rng.normal(0.0, NOISE, len(t))
+        return Log(
+            {"t": t, "X.q": q, "X.ql": x + rng.normal(0.0, NOISE, len(t)), "X.u": u}, source=f"{seed}.csv"
+        )
+
+    one = identify(machine, log(0.0, 1), loop=False)
+    found = diagnose(one, log(5e-5, 2), quick=True)
+    size = of(found, "backlash").size[0]
+    assert size.after - size.before == pytest.approx(5e-5, rel=0.1)
+    assert of(found, "drive_flexibility") is None
+    assert of(diagnose(one, log(0.0, 3), quick=True), "backlash") is None
+
+
+def test_lost_motion_of_a_screw_is_named(data_dir, tmp_path):
+    case = data_dir.parent / "cases" / "drives" / "lost_motion"
+    if not case.exists():
+        pytest.skip("the cases beside the data are not here")
+    machine = Machine.load(case)
+    twin = identify(machine, pt.read(case / "one_h.csv"), loop=False)
+    found = diagnose(twin, pt.read(case / "one_b.csv"), quick=True)
+    assert [e.effect for e in found.effects] == ["backlash"]
+    assert found.effects[0].size[0].after == pytest.approx(5e-5, rel=0.02)

@@ -7,11 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+import pinotwin as pt
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.others.limits import reached
 from pinotwin.diagnosis.others.retuned import retuned
-from pinotwin.diagnosis.others.servo import Law, ServoChange, broken_laws, servo_changes
+from pinotwin.diagnosis.others.servo import Law, ServoChange, broken_laws, servo_changes, turned
 from pinotwin.diagnosis.others.tracking import track, with_gains
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.identification import identify
@@ -145,6 +146,39 @@ def test_a_gain_that_is_a_hundredth_off_was_not_turned(twin, urdf_dir):
     off = abs(found.after - 1.0)
     assert servo_changes(c, (), rules=dataclasses.replace(RULES, law_turned=1.1 * off)) == []
     assert servo_changes(c, (), rules=dataclasses.replace(RULES, law_turned=0.9 * off)) != []
+
+
+@pytest.mark.parametrize(
+    ("effect", "factor", "error", "known", "named"),
+    [
+        ("loop_gain", 1.007, 0.0003, 0.0, False),  # sure, and not worth a word
+        ("loop_gain", 1.064, 0.054, 0.0, False),  # its interval holds 1
+        ("loop_gain", 1.064, 0.001, 0.05, False),  # no better known before
+        ("loop_gain", 1.064, 0.001, 0.001, True),
+        ("loop_gain", 0.5, 0.1, 0.1, True),
+        ("loop_gain", -0.4, 0.01, 0.0, False),  # no loop stands with it
+        ("feedforward", -0.4, 0.01, 0.0, True),
+        ("feedforward", 0.97, 0.001, 0.0, False),
+        ("loop_gain", float("nan"), 0.01, 0.0, False),
+    ],
+)
+def test_a_gain_is_named_by_one_rule(effect, factor, error, known, named):
+    interval = turned(effect, factor, error, known, RULES)
+    assert (interval is not None) == named
+    if interval is not None:
+        assert not interval[0] <= 1.0 <= interval[1]
+        assert interval[0] < factor < interval[1]
+
+
+def test_a_healthy_gain_is_not_accused(data_dir):
+    case = data_dir.parent / "cases" / "public" / "healthy_gain_accused"
+    if not case.exists():
+        pytest.skip("the cases beside the data are not here")
+    own = [pt.read(case / f"healthy{k}.parquet") for k in (1, 2)]
+    twin = pt.identify(pt.Machine.load(case / "machine"), own)
+    found = pt.diagnose(twin, pt.read(case / "log.parquet"))
+    assert found.verdict == "none"
+    assert list(found.effects) == []
 
 
 @pytest.mark.parametrize("times", [1.0, 1.1])

@@ -47,6 +47,25 @@ def test_simulated_from_the_command_it_beats_the_published_simulation(twin, log,
         assert errors[name] < limit, (name, errors)
 
 
+@pytest.mark.parametrize("signal", ["kp", "kv"])
+def test_the_servo_has_the_published_gains_within_its_intervals(twin, signal):
+    published = {"kp": 160.18, "kv": 243.45 * GTAU}[signal]
+    servo = twin.servos["X"]
+    low, high = servo.intervals()[signal]
+    assert low <= published <= high
+    assert servo.named()[signal] == pytest.approx(published, rel=0.01)
+    assert servo.determined()[signal]
+
+
+def test_the_servo_has_no_integral_and_no_feed_forward_as_published(twin):
+    servo = twin.servos["X"]
+    assert servo.form == "proportional"
+    named = servo.named()
+    assert (named["rate"], named["ffv"], named["ffa"]) == (0.0, 0.0, 0.0)
+    assert set(servo.determined()) == {"kp", "kv"}  # what is not there is not said to be determined
+    assert "rate" not in servo.intervals()
+
+
 def test_the_controller_is_found_within_two_percent(twin):
     law = twin.controllers["X"]
     assert law.kind == "p_pi"

@@ -172,7 +172,8 @@ def test_feedforward_without_poles_has_no_state_space_in_qr():
     structure = Structure(real_poles=1, feedforward_poles=())
     model = random_model(np.random.default_rng(8), structure)
     with pytest.raises(DataError, match="takes velocity and acceleration of the command"):
-        model.state_space()
+        model.state_space("qr")
+    assert model.state_space().input_labels == ["d", "vr", "ar"]  # as a loop is by default
     num, den = model.numerator("u", "qr")
     assert (len(num), len(den)) == (6, 4)  # s² more than a proper fraction: ka s² + kv s + ...
     s = 2j * np.pi * 11.0

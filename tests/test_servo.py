@@ -265,6 +265,21 @@ def test_a_cascade_is_recognised_by_its_ties():
         assert found.servo.cascade()[name] == pytest.approx(value, rel=0.05), name
 
 
+@pytest.mark.parametrize("ahead", [(0.0, 0.0), (0.0, 30.0), (0.6, 20.0)])
+def test_feed_forward_of_a_law_without_an_integral_is_found_where_there_is_any(ahead):
+    """Behind its command e, v and vr go nearly in one ratio; neither may take the others' part."""
+    truth = Servo.of_cascade(60.0, 5000.0, 0.0, *ahead, velocity_lag=5e-4, output_lag=1e-4)
+    log = smooth_command(plain_machine("trunnion"), 12.0, 1000.0)
+    found = find(with_measurement(single(log, truth), truth, np.random.default_rng(1), 0.01))
+    assert found is not None
+    assert found.servo.form == "proportional"
+    for name in ("kp", "kv", *(("ffv",) if ahead[0] else ()), *(("ffa",) if ahead[1] else ())):
+        assert found.servo.named()[name] == pytest.approx(truth.cascade()[name], rel=0.05), name
+    if not any(ahead):
+        assert found.servo.gains[3:] == (0.0, 0.0, 0.0)
+        assert all(low <= truth.named()[k] <= high for k, (low, high) in found.servo.intervals().items())
+
+
 def test_a_law_without_an_integral_is_found_as_such():
     servo = Servo((3e5, 0.0, 5000.0, 100.0, 0.0, 0.0), velocity_lag=2e-4, form="proportional", offset=4.0)
     log = smooth_command(plain_machine("trunnion"), 12.0, 1000.0)

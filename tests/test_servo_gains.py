@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pinotwin.loop import Servo
 from pinotwin.loop.roots import Roots
@@ -30,6 +32,48 @@ def test_both_roots_have_the_feedback_of_the_cascade(kp: float, rate: float) -> 
     for end in ends:
         other = Servo.of_cascade(**end, velocity_lag=LAG)
         assert other.gains == pytest.approx(servo.gains, rel=1e-9)
+
+
+GAINS = st.fixed_dictionaries(
+    {
+        "kp": st.floats(1.0, 400.0),
+        "kv": st.floats(0.1, 1e5),
+        "rate": st.floats(1.0, 400.0),
+        "ffv": st.just(0.0) | st.floats(0.01, 1.3),
+        "ffa": st.floats(0.0, 100.0),
+        "velocity_lag": st.floats(0.0, 1e-3),
+    }
+)
+
+
+@given(GAINS)
+def test_named_gains_of_a_cascade_are_those_that_made_the_law(gains: dict[str, float]) -> None:
+    """Both ways round have one feedback; with set-point weight 1 imposed the right one is told by it."""
+    found = Servo.of_cascade(**gains).cascades()
+    near = {k: pytest.approx(gains[k], rel=1e-3, abs=1e-3) for k in ("kp", "rate")}
+    assert any(f["kp"] == near["kp"] and f["rate"] == near["rate"] for f in found)
+    for f in found:
+        assert Servo.of_cascade(**f, velocity_lag=gains["velocity_lag"]).gains == pytest.approx(
+            Servo.of_cascade(**gains).gains, rel=1e-6, abs=1e-6
+        )
+
+
+@given(GAINS)
+def test_a_law_without_an_integral_has_none_when_it_is_named(gains: dict[str, float]) -> None:
+    servo = Servo.of_cascade(**{**gains, "rate": 0.0})
+    assert servo.form == "proportional"
+    named = servo.named()
+    assert named == pytest.approx({**gains, "rate": 0.0, "weight": 1.0, "output_lag": 0.0, "dead": 0.0})
+    assert servo.cascades() == [servo.cascade()]
+    assert servo.combined() == {}
+    assert not servo.tied
+
+
+@given(GAINS, st.floats(0.1, 0.9))
+def test_no_name_of_a_cascade_has_a_negative_gain(gains: dict[str, float], weight: float) -> None:
+    servo = Servo.of_cascade(**gains, weight=weight)
+    for f in servo.cascades():
+        assert min(f["kp"], f["kv"], f["rate"]) >= 0.0
 
 
 def drawn(servo: Servo, error: float, rng: np.random.Generator, count: int = 2000) -> list[Servo]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -69,18 +69,21 @@ class Servos:
     notes: list[str] = field(default_factory=list)
 
 
-def fit_servos(plant: OpenLoop, motion: Motion, raw: Motion, tell: Callable[[str, float], None]) -> Servos:
+def fit_servos(
+    plant: OpenLoop, motion: Motion, raw: Motion, axes: Sequence[str], tell: Callable[[str, float], None]
+) -> Servos:
     """Identify the controller of every axis that has a command, an effort and motion.
 
     Args:
         plant: with its diagonal.
         motion: prepared log(s), for the disturbance that the axes make for one another.
         raw: the same rows with nothing filtered.
+        axes: to look at.
         tell: called with the stage and the share of this step done.
     """
     found = Servos()
     d = generalised_disturbance(plant, motion, plant.diagonal)
-    told = _looked_at(plant, motion, raw, d, tell)
+    told = _looked_at(plant, motion, raw, d, axes, tell)
     first = {name: look for name, look in told.items() if not isinstance(look, str)}
     found.notes += [f"no controller of {name}: {why}" for name, why in told.items() if isinstance(why, str)]
     usual = shared([look for _, look in first.values()])
@@ -100,7 +103,12 @@ def fit_servos(plant: OpenLoop, motion: Motion, raw: Motion, tell: Callable[[str
 
 
 def _looked_at(
-    plant: OpenLoop, motion: Motion, raw: Motion, d: Floats, tell: Callable[[str, float], None]
+    plant: OpenLoop,
+    motion: Motion,
+    raw: Motion,
+    d: Floats,
+    axes: Sequence[str],
+    tell: Callable[[str, float], None],
 ) -> dict[str, tuple[AxisProblem, Found] | str]:
     """Return every axis alone with a first controller, or why it has none."""
     assert raw.qr is not None
@@ -119,12 +127,30 @@ def _looked_at(
             return "no law keeps the simulated axis on its command; plant and log do not fit together"
         return problem, servo
 
-    out, axes = {}, list(plant.machine.axes)
+    out = {}
     looks = side_by_side(one, axes)
     for k, name in enumerate(axes):
         tell(f"controller of {name}", k / len(axes))
         out[name] = next(looks)
     return out
+
+
+def follows_exactly(raw: Motion, joint: int) -> bool:
+    """Whether a joint moves with an error no larger than the steps in which position and command are written.
+
+    Args:
+        raw: log(s) with commands, nothing filtered.
+        joint: index of the joint.
+    """
+    assert raw.qr is not None
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in raw.segments])
+    told = np.stack([raw.regulated[rows, joint], raw.qr[rows, joint]])
+    told = told[:, np.isfinite(told).all(axis=0)]
+    if not told.size:
+        return False
+    steps = [(lattice(x) or (0.0, 0.0))[0] for x in told]
+    least = max(*steps, 4.0 * float(np.spacing(np.max(np.abs(told)))))
+    return float(np.ptp(told[1])) > least >= float(np.ptp(told[1] - told[0]))
 
 
 def _refinable(

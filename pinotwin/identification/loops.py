@@ -16,7 +16,15 @@ import numpy as np
 from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.identification.coupled import BETTER, Servos, choice, fit_servos, in_steps, with_factors
+from pinotwin.identification.coupled import (
+    BETTER,
+    Servos,
+    choice,
+    fit_servos,
+    follows_exactly,
+    in_steps,
+    with_factors,
+)
 from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
 from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_data
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
@@ -110,15 +118,24 @@ def close_loops(
         return ClosedLoops(plant, warnings=(note,))
     machine = plant.machine
     raw = prepare(machine, logs, cutoff=0.0, decimate=1)
-    found = fit_servos(plant, motion, raw, lambda stage, done: tell(stage, 0.5 * done))
+    exact = [name for name, axis in machine.axes.items() if follows_exactly(raw, axis.index)]
+    axes = [name for name in machine.axes if name not in exact]
+    said = [
+        f"no closed loop of {name}: its position is its command, so that there is no tracking error; map the measured "
+        f"position to {machine.regulated(name)}"
+        for name in exact
+    ]
+    if not axes:
+        return ClosedLoops(plant, warnings=tuple(said))
+    found = fit_servos(plant, motion, raw, axes, lambda stage, done: tell(stage, 0.5 * done))
     plant = with_factors(plant, found.factors)
     found, judged = _by_encoders(plant, found, in_steps(found, raw), logs[-1])
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
-    asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(machine.axes))
+    asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(axes))
     if error is not None and tracking is not None and tracking < POOR and not asked:
         closed = _linearised(plant, found.servos, motion)
     else:
-        closed = _black_boxes(plant, motion, lambda stage, done: tell(stage, 0.5 + 0.5 * done))
+        closed = _black_boxes(plant, motion, axes, lambda stage, done: tell(stage, 0.5 + 0.5 * done))
         judged = choice(closed.twin(servos=found.trials), logs[-1], ("coupled", "black", "grey"))
         if judged["use"] == "coupled" and error is not None and not asked:
             refined = judged["held_out"]["coupled"] < error
@@ -127,7 +144,7 @@ def close_loops(
         closed,
         servos=found.servos,
         quality={"servos": found.quality, "simulation": judged, **closed.quality},
-        warnings=(*found.notes, *closed.warnings),
+        warnings=(*said, *found.notes, *closed.warnings),
     )
 
 
@@ -179,9 +196,11 @@ def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) ->
     return ClosedLoops(plant, loops, laws, quality={"loops": rows}, warnings=tuple(notes))
 
 
-def _black_boxes(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None]) -> ClosedLoops:
+def _black_boxes(
+    plant: OpenLoop, motion: Motion, axes: Sequence[str], tell: Callable[[str, float], None]
+) -> ClosedLoops:
     """Return the free loops, with the vibration of passive joints and tied to the mass where there are such."""
-    found = fit_loops(plant, motion, tell)
+    found = fit_loops(plant, motion, axes, tell)
     refined = replace(plant, effects=found.effects, theta=found.theta, parameters=refined_table(plant, found))
     models, rows = dict(found.models), dict(found.quality)
     if plant.machine.passive:
@@ -194,17 +213,19 @@ def _black_boxes(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], N
     )
 
 
-def fit_loops(plant: OpenLoop, motion: Motion, tell: Callable[[str, float], None]) -> Loops:
+def fit_loops(
+    plant: OpenLoop, motion: Motion, axes: Sequence[str], tell: Callable[[str, float], None]
+) -> Loops:
     """Identify the loop of every axis that has a command, an effort and motion.
 
     Args:
         plant: with its diagonal.
         motion: prepared log(s) with commands.
+        axes: to look at.
         tell: called with the stage and the share of this step done.
     """
     found = Loops(plant.effects, plant.theta.copy())
     disturbance = generalised_disturbance(plant, motion, plant.diagonal, modes=False)
-    axes = list(plant.machine.axes)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))
         fit = _fit_loop(plant, motion, disturbance, name)

@@ -100,12 +100,51 @@ class LoopModel:
         num, den = self.numerator(output, input)
         return control.TransferFunction(num, den, inputs=[input], outputs=[output])
 
-    def state_space(self, command: str = COMMAND) -> control.StateSpace:
+    def to_control(self, input: str = COMMAND, output: str = "e") -> control.StateSpace:
+        """Return the loop from one input to one output as a python-control system.
+
+        Args:
+            input: a disturbance [N or N·m], the command ``qr`` [m or rad], its velocity ``vr`` or acceleration ``ar``.
+            output: e, u, or the position ``q`` = qr - e, which answers ``qr`` and disturbances.
+
+        Raises:
+            DataError: a name that the loop does not have, or an effort that differentiates its input.
+        """
+        import control
+
+        inputs, outputs = (*self.inputs, "vr", "ar"), (*self.outputs, "q")
+        for name, known in ((input, inputs), (output, outputs)):
+            if name not in known:
+                lists = f"inputs {', '.join(inputs)}; outputs {', '.join(outputs)}"
+                raise DataError(f"{self.axis}: no signal {name!r} there; {nearest(name, known)}; {lists}")
+        if output == "q" and input in ("vr", "ar"):
+            raise DataError(
+                f"{self.axis}: q is asked from qr or from {', '.join(self.disturbances)}, not from {input}"
+            )
+        A, B, C, D = _parallel(self)
+        row = self.outputs.index("e" if output == "q" else output)
+        c, d = C[[row]], D[row]
+        if input == COMMAND:
+            if np.any(d[-2:]):
+                raise DataError(
+                    f"{self.axis}: feed-forward differentiates {input}, so that {output} has no state space from it; "
+                    "ask for input 'vr' or 'ar'"
+                )
+            b, through = A @ B[:, [-2]], float(c[0] @ B[:, -2])
+        else:
+            at = [*self.disturbances, "vr", "ar"].index(input)
+            b, through = B[:, [at]], float(d[at])
+        if output == "q":
+            c, through = -c, float(input == COMMAND) - through
+        return control.StateSpace(A, b, c, [[through]], inputs=[input], outputs=[output])
+
+    def state_space(self, command: str | None = None) -> control.StateSpace:
         """Return the loop as a python-control system with named signals.
 
         Args:
             command: ``"qr"``: the position command is the last input; ``"vr"``: velocity and
-                acceleration of the command are the last two, which any structure allows.
+                acceleration of the command are the last two, which any structure allows. The first where absent,
+                of a loop whose feed-forward has no poles the second.
 
         Raises:
             DataError: a structure whose feed-forward has no poles cannot take ``qr`` as input.
@@ -116,7 +155,7 @@ class LoopModel:
         return control.StateSpace(A, B, C, D, inputs=inputs, outputs=list(self.outputs))
 
     def discrete(
-        self, step: float | None = None, hold: Hold = "foh", command: str = COMMAND
+        self, step: float | None = None, hold: Hold = "foh", command: str | None = None
     ) -> control.StateSpace:
         """Return the exact discrete equivalent; ``hold`` says how inputs run between samples.
 
@@ -350,11 +389,11 @@ def _parallel(model: LoopModel) -> tuple[Floats, Floats, Floats, Floats]:
     return A[np.ix_(keep, keep)], B[keep], C[:, keep], D
 
 
-def _matrices(model: LoopModel, command: str) -> tuple[Floats, Floats, Floats, Floats, list[str]]:
+def _matrices(model: LoopModel, command: str | None) -> tuple[Floats, Floats, Floats, Floats, list[str]]:
     A, B, C, D = _parallel(model)
-    if command == "vr":
+    if command == "vr" or (command is None and np.any(D)):
         return A, B, C, D, [*model.disturbances, "vr", "ar"]
-    if command != "qr":
+    if command not in (None, "qr"):
         raise DataError(f"command: {command!r}, expected 'qr' or 'vr'")
     if np.any(D):
         raise DataError(

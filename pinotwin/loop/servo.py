@@ -23,12 +23,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.errors import InputError, nearest
 from pinotwin.loop.roots import Roots
+
+if TYPE_CHECKING:
+    import control
 
 GAINS = ("e", "integral", "v", "vr", "slip", "ar")
 """Names of the six gains, in the order of the arrays: k_e, k_i, k_v, k_vr, k_w, k_ar."""
@@ -38,6 +42,8 @@ NARROW = 0.10
 """A gain is determined where its 90 % interval reaches no further from it than this share of it: a simulation
 or a new tuning that takes it for the truth is then off by no more than a tenth."""
 SHAPES = ("velocity_lag", "output_lag", "dead")
+INPUTS = ("e", "v", "vr", "ar")
+"""What a law takes: tracking error, velocity, velocity and acceleration of the command."""
 DISTANCE = "apart"
 """Name under which the error of what kp and 1/ti are apart is kept, see :class:`pinotwin.loop.roots.Roots`."""
 Form = Literal["general", "cascade", "pid", "proportional"]
@@ -85,18 +91,23 @@ class Servo:
         """Return the law of a cascade: rate is 1/ti, weight that of the set point in the proportional part."""
         seen = 1.0 - rate * shapes.get("velocity_lag", 0.0)
         gains = (kv * (kp + rate), kv * kp * rate, kv * seen, kv * weight * ffv, kv * rate * (ffv - 1.0), ffa)
-        return cls(gains, **{"form": "cascade" if weight == 1.0 else "general", **shapes})
+        form = "proportional" if rate == 0.0 else "cascade" if weight == 1.0 else "general"
+        return cls(gains, **{"form": form, **shapes})
 
     def cascades(self) -> list[dict[str, float]]:
         """Return the cascades that have these gains: two, since kp and 1/ti enter k_e and k_i alike.
 
-        Each has kp, kv, rate (1/ti), ffv, ffa and the set-point weight; they differ in ffv and weight. The
-        usual one, whose weight is nearest to 1, comes first. A double root stands for a pair that is not real.
+        Each has kp, kv, rate (1/ti), ffv, ffa and the set-point weight; they differ in ffv and weight. The one
+        whose feed-forward is nearest to a set-point weight of 1 comes first. A double root stands for a pair that is
+        not real. A law without an integral has no 1/ti: its other root, an integral in place of kp, is none of a drive.
         """
+        if self.gains[1] == 0.0 and self.gains[4] == 0.0:
+            return [self._without_integral()]
         roots = Roots.of(self.gains, self.velocity_lag)
         half = roots.half()
         found = (self.with_rate(rate) for rate in (roots.rate - half, roots.rate + half))
-        return sorted((f for f in found if f is not None), key=lambda f: abs(f["weight"] - 1.0))
+        real = (f for f in found if f is not None and f["kp"] >= 0.0)
+        return sorted(real, key=lambda f: abs(self.gains[3] / f["kv"] - f["ffv"]))
 
     def with_rate(self, rate: float) -> dict[str, float] | None:
         """Return the cascade with this 1/ti [1/s] and the feedback of these gains, None where there is none."""
@@ -106,7 +117,7 @@ class Servo:
             return None
         kv = k_v / seen
         ffv = 1.0 + k_w / (kv * rate)
-        weight = k_vr / (kv * ffv) if ffv != 0.0 else math.inf
+        weight = k_vr / (kv * ffv) if ffv != 0.0 else 1.0 if k_vr == 0.0 else math.inf
         return {"kp": k_e / kv - rate, "kv": kv, "rate": rate, "ffv": ffv, "ffa": ffa, "weight": weight}
 
     def cascade(self) -> dict[str, float]:
@@ -116,8 +127,9 @@ class Servo:
         in them): the larger is then called kp. See :meth:`cascades` for the other one.
         """
         found = self.cascades()
-        if found:
-            return found[0]
+        return found[0] if found else self._without_integral()
+
+    def _without_integral(self) -> dict[str, float]:
         k_e, _, kv, k_vr, _, ffa = self.gains
         return {"kp": k_e / kv, "kv": kv, "rate": 0.0, "ffv": k_vr / kv, "ffa": ffa, "weight": 1.0}
 
@@ -185,13 +197,62 @@ class Servo:
         return {"kp": k_e, "ki": k_i, "kd": k_v, "ffv": k_vr - k_v, "ffa": ffa}
 
     def scaled(self, **factors: float) -> Self:
-        """Return the controller with gains of :data:`GAINS` multiplied; ``all`` for the feedback gains."""
-        every = factors.pop("all", 1.0)
+        """Return the controller with some numbers multiplied: ``scaled(kp=0.7)``.
+
+        Args:
+            factors: on what :meth:`named` names (kp, kv, rate, ffv, velocity_lag, ...), on gains of :data:`GAINS`,
+                or ``all`` for the feedback gains.
+
+        Raises:
+            InputError: a name that this controller does not have, or a factor that is no number.
+        """
+        named = self.named()
+        for name, factor in factors.items():
+            if name not in (*named, *GAINS, "all"):
+                raise InputError(f"controller: no gain {name!r}; {nearest(name, (*named, *GAINS, 'all'))}")
+            if not isinstance(factor, int | float | np.number) or not math.isfinite(factor):
+                raise InputError(
+                    f"controller: {name}={factor!r} is no number; give a factor, 1.2 for 20 % more"
+                )
+        new = {name: x * factors.get(name, 1.0) for name, x in named.items()}
+        shapes = {name: new.pop(name) for name in SHAPES}
+        old = {name: x for name, x in named.items() if name not in SHAPES}
+        moved = zip(self.gains, self._law(new, shapes["velocity_lag"]), self._law(old), strict=True)
+        every = {"e": "all", "integral": "all", "v": "all"}
         gains = [
-            g * factors.get(name, 1.0) * (every if name in ("e", "integral", "v") else 1.0)
-            for name, g in zip(GAINS, self.gains, strict=True)
+            (g + (now - before)) * factors.get(name, 1.0) * factors.get(every.get(name, ""), 1.0)
+            for name, (g, now, before) in zip(GAINS, moved, strict=True)
         ]
-        return replace(self, gains=tuple(gains))
+        return replace(self, gains=tuple(gains), **shapes)
+
+    def _law(self, named: Mapping[str, float], lag: float | None = None) -> tuple[float, ...]:
+        """Return the six gains that this form has with such named ones; without feed-forward no weight matters."""
+        if self.form == "pid":
+            ahead = named["kd"] + named["ffv"]
+            return named["kp"], named["ki"], named["kd"], ahead, self.gains[4], named["ffa"]
+        weight = named["weight"] if math.isfinite(named["weight"]) else 0.0
+        seen = self.velocity_lag if lag is None else lag
+        return Servo.of_cascade(**{**named, "weight": weight}, velocity_lag=seen).gains
+
+    def to_control(self, input: str | None = None, output: str = "u") -> control.StateSpace:
+        """Return the law as a python-control system with named signals, before the dead time.
+
+        Args:
+            input: one of e, v, vr, ar (SI); all four where absent.
+            output: u, the effort [N or N·m].
+
+        Raises:
+            InputError: a name that the law does not have.
+        """
+        import control
+
+        for name, known in ((input, INPUTS), (output, ("u",))):
+            if name is not None and name not in known:
+                raise InputError(f"controller: no signal {name!r}: inputs {', '.join(INPUTS)}, output u")
+        inputs = INPUTS if input is None else (input,)
+        A, B, C, D = self.matrices()
+        at = [INPUTS.index(name) for name in inputs]
+        return control.StateSpace(A, B[:, at], C, D[:, at], inputs=list(inputs), outputs=[output])
 
     def matrices(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Return A, B, C, D with inputs e, v, vr, ar and output u (before the dead time).

@@ -7,8 +7,9 @@ With the position q at the motor and q_l at the load, both prepared alike, the t
 T: what the drive passes on, the motor's effort less what accelerates its own rotor J; k, c: stiffness and
 damping of the drive train; 2 h: lost motion between the two directions; e: error of the position along
 the stroke (pitch of the screw, scale of an encoder); tau: time between the two encoders. Friction on the motor's side
-of the spring goes with v and sign(v). All coefficients are linear, and every stretch of the log is
-predicted from the others. Nothing is inferred from the effort alone: elasticity, lost motion and pitch are measured.
+of the spring goes with v and sign(v). All coefficients are linear, every stretch of the log is predicted from the
+others, and k, c, J, h and tau stay what a machine can have: none below zero, and tau, of two encoders on one clock,
+within a few samples. Nothing is inferred from the effort alone: elasticity, lost motion and pitch are measured.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ from pinotwin.solve.jackknife import jackknife
 SLOWEST = 0.02
 """Of the top speed: below it the direction of lost motion is not known."""
 MOST_ROWS = 20_000
+LATEST = 3.0
+"""Samples between two encoders on one clock, at most: what comes later is no delay between them."""
 FINEST = 0.01
 """Of a stiffness or a lost motion: half its narrowest interval; filters alone move them by some 0.5 %."""
 SHARED = 0.5
@@ -56,6 +59,7 @@ class _Twist:
         rows: rows of the motion.
         knots: places of the table [m or rad].
         noise: of one row.
+        step: sampling interval [s].
         low: lowest position of the load [m or rad].
         travel: of the load [m or rad].
     """
@@ -66,6 +70,7 @@ class _Twist:
     rows: Ints
     knots: Floats
     noise: float
+    step: float
     low: float
     travel: float
 
@@ -78,9 +83,41 @@ class _Twist:
         """Return the columns of some parts side by side."""
         return np.hstack([self.parts[n] for n in names])
 
-    def fit(self, names: Sequence[str], y: Floats | None = None) -> Blocked:
-        """Return the fit of the twist, or of what is left of it, by some parts."""
-        return by_blocks(self.table(names), self.d if y is None else y, self.blocks)
+    def fit(
+        self, names: Sequence[str], y: Floats | None = None, known: Mapping[str, Floats] | None = None
+    ) -> Blocked:
+        """Return the fit of the twist by some parts, within what a machine can have.
+
+        Args:
+            names: the parts.
+            y: what is fitted, shape (n,); the twist where absent.
+            known: part -> its coefficients before a change, which ``y`` is; the bounds are those of their sum.
+        """
+        X, y = self.table(names), self.d if y is None else y
+        bounds = np.concatenate(
+            [self._bounds(n) - (0.0 if known is None else known[n]) for n in names], axis=1
+        )
+        size, held = np.sqrt(np.mean(X**2, axis=0)), np.zeros(X.shape[1])
+        free = np.ones(X.shape[1], dtype=bool)
+        while True:
+            found = by_blocks(X[:, free], y - X @ held, self.blocks)
+            theta, folds = held.copy(), np.tile(held, (len(found.folds), 1))
+            theta[free], folds[:, free] = found.theta, found.folds
+            nearest = np.clip(theta, *bounds)
+            off = size * np.abs(theta - nearest) * free
+            worst = int(np.argmax(off))
+            if off[worst] == 0.0:
+                return replace(found, theta=theta, folds=folds)
+            free[worst], held[worst] = False, nearest[worst]
+
+    def _bounds(self, name: str) -> Floats:
+        """Return the least and the largest coefficients of a part, shape (2, p)."""
+        least, most = {
+            "lag": ([-LATEST * self.step], [LATEST * self.step]),
+            "spring": ([0.0, -np.inf, -np.inf], [np.inf, 0.0, 0.0]),
+            "lost": ([0.0], [np.inf]),
+        }.get(name, ([-np.inf], [np.inf]))
+        return np.array([least, most]) * np.ones(self.parts[name].shape[1])
 
     def reverse(self, names: Sequence[str]) -> tuple[float, float]:
         """Return the stiffness by which the effort is explained with the twist, and its 90 % half interval."""
@@ -105,8 +142,20 @@ class _Twist:
 
 
 NUISANCE = ("zero", "lag")
-"""Always there, and no finding: the offset of the zeros, the instant of the two encoders."""
+"""No finding: the offset of the zeros, and what goes with v (the instant of the two encoders, and behind a spring
+the friction of the motor's side)."""
 PARTS = ("spring", "lost", "table")
+
+
+def _standing(known: Blocked | None) -> tuple[str, ...]:
+    """Return what is always in the fit: encoders on one clock keep their instants, a change has none of its own."""
+    return NUISANCE if known is None else NUISANCE[:1]
+
+
+def _with(names: Sequence[str], part: str) -> list[str]:
+    """Return parts with one more; a spring that changes takes the friction of the motor's side along."""
+    more = NUISANCE[1:] if part == "spring" and NUISANCE[1] not in names else ()
+    return [*names, *more, part]
 
 
 def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | None:
@@ -135,7 +184,15 @@ def _twist(motion: Motion, joint: int, knots: Floats | None = None) -> _Twist | 
     step = motion.step * max(1.0, len(motion) / len(rows))
     noise = roughness([d[s] for s in motion.segments if s.stop - s.start > 8] or [d])
     return _Twist(
-        d[rows], parts, blocks_of(len(rows), step), rows, places, noise, float(x.min()), float(np.ptp(x))
+        d[rows],
+        parts,
+        blocks_of(len(rows), step),
+        rows,
+        places,
+        noise,
+        motion.step,
+        float(x.min()),
+        float(np.ptp(x)),
     )
 
 
@@ -259,21 +316,25 @@ def _seen(
     own: _Twist | None,
     rng: np.random.Generator,
 ) -> Seen:
-    y, misfit = _unknown(new, own)
-    chosen, steps = _chosen(new, own, y, misfit)
-    sure = _confidences(new, own, y, misfit, steps, rng)
-    before, after = new.fit(NUISANCE, y), new.fit([*NUISANCE, *chosen], y)
+    known = None if own is None else own.fit(new.every)
+    y = new.d if known is None else new.d - new.table(new.every) @ known.theta
+    chosen, steps = _chosen(new, known, y)
+    sure = _confidences(new, known, y, steps, rng)
+    now, there = (*_standing(known), *chosen), _by_part(new, known)
+    before, after = new.fit(_standing(known), y, there), new.fit(now, y, there)
+    misfit = float("nan") if known is None else known.left
     effects = []
     for part, shrink in steps.items():
-        names = new.every if own is not None else (*NUISANCE, *chosen[: chosen.index(part) + 1])
-        told = _Told(name, c.machine.rotary[joint], new, own, names, "table" in chosen)
+        names = new.every if known is not None else now[: now.index(part) + 1]
+        fit = new.fit(names) if known is None else _changed(new, known, after, now)
+        told = _Told(name, c.machine.rotary[joint], new, known, fit, names, "table" in chosen)
         effects.append(told.named(part, shrink, _inertia(c, joint), sure[part]))
     gap = Gap(
         before.left, before.left / max(new.travel, 1e-300), new.noise, min(after.left, before.left), misfit
     )
     cells = regimes([(c.new.motion, new.rows)], joint) if steps else []
     where = concentrated(cells, before.rest**2, name, "ql", rng)[:3] if cells else []
-    notes = _notes(name, after, c.new.motion.step) if own is None else []
+    notes = _notes(name, after, new) if known is None else []
     return Seen(name, gap, effects, where, "spring" in steps, "lost" in steps, notes)
 
 
@@ -283,43 +344,62 @@ def _inertia(c: Comparison, joint: int) -> float:
     return float("nan") if mass is None else float(np.mean(mass[:, joint, joint]))
 
 
-def _unknown(new: _Twist, own: _Twist | None) -> tuple[Floats, float]:
-    """Return the twist less what the twin's own logs say of it, and what they leave of their own."""
-    if own is None:
-        return new.d, float("nan")
-    known = own.fit(new.every)
-    return new.d - new.table(new.every) @ known.theta, known.left
+def _by_part(new: _Twist, known: Blocked | None) -> dict[str, Floats] | None:
+    """Return part -> its coefficients on the twin's own logs."""
+    if known is None:
+        return None
+    starts = {name: new.at(new.every, name) for name in new.every}
+    return {name: known.theta[k : k + new.parts[name].shape[1]] for name, k in starts.items()}
 
 
-def _chosen(new: _Twist, own: _Twist | None, y: Floats, misfit: float) -> tuple[list[str], dict[str, Shrink]]:
-    """Return the parts that the twist has, most telling first, and what those that can be real close of it."""
-    least = max(RULES.encoder_noise * new.noise, misfit if np.isfinite(misfit) else 0.0)
-    first = new.fit(NUISANCE, y).left
+def _changed(new: _Twist, known: Blocked, change: Blocked, names: Sequence[str]) -> Blocked:
+    """Return what the twist is made of after a change of some parts, with the errors of before and of the change."""
+    theta, folds = known.theta.copy(), np.tile(known.theta, (len(change.folds), 1))
+    for name in names:
+        width = np.arange(new.parts[name].shape[1])
+        to, by = new.at(new.every, name) + width, new.at(names, name) + width
+        wider = np.hypot(change.error[by], known.error[to]) / np.maximum(change.error[by], 1e-300)
+        theta[to] += change.theta[by]
+        folds[:, to] = theta[to] + (change.folds[:, by] - change.theta[by]) * wider
+    return replace(change, theta=theta, folds=folds)
+
+
+def _chosen(new: _Twist, known: Blocked | None, y: Floats) -> tuple[list[str], dict[str, Shrink]]:
+    """Return the parts that the twist has, most telling first, and what those that can be real close of it.
+
+    Of changes that close about as much the one with fewer numbers is taken: at one speed play looks like friction
+    that bends a spring.
+    """
+    least = max(RULES.encoder_noise * new.noise, 0.0 if known is None else known.left)
+    always, there = _standing(known), _by_part(new, known)
+    first = new.fit(always, y, there).left
     chosen: list[str] = []
     steps: dict[str, Shrink] = {}
-    parts = new.every[len(NUISANCE) :]
-    while len(chosen) < len(parts):
-        now = new.fit([*NUISANCE, *chosen], y)
-        trials = {p: new.fit([*NUISANCE, *chosen, p], y) for p in parts if p not in chosen}
+    parts = [p for p in PARTS if p in new.parts]
+    while not set(parts) <= set(chosen):
+        now = new.fit([*always, *chosen], y, there)
+        trials = {p: new.fit(_with([*always, *chosen], p), y, there) for p in parts if p not in chosen}
         best = min(trials, key=lambda p: trials[p].left)
+        if known is not None:
+            more = trials[best].left ** 2 + RULES.second_share * first**2
+            best = min((p for p in trials if trials[p].left ** 2 < more), key=lambda p: new.parts[p].shape[1])
         fit = trials[best]
         closed = float(np.sqrt(max(now.left**2 - fit.left**2, 0.0)))
         low, high = share_interval(now.powers, fit.powers)
         share = 1.0 - (fit.left / max(now.left, 1e-300)) ** 2
-        trace = own is not None and bool(chosen) and closed**2 < RULES.second_share * first**2
+        trace = known is not None and bool(chosen) and closed**2 < RULES.second_share * first**2
         if share < RULES.encoder_share or low <= 0.0 or closed < least or trace:
             break
-        chosen.append(best)
-        if _sure(best, new, own, fit, chosen) > np.sqrt(RULES.strength_structure):
+        chosen = _with([*always, *chosen], best)[len(always) :]
+        if _sure(best, new, known, fit, [*always, *chosen]) > np.sqrt(RULES.strength_structure):
             steps[best] = Shrink(now.left, fit.left, share, (low, min(high, 1.0)), share, "held-out blocks")
     return chosen, steps
 
 
 def _confidences(
     new: _Twist,
-    own: _Twist | None,
+    known: Blocked | None,
     y: Floats,
-    misfit: float,
     found: Collection[str],
     rng: np.random.Generator,
 ) -> dict[str, float]:
@@ -327,23 +407,26 @@ def _confidences(
     wins = dict.fromkeys(found, 0)
     for _ in range(TRIALS if found else 0):
         part, rest = new.drawn(y, rng)
-        for name in _chosen(part, own, rest, misfit)[1]:
+        for name in _chosen(part, known, rest)[1]:
             if name in wins:
                 wins[name] += 1
     return {name: posterior(count, TRIALS, RULES) for name, count in wins.items()}
 
 
-def _sure(part: str, new: _Twist, own: _Twist | None, fit: Blocked, chosen: Sequence[str]) -> float:
+def _sure(part: str, new: _Twist, known: Blocked | None, fit: Blocked, names: Sequence[str]) -> float:
     """Return by how many standard errors a part's first coefficient is what a machine can have.
 
-    A spring yields to its load and play lags behind the motor: both are positive; of a change either sign is.
+    A spring yields to its load and play lags behind the motor: both are positive, of a change what is there then.
     """
-    k = new.at([*NUISANCE, *chosen], part)
+    k = new.at(names, part)
     value, error = float(fit.theta[k]), float(fit.error[k])
     if part == "table":
         return float("inf")
-    if own is not None:
-        value, error = abs(value), float(np.hypot(error, own.fit(new.every).error[new.at(new.every, part)]))
+    if known is not None:
+        at = new.at(new.every, part)
+        if part == "spring" and known.theta[at] + value <= 0.0:
+            return 0.0  # a drive without any give is none
+        value, error = abs(value), float(np.hypot(error, known.error[at]))
     return value / max(error, 1e-300)
 
 
@@ -354,7 +437,8 @@ class _Told:
     Attributes:
         axis: whose.
         rotary: whether it turns.
-        new: its twist. own: that in the twin's own logs.
+        new: its twist. known: what the twin's own logs say of it.
+        fit: what it is made of now.
         names: parts of the fit: those found so far; of a change all, as in the own logs.
         placed: whether there is an error along the stroke.
     """
@@ -362,13 +446,13 @@ class _Told:
     axis: str
     rotary: bool
     new: _Twist
-    own: _Twist | None
+    known: Blocked | None
+    fit: Blocked
     names: Sequence[str]
     placed: bool
 
     def named(self, part: str, shrink: Shrink, inertia: float, sure: float) -> Found:
-        fit = self.new.fit(self.names)
-        known = None if self.own is None else self.own.fit(self.new.every)
+        fit, known = self.fit, self.known
         shape: dict[str, float] = {}
         if part == "spring":
             effect, sizes = FLEXIBLE[0], self._spring(fit, known)
@@ -387,17 +471,18 @@ class _Told:
         The interval of the stiffness holds those of the fit with and without a table beside it (a weight that
         goes with the posture is told from a table by its acceleration alone), and those of the reverse
         fit, of the effort by the twist: noise of the effort makes the one too stiff, noise of the encoders
-        the other too soft, and what is stated lies between.
+        the other too soft, and what is stated lies between. Of a change the one fit is compared with itself.
         """
         at = self.new.at(self.names, "spring")
-        ranges = [_inverse(fit, at)]
-        if self.placed and self.own is None:
+        ranges, between = [_inverse(fit, at)], 0.0
+        if self.placed and known is None:
             table = "table" in self.names
             more = [n for n in self.names if n != "table"] if table else [*self.names, "table"]
             ranges.append(_inverse(self.new.fit(more), self.new.at(more, "spring")))
-        softest, half = self.new.reverse(self.names)
-        ranges.append((max(softest - half, 0.0), softest + half))
-        between = np.sqrt(max(softest, 0.0) * fit.theta[at])  # 1 where both agree
+        if known is None:
+            softest, half = self.new.reverse(self.names)
+            ranges.append((max(softest - half, 0.0), softest + half))
+            between = np.sqrt(max(softest, 0.0) * fit.theta[at])  # 1 where both agree
         units = ("N·m/rad", "N·m·s/rad", "kg·m²") if self.rotary else ("N/m", "N·s/m", "kg")
         rows = []
         for name, unit, i in zip(("stiffness", "damping", "rotor"), units, (0, 2, 1), strict=True):
@@ -407,7 +492,8 @@ class _Told:
                 if known is None
                 else float(_physical(known.theta, self.new.at(self.new.every, "spring"), i))
             )
-            span = _span(float(now), 1.645 * float(_errors(each)))
+            low, high = _span(float(now), 1.645 * float(_errors(each)))
+            span = (max(low, 0.0), high)
             if i == 0:
                 now = now * between if between > 0.0 else now
                 low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
@@ -480,10 +566,11 @@ def _span(x: float, half: float) -> tuple[float, float]:
     return float(x - half), float(x + half)
 
 
-def _notes(axis: str, fit: Blocked, step: float) -> list[str]:
-    """Return the time between the two encoders where it is sure and longer than half a sample."""
-    lag, error = float(fit.theta[1]), float(fit.error[1])
-    if abs(lag) < max(5.0 * error, 0.5 * step):
+def _notes(axis: str, fit: Blocked, new: _Twist) -> list[str]:
+    """Return the time between the two encoders where it is sure, longer than half a sample, and one that can be."""
+    at = new.at(NUISANCE, "lag")
+    lag, error = float(fit.theta[at]), float(fit.error[at])
+    if abs(lag) < max(5.0 * error, 0.5 * new.step) or abs(lag) >= LATEST * new.step:
         return []
     how = "later" if lag > 0.0 else "earlier"
     return [

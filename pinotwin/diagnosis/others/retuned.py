@@ -19,8 +19,8 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
-from pinotwin.diagnosis.others.servo import SAID, ServoChange
-from pinotwin.diagnosis.others.tracking import TURNED, simulated_errors
+from pinotwin.diagnosis.others.servo import SAID, ServoChange, turned
+from pinotwin.diagnosis.others.tracking import TURNED, own_run, simulated_errors
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.trials import TRIALS
@@ -87,9 +87,20 @@ def retuned(
             continue
         fits = [fit for effect in TURNED if (fit := _fitted(c.twin, runs, axis, effect)) is not None]
         best = max(fits, key=lambda fit: fit.share, default=None)
-        if best is not None and best.share > rules.retuned and best.effect not in leave_out:
-            found.append(_change(axis, best, fits, rules))
+        if best is None or best.share <= rules.retuned or best.effect in leave_out:
+            continue
+        known = _known(c, axis, best.effect)
+        interval = turned(best.effect, best.factor, best.error, known, rules)
+        if interval is not None:
+            found.append(_change(axis, best, interval, fits, rules))
     return found
+
+
+def _known(c: Comparison, axis: str, effect: str) -> float:
+    """Return how well the gains are known: how far the twin's own logs ask for another factor, and its error."""
+    own = own_run(c)
+    fit = None if own is None else _fitted(c.twin, [own], axis, effect)
+    return 0.0 if fit is None else float(np.hypot(fit.factor - 1.0, fit.error))
 
 
 def _fitted(twin: Twin, runs: Runs, axis: str, effect: str) -> _Fit | None:
@@ -147,8 +158,9 @@ def _errors(twin: Twin, runs: Runs, axis: str) -> tuple[Floats, Floats]:
     return np.concatenate([m for m, _ in parts]), np.concatenate([s for _, s in parts])
 
 
-def _change(axis: str, best: _Fit, fits: Sequence[_Fit], rules: Rules) -> ServoChange:
-    half = 1.645 * best.error
+def _change(
+    axis: str, best: _Fit, interval: tuple[float, float], fits: Sequence[_Fit], rules: Rules
+) -> ServoChange:
     low = share_interval(best.before, best.after)[0]
     rng = np.random.default_rng(0)
     wins = 0
@@ -162,7 +174,7 @@ def _change(axis: str, best: _Fit, fits: Sequence[_Fit], rules: Rules) -> ServoC
         SAID[best.effect],
         1.0,
         best.factor,
-        (best.factor - half, best.factor + half),
+        interval,
         "of what it was",
         best.share,
         (0.0, 0.0),

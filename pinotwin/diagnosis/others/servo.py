@@ -247,9 +247,9 @@ def _law_change(
     if axis in c.gate.strays or _unsure(old, new, rules):
         return None
     factor, error = new.factor(new.left(gains), gains, found.names)
-    if abs(factor - 1.0) < rules.law_turned:
+    interval = turned(found.effect, factor, error, old.factor(rest, gains, found.names)[1], rules)
+    if interval is None:
         return None
-    interval = (factor - 1.645 * error, factor + 1.645 * error)
     share = _share(found.left, found.level)
     said = new.columns @ new.changed(gains, found.names)
     rng = np.random.default_rng(joint)
@@ -261,6 +261,27 @@ def _law_change(
     sure = posterior(wins, TRIALS, rules)
     gap, name = (found.level, found.left), SAID[found.effect]
     return ServoChange(found.effect, axis, name, 1.0, factor, interval, "of what it was", share, gap, sure)
+
+
+def turned(
+    effect: str, factor: float, error: float, known: float, rules: Rules
+) -> tuple[float, float] | None:
+    """Return the 90 % interval of a factor on gains; None where they have not turned.
+
+    Where the interval holds 1 nothing may have changed, less than ``law_turned`` is not worth a word, and no loop
+    stands with its feedback the other way round.
+
+    Args:
+        effect: ``loop_gain`` or ``feedforward``.
+        factor: what the gains are, of what they were.
+        error: its standard error on the new logs.
+        known: standard error with which the gains are known from the twin's own logs, as a share of themselves.
+        rules: thresholds.
+    """
+    half = 1.645 * float(np.hypot(error, known))
+    possible = effect == "feedforward" or factor > 0.0
+    changed = abs(factor - 1.0) >= np.maximum(rules.law_turned, half)
+    return (factor - half, factor + half) if possible and changed else None
 
 
 def _saturation(c: Comparison, joint: int, axis: str, rules: Rules) -> ServoChange | None:

@@ -124,9 +124,14 @@ def simulated_errors(twin: Twin, log: Log, motion: Motion) -> dict[int, tuple[Fl
 
 def _own_errors(c: Comparison) -> Floats:
     """Return the same RMS on the twin's own logs, stretch by stretch, shape (nv,)."""
-    nothing = np.full(c.machine.nv, np.nan)
+    own = own_run(c)
+    return np.full(c.machine.nv, np.nan) if own is None else _difference(c.twin, *own)[0]
+
+
+def own_run(c: Comparison) -> tuple[Log, Motion] | None:
+    """Return the longest stretch of the twin's own logs as a log, and its motion; None where it has no command."""
     if c.own is None or c.own.motion.qr is None or len(c.own.motion) > LONGEST:
-        return nothing
+        return None
     motion = c.own.motion
     longest = max(motion.segments, key=lambda s: s.stop - s.start)
     part = motion.cut(longest.start, longest.stop)
@@ -134,8 +139,7 @@ def _own_errors(c: Comparison) -> Floats:
     channels = {"t": part.t - part.t[0]}
     channels |= {f"{name}.qr": part.qr[:, a.index] for name, a in c.machine.axes.items()}
     channels |= {f"{name}.q": part.q[:, a.index] for name, a in c.machine.axes.items()}
-    moved = replace(part, t=channels["t"])
-    return _difference(c.twin, Log(channels, source="own logs"), moved)[0]
+    return Log(channels, source="own logs"), replace(part, t=channels["t"])
 
 
 def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[str]]:

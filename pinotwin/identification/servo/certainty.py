@@ -123,7 +123,8 @@ def with_errors(p: AxisProblem, found: Found, rivals: Sequence[Found], missed: f
 
     G = np.stack([(at(found.x + d) - at(found.x - d)) / 2e-4 for d in 1e-4 * np.eye(len(found.x))], axis=1)
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", G, cov, G), 0.0))
-    told = doubted(servo, dict(zip(names, errors.tolist(), strict=True)), missed)
+    searched = {name: float(e) for name, e, row in zip(names, errors, G, strict=True) if np.any(row)}
+    told = doubted(servo, searched, missed)
     other: dict[str, float] = {}
     if servo.form == "general" and len(servo.cascades()) == 2:
         other = servo.cascades()[1]

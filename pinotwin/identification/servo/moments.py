@@ -83,9 +83,9 @@ def solve(
         known: answers of the same form.
     """
     search, x = search_of(start)
-    P = np.diag([_precision(name, usual) for name in search.names])
+    P, servo, moved = np.diag([_precision(name, usual) for name in search.names]), start, np.inf
     middle = np.array([_middle(search, name, usual) for name in search.names])
-    Z, W, move = law.instruments(search, x), P, x
+    Z, W = law.instruments(search, x), P
     for turn in range(TURNS):
         if 0 < turn < RENEWED:
             Z = law.instruments(search, x)
@@ -98,19 +98,25 @@ def solve(
         x = x + move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-300))
         if not np.isfinite(x).all():
             return None
-        if np.abs(move).max() < CLOSE:
+        servo = search.servo(x)
+        moved = float(np.abs(move * [_weight(name, servo, law.h) for name in search.names]).max())
+        if moved < CLOSE:
             break
-        if any(_same(search.servo(x), other, MET) for other in known):
+        if any(_same(servo, other, MET) for other in known):
             return None
-    if np.abs(move).max() > ROUGH:
+    if moved > ROUGH:
         return None
-    servo = search.servo(x)
     r = law.left(servo)
     Z = law.instruments(*search_of(servo))
     A, W = Z.T @ Z, np.linalg.pinv(_scatter(Z, r, block), hermitian=True)
     size, axes = np.linalg.eigh(A.T @ W @ A)
     root = np.sqrt(np.maximum(size, 0.0))[:, None] * axes.T
     return Solved(servo, root, float(r @ r), len(r))
+
+
+def _weight(name: str, servo: Servo, h: float) -> float:
+    """Return what a step of a coordinate counts: that of a lag far below the clock h [s], which makes none, little."""
+    return min(1.0, getattr(servo, name) / h) if name in SHAPES else 1.0
 
 
 def _scatter(Z: Floats, r: Floats, block: int) -> Floats:
@@ -173,6 +179,7 @@ def by_moments(p: AxisProblem, near: Servo) -> list[Found]:
         p: the axis.
         near: its controller, from the output error; its form is kept.
     """
+    near = _without_feedforward(p, near) or near
     law, q = LawAlone.of(p, near), beside_moments(p)
     solved = [] if law is None else answers(law, near, USUAL, max(1, int(BLOCK / p.step)))
     likely = [s for s in solved if s.worse(solved[0]) < TELLS]
@@ -183,6 +190,27 @@ def by_moments(p: AxisProblem, near: Servo) -> list[Found]:
 
     kept = [(doubt(s, f), f) for s, f in found if f is not None and p.holds(f.servo)]
     return [f for _, f in sorted(kept, key=lambda pair: pair[0])]
+
+
+def _without_feedforward(p: AxisProblem, near: Servo) -> Servo | None:
+    """Return a proportional law without its feed-forward; None where its own error speaks for feed-forward.
+
+    Behind its command an axis without an integral has e, v and vr nearly in one ratio: feed-forward that the drive
+    does not have takes its part of both gains.
+    """
+    e, _, v, *forward = near.gains
+    if near.form != "proportional" or not any(forward):
+        return None
+    bare = polish(p, replace(near, gains=(e, 0.0, v, 0.0, 0.0, 0.0)), steps=STEPS)
+    law = None if bare is None else LawAlone.of(p, bare.servo)
+    if bare is None or law is None:
+        return None
+    block = max(1, int(BLOCK / p.step))
+    plain, ahead = (solve(law, s, USUAL, block) for s in (bare.servo, near))
+    r = law.left(near)
+    least = min(float(r @ r), np.inf if ahead is None else ahead.error)
+    told = plain is not None and (plain.error / least - 1.0) * plain.rows < TELLS
+    return bare.servo if told else None
 
 
 def beside_moments(p: AxisProblem) -> AxisProblem:

@@ -128,8 +128,9 @@ def search_of(servo: Servo, plant: Sequence[str] = (), offset_scale: float = 1.0
 
 
 def free_gains(form: Servo) -> list[int]:
-    """Return which of the six gains a form has."""
-    kept: dict[str, list[int]] = {"proportional": [0, 2, 3, 5], "pid": [0, 1, 2, 3, 5], "cascade": []}
+    """Return which of the six gains a form has; feed-forward of a proportional law is searched where there is any."""
+    forward = [i for i in (3, 5) if form.gains[i] != 0.0]
+    kept: dict[str, list[int]] = {"proportional": [0, 2, *forward], "pid": [0, 1, 2, 3, 5], "cascade": []}
     return kept.get(form.form, [0, 1, 2, 3, 4, 5])
 
 
