@@ -150,6 +150,29 @@ def test_a_row_of_groups_over_the_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "units"),
+    [
+        ("Time,pos,cur\nUnit,mm,A\n0,1,2\n1,2,3\n", {"pos": "mm", "cur": "A"}),
+        ("Channel name,pos,cur\nUnit,mm,A\n0,1,2\n1,2,3\n", {"t": "s", "pos": "mm", "cur": "A"}),
+        (
+            "Channel name,pos,Channel name,cur\nUnit,mm,Unit,A\n0,1,0,2\n1,2,1,3\n",
+            {"t": "s", "pos": "mm", "cur": "A"},
+        ),
+    ],
+)
+def test_a_row_that_says_that_it_holds_units(tmp_path: Path, text: str, units: dict[str, str]) -> None:
+    log = written(tmp_path, text)
+    assert log.units == units
+    np.testing.assert_array_equal(log["cur"], [2, 3])
+
+
+def test_long_lines_of_dashes_and_bars_take_no_time(tmp_path: Path) -> None:
+    text = "| t | q |\n" + "-" * 60_000 + "x\n| 0 | 1 |" + " " * 300_000 + "x\n| 1 | 2 |\n"
+    with pytest.raises(LogError):
+        written(tmp_path, text)
+
+
+@pytest.mark.parametrize(
     ("above", "step"),
     [
         ("Sampling time interval(ms),0.667", 6.67e-4),

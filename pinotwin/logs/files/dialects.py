@@ -13,15 +13,15 @@ from pinotwin.units import find_unit
 
 _MINUS = "\u2212".encode()
 _THOUSANDS = re.compile(rb"(?<=\d)(?:'|\xe2\x80\x99|\xc2\xa0|\xe2\x80\xaf)(?=\d{3}(?!\d))")
-_RULE = re.compile(rb"(?m)^[-=+|:*~ ]*[-=]{3}[-=+|:*~ ]*\r?$")
-_FRAME = re.compile(rb"(?m)^[ \t]*\|[ \t]*|[ \t]*\|[ \t]*(?=\r?$)")
+_RULE = re.compile(rb"(?m)^[-=+|:*~ ]{3,}\r?$")
+_FRAME = re.compile(rb"(?m)^[ \t]*\|[ \t]*|\|[ \t]*(?=\r?$)")
 _VALUE = rb"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf))"
 _PAIR = re.compile(
     rb"([A-Za-z_/\x80-\xff][^\s=:;,|]*)(?:\s*[=:]\s*|[ \t]+)" + _VALUE + rb"(?:[\s,;|]+|$)", re.I
 )
 _LEAD = re.compile(rb"(\d[\d:.,TZ+/-]*)[\s,;|]+")
 _SHDR = re.compile(rb"(?:\d{4}-\d\d-\d\dT[\d:.]+Z?\|[A-Za-z_][^|\n]*\|[^|\n]*(?:\|[^|\n]*)*\n\s*){2}")
-_SEARCHED = 200
+_SEARCHED = 1 << 16
 _TNCSCOPE = b"%TNCscope"
 
 
@@ -50,14 +50,14 @@ def plain(text: bytes) -> Plain:
         return _shdr(text)
     if text.lstrip().startswith((b"|", b"+-")):
         text = _FRAME.sub(b"", text)
-    if _RULE.search(text, 0, 1 << 16):
+    if _RULE.search(text, 0, _SEARCHED):
         text = _RULE.sub(b"", text)
     return _unpaired(text)
 
 
 def _tncscope(text: bytes) -> Plain:
     """HEIDENHAIN TNCscope: ``%[CURVEn]`` describes a column; the first is the time in us."""
-    head = text.partition(b"%[DATA]")[0].decode(errors="replace")
+    head = text[: text.find(b"%[DATA]")].decode(errors="replace")
     columns = []
     for k, block in enumerate(head.split("%[CURVE")[1:], start=1):
         pairs = (line.lstrip("%").partition("=") for line in block.splitlines())
@@ -85,7 +85,7 @@ def _shdr(text: bytes) -> Plain:
 
 def _unpaired(text: bytes) -> Plain:
     """Rows in which every value stands behind its name: ``pin +0.1 pin +0.2``, ``q=0.1, u=0.2``."""
-    first = text.split(b"\n", _SEARCHED)[:_SEARCHED]
+    first = text[:_SEARCHED].split(b"\n")
     found = [(names, bool(values[0])) for names, values in map(_pairs, first) if len(names) > 1]
     if len(found) < 2 or found[0] != found[1]:
         return Plain(text)

@@ -75,8 +75,9 @@ def _read(loader: Loader, path: Path, source: str, there: Connection, memory: in
             resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         try:
-            said: Content | str = loader(path, source)
-            limited(source, said.numbers, path.stat().st_size)
+            content = loader(path, source)
+            limited(source, content.numbers, path.stat().st_size)
+            said: Content | str = content
         except LogError as error:
             said = str(error)
         except MemoryError:

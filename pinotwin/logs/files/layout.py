@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from pinotwin.errors import LogError
 from pinotwin.logs.files.content import distinct
 from pinotwin.logs.files.dialects import plain
-from pinotwin.logs.files.preamble import read_preamble
+from pinotwin.logs.files.preamble import UNIT_TITLES, read_preamble
 from pinotwin.units import SI_FACTOR, find_unit
 
 COMMENTS = ("#", "%", "//")
@@ -394,7 +394,7 @@ def _header(cells: list[list[str]], start: int, stem: str) -> _Header:
     named = distinct(titles)
     for name, cell in zip(named, above[-1] if units_row else (), strict=False):
         unit = find_unit(cell) or cell.strip("[]() ")
-        if unit:
+        if unit and unit.casefold() not in UNIT_TITLES:
             units[name] = unit
     counts = Counter(stated)
     repeated = {name: old for name, old in zip(named, stated, strict=True) if counts[old] > 1}

@@ -132,21 +132,25 @@ def _set_clock(layout: Layout, content: Content, source: str) -> None:
         content.notes += notes
         content.units.update({"t": unit} if unit else {})
     elif not any(is_clock(name) for name in content.arrays):
+        made = _clock_of_steps(layout, content)
+        if made is not None:
+            t, unit, said = made
+            content.arrays = {"t": t, **content.arrays}
+            content.units["t"] = unit
+            content.notes.append(f"t: {said}")
+
+
+def _clock_of_steps(layout: Layout, content: Content) -> tuple[Floats, str, str] | None:
+    """Return a clock from the sample time above the numbers or from a column of steps, its unit, and the source."""
+    if layout.step is not None:
         rows = len(next(iter(content.arrays.values()), ()))
-        steps = next(
-            (n for n, x in content.arrays.items() if are_steps(n, x, content.units.get(n, "s"))), None
-        )
-        if layout.step is not None:
-            t = np.arange(rows) * layout.step
-            said = f"made from the sample time {1e3 * layout.step:.6g} ms above the numbers"
-        elif steps is not None:
-            t = np.cumsum(content.arrays[steps]) - content.arrays[steps][0]
-            said = f"summed from {steps}, the time of each row"
-        else:
-            return
-        content.arrays = {"t": t, **content.arrays}
-        content.units["t"] = content.units.get(steps or "", "s")
-        content.notes.append(f"t: {said}")
+        said = f"made from the sample time {1e3 * layout.step:.6g} ms above the numbers"
+        return np.arange(float(rows)) * layout.step, "s", said
+    for name, values in content.arrays.items():
+        unit, x = content.units.get(name, "s"), np.asarray(values, dtype=float)
+        if are_steps(name, x, unit):
+            return np.cumsum(x, dtype=float) - x[0], unit, f"summed from {name}, the time of each row"
+    return None
 
 
 def _body(layout: Layout, source: str) -> _Body:
@@ -239,7 +243,7 @@ class _Kinds:
 def _kinds(body: _Body) -> _Kinds:
     """Return what the columns hold, from a sample of rows."""
     rows, kinds = body.head(1 << 18), _Kinds()
-    kinds.text.update({value_column(body.names)} & set(body.names))
+    kinds.text.update({value_column(body.names) or ""} - {""})
     for i, name in enumerate(body.names):
         sample = [row[i] for row in rows if i < len(row) and row[i]]
         if sample and all(map(cells.is_stamp, sample)):
