@@ -84,32 +84,33 @@ def _shdr(text: bytes) -> Plain:
 
 
 def _unpaired(text: bytes) -> Plain:
-    """Rows in which every value stands behind its name: ``pin +0.1 pin +0.2``, ``q=0.1, u=0.2``."""
-    first = text[:_SEARCHED].split(b"\n")
-    found = [(names, bool(values[0])) for names, values in map(_pairs, first) if len(names) > 1]
-    if len(found) < 2 or found[0] != found[1]:
+    """Rows in which every value stands behind its name: ``pin +0.1 pin +0.2``, ``q=0.1, u=0.2``.
+
+    One value a row only if all rows say so: a word before a number may be a mode.
+    """
+    first = text[:_SEARCHED].rpartition(b"\n")[0].split(b"\n")
+    found = [names for names, _ in map(_pairs, filter(bytes.strip, first))]
+    names = next((own for own in found if own), [])
+    alike = [own == names for own in found[found.index(names) :]] if names else []
+    if len(alike) < 2 or not (all(alike) or (alike[1] and len(names) > 2 - (b"time" not in names))):
         return Plain(text)
-    names, led = found[0]
     rows = []
     for line in text.split(b"\n"):
         own, values = _pairs(line)
-        rows.append(
-            b"\t".join(values if led else values[1:]) if own == names and bool(values[0]) == led else line
-        )
-    titles = [name.decode(errors="replace") for name in names]
-    return Plain(b"\n".join(rows), tuple(["time", *titles] if led else titles))
+        rows.append(b"\t".join(values) if own == names else line)
+    return Plain(b"\n".join(rows), tuple(name.decode(errors="replace") for name in names))
 
 
 def _pairs(line: bytes) -> tuple[list[bytes], list[bytes]]:
-    """Return the names of a line and its values, the stamp before them (or nothing) first."""
+    """Return the names of a line and its values, ``time`` for a stamp before them; none where it is no such line."""
     bare = line.strip()
     lead = _LEAD.match(bare)
     at = lead.end() if lead else 0
-    names, values = [], [lead[1] if lead else b""]
+    names, values = ([b"time"], [lead[1]]) if lead else ([], [])
     while at < len(bare):
         pair = _PAIR.match(bare, at)
         if pair is None:
-            return [], [b""]
+            return [], []
         names.append(pair[1])
         values.append(pair[2])
         at = pair.end()

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.content import distinct
+from pinotwin.logs.files.content import distinct, repeated
 from pinotwin.logs.files.dialects import plain
 from pinotwin.logs.files.preamble import UNIT_TITLES, read_preamble
 from pinotwin.units import SI_FACTOR, find_unit
@@ -131,7 +131,8 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
     decimal, thousands = _decimal(cells[start:], delimiter, source)
     header = _header(cells, start, stem)
     if grammar.names:
-        header = _Header(distinct(grammar.names), grammar.units, 0)
+        named = distinct(grammar.names)
+        header = _Header(named, grammar.units, 0, {}, repeated(named, grammar.names))
     names = header.names
     if not names:
         names = distinct(_commented_names(numbered, body[start][0], delimiter, len(cells[start])))
@@ -223,7 +224,7 @@ def is_list(cell: str) -> bool:
 def is_clock(name: str) -> bool:
     """Whether a column is called as clocks are: ``Time``, ``Zeit [s]``, ``timestamp``."""
     bare = re.split(r"[\[(/]", name.strip())[0].strip(" _").casefold()
-    return bare in CLOCK_NAMES or bare.startswith(("time ", "time_", "zeit"))
+    return bare in CLOCK_NAMES or bare.startswith(("time ", "time_", "zeit")) or bare.endswith("timestamp")
 
 
 def _value(cell: str) -> bool:
@@ -396,9 +397,7 @@ def _header(cells: list[list[str]], start: int, stem: str) -> _Header:
         unit = find_unit(cell) or cell.strip("[]() ")
         if unit and unit.casefold() not in UNIT_TITLES:
             units[name] = unit
-    counts = Counter(stated)
-    repeated = {name: old for name, old in zip(named, stated, strict=True) if counts[old] > 1}
-    return _Header(named, units, rows + (titles != stated), _stamped(named), repeated)
+    return _Header(named, units, rows + (titles != stated), _stamped(named), repeated(named, stated))
 
 
 def _under(upper: Sequence[str], names: list[str]) -> tuple[list[str], dict[str, str]]:
