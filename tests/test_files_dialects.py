@@ -125,6 +125,11 @@ def test_a_comma_that_cuts_only_some_numbers_is_said(cases: Path, tmp_path: Path
         read(path)
 
 
+def test_more_whole_numbers_than_names_are_not_joined_where_one_has_a_sign(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="the comma stands between the columns"):
+        written(tmp_path, "t,q\n0,0,1,-5\n0,1,1,6\n")
+
+
 def test_a_stamp_before_the_values_is_the_clock(tmp_path: Path) -> None:
     log = written(tmp_path, "08:00:00.00 q=1 u=2\n08:00:00.01 q=3 u=4\n08:00:00.02 q=5 u=6\n", "x.log")
     np.testing.assert_allclose(log["time"], [0.0, 0.01, 0.02], atol=1e-12)

@@ -13,6 +13,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 from pinotwin.errors import LogError
 from pinotwin.logs.files.content import distinct, repeated
@@ -175,13 +176,9 @@ def _halved(cells: Sequence[Sequence[str]], start: int, source: str) -> bool:
     names = [cell for cell in cells[top] if cell] if top >= 0 else []
     rows = [row[:-1] if row and not row[-1] else row for row in cells[top + 1 :]]
     wide = [row for row in rows if len(names) < len(row) <= 2 * len(names)]
-    if (
-        not names
-        or 2 * len(wide) <= len(rows)
-        or not all(_INTEGER.match(cell) for row in rows for cell in row)
-    ):
+    if not names or 2 * len(wide) <= len(rows) or not all(map(_INTEGER.match, chain(*rows))):
         return False
-    if all(len(row) == 2 * len(names) for row in rows):
+    if all(len(row) == 2 * len(names) and all(cell[0].isdigit() for cell in row[1::2]) for row in rows):
         return True
     raise LogError(
         f"{source}: the comma stands between the columns and is the decimal sign as well ({len(names)} names, "
