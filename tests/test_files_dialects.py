@@ -56,6 +56,8 @@ EVEN = [0.0, 0.004, 0.008]
         ("11:59:59.996 p.m.", "12:00:00.000 a.m.", "12:00:00.004 a.m."),
         ("3/2/2026 7:59:59.996 AM", "3/2/2026 8:00:00.000 AM", "3/2/2026 8:00:00.004 AM"),
         ("12:59:59,996", "13:00:00,000", "13:00:00,004"),
+        ("02-Mar-2026 07:59:59.996", "02-Mar-2026 08:00:00.000", "02-Mar-2026 08:00:00.004"),
+        ("2026-03-02t08:00:00.000z", "2026-03-02t08:00:00.004z", "2026-03-02t08:00:00.008z"),
     ],
     ids=lambda cells: cells[0],
 )
@@ -94,6 +96,7 @@ def test_a_pause_of_about_an_hour_stays(tmp_path: Path) -> None:
         "Trace 7\nt;q\n[s];[mm]\n0;1234.5\n1;-2.5\nTrace 7\nt;q\n[s];[mm]\n2;3\n",
         "t,q\n0,0,1234,5\n1,0,-2,5\n2,0,3,0\n",
         "t=0 q=1234.5\nt=1 q=-2.5\nt=2 q=3\n",
+        "Sampling period is 1000000000 nSec\n\nq +1234.5 \nq -2.5 \nq +3.0 \n",
         "t: 0, q: 1234,5\nt: 1, q: -2,5\nt: 2, q: 3,0\n",
     ],
 )
@@ -122,6 +125,22 @@ def test_a_comma_that_cuts_only_some_numbers_is_said(cases: Path, tmp_path: Path
         read(path)
 
 
+def test_more_whole_numbers_than_names_are_not_joined_where_one_has_a_sign(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="the comma stands between the columns"):
+        written(tmp_path, "t,q\n0,0,1,-5\n0,1,1,6\n")
+
+
+def test_a_stamp_before_the_values_is_the_clock(tmp_path: Path) -> None:
+    log = written(tmp_path, "08:00:00.00 q=1 u=2\n08:00:00.01 q=3 u=4\n08:00:00.02 q=5 u=6\n", "x.log")
+    np.testing.assert_allclose(log["time"], [0.0, 0.01, 0.02], atol=1e-12)
+    np.testing.assert_array_equal(log["u"], [2, 4, 6])
+
+
+def test_a_word_before_a_number_may_be_a_mode(tmp_path: Path) -> None:
+    log = written(tmp_path, "auto 1\nauto 2\nman 3\n", "x.log")
+    np.testing.assert_array_equal(log["x[1]"], [1, 2, 3])
+
+
 def test_values_behind_their_names_need_the_same_names_in_every_row(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="line 3 has"):
         written(tmp_path, "q 1 u 2\nq 2 u 3\nu 3 q 4\nq 4 u 5\n", "x.log")
@@ -147,6 +166,29 @@ def test_a_row_of_groups_over_the_names(tmp_path: Path) -> None:
     assert list(log.channels) == ["Time", "Axis X pos", "Axis X cur", "Axis Y pos", "Axis Y cur"]
     assert log.units["Axis Y cur"] == "A"
     assert log.units["Time"] == "ms"
+
+
+@pytest.mark.parametrize(
+    ("text", "units"),
+    [
+        ("Time,pos,cur\nUnit,mm,A\n0,1,2\n1,2,3\n", {"pos": "mm", "cur": "A"}),
+        ("Channel name,pos,cur\nUnit,mm,A\n0,1,2\n1,2,3\n", {"t": "s", "pos": "mm", "cur": "A"}),
+        (
+            "Channel name,pos,Channel name,cur\nUnit,mm,Unit,A\n0,1,0,2\n1,2,1,3\n",
+            {"t": "s", "pos": "mm", "cur": "A"},
+        ),
+    ],
+)
+def test_a_row_that_says_that_it_holds_units(tmp_path: Path, text: str, units: dict[str, str]) -> None:
+    log = written(tmp_path, text)
+    assert log.units == units
+    np.testing.assert_array_equal(log["cur"], [2, 3])
+
+
+def test_long_lines_of_dashes_and_bars_take_no_time(tmp_path: Path) -> None:
+    text = "| t | q |\n" + "-" * 60_000 + "x\n| 0 | 1 |" + " " * 300_000 + "x\n| 1 | 2 |\n"
+    with pytest.raises(LogError):
+        written(tmp_path, text)
 
 
 @pytest.mark.parametrize(
@@ -220,6 +262,38 @@ def test_one_display_name_of_two_nodes_does_not_join_them(tmp_path: Path) -> Non
     np.testing.assert_array_equal(log["X.Pos"], [0, np.nan, 2])
     np.testing.assert_array_equal(log["Y.Pos"], [10, 11, 12])
     assert log.units["Y.Pos"] == "mm"
+
+
+def test_one_signal_of_two_devices_is_two_channels(tmp_path: Path) -> None:
+    rows = [
+        f"{t},{a},{s},{k + 10 * t}" for t in range(3) for k, (a, s) in enumerate(("Xp", "Xi", "Yp", "Yi"))
+    ]
+    log = written(tmp_path, "time,axis,signal,value\n" + "\n".join(rows) + "\n")
+    assert list(log.channels) == ["time", "X.p", "X.i", "Y.p", "Y.i"]
+    np.testing.assert_array_equal(log["Y.p"], [2, 12, 22])
+
+
+CHANGES = """Time,X,Y,Z
+0.00,1,5,9
+0.01,2,,
+0.02,3,6,
+0.03,,7,
+0.04,,,8
+0.05,4,,
+"""
+
+
+def test_empty_cells_of_a_table_written_on_change_are_carried_forward(tmp_path: Path) -> None:
+    log = written(tmp_path, CHANGES)
+    np.testing.assert_array_equal(log["X"], [1, 2, 3, 3, 3, 4])
+    np.testing.assert_array_equal(log["Y"], [5, 5, 6, 7, 7, 7])
+    np.testing.assert_array_equal(log["Z"], [9, 9, 9, 9, 8, 8])
+    assert "written on change, carried forward to the next: X, Y, Z" in log.notes
+
+
+def test_what_is_unavailable_is_not_carried_over(tmp_path: Path) -> None:
+    log = written(tmp_path, CHANGES.replace("0.03,,7,", "0.03,UNAVAILABLE,7,"))
+    assert np.isnan(log["X"][3])
 
 
 def test_a_value_beside_a_mode_is_no_long_form(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.columns import Column, bind
 from pinotwin.logs.files import read
+from pinotwin.scaffold.guess import guess_columns
 from pinotwin.units import find_unit, si_factor
 from tests.vendor_formats import CURRENT, FORMATS, twincat
 
@@ -44,11 +45,12 @@ NAMES: dict[str, dict[str, str]] = {
         "A.qr": "s soll/A", "A.q": "s ist/A", "A.u": "I ist/A",
     },
     "halscope": {
-        "t": "t", "Y.qr": "joint.Y.motor-pos-cmd", "Y.q": "joint.Y.motor-pos-fb", "Y.u": "pid.Y.output",
-        "A.qr": "joint.A.motor-pos-cmd", "A.q": "joint.A.motor-pos-fb", "A.u": "pid.A.output",
+        "t": "t", "Y.qr": "joint.Y.motor-pos-cmd", "Y.q": "joint.Y.motor-pos-fb", "Y.u": "cia402.Y.actual-torque",
+        "A.qr": "joint.A.motor-pos-cmd", "A.q": "joint.A.motor-pos-fb", "A.u": "cia402.A.actual-torque",
     },
     "mr_configurator": {
-        "t": "Time", "Y.qr": "Y qr", "Y.q": "Y q", "Y.u": "Y u", "A.qr": "A qr", "A.q": "A q", "A.u": "A u",
+        "t": "Time", "Y.qr": "Command position Y", "Y.q": "Feedback position Y", "Y.u": "Torque Y",
+        "A.qr": "Command position A", "A.q": "Feedback position A", "A.u": "Torque A",
     },
     "daq": {
         "t": "t", "Y.qr": "Y qr", "Y.q": "Y q", "Y.u": "Y u", "A.qr": "A qr", "A.q": "A q", "A.u": "A u",
@@ -111,6 +113,18 @@ def test_every_export_comes_back_in_si(tmp_path: Path, servo: dict[str, np.ndarr
     for name in expected - {"t"}:
         # the file's last digit: 1e-6 mm, 1e-6 deg, or seven significant ones
         np.testing.assert_allclose(log[name], servo[name], rtol=1e-6, atol=1e-6, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "kind", ["tnc_scope_own", "halscope", "mr_configurator", "daq", "opcua", "mtconnect", "plotjuggler"]
+)
+def test_new_finds_every_column_of_an_export(tmp_path: Path, servo: dict[str, np.ndarray], kind: str) -> None:
+    log = read(write(tmp_path, kind, servo))
+    found = guess_columns(log, {"Y": ("Y", False), "A": ("A", True)})
+    guessed = {guess.channel: guess.column for guess in found.found}
+    expected = {channel: column for channel, column in NAMES[kind].items() if channel not in found.named}
+    assert {channel: guessed.get(channel) for channel in expected} == expected
+    assert set(servo) <= {*guessed, *found.named}
 
 
 def test_the_block_above_the_numbers_is_kept(tmp_path: Path, servo: dict[str, np.ndarray]) -> None:

@@ -96,7 +96,7 @@ def tnc_scope_own(log: Channels, rotary: set[str]) -> bytes:
 
 def halscope(log: Channels, rotary: set[str]) -> bytes:
     """LinuxCNC's halscope: the sampling period, then every value behind its pin's name; decimal commas."""
-    pins = {"qr": "joint.{}.motor-pos-cmd", "q": "joint.{}.motor-pos-fb", "u": "pid.{}.output"}
+    pins = {"qr": "joint.{}.motor-pos-cmd", "q": "joint.{}.motor-pos-fb", "u": "cia402.{}.actual-torque"}
     columns = [(pins[kind].format(a), log[f"{a}.{kind}"]) for a in axes(log) for kind in pins]
     head = [f"Sampling period is {1e9 * (log['t'][1] - log['t'][0]):.0f} nSec ", ""]
     rows = [
@@ -106,8 +106,9 @@ def halscope(log: Channels, rotary: set[str]) -> bytes:
 
 
 def mr_configurator(log: Channels, rotary: set[str]) -> bytes:
-    """MR Configurator's graph: slots over signals, unused ones named ``Not selected``; torque in N as logged."""
-    signals = [(f"{a} {kind}", log[f"{a}.{kind}"]) for a in axes(log) for kind in ("qr", "q", "u")]
+    """MR Configurator's graph: slots over signals, unused ones named ``Not selected``; all in SI."""
+    words = {"qr": "Command position", "q": "Feedback position", "u": "Torque"}
+    signals = [(f"{words[kind]} {a}", log[f"{a}.{kind}"]) for a in axes(log) for kind in words]
     slots = ["Time", *(f"Analog {k}" for k in range(1, len(signals) + 2)), "Digital 1", "Digital 2"]
     titles = ["ms", *(title for title, _ in signals), "Not selected", "INP", "Not selected"]
     step = 1e3 * float(log["t"][1] - log["t"][0])

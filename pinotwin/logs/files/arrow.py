@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pinotwin.logs.files.clocks import on_one_clock, separated
-from pinotwin.logs.files.content import Content, distinct
+from pinotwin.logs.files.clocks import CARRIED, held, known_rows, on_one_clock, separated, written_on_change
+from pinotwin.logs.files.content import Content, distinct, repeated
 from pinotwin.logs.files.joint_states import joint_columns, stamps
 from pinotwin.logs.files.layout import is_clock
 from pinotwin.logs.files.long_form import spread
 
 
-def take(table: pa.Table, content: Content, source: str) -> None:
+def take(table: pa.Table, content: Content, source: str, blank_is_missing: bool = False) -> None:
     """Move the columns of a table into ``content``; text is left out.
 
-    A table in long form is spread, and channels that stand in rows of their own are put on one clock.
+    A table in long form is spread, and channels that stand in rows of their own are put on one clock, unless
+    ``blank_is_missing``.
     """
-    stated = table.column_names
-    names, counts = distinct(stated), Counter(stated)
-    content.stated.update({name: old for name, old in zip(names, stated, strict=True) if counts[old] > 1})
+    names = distinct(table.column_names)
+    content.stated.update(repeated(names, table.column_names))
     table = table.rename_columns(names)
     clock = next((name for name in names if is_clock(name) or content.units.get(name) == "s"), None)
     if clock is not None and _is_number(table.column(clock).type) and spread(table, clock, content):
@@ -42,23 +40,35 @@ def take(table: pa.Table, content: Content, source: str) -> None:
             content.left_out.append(name)
             values = pc.unique(pc.drop_null(column)).to_pylist() if _is_text(kind) else []
             texts.update({name: values[0]} if len(values) == 1 else {})
-    joints = joint_columns(names, texts, content.arrays)
-    content.arrays = {joints.get(name, name): x for name, x in content.arrays.items()}
-    if joints:
-        found = dict.fromkeys(joint.rpartition(".")[0] for joint in joints.values())
-        content.notes.append(f"joints by their names in the file: {', '.join(found)}")
-        t = stamps(names, content.arrays) if clock is None else None
-        if t is not None:
-            content.arrays = {"t": t, **{k: x for k, x in content.arrays.items() if k not in names[:2]}}
-            content.units["t"] = "s"
-            content.notes.append("t: seconds and nanoseconds of the stamps, from the first on")
-    if clock in content.arrays:
+    _name_joints(names, texts, clock is None, content)
+    if clock in content.arrays and not blank_is_missing:
         _onto_one_clock(clock, content, source)
 
 
+def _name_joints(names: list[str], texts: dict[str, str], timeless: bool, content: Content) -> None:
+    """Give the columns of joint states the names that stand in the table, and a table without a clock its stamps."""
+    joints = joint_columns(names, texts, content.arrays)
+    if not joints:
+        return
+    t = stamps(names, content.arrays) if timeless else None
+    content.arrays = {joints.get(name, name): x for name, x in content.arrays.items()}
+    found = dict.fromkeys(joint.rpartition(".")[0] for joint in joints.values())
+    content.notes.append(f"joints by their names in the file: {', '.join(found)}")
+    if t is not None:
+        content.arrays = {"t": t, **{k: x for k, x in content.arrays.items() if k not in names[:2]}}
+        content.units["t"] = "s"
+        content.notes.append("t: seconds and nanoseconds of the stamps, from the first on")
+
+
 def _onto_one_clock(clock: str, content: Content, source: str) -> None:
-    """Put channels that stand in rows of their own (PlotJuggler) onto the clock of most."""
-    groups = separated(clock, content.arrays)
+    """Put channels that stand in rows of their own (PlotJuggler) onto the clock of most; carry changes forward."""
+    t, known = known_rows(clock, content.arrays)
+    if written_on_change(content.arrays, known):
+        for name, here in known.items():
+            content.arrays[name] = held(t[here], content.arrays[name][here].astype(float), t)
+        content.notes.append(f"{CARRIED}: {', '.join(known)}")
+        return
+    groups = separated(clock, content.arrays, known)
     if groups:
         t, channels, notes = on_one_clock(groups, source)
         content.arrays = {clock: t, **channels}

@@ -14,7 +14,8 @@ from pinotwin.arrays import Floats
 _BASIC = r"^(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)"
 _EXTENDED = r"\1-\2-\3T\4:\5:\6"
 _STAMP = (
-    r"^\s*(?:(?:(?P<Y>\d{4})[-/.](?P<m>\d\d?)[-/.](?P<d>\d\d?)|\d\d?[-/.]\d\d?[-/.]\d{4})[T ,]\s*)?"
+    r"^\s*(?:(?:(?P<Y>\d{4})[-/.](?P<m>\d\d?)[-/.](?P<d>\d\d?)"
+    r"|\d\d?[-/. ](?:\d\d?|[A-Za-z]{3})[-/. ]\d{2,4}|[A-Za-z]{3} \d\d?,? \d{4},?)[Tt_ ,]\s*)?"
     r"(?P<H>\d\d?):(?P<M>\d\d):(?P<S>\d\d(?:[.,]\d+)?)\s*"
     r"(?P<half>[AaPp])?(?:\.?[Mm]\.?)?\s*(?:[ZzU]T?C?|(?P<zone>[+-]\d\d(?::?\d\d)?))?\s*$"
 )

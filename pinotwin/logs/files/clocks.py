@@ -20,6 +20,9 @@ _SLOWER = 1.5
 """A clock with a step longer than so many of the main clock's is too slow for it."""
 
 
+CARRIED = "written on change, carried forward to the next"
+
+
 @dataclass
 class Group:
     """Channels that share a clock.
@@ -80,24 +83,33 @@ def on_one_clock(groups: list[Group], source: str) -> tuple[Floats, dict[str, Fl
     return main.t, channels, notes
 
 
-def separated(clock: str, arrays: Mapping[str, NDArray[np.generic]]) -> list[Group]:
-    """Return the groups of a table of several clocks in one column: a row holds what was sampled then.
-
-    Channels that are known in the same rows share a clock. One is apart where most of its rows are not those of the
-    largest group; without any, none are returned: what is missing then is missing.
-    """
+def known_rows(
+    clock: str, arrays: Mapping[str, NDArray[np.generic]]
+) -> tuple[Floats, dict[str, NDArray[np.bool_]]]:
+    """Return the stamps, shape (n,), and for every channel that holds something the rows where it does."""
     t = np.asarray(arrays[clock], dtype=float)
     known = {
         n: np.isfinite(np.asarray(x, dtype=float))
         for n, x in arrays.items()
         if n != clock and x.shape == t.shape
     }
+    return t, {name: here for name, here in known.items() if here.any()}
+
+
+def separated(
+    clock: str, arrays: Mapping[str, NDArray[np.generic]], known: Mapping[str, NDArray[np.bool_]]
+) -> list[Group]:
+    """Return the groups of a table of several clocks in one column: a row holds what was sampled then.
+
+    Channels that are known in the same rows share a clock. One is apart where most of its rows are not those of the
+    largest group; without any, none are returned: what is missing then is missing.
+    """
     rows: dict[bytes, list[str]] = {}
     for name, here in known.items():
-        if here.any():
-            rows.setdefault(np.packbits(here).tobytes(), []).append(name)
+        rows.setdefault(np.packbits(here).tobytes(), []).append(name)
     if len(rows) < 2:
         return []
+    t = np.asarray(arrays[clock], dtype=float)
     main = known[max(rows.values(), key=lambda names: len(names) * known[names[0]].sum())[0]]
     out = [Group(clock, t[main])]
     for names in rows.values():
@@ -124,8 +136,34 @@ def streams(name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> 
     kept = np.sort(first)
     notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []
     rows = {name: t[kept], **{key: x[kept] for key, x in arrays.items()}}
-    apart = separated(name, rows)
+    apart = separated(name, rows, known_rows(name, rows)[1])
     return apart or [Group(name, rows[name], {key: rows[key] for key in arrays})], notes
+
+
+def written_on_change(
+    arrays: Mapping[str, NDArray[np.generic]], known: Mapping[str, NDArray[np.bool_]]
+) -> bool:
+    """Whether cells are empty because nothing changed.
+
+    Then most rows lack something and none lacks everything, no channel holds one value twice in succession, and
+    which are written together differs from row to row.
+    """
+    table = np.array(list(known.values()))
+    if not len(table) or 2 * table.all(axis=0).sum() >= table.shape[1] or not table.any(axis=0).all():
+        return False
+    twice = any(
+        bool((np.diff(np.asarray(arrays[name], dtype=float)[here]) == 0.0).any())
+        for name, here in known.items()
+    )
+    together = (table @ table.T.astype(float)) / np.maximum(table.sum(axis=1), 1)[:, None]
+    return not twice and bool(((together > 0.0) & (together < 1.0) & (together.T < 1.0)).any())
+
+
+def held(own: Floats, x: Floats, t: Floats) -> Floats:
+    """Return values at the stamps ``t``: the last that was written until then, missing before the first."""
+    place = np.searchsorted(own, t, side="right") - 1
+    out: Floats = np.where(place >= 0, x[place], np.nan)
+    return out
 
 
 def _onto(t: Floats, own: Floats, x: Floats) -> Floats:

@@ -186,6 +186,12 @@ def distinct(names: Sequence[str]) -> list[str]:
     return out
 
 
+def repeated(names: Sequence[str], stated: Sequence[str]) -> dict[str, str]:
+    """Return the names of columns that share the name which the file states -> that name."""
+    counts = Counter(stated)
+    return {name: old for name, old in zip(names, stated, strict=True) if counts[old] > 1}
+
+
 def _sift(channels: dict[str, Floats], stated: dict[str, str]) -> list[str]:
     """Take out the columns of one name that never change; return what was done about repeated names.
 

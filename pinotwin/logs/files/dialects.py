@@ -13,15 +13,15 @@ from pinotwin.units import find_unit
 
 _MINUS = "\u2212".encode()
 _THOUSANDS = re.compile(rb"(?<=\d)(?:'|\xe2\x80\x99|\xc2\xa0|\xe2\x80\xaf)(?=\d{3}(?!\d))")
-_RULE = re.compile(rb"(?m)^[-=+|:*~ ]*[-=]{3}[-=+|:*~ ]*\r?$")
-_FRAME = re.compile(rb"(?m)^[ \t]*\|[ \t]*|[ \t]*\|[ \t]*(?=\r?$)")
+_RULE = re.compile(rb"(?m)^[-=+|:*~ ]{3,}\r?$")
+_FRAME = re.compile(rb"(?m)^[ \t]*\|[ \t]*|\|[ \t]*(?=\r?$)")
 _VALUE = rb"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf))"
 _PAIR = re.compile(
     rb"([A-Za-z_/\x80-\xff][^\s=:;,|]*)(?:\s*[=:]\s*|[ \t]+)" + _VALUE + rb"(?:[\s,;|]+|$)", re.I
 )
 _LEAD = re.compile(rb"(\d[\d:.,TZ+/-]*)[\s,;|]+")
 _SHDR = re.compile(rb"(?:\d{4}-\d\d-\d\dT[\d:.]+Z?\|[A-Za-z_][^|\n]*\|[^|\n]*(?:\|[^|\n]*)*\n\s*){2}")
-_SEARCHED = 200
+_SEARCHED = 1 << 16
 _TNCSCOPE = b"%TNCscope"
 
 
@@ -50,14 +50,14 @@ def plain(text: bytes) -> Plain:
         return _shdr(text)
     if text.lstrip().startswith((b"|", b"+-")):
         text = _FRAME.sub(b"", text)
-    if _RULE.search(text, 0, 1 << 16):
+    if _RULE.search(text, 0, _SEARCHED):
         text = _RULE.sub(b"", text)
     return _unpaired(text)
 
 
 def _tncscope(text: bytes) -> Plain:
     """HEIDENHAIN TNCscope: ``%[CURVEn]`` describes a column; the first is the time in us."""
-    head = text.partition(b"%[DATA]")[0].decode(errors="replace")
+    head = text[: text.find(b"%[DATA]")].decode(errors="replace")
     columns = []
     for k, block in enumerate(head.split("%[CURVE")[1:], start=1):
         pairs = (line.lstrip("%").partition("=") for line in block.splitlines())
@@ -84,32 +84,33 @@ def _shdr(text: bytes) -> Plain:
 
 
 def _unpaired(text: bytes) -> Plain:
-    """Rows in which every value stands behind its name: ``pin +0.1 pin +0.2``, ``q=0.1, u=0.2``."""
-    first = text.split(b"\n", _SEARCHED)[:_SEARCHED]
-    found = [(names, bool(values[0])) for names, values in map(_pairs, first) if len(names) > 1]
-    if len(found) < 2 or found[0] != found[1]:
+    """Rows in which every value stands behind its name: ``pin +0.1 pin +0.2``, ``q=0.1, u=0.2``.
+
+    One value a row only if all rows say so: a word before a number may be a mode.
+    """
+    first = text[:_SEARCHED].rpartition(b"\n")[0].split(b"\n")
+    found = [names for names, _ in map(_pairs, filter(bytes.strip, first))]
+    names = next((own for own in found if own), [])
+    alike = [own == names for own in found[found.index(names) :]] if names else []
+    if len(alike) < 2 or not (all(alike) or (alike[1] and len(names) > 2 - (b"time" not in names))):
         return Plain(text)
-    names, led = found[0]
     rows = []
     for line in text.split(b"\n"):
         own, values = _pairs(line)
-        rows.append(
-            b"\t".join(values if led else values[1:]) if own == names and bool(values[0]) == led else line
-        )
-    titles = [name.decode(errors="replace") for name in names]
-    return Plain(b"\n".join(rows), tuple(["time", *titles] if led else titles))
+        rows.append(b"\t".join(values) if own == names else line)
+    return Plain(b"\n".join(rows), tuple(name.decode(errors="replace") for name in names))
 
 
 def _pairs(line: bytes) -> tuple[list[bytes], list[bytes]]:
-    """Return the names of a line and its values, the stamp before them (or nothing) first."""
+    """Return the names of a line and its values, ``time`` for a stamp before them; none where it is no such line."""
     bare = line.strip()
     lead = _LEAD.match(bare)
     at = lead.end() if lead else 0
-    names, values = [], [lead[1] if lead else b""]
+    names, values = ([b"time"], [lead[1]]) if lead else ([], [])
     while at < len(bare):
         pair = _PAIR.match(bare, at)
         if pair is None:
-            return [], [b""]
+            return [], []
         names.append(pair[1])
         values.append(pair[2])
         at = pair.end()

@@ -13,11 +13,12 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.content import distinct
+from pinotwin.logs.files.content import distinct, repeated
 from pinotwin.logs.files.dialects import plain
-from pinotwin.logs.files.preamble import read_preamble
+from pinotwin.logs.files.preamble import UNIT_TITLES, read_preamble
 from pinotwin.units import SI_FACTOR, find_unit
 
 COMMENTS = ("#", "%", "//")
@@ -131,7 +132,8 @@ def inspect_layout(raw: bytes, stem: str, source: str) -> Layout:
     decimal, thousands = _decimal(cells[start:], delimiter, source)
     header = _header(cells, start, stem)
     if grammar.names:
-        header = _Header(distinct(grammar.names), grammar.units, 0)
+        named = distinct(grammar.names)
+        header = _Header(named, grammar.units, 0, {}, repeated(named, grammar.names))
     names = header.names
     if not names:
         names = distinct(_commented_names(numbered, body[start][0], delimiter, len(cells[start])))
@@ -174,13 +176,9 @@ def _halved(cells: Sequence[Sequence[str]], start: int, source: str) -> bool:
     names = [cell for cell in cells[top] if cell] if top >= 0 else []
     rows = [row[:-1] if row and not row[-1] else row for row in cells[top + 1 :]]
     wide = [row for row in rows if len(names) < len(row) <= 2 * len(names)]
-    if (
-        not names
-        or 2 * len(wide) <= len(rows)
-        or not all(_INTEGER.match(cell) for row in rows for cell in row)
-    ):
+    if not names or 2 * len(wide) <= len(rows) or not all(map(_INTEGER.match, chain(*rows))):
         return False
-    if all(len(row) == 2 * len(names) for row in rows):
+    if all(len(row) == 2 * len(names) and all(cell[0].isdigit() for cell in row[1::2]) for row in rows):
         return True
     raise LogError(
         f"{source}: the comma stands between the columns and is the decimal sign as well ({len(names)} names, "
@@ -223,7 +221,7 @@ def is_list(cell: str) -> bool:
 def is_clock(name: str) -> bool:
     """Whether a column is called as clocks are: ``Time``, ``Zeit [s]``, ``timestamp``."""
     bare = re.split(r"[\[(/]", name.strip())[0].strip(" _").casefold()
-    return bare in CLOCK_NAMES or bare.startswith(("time ", "time_", "zeit"))
+    return bare in CLOCK_NAMES or bare.startswith(("time ", "time_", "zeit")) or bare.endswith("timestamp")
 
 
 def _value(cell: str) -> bool:
@@ -394,11 +392,9 @@ def _header(cells: list[list[str]], start: int, stem: str) -> _Header:
     named = distinct(titles)
     for name, cell in zip(named, above[-1] if units_row else (), strict=False):
         unit = find_unit(cell) or cell.strip("[]() ")
-        if unit:
+        if unit and unit.casefold() not in UNIT_TITLES:
             units[name] = unit
-    counts = Counter(stated)
-    repeated = {name: old for name, old in zip(named, stated, strict=True) if counts[old] > 1}
-    return _Header(named, units, rows + (titles != stated), _stamped(named), repeated)
+    return _Header(named, units, rows + (titles != stated), _stamped(named), repeated(named, stated))
 
 
 def _under(upper: Sequence[str], names: list[str]) -> tuple[list[str], dict[str, str]]:

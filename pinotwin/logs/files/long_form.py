@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import pyarrow as pa
 
+from pinotwin.logs.files.clocks import CARRIED, held
 from pinotwin.logs.files.content import Content
 
 _TITLES = {
@@ -49,24 +50,27 @@ def spread(table: pa.Table, clock: str, content: Content) -> bool:
     status, unit = _titled(texts, _STATUS), _titled(texts, _UNITS)
     if status:
         x[[str(cell).casefold().startswith("bad") for cell in columns[status]]] = np.nan
+    keys = np.array([_NODE.sub("", str(name), count=1) for name in columns[named[0]]], dtype=object)
+    for other in (name for name in texts if name not in (*named, value, status, unit)):
+        joined = np.array([f"{a}.{b}" for a, b in zip(columns[other], keys, strict=True)], dtype=object)
+        if len(set(zip(t, joined, strict=True))) > len(set(zip(t, keys, strict=True))):
+            keys = joined  # one name of two devices
     stamps, carried = np.unique(t[rows]), []
     content.add(clock, stamps)
-    for name in dict.fromkeys(columns[named[0]][rows]):
-        own = rows[columns[named[0]][rows] == name]
-        short = _NODE.sub("", str(name), count=1)
+    for name in dict.fromkeys(keys[rows]):
+        own = rows[keys[rows] == name]
         if not np.isfinite(x[own]).any():
-            content.left_out.append(short)
+            content.left_out.append(name)
             continue
-        place = np.searchsorted(t[own], stamps, side="right") - 1
-        content.add(short, np.where(place >= 0, x[own][place], np.nan))
+        content.add(name, held(t[own], x[own], stamps))
         if unit and columns[unit][own[0]]:
-            content.units[short] = columns[unit][own[0]]
+            content.units[name] = columns[unit][own[0]]
         if len(np.unique(t[own])) < len(stamps):
-            carried.append(f"{short} ({len(own)} of {len(stamps)} rows)")
+            carried.append(f"{name} ({len(own)} of {len(stamps)} rows)")
     content.place = "row {}".format
     content.notes.append(f"one value a row: spread by {named[0]} into a channel a name")
     if carried:
-        content.notes.append(f"written on change, carried forward to the next: {', '.join(carried)}")
+        content.notes.append(f"{CARRIED}: {', '.join(carried)}")
     return True
 
 

@@ -32,7 +32,7 @@ _RATE_LINE = re.compile(rf"\b(?:{_RATE})\b{_VALUE}", re.I)
 _DATE = re.compile(
     r"(?:\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4})(?:[T ;,\t]+\d{1,2}:\d\d(?::\d\d)?)?"
 )
-_UNIT_TITLES = ("unit", "units", "einheit", "unité", "unità")
+UNIT_TITLES = ("unit", "units", "einheit", "unité", "unità")
 _TIMES = ("s", "ms", "us", "µs", "ns")
 _RATES = ("Hz", "kHz")
 _SANE = (1e-6, 1.0)
@@ -120,7 +120,7 @@ def _date(lines: Sequence[str]) -> str | None:
 def _signal_units(rows: Sequence[Sequence[str]], names: Sequence[str]) -> dict[str, str]:
     """Return the units of a table of signals (``Nr;Signal;Axis;Unit``), found by name or by order."""
     for at, title in enumerate(rows):
-        column = next((i for i, cell in enumerate(title) if cell.casefold() in _UNIT_TITLES), None)
+        column = next((i for i, cell in enumerate(title) if cell.casefold() in UNIT_TITLES), None)
         if column is None or len(title) < 2:
             continue
         table = []

@@ -35,6 +35,12 @@ from pinotwin.logs.files.preamble import are_steps
 
 _NULLS = sorted({x for m in MISSING for x in (m, m.upper(), m.capitalize())} | {"NaN", "-NaN"})
 _ENDS = (b"eof", b"end", b"ende", b"[eof]", b"[end]", b"end of file")
+_ASIDE = {
+    "blank": "{} blank lines were skipped",
+    "header": "{} repeated lines of the header were skipped",
+    "end": "the mark of the file's end was skipped",
+    "overrun": "{} overrun marks: samples were lost there",  # of LinuxCNC's halsampler, whose buffer was full
+}
 _TRAILING = " trailing"
 
 
@@ -96,7 +102,7 @@ def load(path: Path, source: str, seen: Seen | None = None) -> Content:
     kinds = _kinds(body)
     table = _parse(body, kinds, seen)
     if table is None or table.num_rows < body.text.count(b"\n", body.start, body.end) + 1:
-        body = _without_comments(body)
+        body = _cleaned(body)
         table = _parse(body, kinds)
     if table is None:
         table = _parse_slowly(body, kinds)
@@ -104,7 +110,12 @@ def load(path: Path, source: str, seen: Seen | None = None) -> Content:
         units=dict(layout.units), notes=[*layout.notes, *body.notes], stated=dict(layout.stated)
     )
     content.place = lambda row: f"line {body.line(row)}"
-    arrow.take(_spelled_out(table.select(list(layout.names)), kinds, content), content, source)
+    arrow.take(
+        _spelled_out(table.select(list(layout.names)), kinds, content),
+        content,
+        source,
+        b"UNAVAILABLE" in layout.text,
+    )
     _set_clock(layout, content, source)
     return content
 
@@ -132,88 +143,82 @@ def _set_clock(layout: Layout, content: Content, source: str) -> None:
         content.notes += notes
         content.units.update({"t": unit} if unit else {})
     elif not any(is_clock(name) for name in content.arrays):
+        made = _clock_of_steps(layout, content)
+        if made is not None:
+            t, unit, said = made
+            content.arrays = {"t": t, **content.arrays}
+            content.units["t"] = unit
+            content.notes.append(f"t: {said}")
+
+
+def _clock_of_steps(layout: Layout, content: Content) -> tuple[Floats, str, str] | None:
+    """Return a clock from the sample time above the numbers or from a column of steps, its unit, and the source."""
+    if layout.step is not None:
         rows = len(next(iter(content.arrays.values()), ()))
-        steps = next(
-            (n for n, x in content.arrays.items() if are_steps(n, x, content.units.get(n, "s"))), None
-        )
-        if layout.step is not None:
-            t = np.arange(rows) * layout.step
-            said = f"made from the sample time {1e3 * layout.step:.6g} ms above the numbers"
-        elif steps is not None:
-            t = np.cumsum(content.arrays[steps]) - content.arrays[steps][0]
-            said = f"summed from {steps}, the time of each row"
-        else:
-            return
-        content.arrays = {"t": t, **content.arrays}
-        content.units["t"] = content.units.get(steps or "", "s")
-        content.notes.append(f"t: {said}")
+        said = f"made from the sample time {1e3 * layout.step:.6g} ms above the numbers"
+        return np.arange(float(rows)) * layout.step, "s", said
+    for name, values in content.arrays.items():
+        unit, x = content.units.get(name, "s"), np.asarray(values, dtype=float)
+        if are_steps(name, x, unit):
+            return np.cumsum(x, dtype=float) - x[0], unit, f"summed from {name}, the time of each row"
+    return None
 
 
 def _body(layout: Layout, source: str) -> _Body:
-    start = line_start(layout.text, layout.skip)
-    end, notes = _end(layout.text, start), []
-    last = layout.text.rfind(b"\n", start, end) + 1
-    if layout.text[last:end].strip(b" ;,\t").lower() in _ENDS:
-        end = _end(layout.text, start, last)
-        notes.append("the mark of the file's end was skipped")
-    body = _Body(layout.text, start, end, layout.names, layout, source, None, tuple(notes))
-    if layout.clocks:
-        return _padded(body)
-    if layout.comments or layout.delimiter == " ":
-        body = _without_comments(body)
+    start, end = line_start(layout.text, layout.skip), len(layout.text)
+    while end > start and layout.text[end - 1 : end] in b"\r\n ":
+        end -= 1
+    body = _Body(layout.text, start, end, layout.names, layout, source)
+    if layout.comments or layout.clocks or layout.delimiter == " ":
+        body = _cleaned(body)
     first = body.head(1 << 16)[0]
     if len(first) == len(body.names) + 1 and first[-1] == "":
         return replace(body, names=(*body.names, _TRAILING))  # a delimiter ends every line
     return body
 
 
-def _end(text: bytes, start: int, end: int | None = None) -> int:
-    end = len(text) if end is None else end
-    while end > start and text[end - 1 : end] in b"\r\n ":
-        end -= 1
-    return end
-
-
-def _padded(body: _Body) -> _Body:
-    """Fill the rows of a file with several clocks, in which a row ends with the clocks that still run."""
-    mark, width = body.delimiter.encode(), len(body.names)
-    kept, numbers = [], []
-    for i, row in enumerate(body.text[body.start : body.end].split(b"\n"), start=body.layout.skip):
-        cells_of_row = [cell.strip() for cell in row.split(mark)]
-        while len(cells_of_row) > width and not cells_of_row[-1]:
-            cells_of_row.pop()
-        if any(cells_of_row):
-            kept.append(mark.join(cells_of_row + [b""] * (width - len(cells_of_row))))
-            numbers.append(i)
-    text = b"\n".join(kept)
-    return replace(body, text=text, start=0, end=len(text), lines=np.array(numbers))
-
-
-def _without_comments(body: _Body) -> _Body:
-    """Take out comments, blank lines and what repeats a line above the numbers, and runs of blanks that delimit."""
+def _cleaned(body: _Body) -> _Body:
+    """Take out what is no row, runs of blanks that delimit, and fill the rows of a file with several clocks."""
     if body.lines is not None:
         return body
-    blanks, single = body.layout.delimiter == " ", len(body.names) == 1
-    empty = b"" if single else body.delimiter.encode() + b' "'
+    layout, width = body.layout, len(body.names)
+    blanks, mark = layout.delimiter == " ", layout.delimiter.encode()
     header = {line.strip() for line in body.text[: body.start].split(b"\n")} - {b""}
-    kept, numbers = [], []
-    taken = dict.fromkeys(("blank lines were", "repeated lines of the header were", "overrun marks"), 0)
-    for i, row in enumerate(body.text[body.start : body.end].split(b"\n"), start=body.layout.skip):
+    kept, numbers, taken = [], [], dict.fromkeys(_ASIDE, 0)
+    for i, row in enumerate(body.text[body.start : body.end].split(b"\n"), start=layout.skip):
         bare = row.strip()
-        if blanks and bare == b"overrun":  # LinuxCNC's halsampler: its buffer was full
-            taken["overrun marks"] += 1
-        elif bare in header:
-            taken["repeated lines of the header were"] += 1
-        elif not single and not bare.strip(empty):
-            taken["blank lines were"] += 1
-        elif not is_comment(bare[:8].decode(errors="replace")):
-            kept.append(b"\t".join(bare.split()) if blanks else row)
+        aside = _aside(bare, b"" if width == 1 else mark + b' "\t', header)
+        if aside:
+            taken[aside] += 1
+        elif aside is None and (bare or width == 1):
+            kept.append(
+                b"\t".join(bare.split()) if blanks else _filled(row, mark, width) if layout.clocks else row
+            )
             numbers.append(i)
     text = b"\n".join(kept)
-    ends = {"overrun marks": ": samples were lost there"}
-    notes = tuple(f"{n} {what}{ends.get(what, ' skipped')}" for what, n in taken.items() if n)
-    lines = np.array(numbers)
-    return replace(body, text=text, start=0, end=len(text), lines=lines, notes=(*body.notes, *notes))
+    notes = tuple(said.format(taken[what]) for what, said in _ASIDE.items() if taken[what])
+    return replace(body, text=text, start=0, end=len(text), lines=np.array(numbers), notes=notes)
+
+
+def _aside(bare: bytes, empty: bytes, header: set[bytes]) -> str | None:
+    """Return what a line between the rows is, "" for a comment, None for a row."""
+    if empty and not bare.strip(empty):
+        return "blank"
+    if bare in header:
+        return "header"
+    if bare.strip(b" ;,\t").lower() in _ENDS:
+        return "end"
+    if bare == b"overrun":
+        return "overrun"
+    return "" if is_comment(bare[:8].decode(errors="replace")) else None
+
+
+def _filled(row: bytes, mark: bytes, width: int) -> bytes:
+    """Return a row that ended with the clocks that still run, with all its cells."""
+    cells = [cell.strip() for cell in row.split(mark)]
+    while len(cells) > width and not cells[-1]:
+        cells.pop()
+    return mark.join(cells + [b""] * (width - len(cells)))
 
 
 @dataclass(frozen=True)
@@ -239,7 +244,7 @@ class _Kinds:
 def _kinds(body: _Body) -> _Kinds:
     """Return what the columns hold, from a sample of rows."""
     rows, kinds = body.head(1 << 18), _Kinds()
-    kinds.text.update({value_column(body.names)} & set(body.names))
+    kinds.text.update({value_column(body.names) or ""} - {""})
     for i, name in enumerate(body.names):
         sample = [row[i] for row in rows if i < len(row) and row[i]]
         if sample and all(map(cells.is_stamp, sample)):
