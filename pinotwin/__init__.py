@@ -10,7 +10,7 @@ Wherever a log, a machine or a twin is asked for, the name of its file or folder
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
 Verbs:     new  read  check  identify  diagnose  compare  decompose  export_twin  reconstruct_vibration  prepare
-           resample  machines; of their own: Machine.load .save  Twin.load .simulate .save  Diagnosis.apply
+           resample  machines  view; of their own: Machine.load .save  Twin.load .simulate .save  Diagnosis.apply
 Table:     EFFECTS (every effect by name)
 Errors:    PinotwinError > InputError > LogError, MachineError, DataError, TwinError
 
@@ -54,6 +54,7 @@ _HOME = {
     "read": "pinotwin.logs.files",
     "reconstruct_vibration": "pinotwin.reconstruction",
     "resample": "pinotwin.logs.quality",
+    "view": "pinotwin.viewer",
 }
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ if TYPE_CHECKING:
     from pinotwin.reconstruction import reconstruct_vibration as reconstruct_vibration
     from pinotwin.scaffold import new as new
     from pinotwin.twin import Twin as Twin
+    from pinotwin.viewer import view as view
 
 
 def __getattr__(name: str) -> Any:
