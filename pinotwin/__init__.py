@@ -9,7 +9,7 @@
 Wherever a log, a machine or a twin is asked for, the name of its file or folder will do.
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
-Commands:  new  check  identify  simulate  diagnose  force  compare  vibration  export  record  study
+Commands:  new  check  identify  simulate  diagnose  force  compare  vibration  export  record  study  view
 Verbs:     read  prepare  resample  decompose  machines; of their own: Machine.load .save
            Twin.load .simulate .plot .report .save  Diagnosis.save .plot .report .repaired .apply
 Table:     EFFECTS (every effect by name)
@@ -61,6 +61,7 @@ _HOME = {
     "simulate": "pinotwin.simulation",
     "study": "pinotwin.cli.study",
     "vibration": "pinotwin.reconstruction",
+    "view": "pinotwin.viewer",
 }
 
 if TYPE_CHECKING:
@@ -98,6 +99,7 @@ if TYPE_CHECKING:
     from pinotwin.scaffold import new as new
     from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin
+    from pinotwin.viewer import view as view
 
 
 def __getattr__(name: str) -> Any:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import json
 import math
 import re
+import zlib
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 import umsgpack
 
-from pinotwin.errors import DataError, InputError, MachineError
+import pinotwin as pt
+from pinotwin.errors import InputError, MachineError
 from pinotwin.machine import Machine
 from pinotwin.viewer import (
     Scene,
@@ -23,16 +27,16 @@ from pinotwin.viewer import (
     joint_kinds,
     missing_meshes,
     parse_posture,
-    play,
-    save_html,
     scene,
-    show,
+    view,
     visual_model,
 )
+from pinotwin.viewer.meshes import parts_of
 from pinotwin.viewer.stage import ASPECT, FIELD_OF_VIEW, aim, corners
 from tests.screenshot import browser, screenshot
 
 ROTARY = {"Y": False, "A": True, "C": True}
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "cases" / "viewer"
 NAMES = ["laser_driller", "trunnion", "flexure_rig", "emps", "tx40"]
 
 
@@ -42,7 +46,9 @@ def of(urdf_dir: Path, name: str) -> Path:
 
 def messages(html: str) -> list[dict]:
     """What the page tells meshcat, unpacked."""
-    return [umsgpack.unpackb(base64.b64decode(x)) for x in re.findall(r'^"([\w+/=]+)",?$', html, re.M)]
+    packed = zlib.decompress(base64.b64decode(re.search(r'^const PACKED = "(.*)";$', html, re.M)[1]))
+    commands = json.loads(re.search(r"^const COMMANDS = (.*);$", html, re.M)[1])
+    return [umsgpack.unpackb(b"".join(packed[a:b] for a, b in pieces)) for pieces in commands]
 
 
 # ---------------------------------------------------------------------------------------- postures
@@ -92,8 +98,7 @@ def test_configuration_knows_continuous_joints(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no axis 'V'; known: W"):
         configuration(model, {"V": 1.0})
     drawn = scene(urdf, posture={"W": 1.0}, frames=True, masses=True)  # a machine without shapes
-    turning = play(drawn, np.linspace(0, 1, 5), np.tile([1.0, 0.0], (5, 1)))
-    assert any(key[0] == "set_animation" for key in turning.page.messages)
+    np.testing.assert_allclose(node_pose(drawn, "machine/W")[:2, 0], [math.cos(1.0), math.sin(1.0)])
 
 
 def test_kinds_of_the_bundled_machines(urdf_dir: Path) -> None:
@@ -105,12 +110,14 @@ def test_kinds_of_the_bundled_machines(urdf_dir: Path) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_page_is_self_contained_and_holds_every_shape(urdf_dir: Path, tmp_path: Path, name: str) -> None:
     drawn = scene(of(urdf_dir, name))
-    html = save_html(tmp_path / "new" / f"{name}.html", drawn).read_text(encoding="utf-8")
+    view(of(urdf_dir, name), html=tmp_path / "new" / f"{name}.html", frames=False)
+    html = (tmp_path / "new" / f"{name}.html").read_text(encoding="utf-8").replace('href="data:,"', "")
     # The one address inside names the XML language of web pages; nothing is fetched from it.
     assert set(re.findall(r"https?://[^\"'`\s)]+", html)) <= {"http://www.w3.org/1999/xhtml"}
     assert not re.search(r"<(script|link|img|iframe)[^>]+(src|href)\s*=", html)
     told = messages(html)
     shapes = [m for m in told if m["type"] == "set_object" and m["path"].startswith("/meshcat/machine/")]
+    shapes = [m for m in shapes if not m["path"].endswith("/inertia")]
     assert len(shapes) == drawn.visual.ngeoms
     assert len(html) < 2_000_000
 
@@ -190,64 +197,18 @@ def test_missing_files_are_named(urdf_dir: Path, tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
     with pytest.raises(InputError, match="file is not a folder"):
-        save_html(blocked / "page.html", scene(of(urdf_dir, "emps")))
+        view(of(urdf_dir, "emps")).save(blocked / "page.html")
 
 
-# ---------------------------------------------------------------------------------------- playback
-def test_playback_follows_the_trajectory(urdf_dir: Path) -> None:
-    drawn = scene(of(urdf_dir, "trunnion"))
-    t = np.linspace(0.0, 2.0, 201)
-    q = np.column_stack([0.1 * np.sin(t), 0.8 * t, -t])
-    q[50] = np.nan  # left out
-    playing = play(drawn, t, q, fps=20)
-    (told,) = [m for key, m in playing.page.messages.items() if key[0] == "set_animation"]
-    tracks = {a["path"]: {x["name"]: x["keys"] for x in a["clip"]["tracks"]} for a in told["animations"]}
-    assert set(tracks) == {f"/meshcat/machine/{joint}" for joint in "YAC"}
-    keys = tracks["/meshcat/machine/A"][".quaternion"]
-    assert len(keys) == 40
-    angle = 0.8 * keys[30]["time"] / 20
-    np.testing.assert_allclose(
-        np.abs(keys[30]["value"]), [math.sin(angle / 2), 0, 0, math.cos(angle / 2)], atol=1e-4
-    )
-    assert not any(key[0] == "set_animation" for key in drawn.page.messages)
-
-
-def test_long_playback_is_thinned(urdf_dir: Path) -> None:
-    drawn = scene(of(urdf_dir, "emps"))
-    t = np.linspace(0.0, 3600.0, 4000)
-    playing = play(drawn, t, 0.1 * np.sin(t)[:, None])
-    (told,) = [m for key, m in playing.page.messages.items() if key[0] == "set_animation"]
-    assert len(told["animations"][0]["clip"]["tracks"][0]["keys"]) <= 1801
-
-
-def test_playback_refuses_what_does_not_fit(urdf_dir: Path) -> None:
-    drawn = scene(of(urdf_dir, "emps"))
-    with pytest.raises(DataError, match=r"q has shape \(3, 2\), expected \(3, 1\)"):
-        play(drawn, np.arange(3.0), np.zeros((3, 2)))
-    with pytest.raises(DataError, match="increasing time"):
-        play(drawn, np.zeros(3), np.zeros((3, 1)))
-
-
-# ------------------------------------------------------------------------------------ live, picture
-def test_show_serves_the_scene(urdf_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    live = show(scene(of(urdf_dir, "emps")), open_browser=False)
-    try:
-        assert live.url.startswith("http://127.0.0.1:")
-        live.window.zmq_socket.send(b"get_scene")
-        assert len(live.window.zmq_socket.recv()) > 850_000
-        assert capsys.readouterr().out == ""
-    finally:
-        live.close()
-
-
+# ----------------------------------------------------------------------------------------- picture
 def test_chromium_sees_a_machine(urdf_dir: Path, tmp_path: Path) -> None:
     if browser() is None:
         pytest.skip("no Chromium on this computer; Debian: apt install chromium")
     from PIL import Image
 
-    page = save_html(tmp_path / "m.html", scene(of(urdf_dir, "flexure_rig")), controls=False)
-    png = screenshot(page, tmp_path / "m.png", size=(500, 375))
-    pixels = np.asarray(Image.open(png).convert("RGB"), dtype=float)
+    page = view(of(urdf_dir, "flexure_rig"), frames=False).save(tmp_path / "m.html")
+    png = screenshot(page, tmp_path / "m.png", size=(800, 375))
+    pixels = np.asarray(Image.open(png).convert("RGB"), dtype=float)[:, :500]
     assert pixels.shape == (375, 500, 3)
     background = pixels[5, 5]
     assert background.min() > 200  # bright
@@ -279,7 +240,7 @@ def test_without_meshes_the_joints_and_the_lines_between_them_are_drawn(tmp_path
     assert "2 meshes are not on this computer (package://arm_description/meshes/upper.stl" in missing_meshes(
         path
     )
-    save_html(tmp_path / "page.html", scene(path, posture={"J1": 0.4}))
+    view(path, html=tmp_path / "page.html", posture={"J1": 0.4})
     assert (tmp_path / "page.html").stat().st_size > 10_000
 
 
@@ -332,3 +293,102 @@ def test_a_picture_that_fails_is_one_line_and_costs_no_diagnosis(tmp_path: Path)
     (said,) = write_view(dataclasses.replace(found, logs=[wrong]), tmp_path, None)
     assert said.startswith("machine.html was not written: ")
     assert "\n" not in said
+
+
+# ------------------------------------------------------------------------------------------ meshes
+CUBE = "\n".join(f"v {x} {y} {z}" for x in (0, 1) for y in (0, 1) for z in (0, 1))
+SIDES = {"red": "1 2 4 3", "blue": "5 6 8 7"}  # two sides of the cube, each a square of two triangles
+
+
+def one_mesh(folder: Path, file: str, extra: str = "", scale: str = "1 1 1") -> Path:
+    path = folder / "thing.urdf"
+    path.write_text(
+        f'<robot name="thing"><link name="base"/><joint name="J" type="prismatic"><parent link="base"/>'
+        f'<child link="thing"/><axis xyz="0 0 1"/><limit lower="0.1" upper="1" effort="1" velocity="1"/></joint>'
+        f'<link name="thing"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+        f'iyz="0"/></inertial><visual><geometry><mesh filename="{file}" scale="{scale}"/></geometry>{extra}'
+        f"</visual></link></robot>"
+    )
+    return path
+
+
+def parts(path: Path) -> dict[tuple[float, ...], int]:
+    (shape,) = visual_model(pin.buildModelFromUrdf(str(path)), path).geometryObjects
+    return {tuple(np.round(part.rgba, 3)): len(part.faces) for part in parts_of(shape)}
+
+
+def two_sides(folder: Path) -> None:
+    (folder / "sides.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n")
+    sides = "\n".join(f"usemtl {name}\nf {corners}" for name, corners in SIDES.items())
+    (folder / "sides.obj").write_text(f"mtllib sides.mtl\n{CUBE}\n{sides}\n")
+
+
+def test_every_material_of_a_file_keeps_its_colour(tmp_path: Path) -> None:
+    two_sides(tmp_path)
+    assert parts(one_mesh(tmp_path, "sides.obj")) == {(1, 0, 0, 1): 2, (0, 0, 1, 1): 2}
+
+
+def test_a_material_of_the_urdf_goes_before_the_files(tmp_path: Path) -> None:
+    two_sides(tmp_path)
+    green = '<material name="green"><color rgba="0 1 0 0.5"/></material>'
+    assert parts(one_mesh(tmp_path, "sides.obj", green)) == {(0, 1, 0, 0.5): 4}
+
+
+def test_a_scaled_mesh_is_scaled_once(tmp_path: Path) -> None:
+    two_sides(tmp_path)
+    path = one_mesh(tmp_path, "sides.obj", scale="0.001 0.002 0.003")
+    model = pin.buildModelFromUrdf(str(path))
+    visual = visual_model(model, path)
+    (shape,) = visual.geometryObjects
+    high = np.max([part.vertices.max(axis=0) for part in parts_of(shape)], axis=0)
+    np.testing.assert_allclose(high, [0.001, 0.002, 0.003], rtol=1e-6)
+    np.testing.assert_allclose(corners(model, visual, pin.neutral(model)).max(axis=0), high, rtol=1e-6)
+
+
+def test_edges_stay_sharp_and_round_things_round() -> None:
+    shapes = pin.GeometryModel()
+    for name, shape in (("box", coal.Box(1, 1, 1)), ("ball", coal.Sphere(1))):
+        shapes.addGeometryObject(pin.GeometryObject(name, 0, pin.SE3.Identity(), shape))
+    (box,), (ball,) = (parts_of(shape) for shape in shapes.geometryObjects)
+    assert len(box.vertices) == 24  # a corner once for each of its three sides
+    assert len(ball.vertices) == len(np.unique(ball.vertices, axis=0))
+
+
+def test_a_texture_gives_its_mean_colour(tmp_path: Path) -> None:
+    from PIL import Image
+
+    two_sides(tmp_path)
+    Image.fromarray(np.array([[[250, 50, 0], [150, 150, 0]]], dtype=np.uint8)).save(tmp_path / "wood.png")
+    (tmp_path / "sides.mtl").write_text("newmtl red\nKd 1 1 1\nmap_Kd wood.png\nnewmtl blue\nKd 0 0 1\n")
+    text = (tmp_path / "sides.obj").read_text().replace("f 1 2 4 3", "vt 0 0\nvt 1 1\nf 1/1 2/1 4/2 3/2")
+    (tmp_path / "sides.obj").write_text(text)
+    assert parts(one_mesh(tmp_path, "sides.obj")) == {(0.784, 0.392, 0, 1): 2, (0, 0, 1, 1): 2}
+
+
+def test_what_the_first_reader_cannot_read_comes_from_pinocchios(tmp_path: Path) -> None:
+    body = (SHARED / "two_bodies.dae").read_text() if SHARED.is_dir() else pytest.skip("no shared cases")
+    (tmp_path / "broken.dae").write_text(
+        body.replace("<instance_effect url=", "<instance_effect url='#none' x=")
+    )
+    path = one_mesh(tmp_path, "broken.dae")
+    (shape,) = visual_model(pin.buildModelFromUrdf(str(path)), path).geometryObjects
+    assert sum(parts(path).values()) == shape.geometry.num_tris > 0
+
+
+def test_a_start_that_is_not_zero_is_said(tmp_path: Path) -> None:
+    two_sides(tmp_path)
+    path = one_mesh(tmp_path, "sides.obj")
+    found = view(path)
+    assert found.posture == {"J": 0.1}
+    assert found.notes == ("zero lies outside the limits of J, drawn at the nearest limit",)
+    assert found.notes[0] in found.page
+    assert '"zero":' not in found.page
+    assert view(path, posture="J=0.2").notes == ()
+    assert view(path, posture={"J": 2.0}).notes == ("outside the limits of the URDF: J",)
+
+
+def test_a_model_in_hand_is_viewed(urdf_dir: Path) -> None:
+    model = pin.buildModelFromUrdf(str(of(urdf_dir, "trunnion")))
+    found = pt.view(model, posture={"A": 0.3})
+    assert found.posture == {"Y": 0.0, "A": 0.3, "C": 0.0}
+    assert "<iframe srcdoc=" in found._repr_html_()

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.inputs import add_effects, add_meshes, with_meshes
 from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.system.writing import whole_folder, write_text
+from pinotwin.system.writing import whole_folder
 
 if TYPE_CHECKING:
-    import pinocchio as pin
-
     from pinotwin.analysis.modal import Modes
     from pinotwin.machine import Machine
-    from pinotwin.viewer import Scene
-    from pinotwin.viewer.tracks import Tracks
+    from pinotwin.twin import Twin
+    from pinotwin.viewer import View
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,31 +43,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw, and write a page or open the browser."""
-    from pinotwin.machine import Machine
-    from pinotwin.viewer import missing_meshes
-    from pinotwin.viewer.live import serve
-
     _check(args)
     if args.rrd:
         return _record(args)
-    machine = with_meshes(Machine.load(args.machine), args.meshes)
-    missing = missing_meshes(machine.urdf, machine.meshes)
-    if missing:
-        say(missing)
-    page = _page(machine, args)
+    found = _view(args)
+    for note in found.notes:
+        say(note)
     if args.json:
-        write_json(args.json, _facts(machine, args))
+        write_json(args.json, _facts(found, args))
     if args.html:
-        write_text(args.html, page)
-        say(f"{machine.name} written to {args.html}")
+        found.save(args.html)
+        say(f"{found.name} written to {args.html}")
     if args.out:
         with whole_folder(args.out) as folder:
-            (folder / f"{machine.name}.html").write_text(page, encoding="utf-8")
-        say(f"{machine.name} written to {Path(args.out) / machine.name}.html")
-    if args.html or args.out:
-        return 0
-    with serve(page) as url:
-        say(f"{machine.name} at {url}; stop with Ctrl-C")
+            found.save(folder / f"{found.name}.html")
+        say(f"{found.name} written to {Path(args.out) / found.name}.html")
+    return 0 if args.html or args.out else _serve(found)
+
+
+def _serve(found: View) -> int:
+    """Show the page in the browser until Ctrl-C."""
+    from pinotwin.viewer.live import serve
+
+    with serve(found.page) as url:
+        say(f"{found.name} at {url}; stop with Ctrl-C")
         try:
             while True:
                 time.sleep(1.0)
@@ -87,38 +85,30 @@ def _record(args: argparse.Namespace) -> int:
     return 0
 
 
-def _page(machine: Machine, args: argparse.Namespace) -> str:
-    """Return the page of a machine or twin: at a posture, playing a log, or in one of its modes."""
+def _view(args: argparse.Namespace) -> View:
+    """Return the view of a machine or twin: at a posture, playing a log, or in one of its modes."""
+    from pinotwin.viewer import view
+
+    subject = _subject(args.machine, args.meshes)
+    return view(
+        subject,
+        args.log,
+        posture=args.posture,
+        overlay=_subject(args.overlay, args.meshes) if args.overlay else None,
+        mode=None if args.mode is None else (_modes(subject, args), args.mode),
+        frames=not args.no_frames,
+    )
+
+
+def _subject(name: str, meshes: str | None) -> Machine | Twin:
+    """Return a machine or twin with its meshes looked for in a folder first."""
     from pinotwin.machine import Machine
-    from pinotwin.viewer.panel import Overlay, panel, stage_for
-
-    drawn = draw_machine(machine, args.posture, extras=not args.no_frames)
-    other = None
-    if args.overlay:
-        second = with_meshes(Machine.load(args.overlay), args.meshes)
-        other = Overlay(second, _shapes(second))
-    if args.mode is not None:
-        tracks, told = show_mode(machine, args)
-        return panel(drawn, machine, tracks=tracks, overlay=other, subtitle=told)
-    if args.log is None:
-        return panel(drawn, machine, overlay=other, subtitle="move the axes; drag to turn, wheel to zoom")
-    tracks = _played(machine, args)
-    framed = stage_for(drawn, tracks.q)
-    return panel(framed, machine, tracks=tracks, overlay=other, subtitle=f"playing {Path(args.log).name}")
-
-
-def _played(machine: Machine, args: argparse.Namespace) -> Tracks:
-    """Return the playback of a log, with the model's effort where a twin was given."""
-    from pinotwin.logs.files import read_argument
-    from pinotwin.logs.prepare import prepare
     from pinotwin.twin import Twin
-    from pinotwin.viewer.tracks import tracks_of
 
-    log = read_argument(args.log)
-    if not (Path(args.machine) / "twin.json").is_file():
-        return tracks_of(machine, prepare(machine, log, decimate=1))
-    twin = Twin.load(args.machine)
-    return tracks_of(machine, twin.motion(log), twin)
+    if not (Path(name) / "twin.json").is_file():
+        return with_meshes(Machine.load(name), meshes)
+    twin = Twin.load(name)
+    return replace(twin, machine=with_meshes(twin.machine, meshes))
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -147,50 +137,21 @@ def _check_recording(args: argparse.Namespace) -> None:
     check_recording(args.rrd)
 
 
-def _facts(machine: Machine, args: argparse.Namespace) -> dict[str, Any]:
+def _facts(found: View, args: argparse.Namespace) -> dict[str, Any]:
     """Return what is shown: posture in SI, and where the page went."""
-    from pinotwin.viewer import parse_posture
-
-    rotary = dict(zip(machine.names, machine.rotary, strict=True))
-    given = parse_posture(args.posture, rotary) if args.posture else {}
     return {
-        "machine": machine.name,
-        "posture": {name: given.get(name, 0.0) for name in machine.names},
+        "machine": found.name,
+        "posture": found.posture,
         "log": args.log,
         "mode": args.mode,
-        "html": args.html or (args.out and str(Path(args.out) / f"{machine.name}.html")),
+        "html": args.html or (args.out and str(Path(args.out) / f"{found.name}.html")),
+        "notes": found.notes,
     }
 
 
-def _shapes(machine: Machine) -> pin.GeometryModel:
-    from pinotwin.viewer import visual_model
-
-    return visual_model(machine.model, machine.urdf, machine.meshes)
-
-
-def draw_machine(machine: Machine, posture: str | None, *, extras: bool) -> Scene:
-    """Return the scene of a machine at a posture."""
-    from pinotwin.viewer import draw, parse_posture
-
-    rotary = dict(zip(machine.names, machine.rotary, strict=True))
-    joints = {part.name: part.joint for part in machine.parts}
-    values = parse_posture(posture, rotary) if posture else {}
-    return draw(
-        machine.model,
-        _shapes(machine),
-        posture={joints[name]: value for name, value in values.items()},
-        frames=extras,
-        masses=extras,
-        name=machine.name,
-    )
-
-
-def show_mode(machine: Machine, args: argparse.Namespace) -> tuple[Tracks, str]:
-    """Return one of the modes as a playback, enlarged so that it can be seen, and what it is."""
-    from pinotwin.analysis.modal import animate
-    from pinotwin.viewer.tracks import Tracks
-
-    found = _modes(machine, args)
+def _modes(subject: Machine | Twin, args: argparse.Namespace) -> Modes:
+    """Return the modes, and print them."""
+    found = _found_modes(subject, args)
     for k, mode in enumerate(found.modes, 1):
         shares = ", ".join(
             f"{name} {share:.0%}"
@@ -199,23 +160,20 @@ def show_mode(machine: Machine, args: argparse.Namespace) -> tuple[Tracks, str]:
         )
         mark = " <" if k == args.mode else ""
         say(f"mode {k}: {mode.frequency:.2f} Hz, damping {mode.damping:.3f} ({shares}){mark}")
-    t, q = animate(found, args.mode, 0.1)
-    mode = found.modes[args.mode - 1]
-    return Tracks(
-        t, q
-    ), f"mode {args.mode}: {mode.frequency:.1f} Hz, damping {mode.damping:.3f}, enlarged and slowed"
+    return found
 
 
-def _modes(machine: Machine, args: argparse.Namespace) -> Modes:
+def _found_modes(subject: Machine | Twin, args: argparse.Namespace) -> Modes:
     """Return the modes with motors held, some free, or with their servo loops closed."""
     from pinotwin.analysis.modal import modes, servo_modes
     from pinotwin.twin import Twin
     from pinotwin.viewer import parse_posture
 
+    machine = subject.machine if isinstance(subject, Twin) else subject
     rotary = dict(zip(machine.names, machine.rotary, strict=True))
     values = parse_posture(args.posture, rotary) if args.posture else {}
     if args.servo:
-        return servo_modes(Twin.load(args.machine), values)
+        return servo_modes(subject if isinstance(subject, Twin) else Twin.load(args.machine), values)
     released = [] if args.free is None else (args.free or list(machine.axes))
     for name in released:
         machine.axis(name)

@@ -40,8 +40,9 @@ def machine_block(d: Diagnosis, log: Log | None = None) -> Html | None:
 
 def _drawn(d: Diagnosis, machine: Machine, log: Log | None) -> Still:
     from pinotwin.viewer.gap import COLOURS  # half a second of meshcat, which other pages do not need
+    from pinotwin.viewer.meshes import GREY
     from pinotwin.viewer.scene import visual_model
-    from pinotwin.viewer.still import GREY, still
+    from pinotwin.viewer.still import still
 
     rigid = machine.with_rigid_joints()
     q = rigid.posture()

@@ -1,21 +1,19 @@
-"""Looking at a machine: meshcat through Pinocchio's visualiser, as one page or in the browser."""
+"""Looking at a machine: drawn by meshcat in the browser, as one page."""
 
-from pinotwin.viewer.play import Live, play, save_html, show
 from pinotwin.viewer.posture import configuration, joint_kinds, parse_posture
 from pinotwin.viewer.scene import Scene, colour, draw, missing_meshes, scene, visual_model
+from pinotwin.viewer.show import View, view
 
 __all__ = [
-    "Live",
     "Scene",
+    "View",
     "colour",
     "configuration",
     "draw",
     "joint_kinds",
     "missing_meshes",
     "parse_posture",
-    "play",
-    "save_html",
     "scene",
-    "show",
+    "view",
     "visual_model",
 ]

@@ -14,9 +14,9 @@ from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
-from pinotwin.viewer.panel import panel, stage_for
+from pinotwin.viewer.meshes import GREY, Colour
+from pinotwin.viewer.panel import panel
 from pinotwin.viewer.scene import colour, draw, visual_model
-from pinotwin.viewer.still import GREY, Colour
 from pinotwin.viewer.tracks import Tracks, tracks_of
 
 COLOURS: dict[Grade, Colour] = {
@@ -46,7 +46,7 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
     for name, axis in machine.axes.items():
         shades[axis.joint] = (*COLOURS.get(_grade(found, name), GREY), 1.0)
     drawn = colour(draw(machine.model, visual, frames=False, masses=False, name=machine.name), shades)
-    return panel(stage_for(drawn, tracks.q), machine, tracks=tracks, subtitle=_told(found, machine.axes))
+    return panel(drawn, machine, tracks=tracks, subtitle=_told(found, machine.axes))
 
 
 def with_causes(tracks: Tracks, found: Diagnosis, begin: float) -> Tracks:

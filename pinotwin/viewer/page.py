@@ -1,16 +1,18 @@
 """A meshcat window that writes its scene down instead of sending it to a browser.
 
 ``meshcat.Visualizer(window=Page())`` draws without a server, a port or a child process. What was
-drawn becomes one self-contained HTML page (meshcat's own script inside, no network), or is sent
-later to a live window. The commands run in their order; meshcat's own static page fetches each one
-by itself, so that they may overtake each other.
+drawn becomes part of one self-contained HTML page (meshcat's own script inside, no network). The
+commands run in their order; meshcat's own static page fetches each one by itself, so that they may
+overtake each other.
 """
 
 from __future__ import annotations
 
 import base64
-import html
+import json
 import re
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,20 +22,20 @@ import umsgpack
 
 _SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 
-_TEMPLATE = """<!DOCTYPE html>
-<html lang="en">
-<head><meta charset="utf-8"><title>{title}</title>
-<style>body {{margin: 0}} #pane {{width: 100vw; height: 100vh; overflow: hidden}} {style}</style>
-</head>
-<body><div id="pane"></div>
-<script>{script}</script>
-<script>
-var viewer = new MeshCat.Viewer(document.getElementById("pane"));
-for (const text of [
-{commands}
-]) viewer.handle_command_bytearray(Uint8Array.from(atob(text), c => c.charCodeAt(0)));
-</script></body></html>
-"""
+_LOADER = """const PACKED = "{packed}";
+const COMMANDS = {commands};
+async function draw_all(viewer) {{
+  const bytes = Uint8Array.from(atob(PACKED), c => c.charCodeAt(0));
+  const opened = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const all = new Uint8Array(await new Response(opened).arrayBuffer());
+  for (const pieces of COMMANDS) {{
+    const whole = new Uint8Array(pieces.reduce((sum, [from, to]) => sum + to - from, 0));
+    let at = 0;
+    for (const [from, to] of pieces) {{ whole.set(all.subarray(from, to), at); at += to - from; }}
+    viewer.handle_command_bytearray(whole);
+  }}
+}}"""
+_SHARED = 64  # bytes from which an array is looked for among those that the page holds already
 
 
 class Command(Protocol):
@@ -74,37 +76,47 @@ class Page:
         """Return a recording that can be drawn on without changing this one."""
         return Page(dict(self.messages))
 
-    def replay(self, window: Any) -> None:
-        """Send everything to another window, for example a live one."""
-        for data in self.messages.values():
-            window.send(Message(data))
-
-    def html(self, title: str, controls: bool = True) -> str:
-        """Return one page that holds everything it needs.
-
-        Args:
-            title: title of the page.
-            controls: whether to keep meshcat's control panel.
-        """
-        return _TEMPLATE.format(
-            title=html.escape(title),
-            style="" if controls else ".dg.main {display: none}",
-            script=self.script(),
-            commands=self.commands(),
-        )
-
     def script(self) -> str:
         """Return meshcat's own script."""
         return _SCRIPT.read_text(encoding="utf-8")
 
-    def commands(self) -> str:
-        """Return the commands as lines of JavaScript, the same in every run.
+    def loader(self) -> str:
+        """Return JavaScript with a function ``draw_all(viewer)``, the same in every run.
 
         Meshcat gives every shape a random name (UUID); here they are numbered in the order of drawing.
+        All commands lie in one compressed text; a command is a list of pieces of it, so that an array
+        that several commands hold, such as a mesh drawn twice, lies there once.
         """
-        known: dict[str, str] = {}
-        packed = (umsgpack.packb(_numbered(m, known)) for m in self.messages.values())
-        return ",\n".join(f'"{base64.b64encode(m).decode()}"' for m in packed)
+        pool, held, known = bytearray(), dict[bytes, list[int]](), dict[str, str]()
+        commands = []
+        for message in self.messages.values():
+            packed, at, pieces = umsgpack.packb(_numbered(message, known)), 0, []
+            for array in _arrays(message):
+                begin = packed.index(array, at)
+                pieces += [packed[at:begin], array]
+                at = begin + len(array)
+            commands.append([_kept(piece, pool, held) for piece in [*pieces, packed[at:]]])
+        text = base64.b64encode(zlib.compress(bytes(pool), 9)).decode()
+        return _LOADER.format(packed=text, commands=json.dumps(commands, separators=(",", ":")))
+
+
+def _kept(piece: bytes, pool: bytearray, held: dict[bytes, list[int]]) -> list[int]:
+    """Return begin and end of some bytes in the pool, which takes them where they are new."""
+    if piece not in held:
+        held[piece] = [len(pool), len(pool) + len(piece)]
+        pool += piece
+    return held[piece]
+
+
+def _arrays(value: Any) -> Iterator[bytes]:
+    """Yield the bytes of every long array of a message, in its order."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        for item in value:
+            yield from _arrays(item)
+    elif isinstance(value, umsgpack.Ext) and len(value.data) >= _SHARED:
+        yield value.data
 
 
 _UUID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")

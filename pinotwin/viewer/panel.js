@@ -1,5 +1,5 @@
 // The panel beside meshcat: sliders, time, plots, ghost, labels. DATA comes from the page.
-(function () {
+(async function () {
   const $ = (id) => document.getElementById(id);
   const make = (tag, text, parent, cls) => {
     const e = document.createElement(tag);
@@ -10,6 +10,17 @@
   };
   const state = { q: DATA.q.slice(), k: 0, playing: false, factor: DATA.factor, axis: 0 };
   const frames = DATA.frames;
+
+  // Without WebGL: a still picture, and the plots.
+  const probe = document.createElement("canvas");
+  const viewer = probe.getContext("webgl2") || probe.getContext("webgl") ? new MeshCat.Viewer($("pane")) : null;
+  window.viewer = viewer;
+  if (viewer) await draw_all(viewer);
+  else {
+    document.body.classList.add("flat");
+    $("still").src = "data:image/png;base64," + DATA.still;
+    $("still").hidden = $("flat").hidden = false;
+  }
 
   // Pose of every joint: column-major 4x4, from the tree that Python wrote.
   function times(a, b) {
@@ -27,17 +38,19 @@
             t * x * y - s * z, t * y * y + c, t * y * z + s * x, 0,
             t * x * z + s * y, t * y * z - s * x, t * z * z + c, 0, 0, 0, 0, 1];
   }
+  const send = (command) => { if (viewer) viewer.handle_command(command); };
+  const dirty = () => { if (viewer) viewer.set_dirty(); };
   function pose(body, q) {
     const world = [];
     body.joints.forEach((joint) => {
       const own = times(joint.place, moved(joint, q[joint.column]));
       const at = joint.parent < 0 ? own : times(world[joint.parent], own);
       world.push(at);
-      viewer.handle_command({ type: "set_transform", path: "/meshcat/" + joint.path, matrix: at });
+      send({ type: "set_transform", path: "/meshcat/" + joint.path, matrix: at });
     });
   }
   const property = (path, name, value) =>
-    viewer.handle_command({ type: "set_property", path: "/meshcat/" + path, property: name, value: value });
+    send({ type: "set_property", path: "/meshcat/" + path, property: name, value: value });
 
   function colour(share) {
     const low = [0.62, 0.65, 0.68], high = [0.8, 0.13, 0.1];
@@ -45,6 +58,7 @@
   }
   // Shapes of an axis in one colour, or in their own again; frames, masses and ellipsoids keep theirs.
   function paint(axis, rgb) {
+    if (!viewer) return;
     const node = viewer.scene_tree.find(["meshcat"].concat(axis.path.split("/")));
     Object.entries(node.children).forEach(([name, child]) => {
       if (["frame", "mass", "inertia"].includes(name)) return;
@@ -75,7 +89,7 @@
       if (axis.slider) axis.slider.value = q[axis.column];
       if (axis.told) axis.told.textContent = (q[axis.column] * axis.scale).toFixed(axis.digits) + " " + axis.unit;
     });
-    viewer.set_dirty();
+    dirty();
   }
 
   // Sliders, postures
@@ -98,7 +112,7 @@
       q[axis.column] = Number(axis.slider.value);
       DATA.bodies.forEach((body) => pose(body, q));
       axis.told.textContent = (q[axis.column] * axis.scale).toFixed(axis.digits) + " " + axis.unit;
-      viewer.set_dirty();
+      dirty();
     };
   });
   Object.entries(DATA.postures).forEach(([name, q]) => {
@@ -108,7 +122,7 @@
       DATA.bodies.forEach((body) => pose(body, q));
       state.q = q.slice();
       if (!frames) show();
-      viewer.set_dirty();
+      dirty();
     };
   });
 
@@ -124,7 +138,7 @@
     const set = () => {
       if (layer.labels) $("labels").hidden = !box.checked;
       layer.paths.forEach((path) => property(path, "visible", box.checked));
-      viewer.set_dirty();
+      dirty();
     };
     if (layer.tint) {
       box.id = "tint";
@@ -166,7 +180,7 @@
       tags[i].style.top = y + "px";
     });
   }
-  label();
+  if (viewer) label();
 
   // Time and plots
   function play(on) {
@@ -277,11 +291,65 @@
     if (e.key === "ArrowRight") go(state.k + 1);
     if (e.key === "ArrowLeft") go(state.k - 1);
   });
+  // The camera so near that the whole machine just fits, whatever the shape of the window, until it is moved.
+  function aim() {
+    const stage = DATA.stage, dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    const unit = (a) => a.map((x) => x / Math.hypot(...a));
+    const back = unit(stage.from), right = unit([-back[1], back[0], 0]);
+    const up = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2],
+                back[0] * right[1] - back[1] * right[0]];
+    const tall = Math.tan(stage.fov * Math.PI / 360), wide = tall * $("pane").clientWidth / $("pane").clientHeight;
+    let target = [0, 1, 2].map((k) => {
+      const all = stage.points.map((p) => p[k]);
+      return (Math.min(...all) + Math.max(...all)) / 2;
+    });
+    let distance = 1;
+    for (let turn = 0; turn < 4; turn++) {  // moving the target changes the perspective a little
+      const seen = stage.points.map((p) => {
+        const d = p.map((x, k) => x - target[k]);
+        return [dot(d, right), dot(d, up), dot(d, back)];
+      });
+      distance = stage.margin * Math.max(
+        ...seen.map(([x, y, z]) => Math.max(Math.abs(x) / wide, Math.abs(y) / tall) + z));
+      [right, up].forEach((direction, k) => {
+        const at = seen.map((p) => p[k] / (distance - p[2]));
+        const move = distance * (Math.min(...at) + Math.max(...at)) / 2;
+        target = target.map((x, j) => x + move * direction[j]);
+      });
+    }
+    const [x, y, z] = back.map((b) => b * distance);
+    const place = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, ...target.map((x) => -x), 1];  // meshcat's camera looks at 0
+    send({ type: "set_transform", path: "/meshcat", matrix: place });
+    send({ type: "set_property", path: "/Cameras/default/rotated/<object>", property: "position", value: [x, z, -y] });
+  }
   const fit = () => {
+    if (!viewer) return;
     viewer.set_3d_pane_size($("pane").clientWidth, $("pane").clientHeight);
-    viewer.set_dirty();
+    if (!state.moved) aim();
+    dirty();
   };
+  ["pointerdown", "wheel"].forEach((kind) =>
+    $("pane").addEventListener(kind, () => (state.moved = true), { capture: true, passive: true }));
   new ResizeObserver(fit).observe($("pane"));
   fit();
   show();
+  // What is drawn of the machine, for whoever asks the page: triangles, and the colours they have.
+  if (viewer) {
+    let count = 0;
+    const colours = {};
+    DATA.bodies[0].joints.concat({ path: DATA.bodies[0].root + "/universe" }).forEach((joint) => {
+      const node = viewer.scene_tree.find(["meshcat"].concat(joint.path.split("/")));
+      Object.entries(node.children).forEach(([name, child]) => {
+        if (["frame", "mass", "inertia"].includes(name)) return;
+        child.object.traverse((o) => {
+          if (!o.isMesh) return;
+          const own = (o.geometry.index || o.geometry.attributes.position).count / 3, at = o.material.color.getHexString();
+          count += own;
+          colours[at] = (colours[at] || 0) + own;
+        });
+      });
+    });
+    document.body.dataset.triangles = count;
+    document.body.dataset.colours = JSON.stringify(colours);
+  }
 })();

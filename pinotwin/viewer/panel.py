@@ -6,9 +6,10 @@ that a slider needs no server. Nothing is loaded from elsewhere, and two runs wr
 
 from __future__ import annotations
 
+import base64
 import html
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
 
@@ -18,13 +19,17 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.machine import Machine
+from pinotwin.viewer.meshes import Rgba
 from pinotwin.viewer.scene import ROOT, Scene, add_copy, place_joints
-from pinotwin.viewer.stage import corners, set_stage
+from pinotwin.viewer.stage import corners, framing, set_stage
+from pinotwin.viewer.still import still
 from pinotwin.viewer.tracks import Tracks
 
 _Layer = tuple[str, str, bool, list[str], dict[str, bool]]
 """Text, colour, whether shown at first, nodes, and what else it does."""
 GHOST, OTHER = "ghost", "overlay"
+_POSTURES = 24  # so many of a motion's postures decide how far away the camera stands
+FLAT = "This browser has no WebGL: a still picture of the first posture."
 TITLES = {
     "effort": "Effort",
     "gap": "Gap: measured minus model",
@@ -34,7 +39,8 @@ TITLES = {
 _SHELL = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">
 <title>{title}</title><link rel="icon" href="data:,"><style>{css}</style></head>
-<body><div id="view"><div id="pane"></div><div id="labels"></div></div>
+<body><div id="view"><div id="pane"></div><img id="still" alt="" hidden><p id="flat" hidden>{flat}</p>
+<div id="labels"></div></div>
 <aside><h1>{title}</h1><p>{subtitle}</p>
 <h2>Posture</h2><div id="sliders"></div><div id="postures"></div>
 <h2>Shown</h2><div id="layers"></div>
@@ -44,10 +50,7 @@ _SHELL = """<!DOCTYPE html>
 <input id="time" type="range" min="0" value="0"><span id="now"></span></div><div id="plots"></div></footer>
 <script>{meshcat}</script>
 <script>
-var viewer = new MeshCat.Viewer(document.getElementById("pane"));
-for (const text of [
-{commands}
-]) viewer.handle_command_bytearray(Uint8Array.from(atob(text), c => c.charCodeAt(0)));
+{loader}
 const DATA = {data};
 {script}
 </script></body></html>
@@ -66,7 +69,7 @@ class Overlay:
 
     machine: Machine
     visual: pin.GeometryModel
-    colour: tuple[float, float, float, float] = (0.17, 0.42, 0.69, 0.45)
+    colour: Rgba = (0.17, 0.42, 0.69, 0.45)
 
 
 def panel(
@@ -86,8 +89,11 @@ def panel(
         overlay: a second machine, drawn through the first.
         subtitle: line below the name.
     """
-    page = drawn.page.copy()
-    scene = Scene(drawn.model, drawn.visual, page, drawn.q, drawn.name)
+    rows = drawn.q[None] if tracks is None else tracks.q[:: max(1, len(tracks.q) // _POSTURES)]
+    scene = replace(drawn, page=drawn.page.copy(), q=rows[0])
+    points = np.concatenate([corners(scene.model, scene.visual, row) for row in rows])
+    set_stage(scene.viewer(), points)
+    place_joints(scene)
     _ellipsoids(scene)
     bodies = [_body(drawn.model, ROOT)]
     if tracks is not None and tracks.qr is not None:
@@ -97,13 +103,15 @@ def panel(
         add_copy(scene, overlay.machine.model, overlay.visual, OTHER, overlay.colour)
         bodies.append(_body(overlay.machine.model, OTHER, machine, overlay.machine))
     data = {
-        "q": drawn.q.tolist(),
+        "q": scene.q.tolist(),
         "bodies": bodies,
         "axes": _axes(machine, tracks),
-        "postures": _postures(machine, drawn.q),
+        "postures": _postures(machine, scene.q),
         "layers": _layers(scene, tracks, overlay),
         "titles": TITLES,
         "factor": 100,
+        "stage": framing(points),
+        "still": base64.b64encode(still(scene.model, scene.visual, scene.q).png).decode(),
         "frames": None if tracks is None else tracks.frames(),
     }
     folder = files("pinotwin.viewer")
@@ -112,20 +120,11 @@ def panel(
         subtitle=html.escape(subtitle),
         css=(folder / "panel.css").read_text(encoding="utf-8"),
         script=(folder / "panel.js").read_text(encoding="utf-8"),
-        meshcat=page.script(),
-        commands=page.commands(),
+        meshcat=scene.page.script(),
+        loader=scene.page.loader(),
+        flat=FLAT,
         data=json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
     )
-
-
-def stage_for(drawn: Scene, q: Floats) -> Scene:
-    """Return the scene with the camera so far away that a whole motion is seen, from its first posture."""
-    page = drawn.page.copy()
-    framed = Scene(drawn.model, drawn.visual, page, q[0], drawn.name)
-    some = q[:: max(1, len(q) // 24)]
-    set_stage(framed.viewer(), np.concatenate([corners(drawn.model, drawn.visual, row) for row in some]))
-    place_joints(framed)
-    return framed
 
 
 def _body(
@@ -185,10 +184,11 @@ def _axes(machine: Machine, tracks: Tracks | None) -> list[dict[str, Any]]:
 
 
 def _postures(machine: Machine, q: Floats) -> dict[str, list[float]]:
-    """Return the postures that a button sets: as drawn, zero, and both ends of the travel."""
+    """Return the postures that a button sets: as drawn, zero or next to it, and both ends of the travel."""
     model = machine.model
     bounded = np.maximum(np.abs(model.lowerPositionLimit), np.abs(model.upperPositionLimit)) < 1e3
-    out = {"as drawn": q.tolist(), "zero": machine.posture().tolist()}
+    rest = machine.posture()
+    out = {"as drawn": q.tolist(), "within limits, nearest to zero" if rest.any() else "zero": rest.tolist()}
     if np.any(bounded):
         out["low ends"] = np.where(bounded, model.lowerPositionLimit, 0.0).tolist()
         out["high ends"] = np.where(bounded, model.upperPositionLimit, 0.0).tolist()

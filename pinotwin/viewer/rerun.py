@@ -106,9 +106,10 @@ def _machine(rr: ModuleType, stream: Any, machine: Machine, moves: Log) -> None:
     start = joint_poses(model, pin.neutral(model))
     stream.log("machine", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     shapes = triangles_of(model, visual_model(model, machine.urdf, machine.meshes), pin.neutral(model))
-    for k, (joint, world) in enumerate(shapes):
+    for k, (joint, world, rgba) in enumerate(shapes):
         local = (world.reshape(-1, 3) - start[joint].translation) @ start[joint].rotation
-        mesh = rr.Mesh3D(vertex_positions=local, triangle_indices=np.arange(len(local)).reshape(-1, 3))
+        corners = np.arange(len(local)).reshape(-1, 3)
+        mesh = rr.Mesh3D(vertex_positions=local, triangle_indices=corners, albedo_factor=rgba)
         stream.log(rr.new_entity_path(["machine", model.names[joint], f"shape {k}"]), mesh, static=True)
     poses = [joint_poses(model, motion.q[row]) for row in rows]
     time = rr.TimeColumn("time", duration=motion.t[rows] - motion.t[0])

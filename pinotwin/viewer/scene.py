@@ -1,7 +1,7 @@
 """A machine drawn at a posture: its shapes, and on request its joint frames and centres of mass.
 
-Shapes are loaded by Pinocchio's ``MeshcatVisualizer``. They hang below one node per joint: a
-posture, a frame of a playback or a colour touches one node, and what is fixed to it follows.
+Shapes hang below one node per joint: a posture, a frame of a playback or a colour touches one node, and
+what is fixed to it follows.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import pinocchio as pin
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.urdf import without_missing_meshes
+from pinotwin.viewer.meshes import GREY, Rgba, parts_of
 from pinotwin.viewer.page import Message, Page
 from pinotwin.viewer.posture import configuration
 from pinotwin.viewer.stage import bounds, corners, set_stage
@@ -167,7 +168,8 @@ def draw(
     drawn = Scene(model, visual, Page(), q, name or model.name)
     points = corners(model, visual, q)
     set_stage(drawn.viewer(), points)
-    _load_shapes(drawn)
+    for shape in visual.geometryObjects:
+        _draw_shape(drawn, joint_path(model, shape.parentJoint), shape)
     size = bounds(points).size
     if frames:
         _draw_frames(drawn, 0.12 * size)
@@ -182,7 +184,7 @@ def add_copy(
     model: pin.Model,
     visual: pin.GeometryModel,
     root: str,
-    rgba: tuple[float, float, float, float],
+    rgba: Rgba,
 ) -> None:
     """Draw what moves of a second machine in one colour below a root of its own.
 
@@ -193,30 +195,22 @@ def add_copy(
         root: name of its node.
         rgba: red, green, blue, opacity, each 0 to 1.
     """
-    pale = pin.GeometryModel()
     for shape in visual.geometryObjects:
         if shape.parentJoint != 0:  # the base would only shine through itself
-            pale.addGeometryObject(pin.GeometryObject(shape))
-    for shape in pale.geometryObjects:
-        shape.meshColor = np.array(rgba)
-        shape.overrideMaterial = True
-    _load_shapes(Scene(model, pale, drawn.page, drawn.q, drawn.name), root)
+            _draw_shape(drawn, f"{root}/{model.names[shape.parentJoint]}", shape, rgba)
 
 
-def _load_shapes(drawn: Scene, root: str = ROOT) -> None:
-    """Hang every shape below its joint; the renamed copies carry the path in their name."""
-    from pinocchio.visualize import MeshcatVisualizer  # most of a second: it brings readers of meshes
-
-    shapes = drawn.visual.clone()
-    for shape in shapes.geometryObjects:
-        shape.name = f"{drawn.model.names[shape.parentJoint]}/{shape.name}"
-    loader = MeshcatVisualizer(drawn.model, None, shapes)
-    loader.initViewer(viewer=drawn.viewer())
-    loader.viewerVisualGroupName = root
-    for shape in shapes.geometryObjects:
-        loader.loadViewerGeometryObject(shape, pin.GeometryType.VISUAL)
-        pose = shape.placement.homogeneous @ np.diag([*shape.meshScale, 1.0])
-        loader.viewer[f"{root}/{shape.name}"].set_transform(pose)
+def _draw_shape(drawn: Scene, place: str, shape: pin.GeometryObject, rgba: Rgba | None = None) -> None:
+    """Hang the parts of a shape below a node, each in its own colour or all in one."""
+    node = drawn.viewer()[f"{place}/{shape.name}"]
+    node.set_transform(shape.placement.homogeneous)
+    parts = parts_of(shape)
+    for k, part in enumerate(parts):
+        red, green, blue, opacity = rgba or part.rgba or (*GREY, 1.0)
+        tint = sum(round(255 * x) << bits for x, bits in ((red, 16), (green, 8), (blue, 0)))
+        material = mg.MeshPhongMaterial(color=tint, opacity=opacity, transparent=opacity < 1.0)
+        owner = node if len(parts) == 1 else node[str(k)]
+        owner.set_object(mg.TriangularMeshGeometry(part.vertices, part.faces), material)
 
 
 def joint_poses(model: pin.Model, q: Floats) -> list[pin.SE3]:

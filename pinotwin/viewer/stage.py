@@ -63,7 +63,7 @@ def corners(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> Floats:
     for shape, pose in zip(visual.geometryObjects, placed.oMg, strict=True):
         shape.geometry.computeLocalAABB()
         low, high = shape.geometry.aabb_local.min_, shape.geometry.aabb_local.max_
-        local = (low + unit * (high - low)) * shape.meshScale
+        local = low + unit * (high - low)  # of a mesh: scaled as it was read
         found.append(local @ pose.rotation.T + pose.translation)
     if not found:
         found = [pose.translation + 0.1 * (unit - 0.5) for pose in data.oMi]
@@ -86,6 +86,14 @@ class Camera:
 
     target: Floats
     offset: Floats
+
+
+def framing(points: Floats) -> dict[str, Any]:
+    """Return what a page needs to aim its camera itself, as :func:`aim` does, at a window of any shape."""
+    from scipy.spatial import ConvexHull
+
+    outer = points[ConvexHull(points, qhull_options="QJ").vertices]  # joggled: points may lie in a plane
+    return {"points": outer.tolist(), "from": _VIEW_FROM.tolist(), "fov": FIELD_OF_VIEW, "margin": _MARGIN}
 
 
 def aim(points: Floats) -> Camera:

@@ -10,21 +10,18 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import coal
 import numba
 import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.viewer.meshes import GREY, Colour, Rgba, parts_of
 from pinotwin.viewer.stage import FIELD_OF_VIEW, aim, corners
 
-GREY = (0.66, 0.69, 0.72)
 BASE = (0.52, 0.55, 0.58)
 _FINE = 2  # samples per pixel and direction
 _LIGHT = np.array([0.25, -0.65, 0.72]) / np.linalg.norm([0.25, -0.65, 0.72])
-Colour = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ def still(
     model: pin.Model,
     visual: pin.GeometryModel,
     q: Floats,
-    colours: Mapping[str, Colour],
+    colours: Mapping[str, Colour] | None = None,
     size: tuple[int, int] = (760, 480),
 ) -> Still:
     """Draw a machine.
@@ -55,7 +52,7 @@ def still(
         model: the kinematics.
         visual: the shapes.
         q: the posture, shape (nq,).
-        colours: joint name -> colour of what it carries, 0 to 1; grey where it is not named.
+        colours: joint name -> colour of what it carries, 0 to 1, grey where it is not named; None: its own.
         size: width and height [pixels].
     """
     from PIL import Image
@@ -63,12 +60,16 @@ def still(
     bodies = triangles_of(model, visual, q)
     width, height = size[0] * _FINE, size[1] * _FINE
     camera = aim(corners(model, visual, q))
-    shown = [_project(triangles, camera.target, camera.offset, width, height) for _, triangles in bodies]
+    shown = [_project(triangles, camera.target, camera.offset, width, height) for _, triangles, _ in bodies]
     depth = np.full((height, width), np.inf)
     shade, owner = np.zeros((height, width)), np.full((height, width), -1, dtype=np.int64)
-    for k, ((_, triangles), flat) in enumerate(zip(bodies, shown, strict=True)):
+    for k, ((_, triangles, _), flat) in enumerate(zip(bodies, shown, strict=True)):
         _fill(flat, _shades(triangles), k, depth, shade, owner)
-    paint = np.array([colours.get(model.names[j], BASE if j == 0 else GREY) for j, _ in bodies] or [GREY])
+    if colours is None:
+        own = [rgba[:3] for _, _, rgba in bodies]
+    else:
+        own = [colours.get(model.names[j], BASE if j == 0 else GREY) for j, _, _ in bodies]
+    paint = np.array(own or [GREY])
     rgb = paint[np.maximum(owner, 0)] * (0.45 + 0.55 * shade * _edges(owner, shade))[..., None]
     rgba = np.concatenate([rgb, (owner >= 0).astype(float)[..., None]], axis=2)
     rgba[..., :3] *= rgba[..., 3:]
@@ -81,12 +82,12 @@ def still(
 
 
 def _middles(
-    model: pin.Model, bodies: Sequence[tuple[int, Floats]], shown: Sequence[Floats], owner: Ints
+    model: pin.Model, bodies: Sequence[tuple[int, Floats, Rgba]], shown: Sequence[Floats], owner: Ints
 ) -> dict[str, tuple[float, float]]:
     """Return the middle of what is seen of every joint's body; of a hidden one, of what is there [pixels]."""
     out = {}
     for j in range(1, model.njoints):
-        mine = [k for k, (joint, _) in enumerate(bodies) if joint == j]
+        mine = [k for k, (joint, _, _) in enumerate(bodies) if joint == j]
         if not mine:
             continue
         y, x = np.nonzero(np.isin(owner, mine))
@@ -98,41 +99,16 @@ def _middles(
     return out
 
 
-def triangles_of(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> list[tuple[int, Floats]]:
-    """Return joint and triangles in the world of every shape, each of shape (m, 3, 3) [m]."""
+def triangles_of(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> list[tuple[int, Floats, Rgba]]:
+    """Return joint, triangles in the world, of shape (m, 3, 3) [m], and colour of every part of every shape."""
     data, placed = model.createData(), visual.createData()
     pin.updateGeometryPlacements(model, data, visual, placed, q)
     out = []
     for shape, pose in zip(visual.geometryObjects, placed.oMg, strict=True):
-        local = _mesh(shape.geometry)
-        if local is not None and len(local):
-            local = local * np.asarray(shape.meshScale)
-            out.append((int(shape.parentJoint), local @ pose.rotation.T + pose.translation))
+        for part in parts_of(shape):
+            world = part.vertices @ pose.rotation.T + pose.translation
+            out.append((int(shape.parentJoint), world[part.faces], part.rgba or (*GREY, 1.0)))
     return out
-
-
-def _mesh(shape: Any) -> Floats | None:
-    """Return the triangles of a shape in its own frame, shape (m, 3, 3); None for one that has none."""
-    import trimesh.creation as make
-
-    if isinstance(shape, coal.BVHModelBase):
-        points = np.array(shape.vertices())
-        corner = [[t[0], t[1], t[2]] for t in (shape.tri_indices(k) for k in range(shape.num_tris))]
-        return np.asarray(points[np.array(corner, dtype=int)], dtype=float) if corner else None
-    if isinstance(shape, coal.Box):
-        mesh = make.box(2.0 * shape.halfSide)
-    elif isinstance(shape, coal.Cylinder):
-        mesh = make.cylinder(shape.radius, 2.0 * shape.halfLength, sections=48)
-    elif isinstance(shape, coal.Capsule):
-        mesh = make.capsule(2.0 * shape.halfLength, shape.radius)
-    elif isinstance(shape, coal.Cone):
-        mesh = make.cone(shape.radius, 2.0 * shape.halfLength, sections=48)
-        mesh.apply_translation([0.0, 0.0, -shape.halfLength])
-    elif isinstance(shape, coal.Sphere):
-        mesh = make.icosphere(3, shape.radius)
-    else:
-        return None
-    return np.asarray(mesh.vertices[mesh.faces], dtype=float)
 
 
 def _project(triangles: Floats, target: Floats, offset: Floats, width: int, height: int) -> Floats:

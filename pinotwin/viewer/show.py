@@ -1,0 +1,165 @@
+"""A machine to look at, alone, playing a log or in one of its modes: the work of ``pinotwin view``."""
+
+from __future__ import annotations
+
+import html as markup
+import tempfile
+import webbrowser
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pinotwin.analysis.modal import Modes, animate
+from pinotwin.arrays import Floats
+from pinotwin.log import Log
+from pinotwin.logs.files import read_argument
+from pinotwin.logs.prepare import prepare
+from pinotwin.machine import Machine
+from pinotwin.system.writing import write_text
+from pinotwin.twin import Twin
+from pinotwin.viewer.panel import Overlay, panel
+from pinotwin.viewer.posture import parse_posture
+from pinotwin.viewer.scene import Scene, draw, missing_meshes, visual_model
+from pinotwin.viewer.tracks import Tracks, tracks_of
+
+Subject = Machine | Twin | pin.Model | str | Path
+FREE_HINT = "move the axes; drag to turn, wheel to zoom"
+
+
+@dataclass(frozen=True)
+class View:
+    """A page that shows a machine: by :meth:`show`, by :meth:`save`, and in a notebook by itself.
+
+    Attributes:
+        name: the machine's.
+        page: HTML that holds everything it needs.
+        posture: axis or passive joint -> where it stands at first [m or rad].
+        notes: what is not as one might expect, one line each.
+    """
+
+    name: str
+    page: str
+    posture: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page, which opens without network; return its path.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        write_text(path, self.page)
+        return Path(path)
+
+    def show(self) -> Path:
+        """Open the page in the browser, from a temporary file; return the file's path."""
+        path = self.save(Path(tempfile.mkdtemp(prefix="pinotwin-view-")) / f"{self.name}.html")
+        webbrowser.open(path.as_uri())
+        return path
+
+    def _repr_html_(self) -> str:
+        page = markup.escape(self.page, quote=True)
+        return f'<iframe srcdoc="{page}" style="width:100%;height:620px;border:0"></iframe>'
+
+
+def view(
+    subject: Subject,
+    log: Log | str | Path | None = None,
+    *,
+    html: str | Path | None = None,
+    posture: str | Mapping[str, float] | None = None,
+    overlay: Subject | None = None,
+    mode: tuple[Modes, int] | None = None,
+    frames: bool = True,
+) -> View:
+    """Draw a machine, from its meshes where they are found.
+
+    Args:
+        subject: machine, twin, ``pin.Model``, or the name of a folder, URDF or bundled machine.
+        log: what it plays, with the effort; of a twin also the model's effort and the residual.
+        html: file to which the page is written.
+        posture: axis -> position [m or rad], or a text such as ``"Y=0.1,A=30deg"``; axes that are not
+            named stand at zero, or at the limit next to it.
+        overlay: a second one, drawn through the first.
+        mode: modes of :func:`pinotwin.analysis.modal.modes`, and which of them, 1 the slowest.
+        frames: draw joint frames and centres of mass.
+
+    Raises:
+        InputError: a log, a machine or a posture is not understood; the message says which.
+    """
+    machine, twin = _subject(subject)
+    named = _posture(machine, posture)
+    q = machine.posture(named)
+    drawn = _draw(machine, q, frames)
+    tracks, subtitle = None, FREE_HINT
+    if mode is not None:
+        tracks, subtitle = _vibrating(*mode)
+    elif log is not None:
+        tracks, subtitle = _playing(machine, twin, log)
+    notes = [missing_meshes(machine.urdf, machine.meshes), *([] if tracks else _off(machine, q, named))]
+    notes = [note for note in notes if note]
+    other = None
+    if overlay is not None:
+        second, _ = _subject(overlay)
+        other = Overlay(second, visual_model(second.model, second.urdf, second.meshes))
+    told = ". ".join([subtitle, *notes])
+    page = panel(drawn, machine, tracks=tracks, overlay=other, subtitle=told)
+    found = View(machine.name, page, dict(zip(machine.names, q.tolist(), strict=True)), tuple(notes))
+    if html is not None:
+        found.save(html)
+    return found
+
+
+def _subject(subject: Subject) -> tuple[Machine, Twin | None]:
+    """Return the machine, and the twin where there is one."""
+    if isinstance(subject, str | Path) and (Path(subject) / "twin.json").is_file():
+        subject = Twin.load(subject)
+    if isinstance(subject, Twin):
+        return subject.machine, subject
+    if isinstance(subject, pin.Model):
+        return Machine.from_model(subject), None
+    return (subject if isinstance(subject, Machine) else Machine.load(subject)), None
+
+
+def _posture(machine: Machine, posture: str | Mapping[str, float] | None) -> Mapping[str, float]:
+    if isinstance(posture, str):
+        return parse_posture(posture, dict(zip(machine.names, machine.rotary, strict=True)))
+    return posture or {}
+
+
+def _off(machine: Machine, q: Floats, named: Mapping[str, float]) -> list[str]:
+    """Return what is said of axes that stand outside their limits, or at one because zero lies outside."""
+    model = machine.model
+    outside = (q < model.lowerPositionLimit) | (q > model.upperPositionLimit)
+    moved = [name not in named for name in machine.names] & (q != 0.0)
+    texts = (
+        (outside, "outside the limits of the URDF: {}"),
+        (moved, "zero lies outside the limits of {}, drawn at the nearest limit"),
+    )
+    names = np.array(machine.names)
+    return [text.format(", ".join(names[found])) for found, text in texts if found.any()]
+
+
+def _draw(machine: Machine, q: Floats, extras: bool) -> Scene:
+    visual = visual_model(machine.model, machine.urdf, machine.meshes)
+    values = {part.joint: float(q[part.index]) for part in machine.parts}
+    return draw(machine.model, visual, posture=values, frames=extras, masses=extras, name=machine.name)
+
+
+def _playing(machine: Machine, twin: Twin | None, log: Log | str | Path) -> tuple[Tracks, str]:
+    """Return the playback of a log, with the model's effort where there is a twin."""
+    subtitle = "playing a log" if isinstance(log, Log) else f"playing {Path(log).name}"
+    log = log if isinstance(log, Log) else read_argument(str(log))
+    motion = prepare(machine, log, decimate=1) if twin is None else twin.motion(log)
+    return tracks_of(machine, motion, twin), subtitle
+
+
+def _vibrating(found: Modes, number: int) -> tuple[Tracks, str]:
+    """Return a mode as a playback, enlarged so that it can be seen."""
+    t, q = animate(found, number, 0.1)
+    mode = found.modes[number - 1]
+    said = f"mode {number}: {mode.frequency:.1f} Hz, damping {mode.damping:.3f}, enlarged and slowed"
+    return Tracks(t, q), said
