@@ -32,7 +32,7 @@ from tests.rig import YAML, good_log, write_machine
 
 PACKAGE = Path(pt.__file__).parent
 OTHERS = ("pip", "mcap", "ros2", "xacro", "npm", "apt")  # commands of other programs
-PAGES = ("report/style.py", "report/script.py", "viewer/")  # CSS has --names of its own
+PAGES = ("viewer/",)  # CSS has --names of its own
 
 
 def messages() -> Iterator[tuple[str, str, frozenset[str]]]:

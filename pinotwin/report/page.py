@@ -16,8 +16,7 @@ from functools import cache
 from typing import Self
 
 from pinotwin.report.blocks import Block, Group, Html, Plot, Tabs, escape, paragraph
-from pinotwin.report.script import SCRIPT
-from pinotwin.report.style import CSS
+from pinotwin.report.assets import CSS, SCRIPT
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from pinotwin.report.identification import identification_report
 from pinotwin.report.saved import diagnosis_html, save_diagnosis
 from pinotwin.report.simulation import simulation_report
 from pinotwin.report.still import still
-from pinotwin.report.style import CSS
+from pinotwin.report.assets import CSS
 from pinotwin.report.vibration import vibration_report
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.studies.evidence import evidence, evidence_of

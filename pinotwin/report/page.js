@@ -1,6 +1,3 @@
-"""The page's own script: unpacks plotly, draws a plot when it comes into view, sorts, switches."""
-
-SCRIPT = """
 const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 /* A colour written as var(--name) in a figure follows the theme. */
@@ -204,4 +201,3 @@ function start() {
   });
 }
 start();
-"""
