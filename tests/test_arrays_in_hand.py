@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pandas
 import pinocchio as pin
+import pyarrow
 import pytest
 
 import pinotwin as pt
@@ -110,7 +111,7 @@ def test_the_constructor_names_the_function_that_takes_arrays(model):
         pt.identify(model, (t, q, u))
 
 
-def test_a_table_is_a_log_for_read_too(names, log):
+def test_a_table_is_a_log_for_read_too(model, names, log):
     table = log.to_pandas()
     again = pt.read(table)
     assert list(again.channels) == list(log.channels)
@@ -119,6 +120,11 @@ def test_a_table_is_a_log_for_read_too(names, log):
     )
     levels.index = pandas.Index(log.t, name="t")
     np.testing.assert_array_equal(pt.read(levels)[f"{names[2]}.u"], log[f"{names[2]}.u"])
+    arrow = pyarrow.Table.from_pandas(table, preserve_index=False)
+    np.testing.assert_array_equal(pt.read(arrow)["j2.u"], log["j2.u"])
+    np.testing.assert_array_equal(
+        pt.prepare(pt.Machine.from_model(model), arrow).u, pt.prepare(model, table).u
+    )
     joined = pt.read(table[["t", "j1.q"]], table[["t", "j1.u"]])
     assert sorted(joined.channels) == ["j1.q", "j1.u", "t"]
     table.columns = ["t", *["x"] * 6]

@@ -96,7 +96,8 @@ class Twin(OpenLoop, Card):
         gone on as it is. What a sensor or the controller adds to a log is left out, as in an exported model.
 
         Args:
-            q: positions [m or rad], shape (n, nv) in the order of ``machine.names``, or (nv,) for one sample.
+            q: positions of the joints [m or rad], shape (n, nv) in the order of ``machine.names``, or (nv,) for one
+                sample.
             v: velocities [m/s or rad/s], likewise.
             a: accelerations [m/s² or rad/s²], likewise.
             t: times [s], shape (n,); only effects of time and of flexible drives need them.
