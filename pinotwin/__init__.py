@@ -6,11 +6,13 @@
     predicted = twin.simulate(pt.read("other.csv"))  # from the command alone
     found = pt.diagnose(twin, pt.read("today.csv"))  # where, why, how far it shrinks
 
-Wherever a log, a machine or a twin is asked for, the name of its file or folder will do.
+Wherever a log, a machine or a twin is asked for, the name of its file or folder will do; a pin.Model will do
+as a machine, a pandas table as a log, and arrays of shape (n, nv) become one by Log.from_arrays.
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
 Verbs:     new  read  check  identify  diagnose  compare  decompose  export_twin  reconstruct_vibration  prepare
-           resample  machines; of their own: Machine.load .save  Twin.load .simulate .save  Diagnosis.apply
+           resample  machines; of their own: Machine.load .save  Log.from_arrays
+           Twin.load .simulate .predict .residual .save  Diagnosis.apply
 Table:     EFFECTS (every effect by name)
 Errors:    PinotwinError > InputError > LogError, MachineError, DataError, TwinError
 
