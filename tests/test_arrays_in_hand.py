@@ -217,6 +217,12 @@ def test_an_effect_of_time_asks_for_it(model, effect):
     with pytest.raises(DataError, match=rf"j1.{effect} depends on time; give t="):
         twin.predict(q, v, a)
     assert np.isfinite(twin.predict(q, v, a, t=t)).all()
+    q[3, 0] = np.nan
+    if effect == "drive_flexibility":
+        with pytest.raises(DataError, match=rf"j1.{effect} depends on time"):
+            twin.predict(q, v, a)
+    else:
+        assert np.isnan(twin.predict(q, v, a)[3, 0])
 
 
 def test_what_a_sensor_adds_is_no_effort_of_the_machine(model):

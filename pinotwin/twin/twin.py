@@ -11,7 +11,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.checks import as_log
-from pinotwin.effects.scene import moves, with_model
+from pinotwin.effects.scene import moves
 from pinotwin.errors import DataError, InputError
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike
@@ -116,20 +116,20 @@ class Twin(OpenLoop, Card):
                 f"t has shape {clock.shape}, expected ({len(rows[0])},): a time for each row of q"
             )
         motion = Motion.exact((self.machine.names, self.machine.rotary), clock, *rows, source="arrays")
-        timed = [k for k, e in zip(self.keys, self.effects, strict=True) if e.family.acts == "states"]
-        out = np.zeros_like(rows[0])
-        if t is not None or not timed:
-            motion = with_model(motion, self.effects, self.theta)
-            for key, effect, s in zip(self.keys, self.effects, self.slices, strict=True):
-                if moves(effect):
-                    part = effect.columns(motion).effort(self.theta[s], self.machine.nv)
-                    timed += [key] if t is None and effect.axis and np.isnan(part).any() else []
-                    out += part
-        if t is None and timed and np.isfinite(rows).all():
+        acting = [x for x in zip(self.keys, self.effects, self.slices, strict=True) if moves(x[1])]
+        timed = [key for key, effect, _ in acting if t is None and effect.family.acts == "states"]
+        parts = {}
+        if not timed:
+            scene = self.scene(motion)
+            parts = {key: e.columns(scene).effort(self.theta[s], self.machine.nv) for key, e, s in acting}
+            timed = [
+                key for key, x in parts.items() if t is None and np.isnan(x).any() and np.isfinite(rows).all()
+            ]
+        if timed:
             raise DataError(
                 f"{self.machine.name}: {', '.join(timed)} depends on time; give t=, shape (n,) [s]"
             )
-        return out.reshape(given.shape)
+        return sum(parts.values(), np.zeros_like(rows[0])).reshape(given.shape)
 
     def residual(self, log: LogLike | Motion) -> Floats:
         """Return measured minus predicted effort, ``u - effort``, shape (n, nv) [N or N·m].
