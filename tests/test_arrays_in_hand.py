@@ -266,6 +266,8 @@ def test_the_text_of_a_file_is_no_name_of_one(model):
             call(urdf)
         with pytest.raises(InputError, match="cannot name a file"):
             call("a\0b")
+    with pytest.raises(LogError, match=r"^long.*: no such file"):  # many files joined are no long name
+        pt.check("emps", "+".join(f"long_name_{k}.csv" for k in range(40)))
 
 
 def test_an_axis_without_effort_is_said(model, log):
