@@ -6,12 +6,13 @@
     predicted = twin.simulate(pt.read("other.csv"))  # from the command alone
     found = pt.diagnose(twin, pt.read("today.csv"))  # where, why, how far it shrinks
 
-Wherever a log, a machine or a twin is asked for, the name of its file or folder will do.
+Wherever a log, a machine or a twin is asked for, the name of its file or folder will do; a pin.Model will do
+as a machine, a pandas table as a log, and arrays of shape (n, nv) become one by Log.from_arrays.
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
 Commands:  new  check  identify  simulate  diagnose  force  compare  vibration  export  record  study  view
-Verbs:     read  prepare  resample  decompose  machines; of their own: Machine.load .save
-           Twin.load .simulate .plot .report .save  Diagnosis.save .plot .report .repaired .apply
+Verbs:     read  prepare  resample  decompose  machines; of their own: Machine.load .save  Log.from_arrays
+           Twin.load .simulate .predict .residual .plot .report .save  Diagnosis.save .plot .report .repaired .apply
 Table:     EFFECTS (every effect by name)
 Errors:    PinotwinError > InputError > LogError, MachineError, DataError, TwinError
 

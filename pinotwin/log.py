@@ -196,7 +196,7 @@ class Log(Card):
         Raises:
             LogError: a column holds no numbers, or two have one name.
         """
-        table = table if hasattr(table, "index") else table.torequire_pandas()  # of polars, of pyarrow
+        table = table if hasattr(table, "index") else table.to_pandas()  # of polars, of pyarrow
         channels, units = {}, dict(getattr(table, "attrs", {}).get("units", {}))
         index = table.index
         if "t" not in table.columns and index.dtype.kind in "Mm":

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pandas
 import pinocchio as pin
+import pyarrow
 import pytest
 
 import pinotwin as pt
@@ -110,7 +111,7 @@ def test_the_constructor_names_the_function_that_takes_arrays(model):
         pt.identify(model, (t, q, u))
 
 
-def test_a_table_is_a_log_for_read_too(names, log):
+def test_a_table_is_a_log_for_read_too(model, names, log):
     table = log.to_pandas()
     again = pt.read(table)
     assert list(again.channels) == list(log.channels)
@@ -119,6 +120,11 @@ def test_a_table_is_a_log_for_read_too(names, log):
     )
     levels.index = pandas.Index(log.t, name="t")
     np.testing.assert_array_equal(pt.read(levels)[f"{names[2]}.u"], log[f"{names[2]}.u"])
+    arrow = pyarrow.Table.from_pandas(table, preserve_index=False)
+    np.testing.assert_array_equal(pt.read(arrow)["j2.u"], log["j2.u"])
+    np.testing.assert_array_equal(
+        pt.prepare(pt.Machine.from_model(model), arrow).u, pt.prepare(model, table).u
+    )
     joined = pt.read(table[["t", "j1.q"]], table[["t", "j1.u"]])
     assert sorted(joined.channels) == ["j1.q", "j1.u", "t"]
     table.columns = ["t", *["x"] * 6]
@@ -211,6 +217,12 @@ def test_an_effect_of_time_asks_for_it(model, effect):
     with pytest.raises(DataError, match=rf"j1.{effect} depends on time; give t="):
         twin.predict(q, v, a)
     assert np.isfinite(twin.predict(q, v, a, t=t)).all()
+    q[3, 0] = np.nan
+    if effect == "drive_flexibility":
+        with pytest.raises(DataError, match=rf"j1.{effect} depends on time"):
+            twin.predict(q, v, a)
+    else:
+        assert np.isnan(twin.predict(q, v, a)[3, 0])
 
 
 def test_what_a_sensor_adds_is_no_effort_of_the_machine(model):
@@ -254,6 +266,8 @@ def test_the_text_of_a_file_is_no_name_of_one(model):
             call(urdf)
         with pytest.raises(InputError, match="cannot name a file"):
             call("a\0b")
+    with pytest.raises(LogError, match=r"^long.*: no such file"):  # many files joined are no long name
+        pt.check("emps", "+".join(f"long_name_{k}.csv" for k in range(40)))
 
 
 def test_an_axis_without_effort_is_said(model, log):

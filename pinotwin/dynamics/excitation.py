@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError
@@ -133,14 +134,9 @@ def _groups(V: Floats, names: Sequence[str]) -> list[Group]:
     """Return the parameters that the subspace V (b, k) couples, as connected groups."""
     projector = V @ V.T
     left: Ints = np.flatnonzero(np.diag(projector) > _MEMBER)
-    coupled = np.abs(projector) > _LINK
-    groups = []
-    while len(left):
-        members = {int(left[0])}
-        while grown := {int(k) for m in members for k in left[coupled[m, left]]} - members:
-            members |= grown
-        chosen = sorted(members)
-        free = max(1, round(float(np.trace(projector[np.ix_(chosen, chosen)]))))
-        groups.append(Group(tuple(names[k] for k in chosen), free))
-        left = np.array([k for k in left if k not in members], dtype=np.intp)
-    return groups
+    count, group = connected_components(np.abs(projector[np.ix_(left, left)]) > _LINK, directed=False)
+    parts = [left[group == k] for k in range(count)]
+    return [
+        Group(tuple(names[k] for k in part), max(1, round(float(projector[part, part].sum()))))
+        for part in parts
+    ]

@@ -6,6 +6,8 @@ Six-vectors are Pinocchio's: linear part first, then angular. ``LOCAL`` axes are
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pinocchio as pin
 
@@ -47,24 +49,14 @@ def jacobian(model: pin.Model, frame: str, q: Floats, *, world: bool = False) ->
 
 def frame_rotation(model: pin.Model, frame: str, q: Floats) -> Floats:
     """Return R_world_frame, whose columns are the frame's axes in the world, shape (n, 3, 3)."""
-    (q,) = as_log(model, q=q)
-    index, data = frame_id(model, frame), model.createData()
-    R = np.empty((len(q), 3, 3))
-    for k, qk in enumerate(q):
-        pin.forwardKinematics(model, data, qk)
-        R[k] = pin.updateFramePlacement(model, data, index).rotation
-    return R
+    return _along(model, frame, (3, 3), lambda d, i: pin.updateFramePlacement(model, d, i).rotation, q=q)
 
 
 def frame_velocity(model: pin.Model, frame: str, q: Floats, v: Floats) -> Floats:
     """Return the frame's velocity in its own axes [m/s; rad/s], shape (n, 6)."""
-    q, v = as_log(model, q=q, v=v)
-    index, data = frame_id(model, frame), model.createData()
-    out = np.empty((len(q), 6))
-    for k in range(len(q)):
-        pin.forwardKinematics(model, data, q[k], v[k])
-        out[k] = pin.getFrameVelocity(model, data, index, pin.LOCAL).vector
-    return out
+    return _along(
+        model, frame, (6,), lambda d, i: pin.getFrameVelocity(model, d, i, pin.LOCAL).vector, q=q, v=v
+    )
 
 
 def frame_acceleration(model: pin.Model, frame: str, q: Floats, v: Floats, a: Floats) -> Floats:
@@ -73,12 +65,24 @@ def frame_acceleration(model: pin.Model, frame: str, q: Floats, v: Floats, a: Fl
     In the frame's own axes [m/s²; rad/s²], shape (n, 6). Gravity is not in it: an accelerometer
     reads this minus R^T g, with R from :func:`frame_rotation`.
     """
-    q, v, a = as_log(model, q=q, v=v, a=a)
+    at = pin.getFrameClassicalAcceleration
+    return _along(model, frame, (6,), lambda d, i: at(model, d, i, pin.LOCAL).vector, q=q, v=v, a=a)
+
+
+def _along(
+    model: pin.Model,
+    frame: str,
+    shape: tuple[int, ...],
+    what: Callable[[pin.Data, int], Floats],
+    **motion: Floats,
+) -> Floats:
+    """Return what Pinocchio says of a frame at every sample of a motion, shape (n, *shape)."""
+    rows = as_log(model, **motion)
     index, data = frame_id(model, frame), model.createData()
-    out = np.empty((len(q), 6))
-    for k in range(len(q)):
-        pin.forwardKinematics(model, data, q[k], v[k], a[k])
-        out[k] = pin.getFrameClassicalAcceleration(model, data, index, pin.LOCAL).vector
+    out = np.empty((len(rows[0]), *shape))
+    for k, row in enumerate(zip(*rows, strict=True)):
+        pin.forwardKinematics(model, data, *row)
+        out[k] = what(data, index)
     return out
 
 

@@ -258,13 +258,7 @@ def inertial_element(inertia: pin.Inertia) -> etree._Element:
     etree.SubElement(element, "origin", xyz=text(inertia.lever), rpy="0 0 0")
     etree.SubElement(element, "mass", value=repr(float(inertia.mass)))
     m = inertia.inertia
-    entries = {
-        "ixx": (0, 0),
-        "ixy": (0, 1),
-        "ixz": (0, 2),
-        "iyy": (1, 1),
-        "iyz": (1, 2),
-        "izz": (2, 2),
-    }
-    etree.SubElement(element, "inertia", {k: repr(float(m[ij])) for k, ij in entries.items()})
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    entries = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(m[i, j])) for i, j in pairs}
+    etree.SubElement(element, "inertia", entries)
     return element

@@ -11,7 +11,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.checks import as_log
-from pinotwin.effects.scene import moves, with_model
+from pinotwin.effects.scene import moves
 from pinotwin.errors import DataError, InputError
 from pinotwin.logs.files.given import LogLike
 from pinotwin.logs.prepare import prepare
@@ -96,7 +96,8 @@ class Twin(OpenLoop, Drawn):
         gone on as it is. What a sensor or the controller adds to a log is left out, as in an exported model.
 
         Args:
-            q: positions [m or rad], shape (n, nv) in the order of ``machine.names``, or (nv,) for one sample.
+            q: positions of the joints [m or rad], shape (n, nv) in the order of ``machine.names``, or (nv,) for one
+                sample.
             v: velocities [m/s or rad/s], likewise.
             a: accelerations [m/s² or rad/s²], likewise.
             t: times [s], shape (n,); only effects of time and of flexible drives need them.
@@ -115,20 +116,20 @@ class Twin(OpenLoop, Drawn):
                 f"t has shape {clock.shape}, expected ({len(rows[0])},): a time for each row of q"
             )
         motion = Motion.exact((self.machine.names, self.machine.rotary), clock, *rows, source="arrays")
-        timed = [k for k, e in zip(self.keys, self.effects, strict=True) if e.family.acts == "states"]
-        out = np.zeros_like(rows[0])
-        if t is not None or not timed:
-            motion = with_model(motion, self.effects, self.theta)
-            for key, effect, s in zip(self.keys, self.effects, self.slices, strict=True):
-                if moves(effect):
-                    part = effect.columns(motion).effort(self.theta[s], self.machine.nv)
-                    timed += [key] if t is None and effect.axis and np.isnan(part).any() else []
-                    out += part
-        if t is None and timed and np.isfinite(rows).all():
+        acting = [x for x in zip(self.keys, self.effects, self.slices, strict=True) if moves(x[1])]
+        timed = [key for key, effect, _ in acting if t is None and effect.family.acts == "states"]
+        parts = {}
+        if not timed:
+            scene = self.scene(motion)
+            parts = {key: e.columns(scene).effort(self.theta[s], self.machine.nv) for key, e, s in acting}
+            timed = [
+                key for key, x in parts.items() if t is None and np.isnan(x).any() and np.isfinite(rows).all()
+            ]
+        if timed:
             raise DataError(
                 f"{self.machine.name}: {', '.join(timed)} depends on time; give t=, shape (n,) [s]"
             )
-        return out.reshape(given.shape)
+        return sum(parts.values(), np.zeros_like(rows[0])).reshape(given.shape)
 
     def residual(self, log: LogLike | Motion) -> Floats:
         """Return measured minus predicted effort, ``u - effort``, shape (n, nv) [N or N·m].

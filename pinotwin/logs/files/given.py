@@ -9,7 +9,6 @@ from typing import Any
 from pinotwin.errors import InputError
 from pinotwin.log import Log, is_table
 from pinotwin.logs.files.reading import read_argument
-from pinotwin.system.writing import as_path
 
 LogLike = Log | str | Path
 """A log, or the name of its file (``a.csv+b.csv`` joins columns). A pandas table will do as well."""
@@ -29,7 +28,7 @@ def as_log(given: Any, name: str = "log") -> Log:
     if isinstance(given, Log):
         return given
     if isinstance(given, str | Path):
-        return read_argument(str(as_path(given, name)))
+        return read_argument(str(given))
     if is_table(given):
         return Log.from_pandas(given)
     if isinstance(given, Mapping):

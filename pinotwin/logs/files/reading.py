@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -117,7 +118,7 @@ def read_argument(text: str, seen: Seen | None = None) -> Log:
         text: as it was given.
         seen: called with the share of the bytes that were read, 0 to 1; text files only.
     """
-    if Path(text).exists() or "+" not in text:
+    if os.path.exists(text) or "+" not in text:  # of a text that cannot be a name: False
         return _read([text], seen=seen)
     parts = [part.strip() for part in text.split("+")]
     if not all(parts):
