@@ -92,6 +92,24 @@ def test_a_cause_that_is_not_sure_closes_nothing(later: Comparison) -> None:
     assert account(found, 0.3).together() == {}
 
 
+def test_a_push_shrinks_the_gap_that_it_is_in(twin: Twin) -> None:
+    log = record(4)
+    pushed = (log.t > 3.0) & (log.t < 3.6)
+    quiet = pt.diagnose(twin, log, quick=True, closed_loop=False)
+    found = pt.diagnose(
+        twin,
+        log.with_channels({**log.channels, "X.u": log["X.u"] - 40.0 * pushed}),
+        quick=True,
+        closed_loop=False,
+    )
+    (push,) = found.effects
+    gap, shrink = found.gap["X"]["u"], push.shrink["u"]
+    assert push.effect == "external_force"
+    assert (shrink.before, shrink.after) == (gap.rms, pytest.approx(gap.after))
+    assert gap.rms > 5.0 * quiet.gap["X"]["u"].rms
+    assert gap.after < 2.0 * quiet.gap["X"]["u"].rms
+
+
 def test_a_share_is_from_none_to_all_and_its_interval_holds_it() -> None:
     x = shrunk(2.0, 1.2, (1.01, 1.3), 1.1, "held-out blocks", None)
     assert (x.after, x.share, x.interval, x.promised) == (0.0, 1.0, (1.0, 1.0), 1.0)
