@@ -78,7 +78,7 @@ def test_a_pattern_without_a_name_closes_nothing(later: Comparison) -> None:
     assert sorted(kinds) == [False, True]
     whole, last = (s.alone_by_joint[0].sum() for s in (found.first, found.searcher))
     assert last < 0.05 * whole
-    closed = account(found).together()[0]
+    closed = account(found).together[0]
     part = float(np.mean(drag**2) / np.mean((drag + hum) ** 2))
     assert closed.share == pytest.approx(part, abs=0.05)
     (named_one,) = effects_named(account(found), {0: 2.0})
@@ -89,8 +89,8 @@ def test_a_cause_that_is_not_sure_closes_nothing(later: Comparison) -> None:
     v = speed(later)
     c = with_residual(later, 5.0 * later.floor[0] * v / np.std(v) + noise(later, later.floor[0]))
     found = search(c, [EFFECTS["viscous"].on(c.machine, "X")])
-    assert account(found).together()[0].share > 0.9
-    assert account(found, 0.3).together() == {}
+    assert account(found).together[0].share > 0.9
+    assert account(found, 0.3).together == {}
 
 
 def test_a_push_shrinks_the_gap_that_it_is_in(twin: Twin) -> None:

@@ -149,6 +149,7 @@ class Account:
         before = self.whole.alone_by_joint[0][:, at]
         return Closed(before, pushed.gains, _share(before, pushed.gains), "held-out rows of the pushes")
 
+    @cached_property
     def together(self) -> dict[int, Closed]:
         """Return joint -> what all named causes close together."""
         out: dict[int, Closed] = {}
