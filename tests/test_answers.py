@@ -14,15 +14,16 @@ from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.closed import Account
 from pinotwin.diagnosis.conclusion.findings import effects_named, sizes_of
+from pinotwin.diagnosis.conclusion.sizes import first_text, name_words, size_text
 from pinotwin.diagnosis.conclusion.strayed import strayed
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.grade import OPEN
-from pinotwin.diagnosis.result import Diagnosis, Gap, shrunk
+from pinotwin.diagnosis.result import Diagnosis, Gap, Size, shrunk
 from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.forward import Found, _admitted, allowed, search
 from pinotwin.diagnosis.search.scan import Searcher
-from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects import EFFECTS, Effect, PositionTable, Ripple
 from pinotwin.identification import identify
 from pinotwin.machine import Machine
 from pinotwin.report.diagnosis_verdict import headline
@@ -77,7 +78,7 @@ def test_a_pattern_without_a_name_closes_nothing(later: Comparison) -> None:
     assert sorted(kinds) == [False, True]
     whole, last = (s.alone_by_joint[0].sum() for s in (found.first, found.searcher))
     assert last < 0.05 * whole
-    closed = account(found).together()[0]
+    closed = account(found).together[0]
     part = float(np.mean(drag**2) / np.mean((drag + hum) ** 2))
     assert closed.share == pytest.approx(part, abs=0.05)
     (named_one,) = effects_named(account(found), {0: 2.0})
@@ -88,8 +89,26 @@ def test_a_cause_that_is_not_sure_closes_nothing(later: Comparison) -> None:
     v = speed(later)
     c = with_residual(later, 5.0 * later.floor[0] * v / np.std(v) + noise(later, later.floor[0]))
     found = search(c, [EFFECTS["viscous"].on(c.machine, "X")])
-    assert account(found).together()[0].share > 0.9
-    assert account(found, 0.3).together() == {}
+    assert account(found).together[0].share > 0.9
+    assert account(found, 0.3).together == {}
+
+
+def test_a_push_shrinks_the_gap_that_it_is_in(twin: Twin) -> None:
+    log = record(4)
+    pushed = (log.t > 3.0) & (log.t < 3.6)
+    quiet = pt.diagnose(twin, log, quick=True, closed_loop=False)
+    found = pt.diagnose(
+        twin,
+        log.with_channels({**log.channels, "X.u": log["X.u"] - 40.0 * pushed}),
+        quick=True,
+        closed_loop=False,
+    )
+    (push,) = found.effects
+    gap, shrink = found.gap["X"]["u"], push.shrink["u"]
+    assert push.effect == "external_force"
+    assert (shrink.before, shrink.after) == (gap.rms, pytest.approx(gap.after))
+    assert gap.rms > 5.0 * quiet.gap["X"]["u"].rms
+    assert gap.after < 2.0 * quiet.gap["X"]["u"].rms
 
 
 def test_a_share_is_from_none_to_all_and_its_interval_holds_it() -> None:
@@ -161,6 +180,23 @@ def test_friction_that_warms_away_brakes_to_the_end(later: Comparison, part: flo
     cold = sizes_of(c, one)[0]
     assert (cold.name, cold.before) == ("viscous_thermal.b", pytest.approx(b))
     assert cold.after == pytest.approx(b, rel=0.1)
+
+
+def test_the_sentence_says_pitch_and_place() -> None:
+    wave = [Size(f"ripple.{x}", 0.0, 3.0, "N", (2.9, 3.1)) for x in ("a", "b")]
+    ripple = Ripple("X", period=0.03244, free_pitch=True)
+    found = Named("ripple", "X", 0.9, {"period": 0.03244}, {}, {}, [], size=wave, listed=ripple)
+    assert first_text(found) == "amplitude 4.243 N, pitch 32.44 mm"
+    table = PositionTable("A", rotary=True, spacing=0.1, start=0.0, stop=0.4)
+    heights = [Size(f"position_table.m{k}", 0.0, x, "N·m", (x, x)) for k, x in enumerate((0, 1, -3, 1, 0))]
+    found = Named("position_table", "A", 0.9, {}, {}, {}, [], size=heights, listed=table)
+    assert first_text(found) == "lowest of 5 points -3 N·m at 11.46°"
+
+
+def test_a_place_is_no_fraction_of_a_name() -> None:
+    at = Size("encoder_error.at 0.587184 rad", 0.0, 2e-4, "rad", (1e-4, 3e-4))
+    assert size_text(at) == "at 0.587184 rad 0.0002 rad"
+    assert name_words(at) == "at 0.587184 rad"
 
 
 def diagnosed(signal: str, gap: Gap, effects: list[Named], verdict: str) -> Diagnosis:

@@ -68,7 +68,7 @@ def grade(
         noise: scatter of repeats, or the assumed noise [same]; None, NaN or 0 when not known.
         after: gap with the named causes modelled [same]; None where no cause is named for it.
         size: RMS of the signal itself [same]; a machine without a twin is held against it.
-        signal: ``e`` for the tracking error, whose gaps are open from further on.
+        signal: of any but the effort ``u`` a gap is open from further on.
     """
     quiet, own = _positive(noise), _known(misfit)
     if not _known(rms) or not (quiet or own):
@@ -103,7 +103,7 @@ def is_open(
     signal: str = "u",
 ) -> bool:
     """Whether more of a gap stays than a model leaves of a healthy axis; see :func:`stays`."""
-    known = rules.open_tracking if signal == "e" else rules.open_change
+    known = rules.open_change if signal == "u" else rules.open_tracking
     return stays(left, noise, misfit, size) > (known if _known(misfit) else rules.open_structure)
 
 

@@ -103,8 +103,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     sure_pushes = push_confidences(c, s.whole, pushed, np.random.default_rng([seed, 5]), rules)
     account = Account(s.whole.first, found, sure, list(zip(pushed, sure_pushes, strict=True)), rules)
     noise, kind = noise_levels(s.rest, rules)
-    together = account.together()
-    gaps = gap_table(s.rest, together, noise)
+    gaps = gap_table(s.rest, account.together, noise)
     levels = {j: gaps[s.rest.machine.names[j]]["u"].rms for j in s.rest.new.joints}
     named = [*effects_named(account, levels), *pushes_named(account, levels)]
     named = with_encoders(named, measured, leave_out)
@@ -321,8 +320,9 @@ def _concluded(  # noqa: PLR0913, what one call has found out
         differs=[] if c.apart is None else c.apart.names,
         situation="change" if c.change else "structure",
         shrink={
-            axis: {"u": x.shrink(gaps[axis]["u"].rms, axis)}
-            for axis, x in ((c.machine.names[j], x) for j, x in account.together().items())
+            axis: {"u": account.together[j].shrink(gaps[axis]["u"].rms, axis)}
+            for j, axis in enumerate(c.machine.names)
+            if j in account.together
         },
         quick=quick,
         traces=traces(c, account.named),

@@ -249,8 +249,8 @@ class Rules:
     machines one reaches 0.055, and half as much again; small axes of real robots (Panda, LWR4), whose cables and gears
     no listed effect has, leave 0.2 to 0.9."""
     open_tracking: float = 6.0
-    """[misfits] The same for the tracking error, simulated from the command: of 95 axes of 23 healthy foreign machines
-    one reaches 4.8 (an axis that stuck otherwise), the others 3.5; and a quarter more."""
+    """[misfits] The same for the tracking error, simulated from the command, and for motor against load: of 95 axes of
+    23 healthy foreign machines one reaches 4.8 (an axis that stuck otherwise), the others 3.5; and a quarter more."""
     asked_tracking: float = 2.0
     """[misfits] Tracking error from which it is asked whether gains have changed, where nothing else is found."""
     odd: float = 1.5

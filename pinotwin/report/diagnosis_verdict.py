@@ -101,7 +101,7 @@ def _cause(d: Diagnosis, e: Found) -> str:
 def _with_it(d: Diagnosis, e: Found, axis: str) -> str:
     """Return whether a cause closes an axis' gap by itself, or one of several does a part of it."""
     others = [x for x in d.effects if x is not e and (axis in x.acts or x.axis == axis)]
-    return "By it alone" if others else "With it"
+    return "With it alone" if others else "With it"
 
 
 def named_data(d: Diagnosis, x: Shrink) -> str:

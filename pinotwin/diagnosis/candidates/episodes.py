@@ -14,7 +14,6 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.diagnosis.data.samples import Sample
-from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.rules import RULES, Rules
 
 WIDTHS = np.geomspace(0.04, 6.0, 15)
@@ -49,7 +48,6 @@ class Episodes:
         episodes: in order of time.
         gain: squared residual that they close, each half of an episode predicted by the other, floor units.
         share: the same over the squared residual of the axis.
-        interval: 90 % interval of the share, over stretches of the log drawn with replacement.
         gains: the gain of every block, shape (K,).
         t: time of every row of the axis [s], shape (m,).
         rows: which of them lie in an episode, shape (m,).
@@ -61,7 +59,6 @@ class Episodes:
     episodes: Sequence[Episode]
     gain: float
     share: float
-    interval: tuple[float, float]
     gains: Floats
     t: Floats
     rows: Mask
@@ -152,9 +149,8 @@ def episodes(
     gain = float(before.sum() - after.sum())
     listed = [_episode(sample, joint, floor[joint], r, t, segment, a, b) for a, b in sorted(found)]
     share = gain / max(float(r @ r), 1e-300)
-    interval = share_interval(before, after)
     course = floor[joint] * (r - _levelled(r, found))
-    return Episodes(joint, listed, gain, share, interval, before - after, t, inside, course)
+    return Episodes(joint, listed, gain, share, before - after, t, inside, course)
 
 
 def _time(sample: Sample, joint: int) -> tuple[Floats, Ints]:

@@ -21,8 +21,6 @@ from pinotwin.diagnosis.search.forward import Found as Search
 from pinotwin.diagnosis.search.forward import Step
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 
-PUSHED = "held-out rows of the pushes"
-
 
 @dataclass(frozen=True, eq=False)
 class Closed:
@@ -76,11 +74,6 @@ class Turn:
     sure: float
     ground: Searcher
     worth: Scored
-
-    @property
-    def joint(self) -> int:
-        """The joint that it moves most."""
-        return self.step.chosen.joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,14 +141,15 @@ class Account:
     def all_of(self, turn: Turn) -> dict[int, Closed]:
         """Return joint -> what a cause closes of its gap: of the one it moves most, and where it is worth a word."""
         every = {j: self.closed(turn.ground, turn.worth, j) for j in turn.worth.table[0]}
-        return {j: x for j, x in every.items() if j == turn.joint or x.share >= self.rules.share}
+        return {j: x for j, x in every.items() if j == turn.step.chosen.joint or x.share >= self.rules.share}
 
     def pushes(self, pushed: Episodes) -> Closed:
         """Return what pushes close of the whole residual of their axis, pushes included."""
         at = self.whole.comparison.new.joints.index(pushed.joint)
         before = self.whole.alone_by_joint[0][:, at]
-        return Closed(before, pushed.gains, _share(before, pushed.gains), PUSHED)
+        return Closed(before, pushed.gains, _share(before, pushed.gains), "held-out rows of the pushes")
 
+    @cached_property
     def together(self) -> dict[int, Closed]:
         """Return joint -> what all named causes close together."""
         out: dict[int, Closed] = {}

@@ -121,7 +121,7 @@ def _moves(one: Scored, sizes: Sequence[Size]) -> dict[str, tuple[float, float, 
 
 def _rivals(account: Account, turn: Turn, won: Closed) -> list[Mapping[str, Any]]:
     """Return other effects that close nearly as much of the gap of the winner's main axis."""
-    step, joint, near = turn.step, turn.joint, []
+    step, joint, near = turn.step, turn.step.chosen.joint, []
     for r in step.rivals:
         acts = joint in r.table[0] and not isinstance(r.effect, Pattern)
         if acts and r.gain > LIKELY * step.chosen.gain:

@@ -17,7 +17,6 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.scatter import scattered
-from pinotwin.diagnosis.evidence.bootstrap import share_interval
 from pinotwin.diagnosis.evidence.habit import habit
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.forward import Found
@@ -113,8 +112,7 @@ def _in_all(c: Comparison, ground: Comparison, pushed: Episodes) -> Episodes:
     r = c.new.residual[j] / c.floor[j]
     before, gains = np.bincount(c.new.block[j], r * r, c.new.blocks).astype(float), unit * pushed.gains
     share = float(gains.sum() / max(before.sum(), 1e-300))
-    interval = share_interval(before, before - gains)
-    return replace(pushed, gain=unit * pushed.gain, share=share, interval=interval, gains=gains)
+    return replace(pushed, gain=unit * pushed.gain, share=share, gains=gains)
 
 
 def stands_out(c: Comparison, pushed: Episodes, rules: Rules) -> bool:
