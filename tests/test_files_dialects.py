@@ -130,6 +130,10 @@ def test_more_whole_numbers_than_names_are_not_joined_where_one_has_a_sign(tmp_p
         written(tmp_path, "t,q\n0,0,1,-5\n0,1,1,6\n")
 
 
+def test_one_column_with_decimal_commas_and_whole_numbers(tmp_path: Path) -> None:
+    np.testing.assert_array_equal(written(tmp_path, "q\n1e-07\n0,0\n0,5\n3\n")["q"], [1e-7, 0.0, 0.5, 3.0])
+
+
 def test_a_stamp_before_the_values_is_the_clock(tmp_path: Path) -> None:
     log = written(tmp_path, "08:00:00.00 q=1 u=2\n08:00:00.01 q=3 u=4\n08:00:00.02 q=5 u=6\n", "x.log")
     np.testing.assert_allclose(log["time"], [0.0, 0.01, 0.02], atol=1e-12)
@@ -151,6 +155,23 @@ def test_two_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
     assert list(log.channels) == ["t", "q[0]", "q[1]", "q#2[0]", "q#2[1]", "u", "u#2"]
     assert log.notes == ("4 columns are named 'q', told apart as q#2[0], q#2[1]",)
     assert log.units == {"u": "A", "u#2": "V"}
+
+
+@pytest.mark.parametrize(
+    ("names", "apart"),
+    [
+        ("q;q;q", ["q", "q#2", "q#3"]),
+        ("q#2;q;q", ["q#2", "q", "q#3"]),
+        ("q;q;q#2", ["q", "q#3", "q#2"]),
+        ("q (2);q (2);q", ["q (2)", "q#2 (2)", "q"]),
+    ],
+)
+def test_a_number_that_another_column_has_is_not_given_again(
+    tmp_path: Path, names: str, apart: list[str]
+) -> None:
+    log = written(tmp_path, f"{names}\n1;2;3\n2;3;5\n")
+    assert list(log.channels) == apart
+    np.testing.assert_array_equal([x[1] for x in log.channels.values()], [2, 3, 5])
 
 
 def test_unused_channels_of_one_name_are_left_out(tmp_path: Path) -> None:
