@@ -140,6 +140,12 @@ def test_a_stamp_before_the_values_is_the_clock(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log["u"], [2, 4, 6])
 
 
+@pytest.mark.parametrize("end", ["", ","])
+def test_numbers_without_a_name_are_no_stamps(tmp_path: Path, end: str) -> None:
+    log = written(tmp_path, f"0.0,1.0{end}\n0.5,2.0{end}\n1.0,3.0{end}\n")
+    np.testing.assert_array_equal(log["x[1]"], [1, 2, 3])
+
+
 def test_a_word_before_a_number_may_be_a_mode(tmp_path: Path) -> None:
     log = written(tmp_path, "auto 1\nauto 2\nman 3\n", "x.log")
     np.testing.assert_array_equal(log["x[1]"], [1, 2, 3])
