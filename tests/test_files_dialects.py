@@ -111,6 +111,14 @@ def test_what_stands_between_the_rows_is_counted(tmp_path: Path) -> None:
     assert log.notes == ("2 blank lines were skipped", "1 repeated lines of the header were skipped")
 
 
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_a_row_without_a_value_is_a_sample_where_no_column_is_the_clock(tmp_path: Path, mark: str) -> None:
+    text = f"Sample time: 4 ms\nq{mark}u\n1{mark}2\n{mark}\n3{mark}4\n"
+    log = written(tmp_path, text)
+    np.testing.assert_array_equal(log["q"], [1, np.nan, 3])
+    np.testing.assert_allclose(log.t, [0.0, 0.004, 0.008])
+
+
 def test_unavailable_is_missing(tmp_path: Path) -> None:
     log = written(tmp_path, "t,Xact,Xload\n0,1,UNAVAILABLE\n1,2,5\n2,Unavailable,6\n")
     assert np.isnan(log["Xload"][0])
@@ -321,6 +329,11 @@ def test_empty_cells_of_a_table_written_on_change_are_carried_forward(tmp_path: 
 def test_what_is_unavailable_is_not_carried_over(tmp_path: Path) -> None:
     log = written(tmp_path, CHANGES.replace("0.03,,7,", "0.03,UNAVAILABLE,7,"))
     assert np.isnan(log["X"][3])
+
+
+def test_a_value_beside_a_signal_of_numbers_is_no_long_form(tmp_path: Path) -> None:
+    log = written(tmp_path, "t,value,signal\n0,1,4\n1,2,5\n2,3,6\n")
+    np.testing.assert_array_equal(log["value"], [1, 2, 3])
 
 
 def test_a_value_beside_a_mode_is_no_long_form(tmp_path: Path) -> None:
