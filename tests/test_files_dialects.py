@@ -111,6 +111,14 @@ def test_what_stands_between_the_rows_is_counted(tmp_path: Path) -> None:
     assert log.notes == ("2 blank lines were skipped", "1 repeated lines of the header were skipped")
 
 
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_a_row_without_a_value_is_a_sample_where_no_column_is_the_clock(tmp_path: Path, mark: str) -> None:
+    text = f"Sample time: 4 ms\nq{mark}u\n1{mark}2\n{mark}\n3{mark}4\n"
+    log = written(tmp_path, text)
+    np.testing.assert_array_equal(log["q"], [1, np.nan, 3])
+    np.testing.assert_allclose(log.t, [0.0, 0.004, 0.008])
+
+
 def test_unavailable_is_missing(tmp_path: Path) -> None:
     log = written(tmp_path, "t,Xact,Xload\n0,1,UNAVAILABLE\n1,2,5\n2,Unavailable,6\n")
     assert np.isnan(log["Xload"][0])
@@ -130,10 +138,20 @@ def test_more_whole_numbers_than_names_are_not_joined_where_one_has_a_sign(tmp_p
         written(tmp_path, "t,q\n0,0,1,-5\n0,1,1,6\n")
 
 
+def test_one_column_with_decimal_commas_and_whole_numbers(tmp_path: Path) -> None:
+    np.testing.assert_array_equal(written(tmp_path, "q\n1e-07\n0,0\n0,5\n3\n")["q"], [1e-7, 0.0, 0.5, 3.0])
+
+
 def test_a_stamp_before_the_values_is_the_clock(tmp_path: Path) -> None:
     log = written(tmp_path, "08:00:00.00 q=1 u=2\n08:00:00.01 q=3 u=4\n08:00:00.02 q=5 u=6\n", "x.log")
     np.testing.assert_allclose(log["time"], [0.0, 0.01, 0.02], atol=1e-12)
     np.testing.assert_array_equal(log["u"], [2, 4, 6])
+
+
+@pytest.mark.parametrize("end", ["", ","])
+def test_numbers_without_a_name_are_no_stamps(tmp_path: Path, end: str) -> None:
+    log = written(tmp_path, f"0.0,1.0{end}\n0.5,2.0{end}\n1.0,3.0{end}\n")
+    np.testing.assert_array_equal(log["x[1]"], [1, 2, 3])
 
 
 def test_a_word_before_a_number_may_be_a_mode(tmp_path: Path) -> None:
@@ -151,6 +169,23 @@ def test_two_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
     assert list(log.channels) == ["t", "q[0]", "q[1]", "q#2[0]", "q#2[1]", "u", "u#2"]
     assert log.notes == ("4 columns are named 'q', told apart as q#2[0], q#2[1]",)
     assert log.units == {"u": "A", "u#2": "V"}
+
+
+@pytest.mark.parametrize(
+    ("names", "apart"),
+    [
+        ("q;q;q", ["q", "q#2", "q#3"]),
+        ("q#2;q;q", ["q#2", "q", "q#3"]),
+        ("q;q;q#2", ["q", "q#3", "q#2"]),
+        ("q (2);q (2);q", ["q (2)", "q#2 (2)", "q"]),
+    ],
+)
+def test_a_number_that_another_column_has_is_not_given_again(
+    tmp_path: Path, names: str, apart: list[str]
+) -> None:
+    log = written(tmp_path, f"{names}\n1;2;3\n2;3;5\n")
+    assert list(log.channels) == apart
+    np.testing.assert_array_equal([x[1] for x in log.channels.values()], [2, 3, 5])
 
 
 def test_unused_channels_of_one_name_are_left_out(tmp_path: Path) -> None:
@@ -294,6 +329,11 @@ def test_empty_cells_of_a_table_written_on_change_are_carried_forward(tmp_path: 
 def test_what_is_unavailable_is_not_carried_over(tmp_path: Path) -> None:
     log = written(tmp_path, CHANGES.replace("0.03,,7,", "0.03,UNAVAILABLE,7,"))
     assert np.isnan(log["X"][3])
+
+
+def test_a_value_beside_a_signal_of_numbers_is_no_long_form(tmp_path: Path) -> None:
+    log = written(tmp_path, "t,value,signal\n0,1,4\n1,2,5\n2,3,6\n")
+    np.testing.assert_array_equal(log["value"], [1, 2, 3])
 
 
 def test_a_value_beside_a_mode_is_no_long_form(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ Seen = Callable[[float], None]
 """Called with the share of a file that was read, 0 to 1."""
 
 _EPOCH_EXACT = 2.0**53
-_STEM = re.compile(r"(.*?)\s*(?:[\[(][^\[(]*)?$", re.S)
+_INDEX = re.compile(r"[\[(][^\[(]*$")  # or unit, at the end of a name
 
 
 @dataclass
@@ -176,13 +176,17 @@ def _sort_in(
 
 def distinct(names: Sequence[str]) -> list[str]:
     """Return the names with a number in those that stand a second time: ``q[0]`` becomes ``q#2[0]``."""
-    counts: Counter[str] = Counter()
-    out = []
+    taken, counts, out = set(names), Counter[str](), list[str]()
     for name in names:
         counts[name] += 1
-        stem = _STEM.match(name)
-        again = f"{stem[1]}#{counts[name]}{name[stem.end(1) :]}" if stem else name
-        out.append(again if counts[name] > 1 else name)
+        new = name
+        while counts[name] > 1 and new in taken:
+            index = _INDEX.search(name)
+            end = index.start() if index else len(name)
+            new = f"{name[:end].rstrip()}#{counts[name]}{name[len(name[:end].rstrip()) :]}"
+            counts[name] += new in taken
+        taken.add(new)
+        out.append(new)
     return out
 
 

@@ -90,7 +90,7 @@ def _unpaired(text: bytes) -> Plain:
     """
     first = text[:_SEARCHED].rpartition(b"\n")[0].split(b"\n")
     found = [names for names, _ in map(_pairs, filter(bytes.strip, first))]
-    names = next((own for own in found if own), [])
+    names = next((own for own in found if own and own != [b"time"]), [])
     alike = [own == names for own in found[found.index(names) :]] if names else []
     if len(alike) < 2 or not (all(alike) or (alike[1] and len(names) > 2 - (b"time" not in names))):
         return Plain(text)

@@ -172,7 +172,7 @@ def _halved(cells: Sequence[Sequence[str]], start: int, source: str) -> bool:
     Raises:
         LogError: they cut only some, and which cannot be told.
     """
-    top = next((i for i in range(start, -1, -1) if not any(map(_value, cells[i]))), -1)
+    top = _header_row(cells, start)
     names = [cell for cell in cells[top] if cell] if top >= 0 else []
     rows = [row[:-1] if row and not row[-1] else row for row in cells[top + 1 :]]
     wide = [row for row in rows if len(names) < len(row) <= 2 * len(names)]
@@ -184,6 +184,11 @@ def _halved(cells: Sequence[Sequence[str]], start: int, source: str) -> bool:
         f"{source}: the comma stands between the columns and is the decimal sign as well ({len(names)} names, "
         f"{min(map(len, rows))} to {max(map(len, rows))} cells a row); export with semicolons or with decimal points"
     )
+
+
+def _header_row(rows: Sequence[Sequence[str]], start: int) -> int:
+    """Return the last row without a number above the row ``start``, -1 for none."""
+    return next((i for i in range(min(start, len(rows) - 1), -1, -1) if not any(map(_value, rows[i]))), -1)
 
 
 def _above(
@@ -299,9 +304,8 @@ def _delimiter(lines: list[str]) -> str:
             best, score = candidate, voted
     if best == ",":
         rows = [split_cells(line, ",") for line in lines]
-        start = _first_row(rows)
-        above = rows[start - 1] if 0 < start < len(rows) else rows[0]
-        if len(above) == 1 and not is_number(above[0]) and len(rows[min(start, len(rows) - 1)]) <= 2:
+        top = _header_row(rows, _first_row(rows))
+        if top >= 0 and len(rows[top]) == 1 and all(len(row) <= 2 for row in rows[top + 1 :]):
             return ";"  # one name above "0,5": one column with decimal commas
     return best
 

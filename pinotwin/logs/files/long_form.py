@@ -7,7 +7,7 @@ what a stamp has no row for keeps the value that it had; before its first row it
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -27,17 +27,23 @@ _NODE = re.compile(r"(?:ns=\d+;)?[sigb]=|nsu=[^;]*;[sigb]=")
 _WORDS = {"true": 1.0, "false": 0.0}
 
 
-def value_column(names: Sequence[str]) -> str | None:
-    """Return the column that holds the values of a table in long form; None where it is none by its titles."""
-    return _titled(names, _VALUES) if _titled(names, _NAMES) else None
+def value_column(names: Sequence[str], texts: Collection[str]) -> str | None:
+    """Return the column that holds the values of a table in long form, by its title; None where it is none.
+
+    Args:
+        names: of all columns.
+        texts: of those that hold words: one of them must say what each value is of.
+    """
+    value = _titled(names, _VALUES)
+    return value if any(_folded(name) in _NAMES for name in texts if name != value) else None
 
 
 def spread(table: pa.Table, clock: str, content: Content) -> bool:
     """Move the channels of a table in long form into ``content``; False where it is none."""
     texts = [n for n, c in zip(table.column_names, table.columns, strict=True) if _is_text(c.type)]
-    value = value_column(table.column_names)
+    value = value_column(table.column_names, texts)
     named = [name for name in texts if _folded(name) in _NAMES and name != value]
-    if value is None or not named:
+    if value is None:
         return False
     columns = {
         name: np.array(table.column(name).to_pylist(), dtype=object) for name in (*texts, clock, value)

@@ -183,14 +183,16 @@ def _cleaned(body: _Body) -> _Body:
         return body
     layout, width = body.layout, len(body.names)
     blanks, mark = layout.delimiter == " ", layout.delimiter.encode()
-    header = {line.strip() for line in body.text[: body.start].split(b"\n")} - {b""}
+    timed = layout.clocks or any(map(is_clock, body.names))  # else a row without a value still is a sample
+    empty = None if width == 1 else mark + b' "\t' if timed else b""
+    header = {line.strip(b" \r") for line in body.text[: body.start].split(b"\n")} - {b""}
     kept, numbers, taken = [], [], dict.fromkeys(_ASIDE, 0)
     for i, row in enumerate(body.text[body.start : body.end].split(b"\n"), start=layout.skip):
-        bare = row.strip()
-        aside = _aside(bare, b"" if width == 1 else mark + b' "\t', header)
+        bare = row.strip(b" \r")
+        aside = _aside(bare, empty, header)
         if aside:
             taken[aside] += 1
-        elif aside is None and (bare or width == 1):
+        elif aside is None:
             kept.append(
                 b"\t".join(bare.split()) if blanks else _filled(row, mark, width) if layout.clocks else row
             )
@@ -200,9 +202,9 @@ def _cleaned(body: _Body) -> _Body:
     return replace(body, text=text, start=0, end=len(text), lines=np.array(numbers), notes=notes)
 
 
-def _aside(bare: bytes, empty: bytes, header: set[bytes]) -> str | None:
-    """Return what a line between the rows is, "" for a comment, None for a row."""
-    if empty and not bare.strip(empty):
+def _aside(bare: bytes, empty: bytes | None, header: set[bytes]) -> str | None:
+    """Return what a line between the rows is, "" for a comment, None for a row; ``empty``: letters of no value."""
+    if empty is not None and not bare.strip(empty):
         return "blank"
     if bare in header:
         return "header"
@@ -244,7 +246,6 @@ class _Kinds:
 def _kinds(body: _Body) -> _Kinds:
     """Return what the columns hold, from a sample of rows."""
     rows, kinds = body.head(1 << 18), _Kinds()
-    kinds.text.update({value_column(body.names) or ""} - {""})
     for i, name in enumerate(body.names):
         sample = [row[i] for row in rows if i < len(row) and row[i]]
         if sample and all(map(cells.is_stamp, sample)):
@@ -253,6 +254,7 @@ def _kinds(body: _Body) -> _Kinds:
             kinds.lists.add(name)
         elif sum(not is_number(cell) for cell in sample) > 0.5 * len(sample):
             kinds.text.add(name)
+    kinds.text.update({value_column(body.names, kinds.text) or ""} - {""})
     return kinds
 
 
