@@ -46,9 +46,9 @@ def of(urdf_dir: Path, name: str) -> Path:
 
 def messages(html: str) -> list[dict]:
     """What the page tells meshcat, unpacked."""
-    packed = zlib.decompress(base64.b64decode(re.search(r'^const PACKED = "(.*)";$', html, re.M)[1]))
-    commands = json.loads(re.search(r"^const COMMANDS = (.*);$", html, re.M)[1])
-    return [umsgpack.unpackb(b"".join(packed[a:b] for a, b in pieces)) for pieces in commands]
+    ((text, commands),) = re.findall(r'^const PACKED = "(.*)";\nconst COMMANDS = (.*);$', html, re.M)
+    packed = zlib.decompress(base64.b64decode(text))
+    return [umsgpack.unpackb(b"".join(packed[a:b] for a, b in pieces)) for pieces in json.loads(commands)]
 
 
 # ---------------------------------------------------------------------------------------- postures
@@ -314,7 +314,7 @@ def one_mesh(folder: Path, file: str, extra: str = "", scale: str = "1 1 1") -> 
 
 def parts(path: Path) -> dict[tuple[float, ...], int]:
     (shape,) = visual_model(pin.buildModelFromUrdf(str(path)), path).geometryObjects
-    return {tuple(np.round(part.rgba, 3)): len(part.faces) for part in parts_of(shape)}
+    return {tuple(round(x, 3) for x in part.rgba or ()): len(part.faces) for part in parts_of(shape)}
 
 
 def two_sides(folder: Path) -> None:
@@ -380,11 +380,11 @@ def test_a_start_that_is_not_zero_is_said(tmp_path: Path) -> None:
     path = one_mesh(tmp_path, "sides.obj")
     found = view(path)
     assert found.posture == {"J": 0.1}
-    assert found.notes == ("zero lies outside the limits of J, drawn at the nearest limit",)
+    assert found.notes == ("Zero lies outside the limits of J: drawn at the limit next to it",)
     assert found.notes[0] in found.page
     assert '"zero":' not in found.page
     assert view(path, posture="J=0.2").notes == ()
-    assert view(path, posture={"J": 2.0}).notes == ("outside the limits of the URDF: J",)
+    assert view(path, posture={"J": 2.0}).notes == ("Outside the limits of the URDF: J",)
 
 
 def test_a_model_in_hand_is_viewed(urdf_dir: Path) -> None:

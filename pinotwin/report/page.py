@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Self
 
-from pinotwin.report.blocks import Block, Group, Html, Plot, Tabs, escape, paragraph
 from pinotwin.report.assets import CSS, SCRIPT
+from pinotwin.report.blocks import Block, Group, Html, Plot, Tabs, escape, paragraph
 
 
 @dataclass(frozen=True)

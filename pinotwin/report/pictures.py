@@ -19,6 +19,7 @@ from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.reconstruction import Vibration
+from pinotwin.report.assets import CSS
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.comparison import comparison_report, diagnoses_report
 from pinotwin.report.diagnosis_plots import bars, gap_figure, shrink_figure
@@ -28,7 +29,6 @@ from pinotwin.report.identification import identification_report
 from pinotwin.report.saved import diagnosis_html, save_diagnosis
 from pinotwin.report.simulation import simulation_report
 from pinotwin.report.still import still
-from pinotwin.report.assets import CSS
 from pinotwin.report.vibration import vibration_report
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.studies.evidence import evidence, evidence_of

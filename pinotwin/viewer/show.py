@@ -8,6 +8,7 @@ import webbrowser
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -25,8 +26,8 @@ from pinotwin.viewer.posture import parse_posture
 from pinotwin.viewer.scene import Scene, draw, missing_meshes, visual_model
 from pinotwin.viewer.tracks import Tracks, tracks_of
 
-Subject = Machine | Twin | pin.Model | str | Path
-FREE_HINT = "move the axes; drag to turn, wheel to zoom"
+Subject: TypeAlias = Machine | Twin | pin.Model | str | Path
+HINT = "move the axes; drag to turn, wheel to zoom"
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def view(
     named = _posture(machine, posture)
     q = machine.posture(named)
     drawn = _draw(machine, q, frames)
-    tracks, subtitle = None, FREE_HINT
+    tracks, subtitle = None, HINT
     if mode is not None:
         tracks, subtitle = _vibrating(*mode)
     elif log is not None:
@@ -136,8 +137,8 @@ def _off(machine: Machine, q: Floats, named: Mapping[str, float]) -> list[str]:
     outside = (q < model.lowerPositionLimit) | (q > model.upperPositionLimit)
     moved = [name not in named for name in machine.names] & (q != 0.0)
     texts = (
-        (outside, "outside the limits of the URDF: {}"),
-        (moved, "zero lies outside the limits of {}, drawn at the nearest limit"),
+        (outside, "Outside the limits of the URDF: {}"),
+        (moved, "Zero lies outside the limits of {}: drawn at the limit next to it"),
     )
     names = np.array(machine.names)
     return [text.format(", ".join(names[found])) for found, text in texts if found.any()]

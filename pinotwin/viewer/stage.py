@@ -25,7 +25,7 @@ ASPECT = 4.0 / 3.0
 _MARGIN = 1.09
 _VIEW_FROM = np.array([0.62, -0.95, 0.52])
 _SKY = ([0.97, 0.98, 0.99], [0.83, 0.87, 0.90])
-_FLOOR = (0xD4D8DB, 0x4A4B4C)  # colour, own light: bright, yet it shows shadows
+_FLOOR = (0xD4D8DB, 0x666768)  # colour, own light: bright, yet it shows shadows
 
 
 @dataclass(frozen=True)
@@ -154,14 +154,14 @@ def _set_lights(viewer: meshcat.Visualizer, size: float) -> None:
     """One key light with soft shadows from the upper left, two weak ones, and the ambient."""
     _place(viewer, "SpotLight", size * np.array([-1.1, -1.5, 2.4]))
     viewer["/Lights/SpotLight"].set_property("visible", True)
-    _light(viewer, "SpotLight", intensity=0.34, castShadow=True, angle=0.45, penumbra=0.9)
+    _light(viewer, "SpotLight", intensity=0.32, castShadow=True, angle=0.45, penumbra=0.9)
     _place(viewer, "PointLightNegativeX", size * np.array([2.2, -1.4, 0.9]))
-    _light(viewer, "PointLightNegativeX", intensity=0.20, distance=0.0)
+    _light(viewer, "PointLightNegativeX", intensity=0.16, distance=0.0)
     _place(viewer, "PointLightPositiveX", size * np.array([-2.2, -1.6, 0.7]))
     _light(viewer, "PointLightPositiveX", intensity=0.12, distance=0.0)
     _place(viewer, "FillLight", np.array([0.3, -0.4, 1.0]))
-    _light(viewer, "FillLight", intensity=0.16)
-    _light(viewer, "AmbientLight", intensity=0.56)
+    _light(viewer, "FillLight", intensity=0.12)
+    _light(viewer, "AmbientLight", intensity=0.46)
 
 
 def _place(viewer: meshcat.Visualizer, name: str, at: Floats) -> None:
