@@ -6,6 +6,7 @@ import json
 import os
 import re
 import runpy
+import shlex
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import pytest
 import yaml
 
 from pinotwin import __version__
+from pinotwin.cli.main import COMMANDS
 from pinotwin.machine import machines
 from tests.conftest import ROOT
 
@@ -120,6 +122,22 @@ def test_the_container_is_for_the_python_and_the_files_that_are_here() -> None:
     assert (ROOT / install.split("-c /src/")[1].split()[0]).is_file()
     ignored = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
     assert ".venv" in ignored
+
+
+def test_a_plain_install_runs_what_the_readme_shows() -> None:
+    script = runpy.run_path(str(ROOT / ".ci" / "plain_install"))
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    steps = script["of_readme"]()
+    assert [text for kind, text in steps if kind == "python"] == re.findall(
+        r"```python\n(.*?)```", readme, re.DOTALL
+    )
+    shown = [text for kind, text in steps if kind == "command"]
+    assert "pinotwin demo" in shown  # `make demo`
+    assert all(shlex.split(text)[1] in COMMANDS for text in shown)
+    assert all(
+        source.startswith("out/demo/") or source in script["RIG"] for source in script["COPIES"].values()
+    )
+    assert "make plain" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
 
 
 def test_the_citation_and_the_package_agree() -> None:

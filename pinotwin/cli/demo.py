@@ -14,45 +14,23 @@ from typing import Any
 from pinotwin.cli.output import add_common, say, write_json
 
 CHAIN = (
-    ("", ("record", "trunnion", "--seconds", "20", "--seed", "1", "--out", "{out}/log.csv")),
-    ("", ("record", "trunnion", "--seconds", "10", "--seed", "2", "--out", "{out}/unseen.csv")),
-    ("", ("check", "trunnion", "{out}/log.csv")),
-    (
-        "",
-        (
-            "identify",
-            "trunnion",
-            "{out}/log.csv",
-            "--validate",
-            "{out}/unseen.csv",
-            "--out",
-            "{out}/twin",
-        ),
-    ),
-    ("", ("simulate", "{out}/twin", "{out}/unseen.csv", "--out", "{out}/predicted.csv")),
+    ("", "record trunnion --seconds 20 --seed 1 --out {out}/log.csv"),
+    ("", "record trunnion --seconds 10 --seed 2 --out {out}/unseen.csv"),
+    ("", "check trunnion {out}/log.csv"),
+    ("", "identify trunnion {out}/log.csv --validate {out}/unseen.csv --out {out}/twin"),
+    ("", "simulate {out}/twin {out}/unseen.csv --out {out}/predicted.csv"),
     (
         "a fault: more viscous friction on Y; the same command is run again",
-        (
-            "record",
-            "trunnion",
-            "--command",
-            "{out}/log.csv",
-            "--seed",
-            "9",
-            "--inject",
-            "viscous:Y=0.5",
-            "--out",
-            "{out}/worn.csv",
-        ),
+        "record trunnion --command {out}/log.csv --seed 9 --inject viscous:Y=0.5 --out {out}/worn.csv",
     ),
-    ("", ("diagnose", "{out}/twin", "{out}/worn.csv", "--out", "{out}/found")),
+    ("", "diagnose {out}/twin {out}/worn.csv --out {out}/found"),
 )
 PAGES = (
     ("twin/report.html", "how well the twin predicts, and every parameter"),
     ("found/machine.html", "the machine playing the worn log"),
     ("found/report.html", "the diagnosis"),
 )
-REAL = ("identify", "emps", "{emps}", "--out", "{out}/emps_twin")
+REAL = "identify emps {emps} --out {out}/emps_twin"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,10 +67,14 @@ def run(args: argparse.Namespace) -> int:
 
 def _commands(out: Path) -> list[tuple[str, list[str]]]:
     """Return what each step shows, if it needs a word, and the command; the diagnosis last."""
-    chain = [(told, [word.format(out=out) for word in words]) for told, words in CHAIN]
     emps = data_folder() / "emps" / "DATA_EMPS.mat"
+
+    def words(text: str) -> list[str]:
+        return [word.format(out=out, emps=emps) for word in text.split()]
+
+    chain = [(told, words(text)) for told, text in CHAIN]
     if emps.is_file():
-        chain.insert(5, ("a real drive", [word.format(out=out, emps=emps) for word in REAL]))
+        chain.insert(5, ("a real drive", words(REAL)))
     else:
         say("the real EMPS log is not at hand; set PINOTWIN_DATA to its folder to see it identified")
     return chain
