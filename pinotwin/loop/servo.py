@@ -215,7 +215,7 @@ class Servo:
                     f"controller: {name}={factor!r} is no number; give a factor, 1.2 for 20 % more"
                 )
         new = {name: x * factors.get(name, 1.0) for name, x in named.items()}
-        shapes = {name: new.pop(name) for name in SHAPES}
+        shapes: dict[str, Any] = {name: new.pop(name) for name in SHAPES}
         old = {name: x for name, x in named.items() if name not in SHAPES}
         moved = zip(self.gains, self._law(new, shapes["velocity_lag"]), self._law(old), strict=True)
         every = {"e": "all", "integral": "all", "v": "all"}

@@ -137,7 +137,7 @@ def streams(name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> 
     notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []
     rows = {name: t[kept], **{key: x[kept] for key, x in arrays.items()}}
     apart = separated(name, rows, known_rows(name, rows)[1])
-    return apart or [Group(name, rows[name], {key: rows[key] for key in arrays})], notes
+    return apart or [Group(name, t[kept], {key: rows[key] for key in arrays})], notes
 
 
 def written_on_change(

@@ -88,7 +88,7 @@ def _take_rows(rows: Iterable[object], name: str, content: Content) -> None:
         stamps += [] if at is None else [at]
     arrays: dict[str, Floats] = table.arrays()
     if "t" not in arrays and len(stamps) == table.rows:
-        arrays["t"] = (np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9
+        arrays["t"] = np.asarray((np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9, dtype=float)
         content.units[f"{prefix}t"] = "s"
     content.left_out += sorted(text)
     if "t" in arrays and table.rows:
