@@ -33,7 +33,7 @@ Seen = Callable[[float], None]
 """Called with the share of a file that was read, 0 to 1."""
 
 _EPOCH_EXACT = 2.0**53
-_INDEX = re.compile(r"[\[(][^\[(]*$")  # or unit, at the end of a name
+_INDEX = re.compile(r"(?<!^)[\[(][^\[(]*$")  # or unit, at the end of a name
 
 
 @dataclass
