@@ -8,7 +8,7 @@
 
 Wherever a log, a machine or a twin is asked for, the name of its file or folder will do.
 
-Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
+Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Servo  Vibration
 Verbs:     new  read  check  identify  diagnose  compare  decompose  export_twin  reconstruct_vibration  prepare
            resample  machines; of their own: Machine.load .save  Twin.load .simulate .save  Diagnosis.apply
 Table:     EFFECTS (every effect by name)
@@ -27,7 +27,6 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Axis": "pinotwin.machine",
-    "Controller": "pinotwin.loop",
     "DataError": "pinotwin.errors",
     "Diagnosis": "pinotwin.diagnosis",
     "EFFECTS": "pinotwin.effects",
@@ -39,6 +38,7 @@ _HOME = {
     "MachineError": "pinotwin.errors",
     "Motion": "pinotwin.motion",
     "PinotwinError": "pinotwin.errors",
+    "Servo": "pinotwin.loop",
     "Twin": "pinotwin.twin",
     "TwinError": "pinotwin.errors",
     "Vibration": "pinotwin.reconstruction",
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from pinotwin.logs.files import read as read
     from pinotwin.logs.prepare import prepare as prepare
     from pinotwin.logs.quality import resample as resample
-    from pinotwin.loop import Controller as Controller
+    from pinotwin.loop import Servo as Servo
     from pinotwin.machine import Axis as Axis
     from pinotwin.machine import Machine as Machine
     from pinotwin.machine import machines as machines
