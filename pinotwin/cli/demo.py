@@ -135,10 +135,11 @@ def compile_steppers() -> None:
     twin = Twin(machine, machine.effects, theta, np.diag(0.0 * theta), (), pi, diagonal=diagonal)
     log = Log({"t": np.linspace(0.0, 0.02, 21), **{f"{name}.qr": np.zeros(21) for name in machine.axes}})
     law = Servo((1e4, 1e4, 1e3, 0.0, 0.0, 0.0))
-    loops, servos = (dict.fromkeys(machine.axes, x) for x in (close(law, 1.0, 1.0), law))
+    loops = dict.fromkeys(machine.axes, close(law, 1.0, 1.0))
+    closed = replace(twin, loops=loops, servos=dict.fromkeys(machine.axes, law))
     for form in ("black", "coupled"):
         with contextlib.suppress(PinotwinError):  # compiled all the same
-            replace(twin, loops=loops, servos=servos).simulate(log, controller=form)
+            closed.simulate(log, controller=form)
 
 
 def data_folder() -> Path:
