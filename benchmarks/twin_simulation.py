@@ -38,8 +38,8 @@ def best(run: Callable[[], object], repeats: int = 3) -> float:
 
 def gains(twin):  # type: ignore[no-untyped-def]
     """Return kp, kv, 1/ti of every joint."""
-    laws = {twin.machine.axes[n].index: c for n, c in twin.controllers.items()}
-    return (np.array([getattr(laws[j], k) for j in range(len(laws))]) for k in ("kp", "kv", "integral"))
+    laws = {twin.machine.axes[n].index: c.cascade() for n, c in twin.servos.items()}
+    return (np.array([laws[j][k] for j in range(len(laws))]) for k in ("kp", "kv", "rate"))
 
 
 def pinocchio_loop(twin, qr, step):  # type: ignore[no-untyped-def]

@@ -9,7 +9,7 @@
 Wherever a log, a machine or a twin is asked for, the name of its file or folder will do; a pin.Model will do
 as a machine, a pandas table as a log, and arrays of shape (n, nv) become one by Log.from_arrays.
 
-Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Controller  Vibration
+Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Servo  Vibration
 Commands:  new  check  identify  simulate  diagnose  force  compare  vibration  export  record  study  view
 Verbs:     read  prepare  resample  decompose  machines; of their own: Machine.load .save  Log.from_arrays
            Twin.load .simulate .predict .residual .plot .report .save  Diagnosis.save .plot .report .repaired .apply
@@ -29,7 +29,6 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Axis": "pinotwin.machine",
-    "Controller": "pinotwin.loop",
     "DataError": "pinotwin.errors",
     "Diagnosis": "pinotwin.diagnosis",
     "EFFECTS": "pinotwin.effects",
@@ -41,6 +40,7 @@ _HOME = {
     "MachineError": "pinotwin.errors",
     "Motion": "pinotwin.motion",
     "PinotwinError": "pinotwin.errors",
+    "Servo": "pinotwin.loop",
     "Twin": "pinotwin.twin",
     "TwinError": "pinotwin.errors",
     "Vibration": "pinotwin.reconstruction",
@@ -89,7 +89,7 @@ if TYPE_CHECKING:
     from pinotwin.logs.files import read as read
     from pinotwin.logs.prepare import prepare as prepare
     from pinotwin.logs.quality import resample as resample
-    from pinotwin.loop import Controller as Controller
+    from pinotwin.loop import Servo as Servo
     from pinotwin.machine import Axis as Axis
     from pinotwin.machine import Machine as Machine
     from pinotwin.machine import machines as machines

@@ -8,6 +8,7 @@ updated once a step.
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +18,7 @@ from pinotwin.dynamics.parameters import parameters, with_parameters
 from pinotwin.effects import Coulomb, Offset, Ripple, Stribeck, Viscous
 from pinotwin.identification.plant import fit_options
 from pinotwin.log import Log
-from pinotwin.loop import Controller, couple
+from pinotwin.loop import Servo, close
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
 
@@ -80,19 +81,13 @@ def known_twin(machine: Machine, *, bandwidth: float = 20.0, scale: float = 1.0)
     for name, axis in machine.axes.items():
         rate = 2 * np.pi * bandwidth
         M = inertia[axis.index]
-        laws[name] = Controller("p_pi", kp=0.3 * rate, kv=M * rate, integral=0.1 * rate, ffv=0.9, ffa=0.8 * M)
+        laws[name] = Servo.of_cascade(0.3 * rate, M * rate, 0.1 * rate, 0.9, 0.8 * M)
     loops = {
-        name: couple(
-            law,
-            inertia[machine.axes[name].index],
-            viscous[machine.axes[name].index],
-            axis=name,
-            hold=False,
-        )
+        name: close(law, inertia[machine.axes[name].index], viscous[machine.axes[name].index], axis=name)
         for name, law in laws.items()
     }
     diagonal = {"inertia": inertia, "viscous": viscous, "stiffness": stiffness}
-    return dataclasses.replace(twin, loops=loops, controllers=laws, diagonal=diagonal)
+    return dataclasses.replace(twin, loops=loops, servos=laws, diagonal=diagonal)
 
 
 def smooth_command(machine: Machine, seconds: float, rate: float, seed: int = 3) -> Log:
@@ -117,7 +112,8 @@ class Integrator:
         self.model = with_parameters(twin.machine.model, twin.pi)
         self.data = self.model.createData()
         self.nv = self.model.nv
-        self.laws = {twin.machine.axes[n].index: c for n, c in twin.controllers.items()}
+        laws = {twin.machine.axes[n].index: c.cascade() for n, c in twin.servos.items()}
+        self.laws = {j: SimpleNamespace(**law) for j, law in laws.items()}
 
     def coefficient(self, j: int, name: str) -> np.ndarray:
         return self.twin.coefficients(f"{self.machine.names[j]}.{name}")
@@ -146,7 +142,7 @@ class Integrator:
         u = np.zeros(self.nv)
         for j, law in self.laws.items():
             w = law.kp * (r[0, j] - q[j]) + law.ffv * r[1, j] - v[j]
-            u[j] = law.kv * (w + law.integral * I[j]) + law.ffa * r[2, j]
+            u[j] = law.kv * (w + law.rate * I[j]) + law.ffa * r[2, j]
         return u
 
     def rate(self, x: np.ndarray, r: np.ndarray, turn: np.ndarray, wrench: np.ndarray | None) -> np.ndarray:
@@ -206,5 +202,5 @@ class Integrator:
         tau = pin.rnea(self.model, self.data, q, zero, zero) + self.passive_effort(q, zero, zero)
         out = np.zeros(self.nv)
         for j, law in self.laws.items():
-            out[j] = tau[j] / (law.kv * law.integral)
+            out[j] = tau[j] / (law.kv * law.rate)
         return out

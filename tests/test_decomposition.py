@@ -54,14 +54,14 @@ def test_what_the_tables_leave_is_negligible(parts):
 def test_an_error_is_the_response_of_the_loop_to_its_disturbance(twin, log, parts):
     """Own integration of M v' + C v = u - d, u = kv (kp e - v + (1/ti) int) by scipy."""
     axis = "Y"
-    law, i = twin.controllers[axis], twin.machine.axes[axis].index
+    law, i = twin.servos[axis].cascade(), twin.machine.axes[axis].index
     M, C = twin.diagonal["inertia"][i], twin.diagonal["viscous"][i]
     d = parts.disturbances[axis]["inertial_coupling"]
 
     def rate(t, x):  # type: ignore[no-untyped-def]
         q, v, total = x
-        w = -law.kp * q - v
-        u = law.kv * (w + law.integral * total)
+        w = -law["kp"] * q - v
+        u = law["kv"] * (w + law["rate"] * total)
         return [v, (u - C * v - np.interp(t, parts.t, d)) / M, w]
 
     found = integrate.solve_ivp(rate, (0.0, 1.0), [0, 0, 0], t_eval=parts.t, max_step=1e-3, rtol=1e-8)

@@ -12,7 +12,6 @@ from pinotwin.effects import EFFECTS, LISTED, Coulomb, Effect, Viscous, told
 from pinotwin.effects.layout import effect_slices
 from pinotwin.errors import DataError
 from pinotwin.identification.plant import fit_plant
-from pinotwin.loop import Servo
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.simulation.run import as_motion, respond
@@ -130,10 +129,8 @@ def twin_with(name: str) -> Twin:
     twin = dataclasses.replace(twin, diagonal={**sizes, "inertia": plain.diagonal["inertia"]})
     if all(e.mode() is None for e in effects):
         return twin
-    laws = {  # beside transfer functions a load on a spring is one of their poles
-        k: Servo.of_cascade(c.kp, c.kv, c.integral, c.ffv, c.ffa) for k, c in plain.controllers.items()
-    }
-    return dataclasses.replace(twin, loops={}, servos=laws)
+    # beside transfer functions a load on a spring is one of their poles
+    return dataclasses.replace(twin, loops={}, servos=plain.servos)
 
 
 def left(twin: Twin) -> tuple[np.ndarray, Motion]:

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from pinotwin.identification.tied import tied, with_lag
-from pinotwin.loop import Controller, LoopData, LoopModel, Structure, couple, identify_loop
+from pinotwin.loop import LoopData, LoopModel, Servo, Structure, close, identify_loop
 
 M, C, STEP = 55.9, 50.0, 0.0025
-LAW = Controller(kind="pid", kp=985e3, integral=39.9e6, kd=11.7e3, ffv=24.0, delay=3e-4, step=1e-6)
+LAW = Servo((985e3, 39.9e6, 11.7e3, 11.724e3, 0.0, 0.0), form="pid", output_lag=3e-4, step=1e-6)
 
 
 def recorded(noise: float) -> tuple[LoopData, LoopModel]:
     """Return 10 s of the axis, its disturbance below 40 Hz, and the loop that made it."""
-    truth = couple(LAW, M, C, axis="Y")
+    truth = close(LAW, M, C, axis="Y")
     rng = np.random.default_rng(4)
     t = np.arange(4000) * STEP
     f, phase = np.geomspace(0.3, 40.0, 25), rng.uniform(0, 2 * np.pi, (2, 25))

@@ -14,7 +14,7 @@ from pinotwin.report import Page, Plot, Tabs
 from pinotwin.report.blocks import Html
 from pinotwin.report.closed_loop import closed_loop_blocks, predict, score_table
 from pinotwin.report.closed_loop_plots import CAUSES, error_scale
-from pinotwin.report.controllers import gains, servo_table
+from pinotwin.report.controllers import servo_table
 from tests.simulated import known_twin, plain_machine, smooth_command
 from tests.test_report import figures, read
 
@@ -66,26 +66,17 @@ def test_the_table_states_the_errors_that_were_added(twin, log):
     assert float(by["mean", ""][3].split()[0]) == pytest.approx(np.mean(shares), abs=0.06)
 
 
-def test_the_grey_box_is_scored_beside_the_black_one(twin, log):
-    rows = cells(score_table(twin, predict(twin, log)))
-    (row,) = [r for r in rows if r[:2] == ["C", "effort"]]
-    error = twin.simulate(log, controller="grey")["C.u"] - log["C.u"]
-    share = 100.0 * np.linalg.norm(error) / np.linalg.norm(log["C.u"])
-    assert float(row[5].split()[0]) == pytest.approx(share, abs=0.06)
-
-
 def test_poles_and_gains_are_those_of_the_twin(twin, blocks):
     page = Page("x").section("loop", *blocks).html()
     rows = read(page).rows
-    law, loop = twin.controllers["Y"], twin.loops["Y"]
+    named, loop = twin.servos["Y"].named(), twin.loops["Y"]
     values = [r[2] for r in rows if len(r) == 7 and "pole" in r[1]]
     for p in loop.pole_table():
         if p["unit"] == "Hz":
             assert f"{p['value']:.4g}" in values
-    (kp,) = [r for r in rows if len(r) == 4 and r[:2] == ["Y", "position gain kp"]]
-    assert float(kp[2]) == pytest.approx(law.kp, rel=1e-5)
-    assert kp[3] == "1/s"
-    assert "position P around velocity PI" in page
+    (kp,) = [r for r in rows if len(r) == 5 and r[:2] == ["Y", "position gain kp"]]
+    assert float(kp[2]) == pytest.approx(named["kp"], rel=1e-3)
+    assert "Sampled law" not in page
 
 
 def test_the_simulated_controller_is_shown_with_intervals_and_ties():
@@ -102,15 +93,6 @@ def test_the_simulated_controller_is_shown_with_intervals_and_ties():
     assert by["lag of the velocity"][2] == "0.3 ms"
     assert by["kp + 1/ti"][2:] == ["100", "98.36 to 101.6", "determined"]
     assert by["kp / ti"][2:] == ["2400", "2367 to 2433", "determined"]
-
-
-def test_gains_carry_the_units_of_the_axis(twin):
-    law = dataclasses.replace(twin.controllers["A"], kind="pid", kd=1.0, delay=0.001)
-    units = {name: unit for name, _, unit in gains(law, True)}
-    assert units["kp"] == "N·m/rad"
-    assert units["integral"] == "N·m/(rad·s)"
-    assert units["delay"] == "ms"
-    assert "velocity_delay" not in units
 
 
 def test_the_measured_line_is_command_minus_position(twin, log, blocks):

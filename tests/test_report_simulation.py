@@ -29,7 +29,7 @@ def twin():
 
 @pytest.fixture(scope="module")
 def predicted(twin) -> Log:
-    return twin.simulate(smooth_command(twin.machine, 1.0, 500.0), controller="grey")
+    return twin.simulate(smooth_command(twin.machine, 1.0, 500.0), controller="black")
 
 
 def measured(twin, predicted: Log, share: float) -> Log:
@@ -67,7 +67,7 @@ def test_a_known_error_is_stated_and_graded(twin, predicted, share: float, word:
 
 
 def test_a_log_of_the_command_alone_is_predicted_and_not_judged(twin, predicted) -> None:
-    text = simulation_report(twin, smooth_command(twin.machine, 1.0, 500.0), predicted, "grey")
+    text = simulation_report(twin, smooth_command(twin.machine, 1.0, 500.0), predicted, "black")
     assert "nothing to hold the prediction against" in text
     assert not any(f">{word}</span>" in text for word in GRADES)
 

@@ -15,7 +15,7 @@ from pinotwin.identification.servo.problem import AS_FOUND
 from pinotwin.log import Log
 from pinotwin.logs.columns import parse_columns
 from pinotwin.logs.prepare import prepare
-from pinotwin.loop import Controller, Servo, close, command_rates, couple, margins
+from pinotwin.loop import Servo, close, command_rates, margins
 from pinotwin.loop.margins import command_peak, stable
 from pinotwin.simulation import feedforward, simulate
 from pinotwin.simulation.coupled import LONGEST, biquad
@@ -108,14 +108,16 @@ def test_the_law_of_a_cascade_is_that_of_its_named_gains():
         ("weight", 1.0),
     ):
         assert named[name] == pytest.approx(value, rel=1e-9)
-    other = couple(Controller("p_pi", 60.0, 5000.0, 40.0, ffv=0.93, ffa=30.0), M, B, hold=False)
     loop = close(servo, M, B)
-    assert np.sort_complex(loop.poles) == pytest.approx(np.sort_complex(other.poles), rel=1e-9)
-    for y in ("e", "u"):
-        for x in ("d", "qr"):
-            s = 2j * np.pi * 7.0
-            a, b = (np.divide(*(np.polyval(p, s) for p in m.numerator(y, x))) for m in (loop, other))
-            assert a == pytest.approx(b, rel=1e-9)
+    s = 2j * np.pi * 7.0
+    C, P = 5000.0 * (1.0 + 40.0 / s), 1.0 / (s * (M * s + B))
+    for (y, x), expected in {
+        ("e", "d"): P / (1.0 + P * C * (60.0 + s)),
+        ("e", "qr"): (1.0 + P * C * (s - 0.93 * s) - P * 30.0 * s**2) / (1.0 + P * C * (60.0 + s)),
+    }.items():
+        assert np.divide(*(np.polyval(p, s) for p in loop.numerator(y, x))) == pytest.approx(
+            expected, rel=1e-9
+        )
 
 
 def test_a_drives_own_arithmetic_is_the_law_of_its_named_gains():
@@ -351,18 +353,15 @@ class TestKernels:
 
 
 def test_a_twin_knows_how_it_is_simulated():
-    """Coupled and grey differ only in how friction turns: over a width there, stuck and loose here."""
+    """Coupled and black differ only in how friction turns: over a width there, stuck and loose here."""
     twin = known_twin(plain_machine("trunnion"))
     log = smooth_command(twin.machine, 1.0, 500.0)
-    names = ("kp", "kv", "ffv", "ffa")
-    laws = {axis: {k: getattr(law, k) for k in names} for axis, law in twin.controllers.items()}
-    servos = {a: cascade(**laws[a], rate=law.integral) for a, law in twin.controllers.items()}
-    said, grey = (simulate(twin, log, controller=c) for c in (servos, "grey"))
+    said, black = (simulate(twin, log, controller=c) for c in (twin.servos, "black"))
     for name in twin.machine.axes:
-        x, y = said[f"{name}.u"], grey[f"{name}.u"]
+        x, y = said[f"{name}.u"], black[f"{name}.u"]
         assert np.sqrt(np.mean((x - y) ** 2) / np.mean(y**2)) < 0.1
     with pytest.raises(pt.errors.TwinError, match="no controllers"):
-        simulate(twin, log, controller="coupled")
+        simulate(replace(twin, servos={}), log, controller="coupled")
     servo = cascade(notch=(80.0, 0.1, 0.6), dead=1e-4, limit=300.0)
     assert Servo.from_dict(servo.to_dict()) == servo
 
@@ -425,9 +424,8 @@ def test_the_effort_ahead_of_time_is_that_of_axes_that_follow_their_command():
     """Axes without a controller do just that in a simulation, which finds their effort by its own kernel."""
     twin = known_twin(plain_machine("trunnion"))
     log = smooth_command(twin.machine, 2.0, 1000.0)
-    y = twin.controllers["Y"]
-    servo = cascade(kp=y.kp, kv=y.kv, rate=y.integral, ffv=1.0, ffa=y.ffa)
-    ahead, said = feedforward(twin, log), simulate(twin, log, controller={"Y": servo})
+    servo = twin.servos["Y"].scaled(ffv=1.0 / 0.9)
+    ahead, said = feedforward(twin, log), simulate(replace(twin, servos={}), log, controller={"Y": servo})
     for name in ("A", "C"):
         x, y = ahead[f"{name}.u"], said[f"{name}.u"]
         assert np.sqrt(np.mean((x - y) ** 2) / np.mean(y**2)) < 0.05, name
@@ -440,13 +438,13 @@ def test_the_form_is_chosen_on_a_log_under_the_names_of_its_controller():
     machine = replace(plain_machine("trunnion"), columns=parse_columns(own, "columns"))
     twin = replace(known_twin(machine), servos={"Y": cascade()})
     command = smooth_command(machine, 3.0, 250.0)
-    said = twin.simulate(command, controller="grey")
+    said = twin.simulate(command, controller="black")
     log = Log({**command.channels, **{k: said[k] for k in names if not k.endswith("qr")}})
     raw = Log({"Zeit": 1e3 * log.t} | {f"kanal {k}": log[k] for k in names})
-    found = choice(twin, raw, ("grey",))
+    found = choice(twin, raw, ("black",))
     assert found["to"] == pytest.approx(log.t[-1])
-    assert found["tracking"] == pytest.approx(choice(twin, log, ("grey",))["tracking"])
-    assert found["use"] == "grey"
+    assert found["tracking"] == pytest.approx(choice(twin, log, ("black",))["tracking"])
+    assert found["use"] == "black"
 
 
 def test_an_encoders_steps_wind_the_integral_up_at_rest():

@@ -11,7 +11,7 @@ import pytest
 from pinotwin.errors import DataError, InputError, LogError, TwinError
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
-from pinotwin.simulation import respond, simulate
+from pinotwin.simulation import preferred, respond, simulate
 from pinotwin.simulation.command import beginning
 from tests.simulated import Integrator, known_twin, plain_machine, smooth_command
 
@@ -171,15 +171,14 @@ class TestWhatIsUsed:
         assert "no closed loop of A, C" in found.notes[0]
         assert rms(found["A.u"]) > 0.0
 
-    def test_grey_and_black_are_the_same_for_the_same_controller(self, trunnion, command):
-        law = {name: dataclasses.replace(c, step=1e-5) for name, c in trunnion.controllers.items()}
-        black, grey = simulate(trunnion, command), simulate(trunnion, command, controller=law)
-        for name in ("Y.e", "A.e", "A.u"):
-            assert rms(black[name] - grey[name]) < 1e-2 * rms(black[name])
+    def test_a_form_of_older_twins_that_is_no_more_is_not_asked_for(self, trunnion):
+        old = dataclasses.replace(trunnion, quality={"simulation": {"use": "grey"}})
+        assert preferred(old) == "black"
+        assert preferred(dataclasses.replace(old, loops={})) == "coupled"
 
     def test_a_higher_gain_makes_a_smaller_error(self, trunnion, command):
-        law = {"A": trunnion.controllers["A"].scaled(kp=1.5)}
-        now = simulate(trunnion, command, controller="grey")
+        law = {"A": trunnion.servos["A"].scaled(kp=1.5)}
+        now = simulate(trunnion, command, controller="coupled")
         then = simulate(trunnion, command, controller=law)
         assert rms(then["A.e"]) < 0.85 * rms(now["A.e"])
 
@@ -220,7 +219,7 @@ class TestRefusals:
 
     def test_a_twin_without_loops_is_refused(self, trunnion, command):
         with pytest.raises(TwinError, match="no closed loop"):
-            simulate(dataclasses.replace(trunnion, loops={}), command)
+            simulate(dataclasses.replace(trunnion, loops={}, servos={}), command)
 
     def test_bad_options_are_refused(self, trunnion, command):
         with pytest.raises(InputError, match="step: -1"):
@@ -228,7 +227,7 @@ class TestRefusals:
         with pytest.raises(InputError, match="controller: 'gray'"):
             simulate(trunnion, command, controller="gray")  # type: ignore[arg-type]
         with pytest.raises(InputError, match="no axis 'B'"):
-            simulate(trunnion, command, controller={"B": trunnion.controllers["A"]})
+            simulate(trunnion, command, controller={"B": trunnion.servos["A"]})
 
     def test_a_machine_that_leaves_its_command_is_said_with_axis_and_time(self, trunnion, command):
         wild = {k: 0.0 * x for k, x in trunnion.diagonal.items()}

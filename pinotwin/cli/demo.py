@@ -97,12 +97,14 @@ def compile_steppers() -> None:
 
     The bodies of a machine as drawn are held at rest for some samples, by transfer functions and by controllers.
     """
+    from dataclasses import replace
+
     import numpy as np
 
     from pinotwin.dynamics.parameters import parameters
     from pinotwin.errors import PinotwinError
     from pinotwin.log import Log
-    from pinotwin.loop import Controller, Servo
+    from pinotwin.loop import Servo, close
     from pinotwin.machine import Machine
     from pinotwin.twin import Parameters, Twin
 
@@ -114,9 +116,12 @@ def compile_steppers() -> None:
     diagonal = {"inertia": ones, "viscous": ones, "stiffness": 0.0 * ones}
     twin = Twin(machine, machine.effects, theta, np.diag(0.0 * theta), Parameters(), pi, diagonal=diagonal)
     log = Log({"t": np.linspace(0.0, 0.02, 21), **{f"{name}.qr": np.zeros(21) for name in machine.axes}})
-    for law in (Servo((1e4, 1e4, 1e3, 0.0, 0.0, 0.0)), Controller("p_pi", kp=10.0, kv=100.0)):
+    law = Servo((1e4, 1e4, 1e3, 0.0, 0.0, 0.0))
+    loops = dict.fromkeys(machine.axes, close(law, 1.0, 1.0))
+    closed = replace(twin, loops=loops, servos=dict.fromkeys(machine.axes, law))
+    for form in ("black", "coupled"):
         with contextlib.suppress(PinotwinError):  # compiled all the same
-            twin.simulate(log, controller=dict.fromkeys(machine.axes, law))
+            closed.simulate(log, controller=form)
 
 
 def data_folder() -> Path:

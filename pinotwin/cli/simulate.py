@@ -22,9 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", metavar="LOG", help="log; only t, *.qr and external loads are used")
     parser.add_argument(
         "--controller",
-        choices=("coupled", "black", "grey", "vibration"),
+        choices=("coupled", "black", "vibration"),
         help="identified controllers around the identified plant (coupled), identified transfer functions "
-        "(black), those with the vibration of a passive joint as output, or sampled laws (grey); "
+        "(black), or those with the vibration of a passive joint as output; "
         "without it, the form that predicted held-out data best",
     )
     parser.add_argument(

@@ -11,7 +11,7 @@ from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError
 from pinotwin.identification.refine import AxisEffects
-from pinotwin.loop import Controller, LoopModel
+from pinotwin.loop import LoopModel
 from pinotwin.loop.data import LoopData
 from pinotwin.motion import Motion
 
@@ -29,7 +29,6 @@ class Loops:
         effects: the twin's effects, with shapes refined where that paid.
         theta: the twin's coefficients, likewise.
         models: black box of each axis.
-        controllers: grey box of each axis.
         refined: axes whose effects were refined, with the standard errors found.
         quality: per axis the errors of both, in the fit and held out, and what was chosen.
         notes: axes that were left out, and why.
@@ -38,7 +37,6 @@ class Loops:
     effects: tuple[Effect, ...]
     theta: Floats
     models: dict[str, LoopModel] = field(default_factory=dict)
-    controllers: dict[str, Controller] = field(default_factory=dict)
     refined: dict[str, AxisEffects] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)

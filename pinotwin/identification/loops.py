@@ -1,8 +1,8 @@
 """The closed loop of every axis whose command is logged (thesis Fig. 4-6, steps 4.2 and 4.3).
 
 Inputs are the command and the generalised disturbance of the identified plant, outputs the tracking
-error and the effort. Beside that black box the controller itself is identified (grey box), so that the
-two can be compared and a gain can be changed afterwards.
+error and the effort. Beside that black box the controller itself is identified, so that the two can be compared and a
+gain can be changed afterwards.
 """
 
 from __future__ import annotations
@@ -32,13 +32,11 @@ from pinotwin.identification.table import refined_table
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import (
-    Controller,
     LoopData,
     LoopModel,
     Servo,
     Structure,
     close,
-    identify_controller,
     identify_loop,
 )
 from pinotwin.loop.layout import Bounds, lay_out
@@ -76,23 +74,20 @@ class ClosedLoops:
     Attributes:
         plant: with the friction and tables that the loops refined.
         loops: closed loop of each axis (black box, or the linearised coupled form).
-        controllers: sampled law of each axis.
-        servos: law of each axis in continuous time.
+        servos: controller of each axis.
         quality: rows ``servos``, ``loops``, ``simulation`` of the twin's quality.
         warnings: axes that were left out, and why.
     """
 
     plant: OpenLoop
     loops: Mapping[str, LoopModel] = field(default_factory=dict)
-    controllers: Mapping[str, Controller] = field(default_factory=dict)
     servos: Mapping[str, Servo] = field(default_factory=dict)
     quality: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def twin(self, **rest: Any) -> Twin:
         """Return the twin of the plant with these loops; the rest are its other attributes."""
-        closed = {"loops": self.loops, "controllers": self.controllers, "servos": self.servos}
-        return Twin.of(self.plant, **(closed | rest))
+        return Twin.of(self.plant, **({"loops": self.loops, "servos": self.servos} | rest))
 
 
 def close_loops(
@@ -136,7 +131,7 @@ def close_loops(
         closed = _linearised(plant, found.servos, motion)
     else:
         closed = _black_boxes(plant, motion, axes, lambda stage, done: tell(stage, 0.5 + 0.5 * done))
-        judged = choice(closed.twin(servos=found.trials), logs[-1], ("coupled", "black", "grey"))
+        judged = choice(closed.twin(servos=found.trials), logs[-1], ("coupled", "black"))
         if judged["use"] == "coupled" and error is not None and not asked:
             refined = judged["held_out"]["coupled"] < error
             closed = _linearised(closed.plant if refined else plant, found.servos, motion)
@@ -172,10 +167,10 @@ def _stated(machine: Machine) -> bool:
 
 
 def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) -> ClosedLoops:
-    """Return the loops that coupled axes make, and their sampled laws."""
+    """Return the loops that coupled axes make."""
     M, C = plant.diagonal["inertia"], plant.diagonal["viscous"]
     disturbance = generalised_disturbance(plant, motion, plant.diagonal)
-    loops, laws, notes = {}, {}, []
+    loops, notes = {}, []
     rows: dict[str, dict[str, Any]] = {}
     for name, servo in servos.items():
         i = plant.machine.axes[name].index
@@ -190,10 +185,9 @@ def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) ->
         try:
             data = loop_data(motion, disturbance, name)
             rows[name] |= {"fit": errors(data, loop), "held_out": errors(data, loop, held_out=True)}
-            laws[name] = identify_controller(data)
         except DataError as error:  # a log of a few seconds with a hole has no rows for it
-            notes.append(f"no sampled law of {name}: {error}")
-    return ClosedLoops(plant, loops, laws, quality={"loops": rows}, warnings=tuple(notes))
+            notes.append(f"no held-out error of the loop of {name}: {error}")
+    return ClosedLoops(plant, loops, quality={"loops": rows}, warnings=tuple(notes))
 
 
 def _black_boxes(
@@ -208,9 +202,7 @@ def _black_boxes(
             rows[axis] = {**rows[axis], KEY: row}
         for axis, (model, row) in tie_loops(refined, found.models, motion).items():
             models[axis], rows[axis] = model, {**rows[axis], **row}
-    return ClosedLoops(
-        refined, models, found.controllers, quality={"loops": rows}, warnings=tuple(found.notes)
-    )
+    return ClosedLoops(refined, models, quality={"loops": rows}, warnings=tuple(found.notes))
 
 
 def fit_loops(
@@ -234,18 +226,15 @@ def fit_loops(
             found.models[name], found.quality[name] = fit.model, fit.quality
         if fit.refined is not None:
             _keep(found, *fit.refined)
-        if fit.controller is not None:
-            found.controllers[name] = fit.controller
     return found
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """What was found of one axis: its loop and its judgement, sampled law, effects before and after refinement."""
+    """What was found of one axis: its loop and its judgement, its effects before and after refinement."""
 
     model: LoopModel | None = None
     quality: dict[str, Any] = field(default_factory=dict)
-    controller: Controller | None = None
     refined: tuple[AxisEffects, AxisEffects] | None = None
     notes: tuple[str, ...] = ()
 
@@ -260,11 +249,7 @@ def _fit_loop(plant: OpenLoop, motion: Motion, disturbance: Floats, name: str) -
         model = _refit(data, trial, _bounds(plant.machine, name), afresh=doubted, judged=True)
     except DataError as error:
         return _Fit(notes=(f"no closed loop of {name}: {error}",))
-    fit = _Fit(model, _judged(data, model, trial) | {"refined": refined is not None}, refined=refined)
-    try:
-        return replace(fit, controller=identify_controller(data))
-    except DataError as error:
-        return replace(fit, notes=(f"no controller of {name}: {error}",))
+    return _Fit(model, _judged(data, model, trial) | {"refined": refined is not None}, refined)
 
 
 def _refined(

@@ -1,10 +1,8 @@
 """Closed-loop LTI models of the axes: identify, judge, simulate (thesis 4.2, 5.3)."""
 
-from pinotwin.loop.controller import Controller
-from pinotwin.loop.couple import close, couple
+from pinotwin.loop.couple import close
 from pinotwin.loop.data import LoopData, command_rates
 from pinotwin.loop.fit import LoopFit, ParameterFit
-from pinotwin.loop.grey import identify_controller
 from pinotwin.loop.identify import identify_loop
 from pinotwin.loop.margins import Margins, margins
 from pinotwin.loop.modal import ModalStep
@@ -13,7 +11,6 @@ from pinotwin.loop.servo import Servo
 from pinotwin.loop.structure import Section, Structure
 
 __all__ = [
-    "Controller",
     "LoopData",
     "LoopFit",
     "LoopModel",
@@ -25,8 +22,6 @@ __all__ = [
     "Structure",
     "close",
     "command_rates",
-    "couple",
-    "identify_controller",
     "identify_loop",
     "margins",
 ]

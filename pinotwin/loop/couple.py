@@ -14,35 +14,9 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.loop.controller import Controller
 from pinotwin.loop.model import LoopModel
 from pinotwin.loop.servo import Servo
 from pinotwin.loop.structure import Section, Structure
-
-
-def couple(
-    controller: Controller,
-    inertia: float,
-    viscous: float = 0.0,
-    *,
-    axis: str = "axis",
-    hold: bool = True,
-) -> LoopModel:
-    """Return the closed loop of a controller and a rigid plant.
-
-    Args:
-        controller: the gains.
-        inertia: M [kg or kg·m²].
-        viscous: B [N·s/m or N·m·s/rad].
-        axis: name of the axis.
-        hold: add the half sample by which a sampled controller's hold delays the effort.
-
-    Raises:
-        DataError: the loop is unstable.
-    """
-    delay = controller.delay + (0.5 * controller.step if hold else 0.0)
-    system = closed(controller.matrices(delay), inertia, viscous)
-    return _as_model(system, axis, controller.step)
 
 
 def close(servo: Servo, inertia: float, viscous: float = 0.0, *, axis: str = "axis") -> LoopModel:
@@ -57,11 +31,7 @@ def close(servo: Servo, inertia: float, viscous: float = 0.0, *, axis: str = "ax
     Raises:
         DataError: the loop is unstable.
     """
-    return _as_model(closed(servo.matrices(), inertia, viscous, servo.dead), axis, servo.step)
-
-
-def _as_model(system: tuple[Floats, Floats, Floats, Floats], axis: str, step: float) -> LoopModel:
-    A, B, C, D = system
+    A, B, C, D = closed(servo.matrices(), inertia, viscous, servo.dead)
     values, right = np.linalg.eig(A)
     if np.max(values.real) >= 0.0:
         worst = values[np.argmax(values.real)]
@@ -76,7 +46,7 @@ def _as_model(system: tuple[Floats, Floats, Floats, Floats], axis: str, step: fl
         axis,
         ("d",),
         ("e", "u"),
-        step,
+        servo.step,
         structure,
         sections,
         np.column_stack([residues, D]),

@@ -215,15 +215,16 @@ class Servo:
                     f"controller: {name}={factor!r} is no number; give a factor, 1.2 for 20 % more"
                 )
         new = {name: x * factors.get(name, 1.0) for name, x in named.items()}
-        shapes: dict[str, Any] = {name: new.pop(name) for name in SHAPES}
+        velocity_lag, output_lag, dead = (new.pop(name) for name in SHAPES)
         old = {name: x for name, x in named.items() if name not in SHAPES}
-        moved = zip(self.gains, self._law(new, shapes["velocity_lag"]), self._law(old), strict=True)
+        moved = zip(self.gains, self._law(new, velocity_lag), self._law(old), strict=True)
         every = {"e": "all", "integral": "all", "v": "all"}
         gains = [
             (g + (now - before)) * factors.get(name, 1.0) * factors.get(every.get(name, ""), 1.0)
             for name, (g, now, before) in zip(GAINS, moved, strict=True)
         ]
-        return replace(self, gains=tuple(gains), **shapes)
+        lags = replace(self, velocity_lag=velocity_lag, output_lag=output_lag, dead=dead)
+        return replace(lags, gains=tuple(gains))
 
     def _law(self, named: Mapping[str, float], lag: float | None = None) -> tuple[float, ...]:
         """Return the six gains that this form has with such named ones; without feed-forward no weight matters."""

@@ -32,7 +32,7 @@ from pinotwin.report.closed_loop_plots import (
     response_figure,
     scale_of,
 )
-from pinotwin.report.controllers import gain_table, servo_table
+from pinotwin.report.controllers import servo_table
 from pinotwin.simulation.score import compare
 from pinotwin.twin import Twin
 
@@ -46,34 +46,24 @@ class Predicted:
     Attributes:
         log: what was measured, in the names of the contract.
         black: simulated with the identified transfer functions.
-        grey: simulated with the identified controllers; None where that is not possible.
         parts: disturbances and tracking errors by cause.
         notes: of the simulations.
     """
 
     log: Log
     black: Log
-    grey: Log | None
     parts: Decomposition
     notes: tuple[str, ...]
 
 
 def predict(twin: Twin, log: Log) -> Predicted:
-    """Simulate a log's command, black box and grey box, and tell the causes of the error apart.
+    """Simulate a log's command, and tell the causes of the error apart.
 
     Raises:
         PinotwinError: the command is missing, or the simulated machine leaves it.
     """
     black = twin.simulate(log)
-    notes = list(black.notes)
-    grey = None
-    if twin.controllers:
-        try:
-            grey = twin.simulate(log, controller="grey")
-        except PinotwinError as error:
-            notes.append(f"no prediction by the grey box: {error}")
-    parts = decompose(twin, log)
-    return Predicted(bind(log, twin.machine.columns), black, grey, parts, tuple(notes))
+    return Predicted(bind(log, twin.machine.columns), black, decompose(twin, log), black.notes)
 
 
 def closed_loop_blocks(twin: Twin, log: Log) -> list[Block]:
@@ -96,17 +86,12 @@ def closed_loop_blocks(twin: Twin, log: Log) -> list[Block]:
 def response_blocks(twin: Twin, found: Predicted) -> list[Block]:
     """Return the response beside the measurement, and its errors."""
     rotary = _rotary(twin)
-    grey = (
-        ""
-        if found.grey is None
-        else (" The grey box, hidden at first, has the identified controller around the rigid machine.")
-    )
-    figure = response_figure(rotary, found.log, found.black, found.grey)
+    figure = response_figure(rotary, found.log, found.black)
     out: list[Block] = [
         Plot(
             figure,
             f"Predicted from the command of {display.elided(found.log.source)}",
-            f"Nothing measured enters the prediction.{grey} Drag to zoom: all follow.",
+            "Nothing measured enters the prediction. Drag to zoom: all follow.",
         ),
     ]
     if any(measured_signals(found.log, axis) for axis in rotary):
@@ -117,17 +102,14 @@ def response_blocks(twin: Twin, found: Predicted) -> list[Block]:
 
 
 def score_table(twin: Twin, found: Predicted) -> Html:
-    """Return the normalised RMS errors of black and grey box, and their mean."""
+    """Return the normalised RMS errors of the prediction, and their mean."""
     black = compare(twin.machine, found.log, found.black)
-    grey = {} if found.grey is None else compare(twin.machine, found.log, found.grey)
     rows: list[list[object]] = []
-    all_black, all_grey = [], []
+    each = []
     for axis, turns in _rotary(twin).items():
         for signal, score in black.get(axis, {}).items():
             scale = scale_of(signal, turns, np.array([score["rms"]]))
-            other = grey.get(axis, {}).get(signal, {})
-            all_black.append(score["nrmse"])
-            all_grey.append(other.get("nrmse", math.nan))
+            each.append(score["nrmse"])
             rows.append(
                 [
                     axis,
@@ -135,27 +117,20 @@ def score_table(twin: Twin, found: Predicted) -> Html:
                     display.number(score["rms"] * scale.factor, scale.unit),
                     display.percent(score["nrmse"]),
                     display.percent(score["nrmse_std"]),
-                    _grey(other.get("nrmse", math.nan)),
                     _held_out(twin.quality, axis, signal),
                 ]
             )
     if len(rows) > 1:
-        mean = [math.fsum(x) / len(x) for x in (all_black, all_grey)]
-        rows.append(["mean", "", "", display.percent(mean[0]), "", _grey(mean[1]), ""])
+        rows.append(["mean", "", "", display.percent(math.fsum(each) / len(each)), "", ""])
     header = (
         "axis",
         "signal",
         "RMS error",
-        "black box, of RMS",
+        "of RMS",
         "of standard deviation",
-        "grey box, of RMS",
         "loop alone, held out",
     )
-    return table(header, rows, numeric=range(2, 7))
-
-
-def _grey(x: float) -> str:
-    return display.percent(x) if math.isfinite(x) else "–"
+    return table(header, rows, numeric=range(2, 6))
 
 
 def _held_out(quality: Mapping[str, Any], axis: str, signal: str) -> str:
@@ -186,12 +161,6 @@ def structure_blocks(twin: Twin) -> list[Block]:
                 "lead",
             ),
             servo_table(twin.servos),
-        ]
-    if twin.controllers:
-        out += [
-            heading("Sampled law" if twin.servos else "Controller"),
-            paragraph("Gains from error, velocity and effort by least squares, for comparison.", "lead"),
-            gain_table(twin),
         ]
     return out
 

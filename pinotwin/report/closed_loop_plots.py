@@ -12,7 +12,7 @@ from pinotwin.analysis.decomposition import COMMAND, Decomposition
 from pinotwin.arrays import Floats
 from pinotwin.log import Log
 from pinotwin.report import display
-from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, SOFT, line, style, visible_rows
+from pinotwin.report.figures import ACCENT, MEASURED, SOFT, line, style, visible_rows
 
 CAUSES = {
     COMMAND: ("the command itself", "#7f8ea3"),
@@ -58,14 +58,13 @@ def scale_of(signal: str, rotary: bool, x: Floats) -> display.Scale:
     return of(rotary, display.largest(x))
 
 
-def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log, grey: Log | None) -> go.Figure:
+def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log) -> go.Figure:
     """Return measured and predicted tracking error and effort of every axis over one time axis.
 
     Args:
         rotary: of each axis with a loop, in the order of drawing.
         log: what was measured, in the names of the contract.
-        predicted: with the identified transfer functions.
-        grey: with the identified controllers, or None.
+        predicted: simulated from the command.
     """
     count = 2 * len(rotary)
     figure = make_subplots(
@@ -76,17 +75,14 @@ def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log, grey: 
         measured = measured_signals(log, axis, predicted)
         for i, signal in enumerate(("e", "u")):
             lines = [("predicted", predicted[f"{axis}.{signal}"], ACCENT, 1.1)]
-            if grey is not None:
-                lines.append(("predicted, grey box", grey[f"{axis}.{signal}"], RESIDUAL, 1.0))
             if signal in measured:
                 lines.insert(0, ("measured", measured[signal], MEASURED, 2.6))
             scale = scale_of(signal, turns, lines[0][1])
-            rows = visible_rows([y for name, y, _, _ in lines if "grey" not in name], points)
+            rows = visible_rows([y for _, y, _, _ in lines], points)
             for name, y, colour, width in lines:
                 trace = line(
                     log.t[rows], scale(y[rows]), name, colour, width=width, legend=k + i == 0, unit=scale.unit
                 )
-                trace.visible = "legendonly" if "grey" in name else True
                 figure.add_trace(trace, row=2 * k + i + 1, col=1)
             title = "tracking error" if signal == "e" else "effort"
             figure.update_yaxes(title_text=f"<b>{axis}</b> {title} [{scale.unit}]", row=2 * k + i + 1, col=1)

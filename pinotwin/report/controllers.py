@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from pinotwin.loop.servo import SHAPES, Servo
-from pinotwin.report import display
-from pinotwin.report.blocks import Html, chip, paragraph, table
-from pinotwin.twin import Twin
-
-if TYPE_CHECKING:
-    from pinotwin.loop import Controller
+from pinotwin.report.blocks import Html, chip, table
 
 
 def servo_table(servos: Mapping[str, Servo]) -> Html:
@@ -65,64 +59,3 @@ _SERVO = {
     "kp * rate": "kp / ti",
     "kd + ffv": "kd + ffv",
 }
-
-
-def gain_table(twin: Twin) -> Html:
-    """Return the identified gains of every axis' controller."""
-    rows: list[list[object]] = []
-    for axis, law in twin.controllers.items():
-        for name, value, unit in gains(law, twin.machine.axes[axis].rotary):
-            factor = 1e3 if unit == "ms" else 1.0
-            error = 1.96 * law.errors.get(name, 0.0)
-            shown, doubt = display.rounded(factor * value, factor * error)
-            first = not rows or rows[-1][1] == "explains"
-            rows.append(
-                [
-                    axis if first else "",
-                    _GAINS[name],
-                    f"{shown} ± {doubt}" if doubt else shown,
-                    unit,
-                ]
-            )
-        fit = "" if law.r2 is None else f"{display.percent(law.r2)} of the effort's variance"
-        rows.append(["", "explains", fit, ""])
-    kinds = ", ".join(f"{axis} {_KINDS[law.kind]}" for axis, law in twin.controllers.items())
-    text = table(("axis", "gain", "value, 95 %", "unit"), rows, numeric=(2,)).text
-    return Html(paragraph(f"Kind: {kinds}.").text + text)
-
-
-_KINDS = {"p_pi": "position P around velocity PI", "pid": "PID"}
-_GAINS = {
-    "kp": "position gain kp",
-    "kv": "velocity gain kv",
-    "integral": "integral action",
-    "kd": "derivative gain kd",
-    "ffv": "velocity feed-forward",
-    "ffa": "acceleration feed-forward",
-    "delay": "delay",
-    "velocity_delay": "further delay of the velocity",
-    "filter_time": "low-pass of the velocity",
-}
-
-
-def gains(law: Controller, rotary: bool) -> list[tuple[str, float, str]]:
-    """Return name, value [SI] and the unit to show of the gains that a controller has."""
-    u, x = ("N·m", "rad") if rotary else ("N", "m")
-    cascade = law.kind == "p_pi"
-    units = {
-        "kp": "1/s" if cascade else f"{u}/{x}",
-        "kv": f"{u}·s/{x}",
-        "integral": "1/s" if cascade else f"{u}/({x}·s)",
-        "kd": f"{u}·s/{x}",
-        "ffv": "" if cascade else f"{u}·s/{x}",
-        "ffa": f"{u}·s²/{x}",
-        "delay": "ms",
-        "velocity_delay": "ms",
-        "filter_time": "ms",
-    }
-    out = []
-    for name, unit in units.items():
-        value = float(getattr(law, name))
-        if value != 0.0 or name in law.errors:
-            out.append((name, value, unit))
-    return out

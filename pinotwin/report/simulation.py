@@ -40,7 +40,6 @@ GRADES = {
 FORMS = {
     "coupled": "identified controllers around the identified plant",
     "black": "identified transfer functions",
-    "grey": "sampled laws around the rigid plant",
     "vibration": "transfer functions with the vibration of the passive joint",
 }
 
@@ -212,7 +211,7 @@ def _over_time(twin: Twin, log: Log, predicted: Log) -> list[Block]:
     note = (
         f"{drawn}Nothing measured enters the prediction. Drag to zoom: all follow; double-click to go back."
     )
-    return [Plot(response_figure(axes, log, predicted, None), "Tracking error and effort", note)]
+    return [Plot(response_figure(axes, log, predicted), "Tracking error and effort", note)]
 
 
 def _loop_table(twin: Twin, form: str) -> Html:
@@ -226,14 +225,6 @@ def _loop_table(twin: Twin, form: str) -> Html:
                 else f"controller: {LAWS.get(servo.form, servo.form)}"
             )
             told = "" if servo is None else ", ".join(f"{k} {v:.4g}" for k, v in servo.named().items() if v)
-        elif form == "grey":
-            law = twin.controllers.get(axis)
-            what = (
-                "follows its command exactly"
-                if law is None
-                else f"sampled law: {LAWS.get(law.kind, law.kind)}"
-            )
-            told = ""
         else:
             what = "follows its command exactly" if loop is None else "transfer functions"
             told = "" if loop is None else "poles as in the report of identify"
@@ -243,7 +234,6 @@ def _loop_table(twin: Twin, form: str) -> Html:
 
 LAWS = {
     "cascade": "position P around velocity PI",
-    "p_pi": "position P around velocity PI",
     "pid": "position PID",
     "proportional": "cascade without an integral",
     "general": "cascade with a set-point weight",

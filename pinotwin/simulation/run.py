@@ -15,7 +15,7 @@ from pinotwin.effects import Effect
 from pinotwin.errors import DataError, InputError, TwinError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.loop import Controller, LoopModel, Servo, close, couple
+from pinotwin.loop import LoopModel, Servo, close
 from pinotwin.motion import Motion
 from pinotwin.simulation import coupled, coupled_kernel, kernel
 from pinotwin.simulation.blocks import lay_blocks
@@ -36,9 +36,9 @@ _KEPT = 20  # passes that the next effort is combined from
 _LOST = 0.05  # change after the last pass beyond which there is no answer
 _SAME = 1e-3  # change of the effort between passes, RMS, as a share of its own
 
-Loops = str | Mapping[str, Controller] | Mapping[str, Servo]
+Loops = str | Mapping[str, Servo]
 """One of :data:`FORMS`, or controllers by axis."""
-FORMS = ("coupled", "black", "grey", "vibration")
+FORMS = ("coupled", "black", "vibration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +84,7 @@ def simulate(
         step: longest internal step [s]; the log's own sampling is kept for the result.
         controller: None: the form that predicted held-out data best when the twin was identified
             (``twin.quality["simulation"]``). ``"coupled"``: the identified controllers around the
-            identified plant; ``"black"``: the identified transfer functions; ``"grey"``: transfer
-            functions of the sampled law around the rigid plant; ``"vibration"``: as ``"black"``, but
+            identified plant; ``"black"``: the identified transfer functions; ``"vibration"``: as ``"black"``, but
             an axis on a passive joint takes the loop that holds the joint's vibration (thesis Eq.
             5.8); or controllers by axis, in place of identified ones.
 
@@ -180,7 +179,7 @@ def respond(
 def preferred(twin: Twin) -> str:
     """Return the form with which a twin is simulated unless told otherwise."""
     chosen = twin.quality.get("simulation", {}).get("use")
-    if chosen is None:
+    if chosen not in FORMS:
         chosen = "coupled" if twin.servos and not twin.loops else "black"
     return str(chosen)
 
@@ -265,19 +264,12 @@ def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], t
         loops = dict(twin.loops)
     elif controller == "vibration":
         loops = {**twin.loops, **wide_loops(twin)}
+    elif isinstance(controller, str):
+        raise InputError(f"controller: {controller!r}; {nearest(controller, FORMS)}")
     else:
-        if isinstance(controller, str) and controller != "grey":
-            raise InputError(f"controller: {controller!r}; {nearest(controller, FORMS)}")
-        given = {} if isinstance(controller, str) else dict(controller)
-        for name in given:
-            if name not in axes:
-                raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
-        laws = {name: law for name, law in given.items() if isinstance(law, Controller)}
-        M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
-        loops = {
-            name: couple(law, float(M[axes[name].index]), float(C[axes[name].index]), axis=name)
-            for name, law in {**twin.controllers, **laws}.items()
-        }
+        raise InputError(
+            "controller: expected a form or axis -> Servo; see help(pinotwin.simulation.simulate)"
+        )
     if not loops:
         raise TwinError(
             f"{twin.machine.name}: the twin has no closed loop; identify it from a log that holds the "

@@ -117,7 +117,6 @@ def document(twin: Twin) -> dict[str, Any]:
             "covariance_lower": [row[: k + 1] for k, row in enumerate(twin.covariance)],
             "standard_inertial_parameters": twin.pi,
             "loops": {name: loop.to_dict() for name, loop in twin.loops.items()},
-            "controllers": {name: law.to_dict() for name, law in twin.controllers.items()},
             "servos": {name: servo.to_dict() for name, servo in twin.servos.items()},
             "diagonal": twin.diagonal,
             "quality": twin.quality,
@@ -236,13 +235,12 @@ def _parameter(row: dict[str, Any]) -> Parameter:
 def _closed_loop(content: dict[str, Any]) -> dict[str, Any]:
     diagonal = {key: np.array(row, dtype=float) for key, row in content["diagonal"].items()}
     servos = content.get("servos", {})
-    if not content["loops"] and not content["controllers"] and not servos:
+    if not content["loops"] and not servos:
         return {"diagonal": diagonal}
-    from pinotwin.loop import Controller, LoopModel, Servo
+    from pinotwin.loop import LoopModel, Servo
 
     return {
         "loops": {k: LoopModel.from_dict(v) for k, v in content["loops"].items()},
-        "controllers": {k: Controller.from_dict(v) for k, v in content["controllers"].items()},
         "servos": {k: Servo.from_dict(v) for k, v in servos.items()},
         "diagonal": diagonal,
     }

@@ -22,7 +22,7 @@ from pinotwin.twin.misfit import Misfit
 from pinotwin.twin.open_loop import OpenLoop
 
 if TYPE_CHECKING:
-    from pinotwin.loop import Controller, LoopModel, Servo
+    from pinotwin.loop import LoopModel, Servo
     from pinotwin.simulation.prediction import Prediction
 
 
@@ -32,8 +32,7 @@ class Twin(OpenLoop, Drawn):
 
     Attributes:
         loops: closed loop of each axis that has one (black box).
-        controllers: controller of each axis whose command was logged (grey box).
-        servos: controller of each axis in continuous time, as it is coupled to the plant.
+        servos: controller of each axis whose command was logged.
         quality: how good the fit is: errors per axis, whiteness, condition, held-out errors.
         data: fingerprints of the logs that were used.
         settings: how they were prepared.
@@ -42,7 +41,6 @@ class Twin(OpenLoop, Drawn):
     """
 
     loops: Mapping[str, LoopModel] = field(default_factory=dict)
-    controllers: Mapping[str, Controller] = field(default_factory=dict)
     servos: Mapping[str, Servo] = field(default_factory=dict)
     quality: Mapping[str, Any] = field(default_factory=dict)
     data: Sequence[Mapping[str, Any]] = ()
