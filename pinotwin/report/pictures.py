@@ -109,7 +109,7 @@ def _(twin: Twin, *logs: LogLike) -> str:
 def _(predicted: Prediction) -> go.Figure:
     machine = predicted.twin.machine
     rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    return response_figure(rotary, predicted.command, predicted, None)
+    return response_figure(rotary, predicted.command, predicted)
 
 
 @page.register
