@@ -76,7 +76,7 @@ def study(
         if kind not in KINDS:
             raise InputError(f"study: no study {kind!r}; {nearest(kind, KINDS)}")
     kinds = [kind for kind in KINDS if not only or kind in only]
-    given = load_subject(subject) if isinstance(subject, str | Path) else subject
+    given = load_subject(str(subject)) if isinstance(subject, str | Path) else subject
     logs = as_logs(log)
     twin = given if isinstance(given, Twin) else None
     machine = given.machine if isinstance(given, Twin) else given

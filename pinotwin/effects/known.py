@@ -31,8 +31,11 @@ GROUP = "pinotwin.effects"
 EffectLike = Effect | type[Effect] | str
 """An effect, its class, ``module:Class``, or the name of a known one."""
 
-_BROKEN = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError, SyntaxError)
-_BROKEN += (TypeError, ValueError)  # what a file with a mistake raises
+_BROKEN: tuple[type[Exception], ...] = (
+    *(ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError, SyntaxError),
+    *(TypeError, ValueError),
+)
+"""What a file with a mistake raises."""
 P = ParamSpec("P")
 T = TypeVar("T")
 _GIVEN: ContextVar[tuple[type[Effect], ...]] = ContextVar("given effects", default=())
