@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import pinotwin as pt
 from pinotwin.machine.bundled import robots
 from tests.conftest import ROOT
 
@@ -91,13 +92,38 @@ def test_10_tracking_error_by_cause() -> None:
     assert max(parts.values()) > 1e-6
 
 
-def test_the_notebook_runs(tmp_path: Path) -> None:
+def run_notebook(name: str, folder: Path) -> str:
+    """Run a notebook of the examples and return what it prints and shows."""
     nbclient = pytest.importorskip("nbclient")
     nbformat = pytest.importorskip("nbformat")
-    notebook = nbformat.read(EXAMPLES / "drive.ipynb", as_version=4)
-    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    outputs = [out for cell in notebook.cells if cell.cell_type == "code" for out in cell.outputs]
-    text = " ".join(out.get("text", "") for out in outputs)
-    assert "of its RMS" in text
-    share = float(text.split("within ")[1].split("%")[0])
-    assert share < 15.0
+    notebook = nbformat.read(EXAMPLES / name, as_version=4)
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert len(cells) <= 12
+    assert any("image/svg" in str(cell.outputs) for cell in cells), "saved with its pictures"
+    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(folder)}}).execute()
+    outputs = [out for cell in cells for out in cell.outputs]
+    return "\n".join(out.get("text") or out.get("data", {}).get("text/plain", "") for out in outputs)
+
+
+def test_a_withheld_effect_is_named_and_added_again(tmp_path: Path) -> None:
+    text = run_notebook("drive.ipynb", tmp_path)
+    size = float(text.split("root_drag on X: ")[1].split()[0])
+    assert size == pytest.approx(60.0, rel=0.1)
+    without, better = (
+        float(text.split(f"\n{name} ")[1].split()[0]) for name in ("without", "with root drag")
+    )
+    assert better < 0.6 * without
+
+
+@pytest.mark.skipif(not hasattr(pt.Log, "from_arrays"), reason="needs Log.from_arrays")
+def test_arrays_of_a_robot_become_a_twin(tmp_path: Path) -> None:
+    text = run_notebook("robot.ipynb", tmp_path)
+    found = [
+        float(line.split(" viscous ")[1].split()[0]) for line in text.splitlines() if " viscous " in line
+    ]
+    assert found == pytest.approx([2.0] * 6, rel=0.02)
+    left = [
+        float(line.split("residual ")[1].split()[0]) for line in text.splitlines() if " residual " in line
+    ]
+    assert len(left) == 6
+    assert max(left) < 0.2
