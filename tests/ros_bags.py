@@ -44,6 +44,12 @@ class Messages:
         columns = [self.column(i, signal) for signal in "qvu"]
         return self.types["sensor_msgs/msg/JointState"](self.header(t), self.joints, *columns)
 
+    def finger(self, i: int, t: float) -> object:
+        none = np.array([])
+        return self.types["sensor_msgs/msg/JointState"](
+            self.header(t), ["finger"], np.array([0.02]), none, none
+        )
+
     def controller(self, i: int, t: float) -> object:
         none, zero = np.array([]), self.types["builtin_interfaces/msg/Duration"](0, 0)
         columns = (self.column(i, "qr"), self.column(i, "q"), np.zeros(len(self.joints)))
@@ -74,6 +80,7 @@ def write_bag(
     command: bool = False,
     imu: bool = False,
     wrench: bool = False,
+    gripper: bool = False,
 ) -> Path:
     """Write channels ``<joint>.q .v .u .qr`` and the clock ``t``; returns the folder (ROS 1: the file)."""
     ros1 = storage == "ros1"
@@ -88,16 +95,21 @@ def write_bag(
             t,
             command,
         ),
+        ("/joint_states", "sensor_msgs/msg/JointState", make.joint_state, t, gripper),  # held twice
+        ("/joint_states", "sensor_msgs/msg/JointState", make.finger, t[::5] + 0.004, gripper),
         ("/ft_sensor", "geometry_msgs/msg/WrenchStamped", make.wrench, t, wrench),
         ("/imu", "sensor_msgs/msg/Imu", make.imu, fine, imu),
     ]
     plugin = {"sqlite3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}.get(storage)
     serialize = make.store.serialize_ros1 if ros1 else make.store.serialize_cdr
     with Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=plugin) as bag:
+        connections: dict[str, object] = {}
         for topic, kind, message, times, wanted in topics:
             if not wanted:
                 continue
-            connection = bag.add_connection(topic, kind, typestore=make.store)
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, kind, typestore=make.store)
+            connection = connections[topic]
             for i, at in enumerate(times):
                 raw = serialize(message(i, float(at)), kind)
                 bag.write(connection, _START + round(float(at) * 1e9) + 300_000, bytes(raw))

@@ -153,6 +153,21 @@ def test_joints_that_cannot_name_an_axis_get_a_name(tmp_path, capsys):
     assert pt.Machine.load(tmp_path / "arm").axis("arm_j_1").joint == "arm/j 1"
 
 
+@pytest.mark.parametrize("joint", ["a/jx", "j 1", "a:b", "x;y", " j", "=1+1", "Achse,1"])
+def test_every_name_of_a_joint_gives_an_axis(tmp_path, joint):
+    link = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    (tmp_path / "one.urdf").write_text(
+        f'<robot name="one"><link name="base"/><link name="arm">{link}</link><joint name="{joint}" type="continuous">'
+        '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>'
+    )
+    machine = pt.Machine.load(tmp_path / "one.urdf")
+    (name,) = machine.axes
+    assert not set(',;:=+\n"/\\') & set(name)
+    assert machine.axes[name].joint == joint
+    machine.save(tmp_path / "saved")
+    assert list(pt.Machine.load(tmp_path / "saved").axes) == [name]
+
+
 def test_factors_of_efforts_are_written_and_asked_no_more(tmp_path, capsys):
     t = np.arange(0, 8, 0.004)
     rows = np.column_stack([1e3 * t, 90 * np.sin(t), 90 * np.sin(t) + 1e-3, np.cos(t)])

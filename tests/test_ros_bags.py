@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from pathlib import Path
 
@@ -77,6 +78,35 @@ def test_a_bag_of_an_imu_alone_has_the_names_of_an_imu_log(tmp_path: Path) -> No
 def test_joints_in_another_order_in_every_message(tmp_path: Path, log: dict[str, np.ndarray]) -> None:
     turned = {"t": log["t"], **{k: v for k, v in reversed(log.items()) if k != "t"}}
     same(read(write_bag(tmp_path / "bag", turned)), log, "q v u")
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3", "ros1"])
+def test_a_slower_gripper_and_doubled_messages_on_the_topic_of_an_arm(
+    tmp_path: Path, log: dict[str, np.ndarray], storage: str
+) -> None:
+    name = "run.bag" if storage == "ros1" else "bag"
+    back = read(write_bag(tmp_path / name, log, storage=storage, gripper=True))
+    same(back, log, "q v u")
+    assert any("repeated messages were dropped" in note for note in back.notes)
+    assert any(note.startswith("left out, sampled every 0.04") and "finger.q" in note for note in back.notes)
+
+
+def test_json_lines_of_two_publishers_give_every_joint_its_own_clock(tmp_path: Path) -> None:
+    def line(ms: int, joints: dict[str, float]) -> str:
+        stamp = {"sec": 5, "nanosec": ms * 10**6}
+        return json.dumps({"header": {"stamp": stamp}, "name": list(joints), "position": [*joints.values()]})
+
+    rows = [
+        (10 * i, {"a": float(i), "b": -float(i)} if i % 2 else {"b": -float(i), "a": float(i)})
+        for i in range(40)
+    ]
+    rows += [(50 * i + 4, {"finger": 0.02}) for i in range(8)]
+    (tmp_path / "run.jsonl").write_text("\n".join(line(*row) for row in sorted(rows, key=lambda r: r[0])))
+    back = read(tmp_path / "run.jsonl")
+    np.testing.assert_allclose(back.t, 0.01 * np.arange(40), atol=1e-9)
+    np.testing.assert_array_equal(back["a.q"], np.arange(40.0))
+    np.testing.assert_array_equal(back["b.q"], -np.arange(40.0))
+    assert any("finger.q" in note for note in back.notes)
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3", "ros1"])

@@ -121,6 +121,13 @@ def separated(
     return out if len(out) > 1 else []
 
 
+def fresh(t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> NDArray[np.intp]:
+    """Return the messages that repeat no earlier one, stamp and numbers; arguments as of :func:`streams`."""
+    table = np.column_stack([np.asarray(x, dtype=float) for x in (t, *arrays.values())])
+    _, first = np.unique(table.view(f"V{table.itemsize * table.shape[1]}"), return_index=True)
+    return np.sort(first)
+
+
 def streams(name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> tuple[list[Group], list[str]]:
     """Return the groups of messages that share a topic, and what was done, in one sentence each.
 
@@ -131,9 +138,7 @@ def streams(name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> 
         t: time of each message [s].
         arrays: channels, NaN where a message does not hold them.
     """
-    table = np.column_stack([np.asarray(x, dtype=float) for x in (t, *arrays.values())])
-    _, first = np.unique(table.view(f"V{table.itemsize * table.shape[1]}"), return_index=True)
-    kept = np.sort(first)
+    kept = fresh(t, arrays)
     notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []
     rows = {name: t[kept], **{key: x[kept] for key, x in arrays.items()}}
     apart = separated(name, rows, known_rows(name, rows)[1])

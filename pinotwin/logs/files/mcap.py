@@ -79,9 +79,10 @@ def _content(tables: dict[str, Table], times: dict[str, list[int]], text: set[st
             arrays["t"] = np.array([s - stamps[0] for s in stamps], dtype=float) * 1e-9
             content.units[f"{prefix}t"] = "s"
             content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")
-        groups, notes = streams(topic, arrays.pop("t"), arrays)
-        t, channels, said = on_one_clock(groups, source)
-        content.notes += notes + said
-        for name, x in {"t": t, **channels}.items():
+        if len(arrays) > 1:
+            groups, notes = streams(topic, arrays.pop("t"), arrays)
+            t, channels, said = on_one_clock(groups, source)
+            arrays, content.notes = {"t": t, **channels}, [*content.notes, *notes, *said]
+        for name, x in arrays.items():
             content.add(prefix + name, x)
     return content

@@ -32,7 +32,7 @@ from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
-from pinotwin.logs.files.clocks import Group, on_one_clock, streams
+from pinotwin.logs.files.clocks import Group, fresh, on_one_clock, streams
 from pinotwin.logs.files.content import Content, damaged
 from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, stamp
 
@@ -78,8 +78,9 @@ class _Topic:
 
     @property
     def stamped(self) -> bool:
-        """Whether the headers carry a clock."""
-        return len(set(self.stamps)) > 0.5 * len(self.stamps)
+        """Whether the headers carry a clock: most messages that are not sent twice have a stamp of their own."""
+        sent = fresh(np.array(self.stamps, dtype=float), self.table.arrays())
+        return len(set(self.stamps)) > 0.5 * len(sent)
 
 
 def load(path: Path, source: str) -> Content:
