@@ -65,7 +65,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
     folded = {word.casefold(): word for word in reversed(words)}
     given = str(name).casefold()
     close = difflib.get_close_matches(given, folded, n=6, cutoff=0.5)
-    holding = sorted((w for w in folded if given and given in w), key=lambda w: (not w.startswith(given), w))
+    holding = sorted(
+        (w for w in folded if given and given in w), key=lambda w: (not w.startswith(given), len(w))
+    )
     near = [folded[word] for word in dict.fromkeys([*holding, *close])]
     hint = f"did you mean {near[0]!r}? " if near else ""
     if len(words) > MOST_WORDS:

@@ -286,7 +286,6 @@ TEXTS: list[tuple[str, Callable[[list[str]], list[str]], tuple[str, ...]]] = [
     ("a word", spoiled_line(500, lambda r: "abc" + r[r.index(",") :]), ("line 501", "'t'", "'abc'")),
     ("a cell too many", spoiled_line(500, lambda r: r + ",1"), ("line 501", "8 cells", "7")),
     ("cut off", lambda rows: [*rows[:-1], rows[-1][:20]], ("cut off", "delete this last line")),
-    ("pipes", lambda rows: [r.replace(",", "|") for r in rows], ("holds no numbers", "export")),
     ("unknown unit", spoiled_line(0, lambda r: r.replace("X.q,", "X.q [furlong],")), ("X.q",)),
 ]
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pinotwin.arrays import plain
 from pinotwin.cli import check as check_command
 from pinotwin.cli import inputs
 from pinotwin.cli import progress as bars
 from pinotwin.cli.main import COMMANDS, main
-from pinotwin.cli.output import plain, write_json
 from pinotwin.errors import InputError
-from pinotwin.system.writing import whole_folder, write_text
+from pinotwin.system.writing import whole_folder, write_json, write_text
 from pinotwin.twin import Twin
 from tests.rig import TRUTH, good_log, run, write_log, write_machine
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pinotwin.cli import output
+from pinotwin.system import writing
 from tests import kills
 from tests.rig import good_log, write_log, write_machine
 
@@ -38,5 +38,5 @@ def test_a_loss_would_be_seen(inputs: Path, tmp_path: Path, monkeypatch: pytest.
     """A command that writes straight to its target is caught by the full disk."""
     one = kills.Attack("check", inputs, tmp_path)
     assert one.full_disk()["lost"] == 0
-    monkeypatch.setattr(output, "write_text", lambda path, text: Path(path).write_text(text))
+    monkeypatch.setattr(writing, "write_text", lambda path, text: Path(path).write_text(text))
     assert one.full_disk()["lost"] == 1

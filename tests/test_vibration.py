@@ -235,7 +235,7 @@ def test_merge_puts_the_velocity_on_the_logs_clock() -> None:
 
 
 def test_document_is_plain_and_complete() -> None:
-    from pinotwin.cli.output import plain
+    from pinotwin.arrays import plain
 
     found, _ = two_runs_two_imus()
     text = json.dumps(plain(document(found)), allow_nan=False)

@@ -71,14 +71,13 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     """Say where logs and their model differ, which effects cause it, and how far the gap shrinks.
 
     Args:
-        subject: folder or object: a machine (its model is fitted to these logs and something is missing) or a twin
-            (identified earlier, and these logs no longer agree).
+        subject: a machine (what does its model lack?), a twin (what has changed since?), or the folder of one.
         log: servo log(s) or their files; those with the same command are repeats and give the noise.
         validate: log(s) that nothing is fitted to; the shrink is then stated on them.
         quick: one cause at most, and no trials for its confidence.
         report: called with the stage and the share done.
         seed: of everything random.
-        random_state: another name of ``seed``; give one of both.
+        random_state: another name of ``seed``.
         leave_out: effects of the catalogue that are not to be considered.
         effects: own effects to consider beside the catalogue: classes, or ``module:Class``.
         closed_loop: also look at the servo.
@@ -88,9 +87,8 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         LogError: a channel is missing or unusable.
         DataError: the logs hold too little.
     """
-    tell, seed = report or _silent, _seed(seed, random_state)
+    tell, seed, subject = report or _silent, _seed(seed, random_state), _subject(subject)
     tell("preparing the logs", 0.02)
-    subject = _subject(subject)
     logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
     c = compare(subject, logs, unseen)
     tell("candidates", 0.15)
@@ -99,26 +97,37 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     s = _searched(c, shown, leave_out, rules, tell, quick=quick)
     tell("how sure", 0.8)
     s, sure = _confirmed(s, shown, seed, rules, quick=quick)
-    found, pushed = s.found, s.pushed
-    sure_pushes = push_confidences(c, s.whole, pushed, np.random.default_rng([seed, 5]), rules)
-    account = Account(s.whole.first, found, sure, list(zip(pushed, sure_pushes, strict=True)), rules)
+    pushes = push_confidences(c, s.whole, s.pushed, np.random.default_rng([seed, 5]), rules)
+    account = Account(s.whole.first, s.found, sure, list(zip(s.pushed, pushes, strict=True)), rules)
     noise, kind = noise_levels(s.rest, rules)
     gaps = gap_table(s.rest, account.together, noise)
-    levels = {j: gaps[s.rest.machine.names[j]]["u"].rms for j in s.rest.new.joints}
-    named = [*effects_named(account, levels), *pushes_named(account, levels)]
-    named = with_encoders(named, measured, leave_out)
+    named = _plant_named(s, account, gaps, measured, leave_out)
     loops = _closed_loops(s, sure, named, leave_out, rules, tell, quick=quick) if closed_loop else _Loops()
-    named += servo_named(loops.turned)
     shaken = _shaken(subject, s.rest, np.random.default_rng([seed, 3]))
     others = {axis: {"ql": seen.gap} for axis, seen in measured.items()}
-    named = at_one_gap([*named, *shaken.effects], others | {x: {"v": g} for x, g in shaken.gaps.items()})
+    others |= {x: {"v": g} for x, g in shaken.gaps.items()}
+    named = at_one_gap([*named, *servo_named(loops.turned), *shaken.effects], others)
     result = _concluded(subject, account, gaps, kind, named, loops.gone, seed, quick)
     result = _with_encoders(_with_tracking(result, loops.tracked), measured)
     result = strayed(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
-    options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop}
-    options |= {"effects": [kind_of(e).name for e in effects]} if effects else {}
+    own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
+    options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
     made = provenance(subject, s.rest.logs, s.rest.validation, **options)
     return replace(result, provenance=made, logs=logs, validation=unseen)
+
+
+def _plant_named(
+    s: _Searched,
+    account: Account,
+    gaps: Mapping[str, Mapping[str, Gap]],
+    measured: Mapping[str, Seen],
+    leave_out: Sequence[str],
+) -> list[Found]:
+    """Return the causes that the effort and a second encoder show, with their sizes."""
+    levels = {j: gaps[s.rest.machine.names[j]]["u"].rms for j in s.rest.new.joints}
+    return with_encoders(
+        [*effects_named(account, levels), *pushes_named(account, levels)], measured, leave_out
+    )
 
 
 @dataclass(frozen=True)
