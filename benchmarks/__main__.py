@@ -6,6 +6,7 @@ python -m benchmarks imu_chain --runs 4   # one, with its own options
 python -m benchmarks evidence PART        # measure figures of README and docs again
 python -m benchmarks gate                 # questions that the diagnosis must not get wrong
 python -m benchmarks calibrate --dry      # its limits of false alarms, from healthy machines
+python -m benchmarks real                 # recordings of real machines, an effect withheld from the model
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ def main() -> int:
     words = sys.argv[1:]
     if words[:1] == ["evidence"]:
         return int(importlib.import_module("benchmarks.evidence").main(words[1:]) or 0)
-    if words[:1] in (["gate"], ["calibrate"]):
+    if words[:1] in (["gate"], ["calibrate"], ["real"]):
         return int(importlib.import_module("benchmarks.questions.__main__").main(words))
     named = [word for word in words if word in known]
     if words and not named:
-        sys.exit(f"no benchmark {words[0]!r}; there are evidence, gate, calibrate, {', '.join(known)}")
+        sys.exit(f"no benchmark {words[0]!r}; there are evidence, gate, calibrate, real, {', '.join(known)}")
     sys.argv[1:] = [word for word in words if word not in known]
     failed = []
     for name in named or known:

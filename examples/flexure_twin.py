@@ -9,6 +9,7 @@ command alone on unseen trajectories (Table C-1; the zones of Fig. 7-2) and on h
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,12 @@ from pinotwin.reconstruction import with_vibration
 from pinotwin.report import identification_report
 from pinotwin.simulation import wide_loops
 from pinotwin.simulation.score import compare as compared
-from pinotwin.virtual import VirtualMachine, rig_moves
+from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu
 from pinotwin.virtual.trajectories import random_trajectory
+
+sys.path.insert(0, str(Path(__file__).parent))
+import rig_moves
 
 SOURCE = {"Table 7-4": (6.19, 3.89, 4.19, 2.03), "Table C-2": (5.52, 6.63, 6.00, 4.02)}
 

@@ -69,7 +69,7 @@ def commands() -> Mapping[str, Command]:
         "blind": Command(
             lambda k: [
                 *("blind", "--machines", "emps", "--situations", "structure", "--cases", "1", "--quick"),
-                *("--seconds", "4", "--workers", "1", "--no-real", "--seed", str(k), "--out", "out"),
+                *("--seconds", "4", "--workers", "1", "--seed", str(k), "--out", "out"),
             ],
             ("out/bench.md", "out/bench.html"),
         ),

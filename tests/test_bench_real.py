@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pinotwin.bench.real import Given, Task, data_folder, line_of, real_lines
-from pinotwin.bench.real_tasks import TASKS
+from benchmarks.questions.__main__ import main
+from benchmarks.questions.real import Given, Line, Task, cells, data_folder, line_of, real_lines
+from benchmarks.questions.real_tasks import TASKS
 from pinotwin.dynamics.parameters import body_count
 
 
@@ -100,3 +101,16 @@ def test_what_is_withheld_of_the_robot_is_gone_and_nothing_else(data_dir):
 def test_a_task_says_where_it_is_right_for_any_axis():
     anywhere = Task("r", "w", ("ripple",), (), lambda folder: pytest.fail("not run"), "file")
     assert anywhere.is_right(("ripple", "A4"))
+
+
+def test_the_table_says_what_was_named_or_why_it_was_skipped(capsys, tmp_path):
+    named = Line(
+        "EMPS", "Coulomb friction", "explained: coulomb on X", "coulomb", "X", 0.9, 0.97, "validation", True
+    )
+    row = " | ".join(cells(named))
+    assert row == "EMPS | Coulomb friction | explained: coulomb on X | 0.90 | 0.97 (validation) | yes"
+    assert main(["real", "--data", str(tmp_path)]) == 0
+    head, _, *rows = capsys.readouterr().out.splitlines()
+    assert head.startswith("| recording | withheld |")
+    assert len(rows) == len(TASKS)
+    assert all("skipped: the recording is not at hand" in row for row in rows)

@@ -12,7 +12,6 @@ from benchmarks.floors import beaten, floor_scores
 from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, read_answer, same_class
 from pinotwin.bench.confusion import measured
-from pinotwin.bench.real import Line
 from pinotwin.bench.scoring import Bound, rows
 from pinotwin.bench.statistics import Share, calibration
 from pinotwin.bench.table import Bench, markdown
@@ -241,30 +240,13 @@ def bench():
         *(made(named=(STRIBECK,)) for _ in range(9)),
         dataclasses.replace(made(), verdict="error", error="ValueError: <oh>"),
     ]
-    real = [
-        Line(
-            "EMPS",
-            "Coulomb friction",
-            "explained: coulomb on X",
-            "coulomb",
-            "X",
-            0.9,
-            0.97,
-            "validation",
-            True,
-            True,
-        ),
-        Line("TX40", "gravity", skipped="the recording is not at hand"),
-    ]
-    return Bench(answers, 20, real)
+    return Bench(answers, 20)
 
 
 def test_the_table_in_markdown_and_json_says_the_same(bench):
     text, content = markdown(bench), json.loads(json.dumps(plain(bench.document())))
     assert "15 of 20 cases" in text
     assert "| healthy machine accused of anything | 50.0% | 1/2 | ≤ 5% | ≤ 2% | MISSED |" in text
-    assert "| EMPS | Coulomb friction | explained: coulomb on X | 0.90 | 0.97 (validation) | yes |" in text
-    assert "skipped: the recording is not at hand" in text
     row = next(r for r in content["scores"] if r["name"] == "healthy machine accused of anything")
     assert row["share"] == {"hits": 1, "of": 2}
     assert row["state"] == "below"
@@ -278,7 +260,6 @@ def test_the_page_holds_the_table_the_matrices_and_escapes(bench):
         "Scores",
         "What is taken for what",
         "How far a stated probability",
-        "Real recordings",
         "Diagnoses that broke off",
     ):
         assert title in page

@@ -96,7 +96,7 @@ def test_a_dead_worker_in_the_middle_changes_no_answer(cases, answers, tmp_path)
 
 def test_two_processes_on_one_folder_give_the_same_answers(tmp_path):
     words = ["blind", "--machines", "emps", "--situations", "structure", "--cases", "3", "--seconds", "4"]
-    words += ["--workers", "1", "--no-real", "--quick", "--out"]
+    words += ["--workers", "1", "--quick", "--out"]
     line = [sys.executable, "-m", "pinotwin.cli.main", *words, str(tmp_path / "one")]
     both = [subprocess.Popen(line, stdout=subprocess.DEVNULL) for _ in "ab"]
     assert main([*words, str(tmp_path / "alone")]) == 0
@@ -133,7 +133,6 @@ def test_the_command_writes_table_page_and_json(tmp_path, capsys):
         "4",
         "--workers",
         "1",
-        "--no-real",
         "--out",
         str(out),
     ]
@@ -155,7 +154,6 @@ def test_the_command_writes_table_page_and_json(tmp_path, capsys):
         (["--seconds", "1"], "--seconds: 1: expected 2 to 120"),
         (["--limit-minutes", "0"], "--limit-minutes: must be positive"),
         (["--machines", "nosuch"], "no machine 'nosuch'"),
-        (["--data", "/nowhere/at/all"], "--data: /nowhere/at/all: no such folder"),
     ],
 )
 def test_bad_arguments_are_refused(arguments, message, tmp_path, capsys):

@@ -16,9 +16,12 @@ from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
-from pinotwin.virtual import VirtualMachine, rig_moves
+from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.trajectories import random_trajectory
 from tests.simulated import known_twin
+from tests.test_examples import example
+
+rig_moves = example("rig_moves")
 
 NOISE = 2e-4  # [rad/s] of the vibration's velocity
 TRUE_DAMPING = 0.05

@@ -17,11 +17,13 @@ from pinotwin.log import Log
 from pinotwin.report import identification_report
 from pinotwin.simulation import wide_loops
 from pinotwin.twin import Twin
-from pinotwin.virtual import VirtualMachine, rig_moves
+from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.trajectories import random_trajectory
 from tests.conftest import ROOT
 from tests.test_examples import example
+
+rig_moves = example("rig_moves")
 
 SECONDS = 6.0
 

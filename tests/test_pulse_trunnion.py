@@ -6,10 +6,13 @@ import numpy as np
 
 from pinotwin.identification import identify
 from pinotwin.machine import Machine
-from pinotwin.virtual import VirtualMachine, rig_moves
+from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.trajectories import Trajectory, random_trajectory
 from pinotwin.virtual.truth import Pulse
 from tests.conftest import ROOT
+from tests.test_examples import example
+
+rig_moves = example("rig_moves")
 
 START = 1.5
 

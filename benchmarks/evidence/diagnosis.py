@@ -193,9 +193,7 @@ def bench(runs: Runs) -> list[Line]:
     ]
     folder = runs.out / "bench"
     exe = Path(sys.executable).parent / "pinotwin"
-    subprocess.run(
-        [str(exe), "blind", *words, "--no-real", "--out", str(folder)], check=True, stdout=subprocess.DEVNULL
-    )
+    subprocess.run([str(exe), "blind", *words, "--out", str(folder)], check=True, stdout=subprocess.DEVNULL)
     rows = {r["name"]: r for r in json.loads((folder / "bench.json").read_text(encoding="utf-8"))["scores"]}
     said = "pinotwin blind " + " ".join(words)
     wanted = (

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import pinotwin as pt
+from benchmarks.questions.real import data_folder
 from pinotwin.arrays import Floats
-from pinotwin.bench.real import data_folder
 
 
 def folder(name: str) -> Path:

@@ -15,7 +15,7 @@ from pathlib import Path
 import pinotwin as pt
 from benchmarks.evidence.real import folder, halves
 from benchmarks.evidence.store import Figure
-from pinotwin.bench.real_tasks import TASKS
+from benchmarks.questions.real_tasks import TASKS
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.errors import DataError
 from pinotwin.log import Log

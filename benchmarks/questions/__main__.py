@@ -44,10 +44,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gate.add_argument("--workers", type=int, default=2, help="processes (2)")
     gate.add_argument("--data", metavar="DIR", help="real recordings (default $PINOTWIN_DATA)")
     gate.add_argument("--work", metavar="DIR", help="keep twins and foreign cases here")
+    real = parts.add_parser("real", help="recordings of real machines, each with an effect withheld")
+    real.add_argument("--data", metavar="DIR", help="real recordings (default $PINOTWIN_DATA)")
     args = parser.parse_args(arguments)
     try:
         if args.what == "gate":
             return _gate(args)
+        if args.what == "real":
+            return _real(args)
         return _calibrate(args, ["calibrate", *_said(arguments)])
     except PinotwinError as error:
         sys.stderr.write(f"benchmarks: {error}\n")
@@ -110,6 +114,16 @@ def _gate(args: argparse.Namespace) -> int:
     seconds = time.perf_counter() - start
     sys.stdout.write(f"{len(results) - wrong} of {len(results)} right in {seconds:.0f} s\n")
     return int(wrong > 0 or (left > 0 and bool(os.environ.get("PINOTWIN_REQUIRE_DATA"))))
+
+
+def _real(args: argparse.Namespace) -> int:
+    from benchmarks.questions.real import HEAD, cells, data_folder, real_lines
+    from benchmarks.questions.real_tasks import TASKS
+
+    for row in (HEAD, ("---",) * len(HEAD), *map(cells, real_lines(data_folder(args.data), TASKS))):
+        sys.stdout.write(f"| {' | '.join(row)} |\n")
+        sys.stdout.flush()
+    return 0
 
 
 if __name__ == "__main__":

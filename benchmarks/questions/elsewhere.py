@@ -14,7 +14,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from pinotwin.bench.real import data_folder
+from benchmarks.questions.real import data_folder
 from pinotwin.errors import DataError
 
 FOREIGN = ("foreign.py", "faults.py", "real.py")

@@ -11,7 +11,6 @@ import numpy as np
 
 from pinotwin.bench.answers import Answer
 from pinotwin.bench.confusion import measured
-from pinotwin.bench.real import Line
 from pinotwin.bench.scoring import VISIBLE, Bound, Row, confidence, rows
 from pinotwin.bench.statistics import Calibration, Share
 
@@ -25,12 +24,10 @@ class Bench:
     Attributes:
         answers: what was said.
         planned: cases that were to be run.
-        real: lines of real recordings.
     """
 
     answers: Sequence[Answer]
     planned: int
-    real: Sequence[Line] = ()
 
     @property
     def visible(self) -> list[Answer]:
@@ -65,7 +62,6 @@ class Bench:
             "scores": [_plain_row(row) for row in self.rows()],
             "calibration": None if found is None else dataclasses.asdict(found),
             "confusion": measured(self.visible),
-            "real": [dataclasses.asdict(line) for line in self.real],
             "seconds": self.seconds(),
             "errors": [{"case": a.number, "error": a.error} for a in self.answers if a.error],
             "answers": [{**dataclasses.asdict(a), "is_right": a.right()} for a in self.answers],
@@ -95,24 +91,9 @@ def markdown(bench: Bench) -> str:
             for r in bench.rows()
         ],
     )
-    if bench.real:
-        out += ["", "## Real recordings", ""]
-        out += _table(REAL_HEAD, [real_cells(line) for line in bench.real])
     out += ["", "## Confusion, singles with rho ≥ 0.1", "", *_confusion(bench)]
     times = ", ".join(f"{k} {v:.1f} s" for k, v in bench.seconds().items())
     return "\n".join([*out, "", f"Mean time of a case: {times}.", ""])
-
-
-REAL_HEAD = ("recording", "withheld", "named", "confidence", "held-out shrink", "right")
-
-
-def real_cells(line: Line) -> tuple[str, ...]:
-    """Return the cells of one line of real data."""
-    if line.skipped:
-        return (line.recording, line.withheld, f"skipped: {line.skipped}", "", "", "")
-    shrink = "" if line.shrink is None else f"{line.shrink:.2f} ({line.on})"
-    sure = "" if line.confidence is None else f"{line.confidence:.2f}"
-    return (line.recording, line.withheld, line.said, sure, shrink, "yes" if line.right else "NO")
 
 
 def _confusion(bench: Bench) -> list[str]:

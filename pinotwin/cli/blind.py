@@ -43,18 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn (0)")
     parser.add_argument("--quick", action="store_true", help="screen only, in every diagnosis")
-    parser.add_argument("--no-real", action="store_true", help="leave the real recordings out")
-    parser.add_argument(
-        "--data", metavar="DIR", help="real recordings (default $PINOTWIN_DATA, or ../shared/data)"
-    )
     add_common(parser, out="folder for bench.html, bench.md, bench.json and cases.jsonl", required=True)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the bench and write its table."""
     from pinotwin.bench.cases import MACHINES, draw_cases, some
-    from pinotwin.bench.real import data_folder, real_lines
-    from pinotwin.bench.real_tasks import TASKS
     from pinotwin.bench.run import Plan, run_bench
     from pinotwin.bench.table import Bench, markdown
     from pinotwin.report.blind import bench_page
@@ -66,9 +60,7 @@ def run(args: argparse.Namespace) -> int:
     plan = Plan(folder, args.seconds, args.workers, args.limit_minutes, args.quick)
     with progress() as report:
         answers = run_bench(cases, plan, report)
-        tasks = () if args.no_real else TASKS
-        real = list(real_lines(data_folder(args.data), tasks, report))
-    bench = Bench(answers, len(cases), real)
+    bench = Bench(answers, len(cases))
     content, text = bench.document(), markdown(bench)
     write_json(folder / "bench.json", content)
     write_text(folder / "bench.md", text)
@@ -92,5 +84,3 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError("--limit-minutes: must be positive")
     if args.seed < 0:
         raise InputError("--seed: must not be negative")
-    if args.data is not None and not Path(args.data).is_dir():
-        raise InputError(f"--data: {args.data}: no such folder")

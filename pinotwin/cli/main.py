@@ -46,7 +46,7 @@ EXAMPLES: dict[str, str] = {
     "diagnose": "pinotwin diagnose twin today.csv today2.csv --validate other.csv --out found",
     "force": "pinotwin force twin today.csv --out force.csv",
     "compare": "pinotwin compare twin_march twin_june --log today.csv --out moved",
-    "blind": "pinotwin blind --machines emps --cases 4 --quick --no-real --out bench",
+    "blind": "pinotwin blind --machines emps --cases 4 --quick --out bench",
     "vibration": "pinotwin vibration flexure_rig --servo s.csv --imu i.csv --out vib.csv",
     "orientation": "pinotwin orientation imu.csv --out orientation.csv",
     "record": "pinotwin record trunnion --seconds 24 --inject viscous:Y=0.2 --out log.csv",

@@ -1,4 +1,4 @@
-"""The report of the withheld bench: the table, what is confused with what, calibration, real data.
+"""The report of the withheld bench: the table, what is confused with what, calibration.
 
 It shows what is wrong as plainly as what is right: a figure below its bound is marked, and the confusion
 matrix is published as it is.
@@ -42,7 +42,6 @@ def bench_page(bench: Scored) -> Page:
     page = page.section("How far a stated probability can be trusted", *_calibration(d))
     dots = Plot(rho_figure(d["answers"]), "Every single effect", "Each mark is one case.")
     page = page.section("By size of the gap", dots)
-    page = page.section("Real recordings", *_real(d))
     return page.section("Diagnoses that broke off", *_errors(d))
 
 
@@ -124,22 +123,6 @@ def _calibration(d: Mapping[str, Any]) -> list[Block]:
             note,
         )
     ]
-
-
-def _real(d: Mapping[str, Any]) -> list[Block]:
-    rows = []
-    for x in d["real"]:
-        if x["skipped"]:
-            rows.append([x["recording"], x["withheld"], f"skipped: {x['skipped']}", "", "", ""])
-            continue
-        shrink = "–" if x["shrink"] is None else f"{x['shrink']:.2f} ({x['on']})"
-        sure = "–" if x["confidence"] is None else f"{x['confidence']:.2f}"
-        mark = chip("right", "good") if x["right"] else chip("wrong", "bad")
-        rows.append([x["recording"], x["withheld"], x["said"], sure, shrink, mark])
-    if not rows:
-        return []
-    header = ("recording", "withheld from the model", "said", "confidence", "held-out shrink", "")
-    return [table(header, rows, numeric=(3, 4))]
 
 
 def _errors(d: Mapping[str, Any]) -> Sequence[Block]:

@@ -101,19 +101,14 @@ def data_folder(given: str | Path | None = None) -> Path | None:
     return path if path.is_dir() else None
 
 
-def real_lines(
-    folder: Path | None, tasks: Sequence[Task], report: Callable[[str, float], None] | None = None
-) -> Iterator[Line]:
+def real_lines(folder: Path | None, tasks: Sequence[Task]) -> Iterator[Line]:
     """Yield one line per task.
 
     Args:
         folder: of the recordings, None where there are none.
         tasks: what to run.
-        report: called with the stage and the share done.
     """
-    for count, task in enumerate(tasks):
-        if report is not None:
-            report(f"{task.recording}: {task.withheld}", count / len(tasks))
+    for task in tasks:
         missing = folder is None or not (folder / task.file).exists()
         if folder is None or missing:
             yield Line(task.recording, task.withheld, skipped="the recording is not at hand")
@@ -155,3 +150,15 @@ def judged(task: Task, found: Diagnosis, seconds: float) -> Line:
         flags[0],
         seconds,
     )
+
+
+HEAD = ("recording", "withheld", "named", "confidence", "held-out shrink", "right")
+
+
+def cells(line: Line) -> tuple[str, ...]:
+    """Return the cells of a line, under those of :data:`HEAD`."""
+    if line.skipped:
+        return (line.recording, line.withheld, f"skipped: {line.skipped}", "", "", "")
+    shrink = "" if line.shrink is None else f"{line.shrink:.2f} ({line.on})"
+    sure = "" if line.confidence is None else f"{line.confidence:.2f}"
+    return (line.recording, line.withheld, line.said, sure, shrink, "yes" if line.right else "NO")

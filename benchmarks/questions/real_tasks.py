@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import qr
 
-from pinotwin.bench.real import Given, Task
+from benchmarks.questions.real import Given, Task
 from pinotwin.dynamics.base import BaseParameters
 from pinotwin.dynamics.parameters import body_count, parameter_count, parameter_names
 from pinotwin.dynamics.regressor import regressor
