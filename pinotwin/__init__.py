@@ -11,8 +11,9 @@ as a machine, a pandas table as a log, and arrays of shape (n, nv) become one by
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Servo  Vibration
 Commands:  new  check  identify  simulate  diagnose  force  compare  vibration  export  record  study  view
-Verbs:     read  prepare  resample  decompose  machines  export_twin; of their own: Machine.load .save  Log.from_arrays
-           Twin.load .simulate .predict .residual .plot .report .save  Diagnosis.save .plot .report .repaired .apply
+Verbs:     read  prepare  resample  decompose  machines  export_twin  reconstruct_vibration; of their own:
+           Machine.load .save  Log.from_arrays  Twin.load .simulate .predict .residual .plot .report .save
+           Diagnosis.save .plot .report .repaired .apply
 Table:     EFFECTS (every effect by name)
 Errors:    PinotwinError > InputError > LogError, MachineError, DataError, TwinError
 
