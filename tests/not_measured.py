@@ -57,13 +57,20 @@ NOT_MEASURED: dict[str, tuple[str, ...]] = {
     ),
     "machine.md": ("1 % of its top speed",),
     "many_logs.md": ("takes about 1 GB",),
+    "README.md": (
+        "cause and axis named first | 18 of 35 |",  # of the withheld bench, held by tests/test_docs.py
+        "most effects below 1 % of the effort",
+        "both named | 2 of 8 |",
+        "as unknown | 5 of 9 |",
+        "accused | 0 of 26 |",
+        "right | 3 of 29 |",  # imitations of public reports
+    ),
     "record.md": ("from 1 % to 100 %", "10, 50, 200 µm"),
     "simulate.md": (
         "by 5 % or 0.2 % of the signal",
         "their 90 % intervals",
         "still misses 20 % of the tracking error",
     ),
-    "tutorial_cnc.md": ("11 of 11 base parameters",),
     "vibration.md": (
         "CAD inertias are 10 to 20 % off",
         "| hammer, 32 deg |",

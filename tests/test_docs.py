@@ -17,6 +17,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
+def text_of(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
 def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
 
@@ -99,13 +103,30 @@ def test_effects_page_is_what_the_effects_say():
     assert written == module.page(), "run `make docs`"
 
 
-def test_readme_lists_every_command_and_machine():
+def test_the_docs_list_every_command_and_machine():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert "docs/commands.md" in readme
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     for command in COMMANDS:
-        assert f"pinotwin {command}" in readme
+        assert f"pinotwin {command}" in page
     machine_page = (ROOT / "docs" / "machine.md").read_text(encoding="utf-8")
     for name in pt.machines():
         assert f"`{name}`" in machine_page
+
+
+def test_the_readme_says_what_the_withheld_bench_says():
+    """The counts of withheld effects are those of docs/bench_results.md, the bench's own table."""
+    table = dict(
+        re.findall(r"^\| ([^|]+?) \| (\d+ of \d+) \|$", text_of("docs/bench_results.md"), re.MULTILINE)
+    )
+    rows = {
+        "effect withheld: cause and axis named first": "top-1, rho ≥ 0.1",
+        "two effects withheld: both named": "both of two, weaker rho ≥ 0.1",
+        "effect outside the catalogue: recognised as unknown": "outside the catalogue recognised",
+        "healthy machine accused": "healthy machine accused of anything",
+    }
+    for row, measured in rows.items():
+        assert f"| {row} | {table[measured]} |" in text_of("README.md")
 
 
 def test_the_site_builds_without_a_warning(tmp_path, monkeypatch):
