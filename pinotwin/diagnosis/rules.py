@@ -1,9 +1,8 @@
 """Every threshold of a decision, in one place: what it means, its unit, its value.
 
 Those in :data:`DERIVED` are limits of false alarms that ``python -m benchmarks calibrate`` derives from
-healthy machines of several kinds and writes here. The others were set by hand on healthy and faulty cases of
-another simulator (random machines 200 to 207, a trunnion) and of real logs (LWR4, Panda, EMPS, faults of seed 7);
-what was seen on those cases is said where it decided a value.
+healthy machines of several kinds and writes here. The others were set on healthy and faulty logs of simulated
+and real machines.
 """
 
 from __future__ import annotations
@@ -23,14 +22,13 @@ class Rules:
     settles: float = 0.2
     """[s] After a command has stopped, an axis still slides to its place."""
     starting: float = 0.25
-    """[s] As a log begins an axis may swing though its command has not moved it yet: that is not asked about. By hand:
-    a weight that fell into its spring as the drive was switched on (foreign driller 895) rang for so long."""
+    """[s] As a log begins an axis may swing though its command has not moved it yet: that is not judged."""
     trembling: float = 0.05
     """[of the top speed] An axis that is no faster while its command stands rests: dry friction holds any effort up
-    to its level there. Healthy machines of another simulator are shaken at 0.02 by their other axes."""
+    to its level there."""
 
     runs_change: float = 1.3
-    """[misfits] RMS by which two runs of one command may differ (over sqrt 2); two of the same LWR4 reach 0.93."""
+    """[misfits] RMS by which two runs of one command may differ (over sqrt 2)."""
     runs_structure: float = 1.15
     """[of what is left of both] The same where the machine was fitted to both: it then lies between them, and no
     fault brings more than sqrt 2."""
@@ -38,15 +36,12 @@ class Rules:
     """[of the effort's variation] What a good model of a healthy axis leaves: the floor of a structure question."""
 
     unsure: float = 3.0
-    """[standard errors] Of the twin's effort, by which it may be off beside its misfit where it has hardly been: on
-    healthy logs of other motions a trunnion's twin of one short log is off by up to 3.6 in all."""
+    """[standard errors] Of the twin's effort, by which it may be off beside its misfit where it has hardly been."""
 
     knows: float = 0.95
-    """[of the effort's variation] Misfit from which a twin knows nothing of an axis: it explains less than a tenth of
-    its power. By hand: of a mill at 10 Hz with three digits it left 0.97 of Y, where the next log was "viscous"."""
+    """[of the effort's variation] Misfit from which a twin knows nothing of an axis."""
     guessed: float = 3.0
-    """[of the largest on the twin's own rows] Standard error of its effort from which a row is not judged. By hand: a
-    motor identified on slow turns (ODrive) was asked about the jerk at the beginning of another, which was a push."""
+    """[of the largest on the twin's own rows] Standard error of its effort from which a row is not judged."""
     guessed_size: float = 0.5
     """[misfits] Least that this error is."""
 
@@ -56,98 +51,81 @@ class Rules:
     share: float = 0.10
     """[of the squared residual] Least that a change closes on rows not fitted, of the joints it acts on."""
     share_structure: float = 0.2
-    """The same for what a machine lacks, of the squared residual without its noise if repeats tell it: nothing closes
-    that, and it is half and more of what a good model leaves."""
+    """The same for what a machine lacks, of the squared residual without its noise if repeats tell it."""
     share_played: float = 0.35
-    """The same for play and springs: stepped along the measured motion they look like whatever a small axis leaves. Of
-    26 healthy machines of another simulator two reach 0.2 and 0.28, play and springs that are there 0.42 and more."""
+    """The same for play and springs: stepped along the measured motion they look like whatever a small axis leaves."""
     noise_part: float = 0.5
-    """[of the squared residual] Most of it that counts as noise there. By hand: where all of it was noise (foreign 810,
-    axes of coarse encoders), play and springs that are none closed 3 and 6 %; what was missing closed 13 % and more."""
+    """[of the squared residual] Most of it that counts as noise there."""
     strength_change: float = 12.0
     """[squared standard errors per number] Least size of a change against the twin's own logs."""
     strength_structure: float = 12.0
     """The same for what a machine lacks."""
     size_structure: float = 0.011
-    """[of the effort's variation] Least that what a machine lacks closes of its axis' effort, RMS. Of 53 healthy
-    machines (own and foreign) one needs 0.009 (EMPS) and three 0.005 to 0.007, for a delay of a sample; with the
-    share taken without the noise one of 25 needs 0.010."""
+    """[of the effort's variation] Least that what a machine lacks closes of its axis' effort, RMS."""
     turning: float = 0.02
     """[of the effort's variation] The same for what friction keeps in mind as it turns round (presliding, hysteresis),
-    which a model of dry friction always misses a little. By hand: a healthy trunnion shows 0.0175 (own bench 26, case
-    31), ten foreign machines with presliding 0.0246 and more."""
+    which a model of dry friction always misses a little."""
     turning_share: float = 0.75
-    """[of the squared residual without its noise] Less than that is named if it closes this: the trunnion's closes
-    0.55, an axis with presliding of 0.014 all (random933)."""
+    """[of the squared residual without its noise] Less than that is named if it closes this."""
     cycle: float = 0.5
-    """[of the log's step] Least delay that is missing in a machine. By hand: a drive holds its effort over a cycle, so
-    that what is logged leads by half of one, and a log's step is one cycle at least."""
+    """[of the log's step] Least delay that is missing in a machine: a drive holds its effort over a cycle, so that what
+    is logged leads by half of one, and a log's step is one cycle at least."""
     longest_cycle: float = 7.5e-4
-    """[s] Most that is asked so: no drive's cycle is longer than 1.5 ms, however slow the log. By hand: healthy axes
-    lead by 0.5 ms at most, and an effort 2.2 ms early at 200 Hz (random891) closed 0.83 of its axis' gap."""
+    """[s] Most that is asked so, however slow the log: half of a drive's longest cycle."""
     complete: float = 0.45
     """[of the squared residual without its noise] A cause that closes more than this of what repeats share is named
-    though it is smaller than `excess` and `size_structure` ask for: nothing else is there. Not friction about rest,
-    which differs from run to run by as much (0.92); of 46 healthy machines of another simulator others close 0.34,
-    where certain, and friction at speed nothing (two drags of 0.8 and 0.6 % close 0.53 and 0.66, random896, 897)."""
+    though it is smaller than `excess` and `size_structure` ask for. Not friction about rest, which differs from run to
+    run by as much."""
     complete_strength: float = 100.0
-    """[squared standard errors per number] Least size of such a cause: an offset that closes 0.37 there reaches 9."""
+    """[squared standard errors per number] Least size of such a cause."""
     complete_size: float = 0.004
     """[of the effort's variation] Least that it closes, RMS."""
     complete_numbers: int = 6
     """Most numbers that it has: a table or a curve closes what it likes."""
     size_change: float = 0.005
-    """The same for a change, whose twin knows its misfit: for so little nobody stops a machine. No healthy twin of 16
-    foreign and 13 own machines needs it beside the misfit."""
+    """The same for a change, whose twin knows its misfit: for so little nobody stops a machine."""
     excess: float = 0.86
-    """[squared misfit per row] Least that a change closes: nothing smaller than the misfit itself is named. Another
-    run of the same LWR4 reaches 0.81, faults that raise its residual by half 1.1."""
+    """[squared misfit per row] Least that a change closes: nothing smaller than the misfit itself is named."""
     scatter: float = 0.05
     """[of an axis' friction, RMS] Change of friction, or of what follows no law, that is not named: by so much friction
     differs from run to run of one machine, and a twin of one log cannot know how much."""
     scatter_part: float = 0.5
     """[of what such a change closes] Least that the twin's own friction closes where it is not named, each part of it
-    scaled in every run. By hand: friction that goes with the load closed 0.88 of a gap, a higher level 0.1 (own bench
-    24)."""
+    scaled in every run."""
     as_good: float = 0.97
     """[of the best gain] A candidate with fewer numbers that reaches this is taken instead."""
     as_good_most: float = 30.0
     """[squared misfits per row, of a change] Most that a candidate which is no relative of the best may leave more than
-    it, however large the gap: the weight of a load is 0.98 of its gap, and the rest, 400 of these, is its inertia."""
+    it, however large the gap."""
     met: float = 1.2
     """[squared misfits per row, of a change] A cause that leaves less than this leaves what the twin does anyway."""
     as_good_left: float = 0.2
-    """The same as `as_good_most` where the best is such a cause. By hand: a load of 9 kg on a vertical axis (random833)
-    leaves 1.00, an effort that is scaled 1.28 of it; a gap of 2.6 misfits is held to as much by `as_good`."""
+    """The same as `as_good_most` where the best is such a cause."""
     as_good_kin: float = 0.92
     """The same where it is a relative of the best, or an effect beside a pattern of few numbers."""
     as_good_curve: float = 0.6
     """The same for an effect beside a pattern that is a free curve."""
     outdone: float = 3.0
     """[standard deviations of trials] So far must the gain of a richer relative lie off what the simpler one would have
-    left to it. Viscous friction that falls with time on Panda, joint 6, lies 8 off quadratic drag."""
+    left to it."""
     nearer: float = 0.5
     """[of that distance] Most that it may lie off what the richer one's own trials leave."""
     least_spread: float = 0.01
     """[of the logarithm of the gains' ratio] Trials that agree better tell no more."""
     least_left: float = 0.06
-    """[squared misfits per row] The same of what the richer one closes more, where it leaves what the twin does anyway:
-    what `least_spread` is of a gap of two and a half misfits. The weight of a load of 9 kg (random833) is 0.9985 of its
-    gap, and the rest 0.57 of these."""
+    """[squared misfits per row] The same of what the richer one closes more, where it leaves what the twin
+    does anyway."""
     rich: int = 8
     """[numbers] From here a cause is a table or a curve, which two plain ones together may stand for."""
     first_part: float = 0.5
-    """[of its gain] Least that the first of these two closes. Both by hand: two ripples of random834 and 890 passed for
-    a table; the true tables of random830 and 890 and of LWR4 stay such."""
+    """[of its gain] Least that the first of these two closes."""
     second_share: float = 0.1
     """[of the squared gap] Least that a further cause closes on an axis that has one: less is its form."""
     second_share_kin: float = 0.3
-    """The same for an effect that the first one imitates: play that is modelled imperfectly leaves 0.2 that looks
-    like a delay."""
+    """The same for an effect that the first one imitates."""
     second_part: float = 0.5
     """[of what the causes found so far leave of the axis, squared] A further one that closes more than this is none of
-    their forms' traces, however large the first gap was; no relative of them. By hand: an effort scaled by some percent
-    closes 0.7 of what a delay leaves of 11 misfits (own bench 22)."""
+    their forms' traces, however large the first gap was; no relative of them."""
     second_rows: float = 3.0
     """[squared misfits per row] Least that it closes then."""
     needless: float = 0.1
@@ -160,15 +138,13 @@ class Rules:
     habit_unit: float = 0.5
     """[misfits] Unit of a push beside a habit at least: how much of a habit differs from run to run is not known."""
     push: float = 2.2
-    """[of the twin's own largest window] Least squared sum over length of all pushes on an axis. Single pushes on a
-    Panda reach 2.9 to 3.5; 20 healthy foreign machines are silent at 2.2."""
+    """[of the twin's own largest window] Least squared sum over length of all pushes on an axis."""
     push_also: float = 2.0
-    """The same of each: a healthy run of the same robot reaches 1.6."""
+    """The same of each."""
     push_strong: float = 2.0
-    """[misfits] Mean force from which a push is named although it lasts a moment; scatter of friction reaches 1.5."""
+    """[misfits] Mean force from which a push is named although it lasts a moment."""
     push_long: float = 1.5
-    """[misfits] The same of pushes that close more than the misfit in all: friction that scatters from run to run by
-    1 % of the effort stands at 1.1 for seconds, both ways."""
+    """[misfits] The same of pushes that close more than the misfit in all."""
     push_short: float = 0.25
     """[s] Shorter pushes must be twice as strong."""
     push_better: float = 1.1
@@ -178,59 +154,47 @@ class Rules:
     push_moving: float = 0.2
     """[of a push's rows] Least at which the axis moves: at rest dry friction holds any effort up to its level."""
     push_size: float = 0.0125
-    """[of the effort's variation] Least that pushes close, RMS. By hand: two of 20 healthy foreign machines reached
-    0.0106 and 0.0122, single pushes on real robots 0.0134 and more."""
+    """[of the effort's variation] Least that pushes close, RMS."""
     push_often: float = 2.0
-    """[1/s] More pushes than that are a vibration: an axis that rings on its spring shows 2.5, eight pushes on a log of
-    ten seconds 0.8."""
+    """[1/s] More pushes than that are a vibration."""
     push_swings: float = 0.5
-    """[of the pushes] Of a machine more go to and fro in a shock or a vibration. By hand: play on another axis shook
-    one for a seventh of a second (foreign 973: 0.87), pushes that were put in reach 0.13."""
+    """[of the pushes] Of a machine more go to and fro in a shock or a vibration."""
     most_of_time: float = 0.9
     """[of the rows] Pushes that fill more than this are no episodes."""
 
     law_holds: float = 0.35
     """[of the effort's variation] A law that leaves more on the own logs is not that controller's."""
     law_unsure: float = 0.1
-    """[of the effort's variation] Standard error of what the own law foretells from which it says nothing. By hand: the
-    halves of one log of a KR300 had "feedback gains -0.1 of what they were"; the law is unsure by 0.34 and more there,
-    of axes of foreign machines by 0.005 at most."""
+    """[of the effort's variation] Standard error of what the own law foretells from which it says nothing."""
     law_worse: float = 2.5
     """[of what it left on the own logs] From here the law no longer holds."""
     law_part: float = 0.35
     """[of the law's squared residual, held out] Share from which feedback or feed-forward gains alone have changed
-    although the law leaves less than that in all. Axes of 22 healthy foreign machines reach 0.176, changed gains 0.5
-    and more; a plant that changed reaches 0.84, but with a common factor on all gains."""
+    although the law leaves less than that in all."""
     law_level: float = 0.03
-    """[of the effort's variation] Least that a changed servo leaves of the law. Feedback gains raised by a quarter
-    leave 0.09, by a factor of 0.7 leave 0.3 to 0.43; a feed-forward changed by 8 % of the effort leaves 0.05.
-    Changes of the plant leave up to 0.25: which of them it is, the shares below say."""
+    """[of the effort's variation] Least that a changed servo leaves of the law. Changes of the plant leave some too:
+    which of them it is, the shares below say."""
     law_scaled: float = 1.1
     """[of what other feedback gains leave] A common factor on all gains that leaves no more than this is chosen:
-    controllers that are tuned to their load take a payload up so. Changed feedback alone leaves twice as much."""
+    controllers that are tuned to their load take a payload up so."""
     law_broken: float = 0.2
     """[of the effort's variation] Least that is left of the law at a limit of the drive."""
     law_gone: float = 1.0
-    """[of the effort's variation] From here a law that no change of the servo explains is said to be gone: other
-    causes leave 0.25 of it at most, drives at a limit 200 and more."""
+    """[of the effort's variation] From here a law that no change of the servo explains is said to be gone."""
     law_forward: float = 0.96
-    """[of the law's squared residual beyond the own one] Share that the feed-forward alone must close: of what one
-    changed leaves it closes 0.99 and more, of what an effort that is scaled leaves 0.94, of play, springs and bodies
-    0.92."""
+    """[of the law's squared residual beyond the own one] Share that the feed-forward alone must close."""
     law_share: float = 0.8
     """The same for the feedback gains."""
     law_turned: float = 0.05
-    """[of what it was] Least by which a gain has changed. By hand: pushes that excite what a law has besides its gains
-    left "feedback gains 1.011 of what they were" on a foreign axis; gains that were turned are off by 0.2 and more."""
+    """[of what it was] Least by which a gain has changed."""
     retuned: float = 0.7
     """[of the squared tracking error beside the simulated one] Share that one factor on some gains closes, held out,
-    from which they have changed although noise hides it in the effort. Changed ones close 0.99, healthy axes 0.07."""
+    from which they have changed although noise hides it in the effort."""
     left_behind: float = 5.0
     """[of the own tracking error] From here an axis runs off its command."""
     other_state: float = 0.5
     """[of the gap over the effort's variation in the diagnosed logs] A validation log with less on an axis that
-    nothing explains may be of before the change. Advice only: a healthy trunnion beside one whose viscous friction
-    is four times what it was shows a quarter."""
+    nothing explains may be of before the change. Advice only."""
     less_than_before: float = 0.9
     """[of the own largest effort] An axis that does not go with its command at all has met a limit only if its effort
     stays below this: else its command may be in another unit."""
@@ -243,14 +207,11 @@ class Rules:
     """[noise of one row] The same, RMS; of a change no less than what the own logs leave either."""
 
     open_change: float = 1.8
-    """[misfit and noise together] What stays of a gap beyond this is open; another run of LWR4 reaches 1.5."""
+    """[misfit and noise together] What stays of a gap beyond this is open."""
     open_structure: float = 0.085
-    """[of the effort's variation, without the noise] The same for a machine, by hand: of 53 axes of 16 healthy foreign
-    machines one reaches 0.055, and half as much again; small axes of real robots (Panda, LWR4), whose cables and gears
-    no listed effect has, leave 0.2 to 0.9."""
+    """[of the effort's variation, without the noise] The same for a machine."""
     open_tracking: float = 6.0
-    """[misfits] The same for the tracking error, simulated from the command, and for motor against load: of 95 axes of
-    23 healthy foreign machines one reaches 4.8 (an axis that stuck otherwise), the others 3.5; and a quarter more."""
+    """[misfits] The same for the tracking error, simulated from the command, and for motor against load."""
     asked_tracking: float = 2.0
     """[misfits] Tracking error from which it is asked whether gains have changed, where nothing else is found."""
     odd: float = 1.5
@@ -268,7 +229,7 @@ class Rules:
     vibration_gap: float = 0.35
     """[of the noise's power] Power above the noise that counts as a gap of a passive joint."""
     vibration_form: float = 0.1
-    """[of the vibration's RMS] What a twin may be off by without a name; healthy virtual rigs reach 0.06."""
+    """[of the vibration's RMS] What a twin may be off by without a name."""
     vibration_share: float = 0.2
     """[of the gap's power above the noise] Least that another spring must take away."""
     vibration_moved: float = 4.0

@@ -39,7 +39,7 @@ class LoopModel:
         sections: first- and second-order parts of the characteristic polynomial [rad/s].
         residues: on the unit-gain section states per input (disturbances, then velocity of the
             command), then on velocity and acceleration of the command, shape (ny, nc), SI.
-        fit: how it was found; None for a model made by hand.
+        fit: how it was found; None for a model that was not fitted.
     """
 
     axis: str

@@ -11,7 +11,7 @@ variables), while motion cut off costs nothing but information, since the effort
 same filter. Nor does the corner exceed twice the frequency below which the widest axis has
 99.99 % of its acceleration power, where the filter still passes 99.6 %, unless that is above a fifth of the
 rate: beyond there is nothing but noise of the effort.
-In any case 99 % of every axis' velocity power stays, for the friction's sake. The
+Always 99 % of every axis' velocity power stays, for the friction's sake. The
 spectrum is taken of the second difference, so that slow motion does not leak into weak high
 frequencies, and averaged over half octaves, so that a line is no edge.
 Measured: EMPS 130 Hz (its authors took 100), TX40 43 Hz, LWR4 7.6 Hz, Panda 34 Hz. The effort has no say: between

@@ -160,7 +160,7 @@ def load(folder: Path) -> Twin:
 
 
 def _check_digests(path: Path, content: dict[str, Any], machine: Machine) -> None:
-    """Refuse a twin that was changed by hand, or whose files come from different runs."""
+    """Refuse a twin that was edited, or whose files come from different runs."""
     if content.get("digest") != _digest(content):
         raise TwinError(
             f"{path}: damaged twin (changed after it was saved: its digest differs); identify it again"
