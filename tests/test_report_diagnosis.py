@@ -16,6 +16,7 @@ from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.conclusion.sizes import times_text, told
 from pinotwin.diagnosis.conclusion.where import telling
 from pinotwin.diagnosis.grade import KIND
+from pinotwin.diagnosis.phrases import EFFECTS, region_words
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size, Traces
 from pinotwin.effects import EFFECTS as KNOWN
 from pinotwin.log import Log
@@ -23,7 +24,6 @@ from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
 from pinotwin.report.diagnosis_plots import bars
 from pinotwin.report.diagnosis_verdict import headline
-from pinotwin.report.plain_words import EFFECTS, region_words
 from pinotwin.viewer.gap import gap_page
 from tests.test_report import figures, read
 

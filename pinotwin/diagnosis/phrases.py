@@ -1,13 +1,14 @@
-"""Plain words for the effects and regions of a diagnosis, for readers who do not build models."""
+"""What a diagnosis is told in: names of effects, grades, regions and the direction of a change, in plain English."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
-from pinotwin.diagnosis.result import Region
+from pinotwin.diagnosis.result import Region, Size
 from pinotwin.effects import EFFECTS as TABLE
-from pinotwin.report.display import number
+from pinotwin.effects import known
 
 EFFECTS = {
     **{name: effect.words for name, effect in TABLE.items()},
@@ -29,8 +30,10 @@ KINDS = {
 
 
 def effect_words(name: str) -> str:
-    """Return an effect's name without underscores."""
-    return name.replace("_", " ")
+    """Return an effect's title as it stands inside a sentence."""
+    kind = known().get(name)
+    title = name.replace("_", " ") if kind is None else kind.title
+    return title[:1].lower() + title[1:]
 
 
 def on_axis(name: str, axis: str | None) -> str:
@@ -38,10 +41,22 @@ def on_axis(name: str, axis: str | None) -> str:
     return effect_words(name) if axis is None else f"{effect_words(name)} on axis {axis}"
 
 
+def moved(sizes: Sequence[Size]) -> str:
+    """Return which way the numbers of a cause went: rose, fell, appeared, or changed where they disagree."""
+    ways = {_way(abs(s.before), abs(s.after)) for s in sizes}
+    return ways.pop() if len(ways) == 1 else "changed"
+
+
+def _way(before: float, after: float) -> str:
+    if before == 0.0 or math.isinf(before):
+        return "appeared"
+    return "rose" if after > before else "fell" if after < before else "changed"
+
+
 def label_words(label: str) -> str:
-    """Return a label of a confusable group, ``Y.coulomb`` -> ``coulomb on axis Y``."""
+    """Return a label of a confusable group, ``Y.coulomb`` -> ``dry friction on axis Y``."""
     if label == "base model":
-        return "what the model already holds"
+        return "the reference model"
     axis, dot, name = label.partition(".")
     return on_axis(name, axis) if dot else effect_words(label)
 
@@ -63,9 +78,8 @@ def plain_sentence(text: str) -> str:
     """Return a sentence of a diagnosis with effects and patterns in plain words."""
     for pattern, words in PATTERNS.items():
         text = text.replace(pattern, words)
-    for name in EFFECTS:
-        text = text.replace(name, effect_words(name))
-    return text
+    names = "|".join(name for name in TABLE if "_" in name)
+    return re.sub(rf"\b({names})\b", lambda found: effect_words(found[0]), text)
 
 
 def joined(words: Sequence[str]) -> str:
@@ -104,5 +118,5 @@ def shop_range(region: Region) -> tuple[str, str, str]:
         factor, unit = 180.0 / math.pi, f"°{slash}{tail}"
     low, high = (factor * x for x in region.range)
     places = max(0, 2 - math.floor(math.log10(max(abs(low), abs(high), 1e-9))))
-    first, last = (number(round(x, places) + 0.0) for x in (low, high))
+    first, last = (f"{round(x, places) + 0.0:.3g}" for x in (low, high))
     return first, last, unit
