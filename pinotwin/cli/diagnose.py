@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 
 OTHERWISE = {"none": "chance", "unknown": "a cause in no catalogue"}
-NAMES = {"u": "residual", "e": "tracking error", "v": "vibration", "ql": "twist"}
 LIKELY = 0.05  # probability from which another cause is worth a line on the terminal
 
 
@@ -189,7 +188,7 @@ def where_lines(found: Diagnosis) -> list[str]:
     from pinotwin.diagnosis.phrases import region_words
 
     return [
-        f"where: {r.share:.0%} of {r.axis}'s squared {NAMES.get(r.signal, r.signal)} is {region_words(r)} "
+        f"where: {r.share:.0%} of the residual variance of {r.axis}.{r.signal} lies {region_words(r)} "
         f"({max(r.time_share, 0.01):.0%} of the {'band' if r.kind == 'frequency' else 'time'})"
         for r in telling(found.where, [str(e.axis) for e in found.effects])[:3]
     ]

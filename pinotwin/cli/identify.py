@@ -121,9 +121,7 @@ def summary(twin: Twin) -> list[str]:
         rows.append([name, *map(_percent, (row["fit"], held["nrmse"], held["nrmse_std"])), *apart])
     rows.append(["all", _percent(quality["relative_error"]), "", "", "", ""])
     lines += columns(("axis", "fit", "held out", "of std", "in motion", "at rest"), rows)
-    lines.append(
-        "fit, held out: RMS error / RMS effort; of std: RMS error / standard deviation of the effort"
-    )
+    lines.append("fit, held out: RMS error / RMS effort; of std: over its standard deviation")
     if sizes:
         lines.append("in motion, at rest: RMS residual on held-out data, moving and at standstill")
     lines += _leads(quality)

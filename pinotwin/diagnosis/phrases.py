@@ -7,15 +7,10 @@ import re
 from collections.abc import Sequence
 
 from pinotwin.diagnosis.result import Region, Size
-from pinotwin.effects import EFFECTS as TABLE
 from pinotwin.effects import known
 
-EFFECTS = {
-    **{name: effect.words for name, effect in TABLE.items()},
-    "rotor_inertia": "the motor's own inertia, felt through the gear, is not in the model",
-    "gravity": "weight that the model does not have",
-}
-"""Effect -> what it is on the machine."""
+SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
+"""Signal -> its name."""
 
 KINDS = {
     "time": "time in the log",
@@ -31,8 +26,7 @@ KINDS = {
 
 def effect_words(name: str) -> str:
     """Return an effect's title as it stands inside a sentence."""
-    kind = known().get(name)
-    title = name.replace("_", " ") if kind is None else kind.title
+    title = known()[name].title if name in known() else name.replace("_", " ")
     return title[:1].lower() + title[1:]
 
 
@@ -63,22 +57,12 @@ def label_words(label: str) -> str:
 
 def explanation(name: str) -> str:
     """Return what an effect is on the machine; empty for one that is not listed."""
-    return EFFECTS.get(name, "")
-
-
-PATTERNS = {
-    "time-periodic at": "a vibration that repeats in time, at",
-    "event-like": "short events",
-    "coloured, without a simple pattern": "slowly changing, without a simple pattern",
-}
-"""How a diagnosis describes a remainder -> plain words."""
+    return known()[name].words if name in known() else ""
 
 
 def plain_sentence(text: str) -> str:
-    """Return a sentence of a diagnosis with effects and patterns in plain words."""
-    for pattern, words in PATTERNS.items():
-        text = text.replace(pattern, words)
-    names = "|".join(name for name in TABLE if "_" in name)
+    """Return a sentence of a diagnosis with the titles of effects in place of their names."""
+    names = "|".join(name for name in known() if "_" in name)
     return re.sub(rf"\b({names})\b", lambda found: effect_words(found[0]), text)
 
 
@@ -97,13 +81,13 @@ def region_words(region: Region) -> str:
         way = "backward" if region.range[1] <= 0 else "forward" if region.range[0] >= 0 else ""
         return f"at speeds of {span}" + (f" ({way})" if way else "")
     if region.kind == "frequency" and region.range[0] == 0.0:
-        return f"as slow changes, below {high} {unit}"
+        return f"in slow changes, below {high} {unit}"
     return {
         "time": f"{span} into the log",
         "position": f"between positions {span}",
         "acceleration": f"at accelerations of {span}",
         "load": f"while the motor gives {span}",
-        "frequency": f"as vibration of {span}",
+        "frequency": f"in vibration at {span}",
         "other_axis": f"while axis {region.other} moves",
     }.get(region.kind, f"{region.kind} {span}")
 

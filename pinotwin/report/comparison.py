@@ -103,7 +103,7 @@ def _gap_series(found: Diagnoses) -> list[Block]:
                 line={"width": 1.5},
             )
         )
-        figure.update_yaxes(title="gap of the effort [%]", rangemode="tozero")
+        figure.update_yaxes(title="residual of the effort [%]", rangemode="tozero")
         plots.append(Plot(style(figure, 240, legend=False), f"Axis {axis}", "RMS over the RMS of the effort"))
     return [Group(tuple(plots[k : k + 2])) for k in range(0, len(plots), 2)]
 

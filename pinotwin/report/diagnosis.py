@@ -19,6 +19,7 @@ from pinotwin.diagnosis.conclusion.where import telling
 from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.phrases import (
     KINDS,
+    SIGNALS,
     explanation,
     joined,
     label_words,
@@ -49,7 +50,6 @@ from pinotwin.report.diagnosis_evidence import evidence_panels
 from pinotwin.report.diagnosis_machine import machine_block
 from pinotwin.report.diagnosis_plots import bars, density, shrink_figure, signal_name, signal_scale
 from pinotwin.report.diagnosis_verdict import (
-    SIGNALS,
     axis_cards,
     ground,
     headline,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pinotwin.diagnosis.conclusion.sizes import first_text, times_text, told
 from pinotwin.diagnosis.grade import KIND, MEANING, Grade, printed
-from pinotwin.diagnosis.phrases import effect_words, joined, moved, on_axis, plain_sentence
+from pinotwin.diagnosis.phrases import SIGNALS, effect_words, joined, moved, on_axis, plain_sentence
 from pinotwin.diagnosis.result import Diagnosis, Found, Shrink
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -17,7 +17,6 @@ from pinotwin.report.diagnosis_plots import signal_scale
 from pinotwin.twin import Twin
 
 MOST = 3  # causes and axes that the headline speaks of
-SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
 SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
 """From the grade that matters most on."""
 

@@ -29,7 +29,7 @@ def judged(row: Mapping[str, Any]) -> tuple[Mapping[str, float], str]:
     """Return the errors of an axis on data that were not fitted, and what data those are."""
     if row.get("validation"):
         return row["validation"], "On the validation log"
-    return row.get("held_out") or {}, "On stretches of the log that were held out in turn"
+    return row.get("held_out") or {}, "Cross-validated on the log"
 
 
 def known(row: Mapping[str, Any], name: str) -> float:

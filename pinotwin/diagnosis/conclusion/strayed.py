@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from pinotwin.diagnosis.grade import OPEN, stays
+from pinotwin.diagnosis.phrases import SIGNALS
 from pinotwin.diagnosis.result import Diagnosis, Gap, Verdict
 
 
@@ -41,9 +42,6 @@ def strayed(found: Diagnosis) -> Diagnosis:
     verdict: Verdict = "partly_explained" if found.effects else "unexplained"
     sentence = ". ".join([*before, *said])
     return replace(found, verdict=verdict, sentence=sentence, unexplained=unexplained)
-
-
-SIGNALS = {"u": "effort", "e": "tracking error", "ql": "motor against load", "v": "vibration"}
 
 
 def _said(axis: str, signal: str, times: float, found: Diagnosis) -> str:
