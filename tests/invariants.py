@@ -128,7 +128,7 @@ def _sizes(d: Document) -> Iterator[str]:
 def _rivals(d: Document) -> Iterator[str]:
     for e in _effects(d):
         for a in e["alternatives"]:
-            shares = [int(x) / 100 for x in re.findall(r"closes (-?\d+)\s?%", a.get("why", ""))]
+            shares = [int(x) / 100 for x in re.findall(r"explains (-?\d+)\s?%", a.get("why", ""))]
             if not all(0.0 <= x <= 1.0 for x in (a.get("share", 0.0), a.get("probability", 0.0), *shares)):
                 yield f"a rival's share 0..1: {a['effect']} on {a['axis']}, {a['why']}"
             own = e["shrink"].get("u")
@@ -152,5 +152,5 @@ def _sentence(d: Document) -> Iterator[str]:
         return
     for e in d["effects"][:4]:
         first = next((x for x in e["shrink"].values() if isinstance(x, Mapping)), None)
-        if first is not None and f"closes {max(first['share'], 0.0):.0%} of" not in d["sentence"]:
+        if first is not None and f"explains {max(first['share'], 0.0):.0%} of" not in d["sentence"]:
             yield f"the sentence's share: {e['effect']} on {e['axis']} {first['share']:.3f}"

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
+from pinotwin.diagnosis.phrases import explanation, plain_sentence
 from pinotwin.effects import EFFECTS, Coulomb, Viscous, told
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.hysteresis import Hysteresis
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
-from pinotwin.report.plain_words import explanation, plain_sentence
 from pinotwin.simulation import respond
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from tests.motions import multisine

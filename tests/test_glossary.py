@@ -12,10 +12,11 @@ import pytest
 
 import pinotwin
 from pinotwin.cli import diagnose, each
-from pinotwin.diagnosis.grade import MEANING, Grade
+from pinotwin.diagnosis import phrases
+from pinotwin.diagnosis.grade import MEANING, Grade, printed
 from pinotwin.diagnosis.result import Verdict
 from pinotwin.logs.quality.results import Severity
-from pinotwin.report import blind, plain_words, simulation, verdict
+from pinotwin.report import blind, simulation, verdict
 from pinotwin.simulation.run import FORMS
 from pinotwin.twin.parameters import verdict as parameter_verdict
 
@@ -36,6 +37,7 @@ PRINTED = {
     *(words for words, _ in blind.STATES.values()),
     each.FAILED,
 }
+PRINTED |= {printed(word) for word in PRINTED}
 
 
 def chips() -> set[str]:
@@ -65,7 +67,7 @@ def test_grades_mean_what_the_page_says() -> None:
 
 
 def test_other_words_of_an_answer_are_explained() -> None:
-    for word in (*diagnose.OTHERWISE.values(), *plain_words.KINDS.values()):
+    for word in (*diagnose.OTHERWISE.values(), *phrases.KINDS.values()):
         assert word in TEXT, word
 
 

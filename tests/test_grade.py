@@ -61,7 +61,7 @@ def test_an_axis_that_follows_otherwise_than_its_twin_is_no_unchanged_one():
     assert strayed(quiet) is quiet
     off = strayed(diagnosed("none", 6.7))
     assert (off.verdict, off.unexplained) == ("unexplained", {"X": {"e": 1.0}})
-    assert off.sentence.startswith("X follows its command otherwise than its twin (6.7 times")
+    assert off.sentence.startswith("X follows its command unlike its twin: the tracking error is 6.7 times")
     assert off.grade("X", "e") == "not explained"
 
 

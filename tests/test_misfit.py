@@ -140,7 +140,7 @@ def test_the_sentence_speaks_of_the_axis_that_is_open_and_not_of_the_noisiest(tw
     nothing = Found((), None, (), searcher, searcher)
     found = judge(c, nothing, {"Y": {"u": noisy}, "A": {"u": open_one}}, [])
     assert (found.verdict, list(found.unexplained)) == ("unexplained", ["A"])
-    assert found.sentence.startswith("The gap of A (20.0% of its effort)")
+    assert found.sentence.startswith("No known effect explains the residual of A (20.0% of its effort)")
 
 
 def test_an_axis_that_goes_only_where_its_twin_has_never_been_is_not_judged(twin: pt.Twin) -> None:

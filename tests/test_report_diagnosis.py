@@ -15,7 +15,8 @@ from pinotwin.cli.diagnose import cause_lines, gap_lines
 from pinotwin.diagnosis import Diagnosis
 from pinotwin.diagnosis.conclusion.sizes import times_text, told
 from pinotwin.diagnosis.conclusion.where import telling
-from pinotwin.diagnosis.grade import KIND
+from pinotwin.diagnosis.grade import KIND, printed
+from pinotwin.diagnosis.phrases import explanation, region_words
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size, Traces
 from pinotwin.effects import EFFECTS as KNOWN
 from pinotwin.log import Log
@@ -23,7 +24,6 @@ from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
 from pinotwin.report.diagnosis_plots import bars
 from pinotwin.report.diagnosis_verdict import headline
-from pinotwin.report.plain_words import EFFECTS, region_words
 from pinotwin.viewer.gap import gap_page
 from tests.test_report import figures, read
 
@@ -105,7 +105,7 @@ def test_every_verdict_makes_a_whole_page_that_loads_nothing(given: Diagnosis) -
 
 def test_the_headline_names_cause_axis_size_and_data() -> None:
     first = headline(EXPLAINED)[0]
-    assert "quadratic drag on axis Y, b2 12 N·s²/m²" in first
+    assert "Y: quadratic drag is missing from the model, b2 12 N·s²/m²." in first
     assert (
         "from 5 to 3.4 N RMS, by the share that goes on the validation log, to which nothing was fitted"
         in first
@@ -114,12 +114,12 @@ def test_the_headline_names_cause_axis_size_and_data() -> None:
     assert "on new.csv, to which" in headline(replace(EXPLAINED, provenance={"logs": logs}))[0]
     hint = replace(found(), shrink={"u": replace(SHRINK, share=-0.1)})
     assert "does not shrink" in headline(replace(EXPLAINED, effects=[hint]))[0]
-    assert headline(replace(EXPLAINED, situation="change"))[0].startswith("Changed: ")
+    assert headline(replace(EXPLAINED, situation="change"))[0].startswith("Y: quadratic drag appeared, b2 ")
     assert "Nothing is missing" in headline(diagnosis())[0]
-    assert "nothing has changed" in headline(replace(diagnosis(), situation="change"))[0]
+    assert "no change found" in headline(replace(diagnosis(), situation="change"))[0]
     assert "axis Y, and no effect" in headline(UNEXPLAINED)[0]
-    assert any("stay without a cause" in line for line in headline(PARTLY))
-    assert not any("stay without a cause" in line for line in headline(EXPLAINED))
+    assert any("remain unexplained" in line for line in headline(PARTLY))
+    assert not any("remain unexplained" in line for line in headline(EXPLAINED))
 
 
 def test_a_tracking_error_without_a_cause_is_told_only_where_no_cause_is_named() -> None:
@@ -137,7 +137,7 @@ def test_one_grade_in_card_plot_text_and_json() -> None:
         for axis, row in given.gap.items():
             word = given.grade(axis, "u")
             assert given.to_dict()["gap"][axis]["u"]["grade"] == word
-            assert f"Axis {axis}, motor effort: {word}" in page
+            assert f"Axis {axis}, motor effort: {printed(word)}" in page
             card = page[page.index(f"<h3>Axis {axis}</h3>") :]
             assert card.index(f">{word}</span>") < min(
                 (card.index(f">{w}</span>") for w in KIND if w != word and f">{w}</span>" in card),
@@ -182,17 +182,17 @@ def test_an_untested_chance_is_not_stated_and_what_confidence_means_is_said() ->
     page = diagnosis_report(replace(EXPLAINED, where=[band]))
     (row,) = [r for r in read(page).rows if r and "slow changes, below 1 Hz" in " ".join(r)]
     assert row[-1] == "–"
-    assert "this cause was put into what the model leaves anyway" in page
+    assert "when it is injected into the residual" in page
 
 
 def test_the_bars_show_what_is_known() -> None:
     assert [(b.name, b.value) for b in bars(GAP, acts=True)] == [
-        ("gap today", 5.0),
+        ("residual today", 5.0),
         ("with the causes", 3.1),
         ("noise", 3.0),
     ]
     known = replace(GAP, misfit=2.0, noise=0.0)
-    assert [b.name for b in bars(known, acts=False)] == ["gap today", "own misfit"]
+    assert [b.name for b in bars(known, acts=False)] == ["residual today", "validation error"]
 
 
 def test_regions_of_the_cause_come_first_and_slow_changes_last() -> None:
@@ -238,7 +238,7 @@ def test_many_numbers_become_a_few() -> None:
 def test_an_effort_that_had_no_limit_is_told_as_none_and_the_json_is_strict() -> None:
     limit = Size("saturation.limit", math.inf, 3.2, "N·m", (3.1, math.inf))
     limited = diagnosis("explained", effects=[replace(found("saturation", "A"), size=[limit])])
-    (line,) = [x for x in cause_lines(limited) if "limit" in x]
+    (line,) = [x for x in cause_lines(limited) if "limit none" in x]
     assert line.split("limit ")[1] == "none -> 3.2 N·m (90 %: 3.1 and more)"
     page = diagnosis_report(limited)
     rows = read(page).rows
@@ -251,8 +251,8 @@ def test_an_effort_that_had_no_limit_is_told_as_none_and_the_json_is_strict() ->
 def test_names_are_escaped_and_alternatives_shown() -> None:
     page = diagnosis_report(EXPLAINED)
     assert "<b>little</b>" not in page
-    assert "viscous thermal on axis Y (7%): &lt;b&gt;little" in page
-    assert "coulomb asymmetric on axis Y and what the model already holds" in page
+    assert "warming on axis Y (7%): &lt;b&gt;little" in page
+    assert "dry friction by direction on axis Y and the reference model" in page
     assert "advice_speeds_Y.csv" in page
 
 
@@ -305,8 +305,7 @@ def test_with_the_log_the_gap_is_drawn_against_speed_and_position() -> None:
 
 
 def test_every_effect_of_the_yaml_has_plain_words() -> None:
-    assert set(KNOWN) <= set(EFFECTS)
-    assert all("_" not in words for words in EFFECTS.values())
+    assert all(explanation(name) and "_" not in explanation(name) for name in KNOWN)
 
 
 def test_the_machine_page_is_the_same_from_run_to_run_and_says_the_grades() -> None:
@@ -318,4 +317,4 @@ def test_the_machine_page_is_the_same_from_run_to_run_and_says_the_grades() -> N
     given = replace(EXPLAINED, subject=machine)
     pages = [gap_page(given, machine, Log(channels)) for _ in range(2)]
     assert pages[0] == pages[1]
-    assert "Y gap explained" in pages[0]
+    assert "Y explained" in pages[0]

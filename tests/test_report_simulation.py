@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pinotwin.cli.main import main
+from pinotwin.diagnosis.grade import printed
 from pinotwin.log import Log
 from pinotwin.report.simulation import GRADES, expected_error, grade_of, simulation_report
 from pinotwin.viewer.rerun import write_recording
@@ -62,7 +63,7 @@ def test_a_known_error_is_stated_and_graded(twin, predicted, share: float, word:
     row = rows["A", "tracking error"]
     assert float(row[3].split()[0]) == pytest.approx(100 * share, rel=0.03)
     assert row[6] == "2.0 %"
-    assert row[7] == word
+    assert row[7] == printed(word)
     assert grade_of(share, 0.02) == word
 
 

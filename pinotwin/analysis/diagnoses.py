@@ -55,11 +55,11 @@ class Diagnoses(Compared):
             if len(found) == len(self.labels):
                 common.append(name)
             else:
-                single.append(f"{name} only in {', '.join(found)}")
+                single.append(f"Only {', '.join(found)}: {name}")
         if not common and not single:
             return "No diagnosis names a cause."
-        shared = f"Found in all: {', '.join(common)}" if common else "No cause is found in all"
-        return f"{shared}; {'; '.join(single)}." if single else f"{shared}."
+        shared = [f"Found in all: {', '.join(common)}"] if common else []
+        return ". ".join([*shared, *single]) + "."
 
     def _shown(self) -> Shown:
         rows = [(f"{effect} on {axis}", ", ".join(found)) for (effect, axis), found in self.causes.items()]

@@ -124,7 +124,7 @@ def external_effort(twin: Twin, log: Log) -> ExternalEffort:
         DataError: the twin does not know its misfit.
     """
     if twin.misfit is None:
-        raise DataError(f"{twin.machine.name}: this twin does not know its own misfit; identify it again")
+        raise DataError(f"{twin.machine.name}: this twin has no validation error; identify it again")
     motion = twin.motion(log)
     residual = -twin.residual(motion)
     inside, unsure = motion.inside, _unsure(twin, motion, twin.misfit.motion)

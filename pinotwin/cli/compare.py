@@ -87,6 +87,7 @@ def _labels(subjects: list[str]) -> list[str]:
 
 def moved_lines(found: Comparison) -> list[str]:
     """Return what moved between twins, and how well each predicts."""
+    from pinotwin.diagnosis.grade import printed
     from pinotwin.report.comparison import effort_grade
 
     lines = [found.sentence]
@@ -96,6 +97,8 @@ def moved_lines(found: Comparison) -> list[str]:
         lines.append(f"  {row.name:<{width}}  {told} {row.unit}  (± {1.6449 * row.change_error:.2g})")
     for axis, signals in found.errors.items():
         for signal, held in signals.items():
-            told = ", ".join(f"{row['nrmse']:.1%} {effort_grade(row)}".strip() for row in held.values())
+            told = ", ".join(
+                f"{row['nrmse']:.1%} {printed(effort_grade(row))}".strip() for row in held.values()
+            )
             lines.append(f"  {axis} {signal} error: {told}")
     return [*lines, *(f"note: {n}" for n in found.notes)]

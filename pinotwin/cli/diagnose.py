@@ -37,8 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="LOG",
-        help="log of the same state as LOG that nothing is fitted to; the shrink is stated on it (without "
-        "one: on parts of LOG, kept back in turn)",
+        help="log of the same state as LOG, not used to fit; the reduction is stated on it (without one: "
+        "cross-validated on LOG)",
     )
     add_resample(parser)
     parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
@@ -127,16 +127,17 @@ def summary(found: Diagnosis) -> list[str]:
 
     lines = [f"{found.machine}: {found.verdict.replace('_', ' ')}", *headline(found)]
     if found.quick:
-        lines.append("quick: screened only, not checked again")
+        lines.append("quick: candidates screened, not verified")
     lines += ["", *gap_lines(found), "", *cause_lines(found), *where_lines(found)]
     lines += [f"warning: {text}" for text in found.warnings]
     if found.noise == "assumed":
-        lines.append("noise: assumed (no repeats of a command among the logs)")
+        lines.append("noise: assumed (no command was recorded twice)")
     return lines + [f"next: {text}" for text in next_lines(found)]
 
 
 def gap_lines(found: Diagnosis) -> list[str]:
-    """Return the table of the gaps, each with its unit and its grade."""
+    """Return the table of the residuals, each with its unit and its grade."""
+    from pinotwin.diagnosis.grade import printed
     from pinotwin.report.diagnosis_plots import signal_scale
     from pinotwin.report.diagnosis_verdict import rotary_axes
 
@@ -146,8 +147,8 @@ def gap_lines(found: Diagnosis) -> list[str]:
         for signal, g in row.items():
             scale = signal_scale(signal, rotary.get(axis, False), g.rms)
             sizes = [_with_unit(x, scale) for x in (g.rms, g.after, g.misfit, g.noise or float("nan"))]
-            rows.append([f"{axis}.{signal}", *sizes, found.grade(axis, signal)])
-    return columns(("RMS", "gap", "after", "misfit", "noise", "grade"), rows, left=(0, 5))
+            rows.append([f"{axis}.{signal}", *sizes, printed(found.grade(axis, signal))])
+    return columns(("RMS", "residual", "with causes", "validation", "noise", "grade"), rows, left=(0, 5))
 
 
 def _with_unit(x: float, scale: Scale) -> str:
@@ -157,6 +158,7 @@ def _with_unit(x: float, scale: Scale) -> str:
 def cause_lines(found: Diagnosis) -> list[str]:
     """Return every cause, named or possible, with its size, its confidence and what else it could be."""
     from pinotwin.diagnosis.conclusion.sizes import interval_text, size_text, times_text, told
+    from pinotwin.diagnosis.phrases import on_axis
 
     lines = []
     for e in (*found.effects, *found.possible):
@@ -164,10 +166,10 @@ def cause_lines(found: Diagnosis) -> list[str]:
             f"{size_text(s)} (90 %: {interval_text(s)}{_factor(times_text(s))})" for s in told(e.size)[:3]
         ]
         word = "possible" if e in found.possible else "effect"
-        lines.append(f"{word}: {e.axis or 'machine'}.{e.effect}, confidence {e.confidence:.0%}")
+        lines.append(f"{word}: {on_axis(e.effect, e.axis)}, confidence {e.confidence:.0%}")
         lines += [f"        {text}" for text in sizes]
         others = ", ".join(
-            OTHERWISE.get(a["effect"]) or f"{a['axis'] or 'machine'}.{a['effect']}"
+            OTHERWISE.get(a["effect"]) or on_axis(a["effect"], a["axis"])
             for a in e.alternatives
             if a.get("probability", 0.0) >= LIKELY
         )
@@ -181,23 +183,24 @@ def _factor(text: str) -> str:
 
 
 def where_lines(found: Diagnosis) -> list[str]:
-    """Return where in motion and time the gap lies."""
+    """Return where in motion and time the residual lies."""
     from pinotwin.diagnosis.conclusion.where import telling
-    from pinotwin.report.plain_words import region_words
+    from pinotwin.diagnosis.phrases import region_words
 
     return [
-        f"where: {r.share:.0%} of the squared gap of {r.axis}.{r.signal} in {max(r.time_share, 0.01):.0%} of the "
-        f"{'band' if r.kind == 'frequency' else 'time'}: {region_words(r)}"
+        f"where: {r.share:.0%} of the residual variance of {r.axis}.{r.signal} lies {region_words(r)} "
+        f"({max(r.time_share, 0.01):.0%} of the {'band' if r.kind == 'frequency' else 'time'})"
         for r in telling(found.where, [str(e.axis) for e in found.effects])[:3]
     ]
 
 
 def next_lines(found: Diagnosis) -> list[str]:
     """Return what a person can do next, at the machine first."""
+    from pinotwin.diagnosis.phrases import on_axis
     from pinotwin.effects import EFFECTS
 
     lines = [
-        f"{e.axis or 'machine'}.{e.effect}: {EFFECTS[e.effect].remedy}"
+        f"{on_axis(e.effect, e.axis)}: {EFFECTS[e.effect].remedy}"
         for e in found.effects
         if e.effect in EFFECTS
     ]

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="LOG",
-        help="log to judge on, not used to fit (without one: parts of LOG, kept back in turn)",
+        help="log to validate on, not used to fit (without one: cross-validated on LOG)",
     )
     parser.add_argument("--no-loop", action="store_true", help="identify the open loop only")
     parser.add_argument(
@@ -121,9 +121,9 @@ def summary(twin: Twin) -> list[str]:
         rows.append([name, *map(_percent, (row["fit"], held["nrmse"], held["nrmse_std"])), *apart])
     rows.append(["all", _percent(quality["relative_error"]), "", "", "", ""])
     lines += columns(("axis", "fit", "held out", "of std", "in motion", "at rest"), rows)
-    lines.append("fit, held out: error norm / effort norm; of std: over its standard deviation")
+    lines.append("fit, held out: RMS error / RMS effort; of std: over its standard deviation")
     if sizes:
-        lines.append("in motion, at rest: RMS left of these logs, on parts that were not fitted")
+        lines.append("in motion, at rest: RMS residual on held-out data, moving and at standstill")
     lines += _leads(quality)
     for warning in [*quality.get("preparation", ()), *quality["warnings"]]:
         lines.append(f"note: {warning}")
@@ -138,10 +138,8 @@ def _leads(quality: Mapping[str, Any]) -> Iterator[str]:
             f"{name} {1e3 * row['lead']:.2f} ± {1.96e3 * row['standard_error']:.2f}"
             for name, row in found.items()
         )
-        done = (
-            "taken out" if any(row["applied"] for row in found.values()) else "left in, for the closed loop"
-        )
-        yield f"lead of the effort ahead of the position [ms], {done}: {each}"
+        done = "corrected" if any(row["applied"] for row in found.values()) else "kept for the closed loop"
+        yield f"time by which the effort leads the position [ms], {done}: {each}"
 
 
 def _size(x: float | None, unit: str) -> str:

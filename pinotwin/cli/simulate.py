@@ -27,9 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(black), or those with the vibration of a passive joint as output; "
         "without it, the form that predicted held-out data best",
     )
-    parser.add_argument(
-        "--step", type=float, metavar="S", help="longest internal step (as the loops ask for)"
-    )
+    parser.add_argument("--step", type=float, metavar="S", help="longest internal step (as the loops need)")
     parser.add_argument(
         "--report", metavar="FILE", help="also write a page: predicted beside measured (.html)"
     )

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"of {', '.join(KINDS)}; all without",
     )
     parser.add_argument("--axis", nargs="+", default=[], metavar="AXIS", help="these axes; all without")
-    text = "seconds of the first log in which the tracking error is told apart by cause"
+    text = "seconds of the first log in which the tracking error is split by cause"
     parser.add_argument("--window", metavar="LOW,HIGH", help=text)
     add_effects(parser)
     add_common(parser, out="folder for study.html and a CSV file per study", required=True)

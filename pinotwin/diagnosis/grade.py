@@ -25,13 +25,13 @@ Grade = Literal[
 ]
 
 MEANING: dict[Grade, str] = {
-    "agrees": "the gap is no larger than the noise",
-    "within misfit": "more than noise, but no more than the model left on its own logs",
-    "above misfit": "somewhat more than the model left on its own logs, too little to look for a cause",
-    "gap explained": "the named causes close the gap down to what the model leaves anyway",
-    "partly explained": "the named causes close a part of the gap; the rest is larger than what the model leaves",
-    "not explained": "larger than what the model leaves, and no named cause closes it",
-    "not judged": "nothing is known that the gap could be compared with",
+    "agrees": "the residual is no larger than the noise",
+    "within misfit": "above the noise, but no larger than the twin's validation error",
+    "above misfit": "somewhat above the twin's validation error, too little to search for a cause",
+    "gap explained": "the named causes reduce the residual to noise and validation error",
+    "partly explained": "the named causes explain part of the residual; the rest is above the validation error",
+    "not explained": "above the validation error, and no named cause explains it",
+    "not judged": "no noise level or validation error to compare the residual with",
 }
 """Grade -> what it says."""
 
@@ -45,6 +45,18 @@ KIND: dict[Grade, str] = {
     "not judged": "",
 }
 """Grade -> colour of its chip."""
+
+_PRINTED = {
+    "within misfit": "as in validation",
+    "above misfit": "above validation",
+    "far above misfit": "far above validation",
+    "gap explained": "explained",
+}
+
+
+def printed(grade: str) -> str:
+    """Return the words that people read for a grade: its own, or plainer ones."""
+    return _PRINTED.get(grade, grade)
 
 
 OPEN: tuple[Grade, ...] = ("not explained", "partly explained")

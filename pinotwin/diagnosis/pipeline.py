@@ -344,14 +344,14 @@ def _concluded(  # noqa: PLR0913, what one call has found out
 
 
 def _untold(named: Sequence[Found]) -> list[str]:
-    """Return what to do where these logs do not tell a payload's mass or centre."""
+    """Return what to do where these logs do not determine a payload's mass or centre."""
     out = []
     for e in named:
         open_ones = undetermined(e.size) if e.effect == "payload" else []
         if open_ones:
             out.append(
-                f"these logs do not tell the {' and the '.join(open_ones)} of the payload on {e.axis}: turn its "
-                "link under gravity, or accelerate it along other axes"
+                f"these logs do not determine the {' and the '.join(open_ones)} of the payload on {e.axis}; turn "
+                "its link under gravity, or accelerate it along other axes"
             )
     return out
 

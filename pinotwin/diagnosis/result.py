@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pinotwin.arrays import Floats, plain
-from pinotwin.diagnosis.grade import Grade, grade
+from pinotwin.diagnosis.grade import Grade, grade, printed
 from pinotwin.effects import Effect
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -306,12 +306,12 @@ class Diagnosis(Drawn):
                 f"{g.after:.4g}",
                 f"{g.misfit:.3g}",
                 f"{g.noise:.3g}",
-                self.grade(a, s),
+                printed(self.grade(a, s)),
             )
             for a, row in self.gap.items()
             for s, g in row.items()
         ]
-        columns = ("RMS, SI", "gap", "after", "misfit", "noise", "grade")
+        columns = ("RMS, SI", "residual", "with causes", "validation", "noise", "grade")
         return f"Diagnosis of {self.machine}: {self.verdict}", columns, rows, self.sentence
 
     def apply(self, folder: str | Path) -> Path:

@@ -198,7 +198,7 @@ class Stribeck(Turning, AxisEffect):
 
     name: ClassVar[str] = "stribeck"
     family: ClassVar[Family] = FRICTION
-    title: ClassVar[str] = "Stribeck friction"
+    title: ClassVar[str] = "Low-speed friction (Stribeck)"
     words: ClassVar[str] = "extra friction at very low speed, as where a lubricating film has not yet formed"
     remedy: ClassVar[str] = "check the lubricant: amount, kind, age; run the axis in over its whole travel"
     colour: ClassVar[str] = "#b6992d"

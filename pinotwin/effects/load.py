@@ -87,7 +87,7 @@ class InertialCoupling(Paired):
     name: ClassVar[str] = "inertial_coupling"
     family: ClassVar[Family] = BODY
     title: ClassVar[str] = "Inertial coupling"
-    words: ClassVar[str] = "another axis' acceleration pushes this one more than the model says"
+    words: ClassVar[str] = "another axis' acceleration drives this one more than modelled"
     remedy: ClassVar[str] = (
         "check the centre of mass of what both axes move; move one axis alone and watch the other"
     )
@@ -133,8 +133,8 @@ class ExternalForce(AxisEffect):
 
     name: ClassVar[str] = "external_force"
     family: ClassVar[Family] = LOAD
-    title: ClassVar[str] = "Push from outside"
-    words: ClassVar[str] = "something pushes from outside: a process force, a hand, a collision"
+    title: ClassVar[str] = "External force"
+    words: ClassVar[str] = "a force from outside: the process, a hand, a collision"
     remedy: ClassVar[str] = "ask what happened at that time; leave those rows out, or log the force"
     colour: ClassVar[str] = "#d37295"
     imitates: ClassVar[tuple[str, ...]] = ("position_table", "saturation")

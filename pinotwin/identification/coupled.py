@@ -95,9 +95,8 @@ def fit_servos(
         found.quality[name] = _row(servo)
         if not servo.held_out[0] <= MISSED:
             found.notes.append(
-                f"{name}: its controller misses {servo.held_out[0]:.0%} of the tracking error on rows that were "
-                "not fitted, whatever the start of the search; do not rely on its gains: an effect of the plant "
-                "may be missing"
+                f"{name}: the identified controller fails to predict {servo.held_out[0]:.0%} of the tracking error "
+                "on held-out data. Do not use its gains; an effect of the plant may be missing"
             )
     return found
 

@@ -80,7 +80,7 @@ def own_residual(twin: Twin) -> Floats:
         DataError: the twin does not hold its own logs.
     """
     if twin.misfit is None:
-        raise DataError(f"{twin.machine.name}: this twin does not know its own misfit; identify it again")
+        raise DataError(f"{twin.machine.name}: this twin has no validation error; identify it again")
     return _residual(twin, twin.misfit.motion, twin.misfit.theta, twin.misfit.fold)
 
 

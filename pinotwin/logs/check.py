@@ -238,7 +238,11 @@ def machine_findings(machine: Machine) -> list[Finding]:
     without = machine.base.without_effect
     if without:
         shown = ", ".join(without[:6]) + (" ..." if len(without) > 6 else "")
-        out.append(Finding("info", "", f"{len(without)} inertial parameters never act on a joint: {shown}"))
+        out.append(
+            Finding(
+                "info", "", f"{len(without)} inertial parameters have no effect on any joint torque: {shown}"
+            )
+        )
     return out
 
 

@@ -118,7 +118,7 @@ def _told(log: Log, axes: Sequence[str], index: _Ticks, jitter: float) -> tuple[
     rough = {name: _roughness(q, x) for name, x in (("rows", index), ("stamps", stamps), ("motion", moved))}
     scatter = f"t: stamps scatter by {100 * jitter / step:.2g} % of a step"
     if rough["rows"] <= _SMOOTHER * rough["stamps"] and rough["rows"] <= 1.5 * rough["motion"]:
-        return index, True, f"{scatter} around an even clock, told from the motion, which was used"
+        return index, True, f"{scatter} around an even clock, estimated from the motion and used"
     if moved is not None and rough["motion"] <= _SMOOTHER * min(rough["rows"], rough["stamps"]):
         held = int(np.isnan(moved.at).sum())
         found = f"the motion shows a clock of {1.0 / moved.step:.4g} Hz below, which was used"
@@ -126,7 +126,7 @@ def _told(log: Log, axes: Sequence[str], index: _Ticks, jitter: float) -> tuple[
     if rough["stamps"] <= _SMOOTHER * rough["rows"]:
         rate = f"interpolated to an even clock of {1.0 / step:.4g} Hz"
         return stamps, True, f"{scatter} and so does the motion: {rate}"
-    return index, False, f"{scatter}; the motion does not tell better, rows are taken as evenly sampled"
+    return index, False, f"{scatter}; the motion shows no better clock, rows are taken as evenly sampled"
 
 
 def _known(x: Floats) -> Floats:

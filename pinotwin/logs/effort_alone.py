@@ -278,11 +278,11 @@ def scaled(axis: Explained, fit: Fit) -> Iterator[Finding]:
         scale, error, share = _scale(axis, y, rotor=True)
     if share < _EXPLAINED or not _is_beyond(abs(scale), _SURE * error):
         return
-    times = f"{scale:.3g} times" if abs(scale) > 1 else f"1/{1 / abs(scale):.3g} of"
+    size = abs(scale)
+    times = f"{scale:.3g} times too large" if size > 1 else f"{1 / size:.3g} times too small"
     yield Finding(
         "warning",
         f"{axis.name}.u",
-        f"is {times} the effort that the URDF's masses ask for: another unit of effort or position, or other "
-        "masses? set unit or factor under columns in machine.yaml",
+        f"is {times} for the URDF's masses. Check the masses, and unit and factor under columns in machine.yaml",
         "effort_scale",
     )

@@ -76,8 +76,8 @@ def unit_findings(log: Log) -> list[Finding]:
         Finding(
             "warning",
             ", ".join(names),
-            f"in {unit}, as columns gives no factor: where N or N·m is printed, it is {unit}; what couples axes, "
-            "as gravity and payload, needs the factor (torque constant x gear)",
+            f"in {unit} (no factor under columns): read N and N·m as {unit} below. Coupled axes, gravity and payload "
+            "need the factor (torque constant x gear)",
             "effort_unit",
         )
         for unit, names in of.items()

@@ -49,7 +49,7 @@ def unseen(machine: Machine, motion: Motion, efforts: Examined) -> list[Finding]
     if not of:
         return []
     said = "; ".join(words.format(", ".join(who)) for words, who in of.items())
-    text = f"what this motion would not show if it were so: {said}; move these axes faster, and apart from each other"
+    text = f"this motion could not reveal {said}. To check, move these axes faster and alone"
     return [Finding("info", "", text, "not_told")]
 
 
@@ -62,16 +62,16 @@ def _of_effort(axis: Explained, reach: int, step: float) -> Iterator[str]:
 
     behind = spoiled(np.roll(axis.u, round(_LAG / step)))
     if not list(late([behind], {axis.name: at_best(behind, basis, reach)}, step)):
-        yield "an effort 20 ms late of {0}"
+        yield "an effort of {0} that is 20 ms late"
     fit = at_best(axis, basis, reach)
     if not all(list(scaled(spoiled(f * axis.u), fit)) for f in (_UNIT, 1.0 / _UNIT)):
-        yield "another unit of the effort of {0}"
+        yield "a wrong effort unit on {0}"
     if not is_reversed(spoiled(-axis.u), fit):
-        yield "the wrong sign of the effort of {0}"
+        yield "a wrong effort sign on {0}"
     low, high = np.percentile(axis.u[axis.rows], (0.5, 99.5))
     hangs = low > 0.1 * high or high < 0.1 * low
     if not hangs and not is_unsigned(spoiled(np.abs(axis.u)), basis, np.abs(axis.u)):
-        yield "a missing sign of the effort of {0}"
+        yield "a missing effort sign on {0}"
 
 
 def _thinned(at: Course) -> Course:

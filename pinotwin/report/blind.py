@@ -35,13 +35,13 @@ def bench_page(bench: Scored) -> Page:
         *_scores(d),
         intro="An effect is put into the truth of a machine and "
         "withheld from its model; logs and model go to the diagnosis, the truth does "
-        "not. rho is the power of the gap over the power of the noise, taken from "
+        "not. rho is the power of the residual over the power of the noise, taken from "
         "simulations without noise.",
     )
     page = page.section("What is taken for what", *_confusion(d), intro=_TAKEN)
     page = page.section("How far a stated probability can be trusted", *_calibration(d))
     dots = Plot(rho_figure(d["answers"]), "Every single effect", "Each mark is one case.")
-    page = page.section("By size of the gap", dots)
+    page = page.section("By size of the residual", dots)
     return page.section("Diagnoses that broke off", *_errors(d))
 
 

@@ -121,7 +121,7 @@ def rho_figure(answers: Sequence[Mapping[str, Any]]) -> go.Figure:
             )
         )
     style(figure, 120 + 22 * len(names))
-    figure.update_xaxes(type="log", title_text="rho: power of the gap over that of the noise")
+    figure.update_xaxes(type="log", title_text="rho: power of the residual over that of the noise")
     figure.add_vline(x=0.1, line={"color": MEASURED, "width": 1, "dash": "dot"})
     return figure.update_yaxes(categoryorder="array", categoryarray=names[::-1], type="category")
 

@@ -156,8 +156,8 @@ def structure_blocks(twin: Twin) -> list[Block]:
             heading("Controller"),
             paragraph(
                 "The law that is simulated around the axis; effort in N or N·m. Determined: the 90 % interval "
-                "reaches no further than a tenth of the gain. Tied: the log cannot tell the position gain from "
-                "1/ti; the intervals hold both ways round, their sum and product stand below.",
+                "reaches no further than a tenth of the gain. Tied: position gain and 1/ti cannot be "
+                "separated; only their sum and product, shown below, are identified.",
                 "lead",
             ),
             servo_table(twin.servos),

@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from pinotwin.analysis.comparison import Z90, Comparison, Row, effect_title
 from pinotwin.analysis.diagnoses import Diagnoses
 from pinotwin.diagnosis.conclusion.sizes import size_text, told
-from pinotwin.diagnosis.grade import KIND, grade
+from pinotwin.diagnosis.grade import KIND, grade, printed
 from pinotwin.diagnosis.result import Size
 from pinotwin.report.blocks import Block, Group, Html, Plot, Tile, chip, notes, paragraph, table, tiles
 from pinotwin.report.diagnosis_plots import signal_scale
@@ -39,9 +39,8 @@ def comparison_report(found: Comparison) -> str:
     page = page.section(
         "Parameters that moved",
         *_moved(found, series),
-        intro="Surest first. Chance explains at most one in twenty of them (false discovery rate 5 %). Intervals "
-        "are wider than the noise alone would have it: by how much worse a twin predicts data that it was not "
-        "fitted to. Tables are not asked knot by knot.",
+        intro="Most significant first. At most one in twenty is due to chance (false discovery rate 5 %). Intervals "
+        "include the twins' prediction error on held-out data. Table knots are not tested one by one.",
     )
     page = page.section(
         "Effort of each effect", *_shifts(found), intro=f"Along {found.log}, last against first."
@@ -91,7 +90,7 @@ def _gap_series(found: Diagnoses) -> list[Block]:
             continue
         rows = [held.get(label, {}) for label in found.labels]
         shares = [100.0 * row["nrmse"] if row.get("nrmse") is not None else None for row in rows]
-        words = [str(row.get("grade", "")) for row in rows]
+        words = [printed(str(row.get("grade", ""))) for row in rows]
         figure = go.Figure(
             go.Scatter(
                 x=list(found.labels),
@@ -104,7 +103,7 @@ def _gap_series(found: Diagnoses) -> list[Block]:
                 line={"width": 1.5},
             )
         )
-        figure.update_yaxes(title="gap of the effort [%]", rangemode="tozero")
+        figure.update_yaxes(title="residual of the effort [%]", rangemode="tozero")
         plots.append(Plot(style(figure, 240, legend=False), f"Axis {axis}", "RMS over the RMS of the effort"))
     return [Group(tuple(plots[k : k + 2])) for k in range(0, len(plots), 2)]
 
@@ -187,7 +186,7 @@ def _gap(row: object, scale: Scale = SI) -> str | Html:
     if row.get("nrmse") is not None:
         text = f"{text} ({row['nrmse']:.1%})"
     word = str(row.get("grade") or effort_grade(row))
-    return Html(f"{text} {chip(word, KINDS.get(word, '')).text}") if word else text
+    return Html(f"{text} {chip(printed(word), KINDS.get(word, '')).text}") if word else text
 
 
 def effort_grade(row: Mapping[str, Any]) -> str:
@@ -292,9 +291,7 @@ def _errors(found: Comparison) -> list[Block]:
         for signal, held in signals.items():
             size = max(row["rms"] for row in held.values())
             scale = signal_scale(signal[-1] if " " in signal else "u", units.get(axis) == "N·m", size)
-            rows.append(
-                (axis, WORDS.get(signal, signal), *(_gap(held.get(label), scale) for label in found.labels))
-            )
+            rows.append((axis, printed(signal), *(_gap(held.get(label), scale) for label in found.labels)))
     head = ("axis", "signal", *(f"{label}: RMS (of the signal)" for label in found.labels))
     return [table(head, rows, numeric=range(2, len(head)))] if rows else []
 

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: what changed, where, why, how far the gap shrinks, what to do next.
+"""The report of a diagnosis: what changed, where, why, how far the residual falls, what to do next.
 
 Written for the engineer at the machine: the answer first, every technical word explained where it stands.
 """
@@ -16,6 +16,17 @@ from pinotwin.diagnosis.conclusion.sizes import (
     told,
 )
 from pinotwin.diagnosis.conclusion.where import telling
+from pinotwin.diagnosis.grade import printed
+from pinotwin.diagnosis.phrases import (
+    KINDS,
+    SIGNALS,
+    explanation,
+    joined,
+    label_words,
+    on_axis,
+    plain_sentence,
+    region_words,
+)
 from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.effects import known
 from pinotwin.log import Log
@@ -39,7 +50,6 @@ from pinotwin.report.diagnosis_evidence import evidence_panels
 from pinotwin.report.diagnosis_machine import machine_block
 from pinotwin.report.diagnosis_plots import bars, density, shrink_figure, signal_name, signal_scale
 from pinotwin.report.diagnosis_verdict import (
-    SIGNALS,
     axis_cards,
     ground,
     headline,
@@ -48,15 +58,6 @@ from pinotwin.report.diagnosis_verdict import (
     source_names,
 )
 from pinotwin.report.page import Page
-from pinotwin.report.plain_words import (
-    KINDS,
-    explanation,
-    joined,
-    label_words,
-    on_axis,
-    plain_sentence,
-    region_words,
-)
 from pinotwin.report.provenance import files_block, provenance_blocks
 
 OTHERWISE = {"none": "chance: no cause", "unknown": "a cause that is in no catalogue"}
@@ -93,7 +94,7 @@ def diagnosis_page(d: Diagnosis, logs: Sequence[Log], files: Sequence[tuple[str,
     page = page.section("Answer", *answer_blocks(d, logs))
     page = page.section("Where", *where_blocks(d), intro=_WHERE)
     page = page.section("Which cause", *which_blocks(d))
-    page = page.section("How far the gap shrinks", *how_far_blocks(d), intro=_HOW_FAR)
+    page = page.section("How far the residual falls", *how_far_blocks(d), intro=_HOW_FAR)
     panels = evidence_panels(d, logs)
     if panels:
         page = page.section("Evidence", Tabs(panels), intro=_EVIDENCE)
@@ -103,20 +104,16 @@ def diagnosis_page(d: Diagnosis, logs: Sequence[Log], files: Sequence[tuple[str,
 
 
 _WHERE = (
-    "Where in the motion and in time the gap lies. If it lay evenly, a tenth of the time would hold a tenth "
-    "of it; where much of it lies in little time, look there."
+    "Where in the motion and in time the residual lies. Look where much of it is concentrated in little time."
 )
 _HOW_FAR = (
-    "Promised: the share of the squared gap that the fit itself expects to remove. Removed: what came of it on "
-    "data that the size was not fitted to, with a 90 % interval; the shares of several causes of one axis add up; "
-    "the choice of the cause has seen the diagnosed "
-    "logs, so without a validation log it flatters. Bars: RMS of log minus model on the diagnosed logs. Noise: "
-    "what differs between two runs of the same motion. Own misfit: what the twin left of its own logs, and is less "
-    "sure of in this motion."
+    "Expected: variance reduction in the fit. Explained: variance reduction on held-out data, with a 90 % interval; "
+    "several causes of one axis add up. The cause was chosen on these logs; without a validation log the figure is "
+    "optimistic. Bars: RMS residual on the diagnosed logs. Noise: difference of two runs of the same motion. "
+    "Validation error: the twin's cross-validated error plus its uncertainty in this motion."
 )
 _EVIDENCE = (
-    "Measured effort minus the effort that the model asks for. What looks like a curve here is something "
-    "that the model does not know; a shapeless band is noise."
+    "Measured minus predicted effort. A curve is something that the model lacks; a shapeless band is noise."
 )
 
 
@@ -201,14 +198,14 @@ def where_blocks(d: Diagnosis) -> list[Block]:
         "signal",
         "by",
         "where",
-        "share of the gap, in what share of time or band",
+        "share of the squared residual, in what share of time or band",
         "concentration",
         "chance",
     )
     return [
         table(header, rows, numeric=(4, 5)),
         paragraph(
-            "Concentration: share of the gap over share of the time. Chance: how often pure noise would show it.",
+            "Concentration: share of the squared residual over share of the time. Chance: how often noise shows it.",
             "lead",
         ),
     ]
@@ -228,11 +225,11 @@ def which_blocks(d: Diagnosis) -> list[Block]:
     groups = [joined([label_words(x) for x in group]) for group in d.confusable]
     if groups:
         out.append(heading("Look-alikes"))
-        out.append(paragraph("These logs do not tell the following apart:"))
+        out.append(paragraph("These logs cannot distinguish the following:"))
         out.append(bullets(groups))
     if d.missing:
         out.append(heading("Missing since the identification"))
-        out.append(paragraph("No change, but worth identifying again: the twin lacked it on its own logs."))
+        out.append(paragraph("No change: the twin lacked these from the start. Identify it again."))
         rows = [
             [
                 on_axis(str(m["effect"]), m.get("axis")),
@@ -241,14 +238,13 @@ def which_blocks(d: Diagnosis) -> list[Block]:
             ]
             for m in d.missing
         ]
-        out.append(table(("effect", "what it is", "share of what the twin left"), rows, numeric=(2,)))
+        out.append(table(("effect", "what it is", "share of the validation error"), rows, numeric=(2,)))
     return [*out, *(block for e in d.effects for block in _numbers(d, e))]
 
 
 _CONFIDENCE = (
-    "Confidence: of trials in which this cause was put into what the model leaves anyway on this motion, the "
-    "share in which the same search named it again; of what the second encoder or a vibration shows, the share of "
-    "choices of stretches of the log that show it."
+    "Confidence: how often the search finds this cause when it is injected into the residual of this motion. "
+    "For second-encoder and vibration findings: bootstrap share."
 )
 
 
@@ -263,7 +259,7 @@ def _which(e: Found) -> list[object]:
         others.append(f"{what}{chance}: {plain_sentence(str(item.get('why', '')))}")
     lines = "".join(f'<div class="sub">{escape(x)}</div>' for x in others)
     other = Html(
-        f"<div>{lines}</div>" if lines else "no other came close"
+        f"<div>{lines}</div>" if lines else "no other candidate is close"
     )  # one element, or a phone sets them side by side
     return [name, explanation(e.effect), chip(f"{e.confidence:.0%}", _sure(e.confidence)), other]
 
@@ -290,7 +286,7 @@ def how_far_blocks(d: Diagnosis) -> list[Block]:
             word = d.grade(axis, signal)
             acts = word in ("gap explained", "partly explained")
             figure = shrink_figure(bars(gap, acts=acts), signal, rotary.get(axis, False))
-            plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}: {word}"))
+            plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}: {printed(word)}"))
     rows = []
     for e in d.effects:
         others = [("u", x) for x in e.acts.values() if x is not e.shrink.get("u")]
@@ -311,7 +307,7 @@ def how_far_blocks(d: Diagnosis) -> list[Block]:
             )
     out: list[Block] = []
     if rows:
-        header = ("cause", "gap before", "gap after", "removed", "90 % interval", "promised", "measured on")
+        header = ("cause", "residual before", "after", "explained", "90 % interval", "expected", "measured")
         out.append(table(header, rows, numeric=(1, 2, 3, 4, 5)))
     return [*out, Group(tuple(plots))] if plots else out
 
@@ -335,15 +331,15 @@ def next_blocks(d: Diagnosis) -> list[Block]:
             lines.append(f"{_capital(on_axis(e.effect, e.axis))}: {remedy}.")
     if d.effects:
         lines.append(
-            "If it is real and stays, take it into the model: the folder “machine” holds the machine with it; "
-            "identify it again."
+            "If the cause is real and permanent, use the folder “machine”: it holds the machine with the cause. "
+            "Identify it again."
         )
     if d.verdict == "none":
-        lines.append("Nothing needs mending. Keep this log: it is the reference for later ones.")
+        lines.append("Nothing needs repair. Keep this log as a reference for later ones.")
     lines += [_capital(plain_sentence(text)) + "." for text in d.advice]
     out: list[Block] = [bullets(lines or ["Record the motion again to confirm the finding."])]
     if d.warnings:
-        out += [paragraph("What makes these logs doubtful:"), bullets([_capital(x) for x in d.warnings])]
+        out += [paragraph("Warnings about these logs:"), bullets([_capital(x) for x in d.warnings])]
     if d.commands:
         out.append(
             paragraph(

@@ -60,11 +60,11 @@ def bars(gap: Gap, *, acts: bool) -> list[Bar]:
         gap: of one signal of one axis.
         acts: whether a named cause acts on it.
     """
-    out = [Bar("gap today", gap.rms, RESIDUAL)]
+    out = [Bar("residual today", gap.rms, RESIDUAL)]
     if acts:
         out.append(Bar("with the causes", gap.after, ACCENT))
     if np.isfinite(gap.misfit):
-        out.append(Bar("own misfit", gap.misfit, "#8c9bb0"))
+        out.append(Bar("validation error", gap.misfit, "#8c9bb0"))
     if gap.noise > 0.0:
         out.append(Bar("noise", gap.noise, "#59a14f"))
     return out

@@ -1,23 +1,22 @@
-"""The answer of a diagnosis in plain words: what changed, how far the gap shrinks, a card per axis."""
+"""The answer of a diagnosis in plain words: what changed, how far the residual falls, a card per axis."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from pinotwin.diagnosis.conclusion.sizes import first_text
-from pinotwin.diagnosis.grade import KIND, MEANING, Grade
+from pinotwin.diagnosis.conclusion.sizes import first_text, times_text, told
+from pinotwin.diagnosis.grade import KIND, MEANING, Grade, printed
+from pinotwin.diagnosis.phrases import SIGNALS, effect_words, joined, moved, on_axis, plain_sentence
 from pinotwin.diagnosis.result import Diagnosis, Found, Shrink
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, chip, escape
 from pinotwin.report.diagnosis_plots import signal_scale
-from pinotwin.report.plain_words import joined, on_axis, plain_sentence
 from pinotwin.twin import Twin
 
 MOST = 3  # causes and axes that the headline speaks of
-SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
 SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
 """From the grade that matters most on."""
 
@@ -34,9 +33,9 @@ def headline(d: Diagnosis) -> list[str]:
     """Return the answer in a few sentences, the most important first."""
     if d.verdict == "none":
         first = (
-            "Log and twin agree: nothing has changed that these logs show."
+            "Log and twin agree: no change found."
             if d.situation == "change"
-            else "Nothing is missing from the model that these logs could show."
+            else "Log and model agree: no missing effect found."
         )
         return [first, *_stays(d), *_errors(d)]
     if not d.effects:
@@ -49,8 +48,8 @@ def headline(d: Diagnosis) -> list[str]:
             agree = f"The efforts agree with the twin; the controller of {axes} does not."
             return [agree, *_possible(d), *_controllers(d), *_stays(d), *_errors(d)]
         where = joined([f"axis {a}" for a in open_axes] or ["this machine"])
-        none = f"Log and model differ on {where}, and no effect that pinotwin knows closes the gap."
-        unsure = f"Log and model differ on {where}; what was found is not sure enough to be named."
+        none = f"Log and model differ on {where}, and no known effect explains the residual."
+        unsure = f"Log and model differ on {where}; no cause is certain enough to be named."
         said = [unsure if d.possible else none] if open_axes or not d.remains else []
         return [*said, *_possible(d), *_controllers(d), *_stays(d), *_errors(d)]
     lines = [_cause(d, e) for e in d.effects[:MOST]]
@@ -77,44 +76,45 @@ def _possible(d: Diagnosis) -> list[str]:
 
 
 def _cause(d: Diagnosis, e: Found) -> str:
-    """Return a cause with its size and what it does to the gap."""
-    size = first_text(e).replace(" -> ", " → ")
-    name = on_axis(e.effect, e.axis)
-    verb = "Changed" if d.situation == "change" else "Missing from the model"
-    said = f"{verb}: {name}{f', {size}' if size else ''}."
+    """Return a cause with its size and what it explains of the residual."""
+    sizes, name = told(e.size), effect_words(e.effect)
+    times = times_text(sizes[0]) if len(sizes) == 1 else ""
+    size = first_text(e) + (f" ({times})" if times else "")
+    did = moved(sizes) if d.situation == "change" else "is missing from the model"
+    said = f"{e.axis or d.machine}: {name} {did}{f', {size}' if size else ''}."
     signal = next((x for x in ("u", "v", "ql") if x in e.shrink), "u")
     shrink = e.shrink.get(signal)
     if shrink is None:
         return said
     if shrink.share <= 0.0:
-        return f"{said} On {named_data(d, shrink)} the gap does not shrink by it yet: take it as a hint."
+        return f"{said} Modelling it does not reduce the residual yet ({named_data(d, shrink)}): a hint only."
     axis = shrink.axis or e.axis or ""
     scale = signal_scale(signal, rotary_axes(d).get(axis, False), shrink.before)
     numbers = f"{shrink.before * scale.factor:.3g} to {shrink.after * scale.factor:.3g} {scale.unit}"
-    gap = "the gap" if axis == e.axis else f"the gap of {axis}"
+    residual = "the residual" if axis == e.axis else f"the residual of {axis}"
     data = named_data(d, shrink)
-    return (
-        f"{said} {_with_it(d, e, axis)} {gap} shrinks from {numbers} RMS, by the share that goes on {data}."
-    )
+    return f"{said} {_with_it(d, e, axis)} {residual} falls from {numbers} RMS ({data})."
 
 
 def _with_it(d: Diagnosis, e: Found, axis: str) -> str:
-    """Return whether a cause closes an axis' gap by itself, or one of several does a part of it."""
+    """Return whether a cause alone acts on an axis, or is one of several."""
     others = [x for x in d.effects if x is not e and (axis in x.acts or x.axis == axis)]
-    return "With it alone" if others else "With it"
+    return "With it alone modelled" if others else "With it modelled"
 
 
 def named_data(d: Diagnosis, x: Shrink) -> str:
-    """Return on which data a shrink was measured, by the names of their files."""
+    """Return how a reduction was measured and on which data, by the names of their files."""
     logs = d.provenance.get("logs", ())
     role = "validation" if x.on == "validation" else "diagnosed"
     names = [Path(str(row["source"])).name for row in logs if row.get("role") == role]
-    told = (joined(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")) if names else ""
+    files = (
+        (joined(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""))
+        if names
+        else "the log"
+    )
     if x.on == "validation":
-        return f"{told or 'the validation log'}, to which nothing was fitted"
-    if x.on == "fitted logs":
-        return f"{told or 'the log'}, to which it was fitted"
-    return f"stretches of {told or 'the log'} that were kept back in turn"
+        return f"validated on {files}"
+    return f"{'fitted to' if x.on == 'fitted logs' else 'cross-validated on'} {files}"
 
 
 def _stays(d: Diagnosis) -> list[str]:
@@ -128,14 +128,14 @@ def _stays(d: Diagnosis) -> list[str]:
         rms, after = (f"{x * scale.factor:.3g}" for x in (g.rms, g.after))
         looks = f" It {plain_sentence(d.remains[axis])}." if axis in d.remains else ""
         if word == "not explained":
-            out.append(f"Axis {axis}: a gap of {rms} {scale.unit} RMS is closed by no named cause.{looks}")
+            out.append(f"{axis}: no named cause explains the residual of {rms} {scale.unit} RMS.{looks}")
         elif word == "partly explained":
-            out.append(f"Axis {axis}: {after} of {rms} {scale.unit} RMS stay without a cause.{looks}")
+            out.append(f"{axis}: {after} of {rms} {scale.unit} RMS remain unexplained.{looks}")
         elif word == "not judged" and axis in d.remains:
             out.append(f"Axis {axis} is not judged: {d.remains[axis]}.")
         elif word == "above misfit":
             own = g.rms / g.misfit
-            out.append(f"Axis {axis} leaves {own:.2g} times what its twin left of its own logs: watch it.")
+            out.append(f"{axis}: the residual is {own:.2g} times the twin's validation error. Watch it.")
     return out
 
 
@@ -153,13 +153,13 @@ def _errors(d: Diagnosis) -> list[str]:
     if not axes:
         return []
     return [
-        f"The tracking error of {joined(axes)} is predicted worse than on the twin's own logs although the "
-        "effort agrees; no cause was looked for there."
+        f"The tracking error of {joined(axes)} is predicted worse than in validation, although the effort agrees. "
+        "No cause was searched for there."
     ]
 
 
 def axis_cards(d: Diagnosis) -> Html:
-    """Return one card per axis: every signal with its grade, the gap without and with the causes."""
+    """Return one card per axis: every signal with its grade, the residual without and with the causes."""
     rotary = rotary_axes(d)
     cards = []
     for axis, row in d.gap.items():
@@ -174,10 +174,10 @@ def axis_cards(d: Diagnosis) -> Html:
             if g.noise > 0.0:
                 beside.append(f"noise {g.noise * scale.factor:.3g}")
             if g.misfit == g.misfit:
-                beside.append(f"own misfit {g.misfit * scale.factor:.3g} {scale.unit}")
+                beside.append(f"validation error {g.misfit * scale.factor:.3g} {scale.unit}")
             parts.append(
                 f'<div class="name"><span>{escape(SIGNALS.get(signal, signal))}</span>'
-                f"{chip(word, KIND[word], MEANING[word]).text}</div>"
+                f"{chip(printed(word), KIND[word], MEANING[word]).text}</div>"
                 f'<div class="big{"" if signal == "u" else " small"}">{escape(value)}</div>'
                 f'<div class="note">{escape(" · ".join(beside))}</div>'
             )
@@ -188,20 +188,20 @@ def axis_cards(d: Diagnosis) -> Html:
 def ground(d: Diagnosis) -> list[str]:
     """Return how to read the cards, and what the verdict rests on."""
     words = list(dict.fromkeys(d.grade(a, s) for a, row in d.gap.items() for s in row))
-    out = ["Large print: RMS of log minus model, today and with the named causes modelled."]
-    out += [f"{w[:1].upper() + w[1:]}: {MEANING[w]}." for w in words]
+    out = ["Large print: RMS residual (measured minus predicted), today and with the named causes modelled."]
+    out += [f"{printed(w).capitalize()}: {MEANING[w]}." for w in words]
     noise = {
-        "repeats": "The noise was measured: it is what differs between repeated runs.",
-        "assumed": "The noise had to be assumed, since no motion was recorded twice.",
+        "repeats": "The noise was measured as the difference of repeated runs.",
+        "assumed": "The noise is assumed, because no motion was recorded twice.",
     }
     if d.noise in noise:
         out.append(noise[d.noise])
     if any("e" in row for row in d.gap.values()):
         out.append(
-            "The tracking error is what the twin's closed loop predicts from the command alone; the effort decides."
+            "Tracking error: compared with the closed-loop prediction from the command. The effort decides the verdict."
         )
     if d.quick:
-        out.append("A quick look only: the candidates were screened, not checked again.")
+        out.append("Quick run: the candidates were screened but not verified.")
     return out
 
 

@@ -106,7 +106,7 @@ def _answer(found: Orientation, angles: Floats) -> list[Block]:
         ),
     ]
     if np.abs(angles[:, 1]).max() > _STEEP:
-        text = "The x axis comes close to the vertical: roll and heading are hardly told apart there."
+        text = "The x axis comes close to the vertical: roll and heading can hardly be separated there."
         out.append(paragraph(f"{text} Use the quaternions."))
     return out
 

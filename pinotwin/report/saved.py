@@ -21,7 +21,7 @@ REPLACES = ("machine", "advice_*.csv")
 """What of an earlier result goes, if the new one has none of it."""
 
 BESIDE = {
-    "machine.html": "the machine playing the log in 3-D, coloured by the gap; open it in a browser",
+    "machine.html": "the machine playing the log in 3-D, coloured by the residual; open it in a browser",
     "diagnosis.json": "everything that is said here, for programs",
     "machine/machine.yaml": "the machine with the named causes added, for `pinotwin identify`",
 }

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from pinotwin.diagnosis.conclusion.provenance import made_of
+from pinotwin.diagnosis.grade import printed
+from pinotwin.diagnosis.phrases import joined
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Html, Plot, bullets, chip, notes, paragraph, table
 from pinotwin.report.closed_loop_plots import measured_signals, response_figure, scale_of
 from pinotwin.report.page import Page
-from pinotwin.report.plain_words import joined
 from pinotwin.report.provenance import files_block, provenance_blocks
 from pinotwin.simulation.score import bound, compare
 from pinotwin.twin import Twin
@@ -27,13 +28,13 @@ from pinotwin.twin import Twin
 SIGNALS = {"e": "tracking error", "u": "effort"}
 
 GRADES = {
-    "within misfit": ("good", "no more than a simulation left of held-out rows of the twin's own logs"),
-    "above misfit": ("fair", "more than it left there, as on a motion that is unlike those of the own logs"),
+    "within misfit": ("good", "no larger than the simulation error on held-out data of the twin"),
+    "above misfit": ("fair", "above that error, as on a motion unlike those of the twin's data"),
     "far above misfit": (
         "bad",
-        "so much more that the machine is no longer the twin's, or the motion a new one",
+        "the machine has changed, or the motion is outside the twin's data",
     ),
-    "not judged": ("", "nothing was measured, or nothing is known to hold the error against"),
+    "not judged": ("", "nothing was measured, or there is no validation error to compare with"),
 }
 """Grade of a simulated signal -> colour of its chip, and what it says."""
 
@@ -158,10 +159,9 @@ def _answer(twin: Twin, predicted: Log, scores: Mapping[str, Any], form: str) ->
 READING = (
     "RMS error: predicted minus measured. Of the RMS: the same over the RMS of what was measured.",
     "Moving, at rest: rows whose command moves or stands, over the RMS of all rows. At rest dry friction holds "
-    "any effort up to its level, so that the effort there is not a function of the command.",
-    "Expected: what was left of rows that were held out when the twin was identified: the mean of the whole "
-    "simulation, or of this axis' closed loop by itself where that was more. The grade holds the error in motion "
-    "against it.",
+    "any effort up to its level, so the command does not determine the effort there.",
+    "Expected: the error on held-out data of the identification, the larger one of the whole simulation and of this "
+    "axis' closed loop. The grade compares the error in motion with it.",
 )
 
 
@@ -175,9 +175,7 @@ def _sentences(scores: Mapping[str, Any], words: Mapping[tuple[str, str], str]) 
     out = [f"{', '.join(parts)} (RMS error over RMS)."]
     far = [f"{SIGNALS[s]} of {axis}" for (axis, s), word in words.items() if word == "far above misfit"]
     if far:
-        out.append(
-            f"Far above what the twin left of its own logs: {joined(far)}. `pinotwin diagnose` looks why."
-        )
+        out.append(f"Much larger error than in validation: {joined(far)}. Run pinotwin diagnose.")
     return out
 
 
@@ -190,7 +188,7 @@ def _row(axis: str, signal: str, row: Mapping[str, float], known: float | None, 
         SIGNALS[signal],
         display.number(row["rms"] * scale.factor, scale.unit),
         *("–" if x != x else display.percent(x) for x in shares),
-        chip(word, *GRADES[word]),
+        chip(printed(word), *GRADES[word]),
     ]
 
 

@@ -94,7 +94,7 @@ def amount_figure(given: ErrorAgainstData) -> go.Figure:
     figure = go.Figure()
     for y, name, colour, dash in (
         (given.fitted, "on the data fitted", MEASURED, "dot"),
-        (given.held_out, "on data kept back", ACCENT, None),
+        (given.held_out, "on held-out data", ACCENT, None),
     ):
         trace = line(given.seconds, 100.0 * y, name, colour, width=2, unit="%")
         trace.update(mode="lines+markers", line_dash=dash)

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pinotwin.diagnosis.phrases import joined
 from pinotwin.report.blocks import Tile
 from pinotwin.report.display import effort, percent
-from pinotwin.report.plain_words import joined
 from pinotwin.twin import Twin
 
 GRADES = ((0.05, "very good", "good"), (0.12, "good", "good"), (0.3, "fair", "fair"))
@@ -29,7 +29,7 @@ def judged(row: Mapping[str, Any]) -> tuple[Mapping[str, float], str]:
     """Return the errors of an axis on data that were not fitted, and what data those are."""
     if row.get("validation"):
         return row["validation"], "On the validation log"
-    return row.get("held_out") or {}, "On stretches of the log that were held out in turn"
+    return row.get("held_out") or {}, "Cross-validated on the log"
 
 
 def known(row: Mapping[str, Any], name: str) -> float:
@@ -108,24 +108,23 @@ def cautions(twin: Twin) -> list[str]:
     if open_rows:
         out.append(
             f"{len(open_rows)} of {len(twin.parameters)} parameters are not determined by these "
-            f"data ({_first(open_rows)}): predictions of other motions that need them rest on what "
-            "the URDF says."
+            f"data ({_first(open_rows)}). Predictions of other motions that need them rely on the URDF."
         )
     out += _colour(quality.get("axes", {}))
     moved = quality.get("consistency") or {}
     if moved.get("moved"):
         out.append(
-            "The best fit asked for inertias that no real body has; the nearest possible ones were"
-            f" taken, which raised the fit's cost {_times(moved.get('cost_ratio'))}."
+            "The unconstrained fit was physically impossible; the nearest feasible one costs "
+            f"{_times(moved.get('cost_ratio'))} more."
         )
     return out
 
 
 def _times(ratio: float | None) -> str:
-    """Return by how much a cost rose, in words; a tenth of a per cent is nothing to speak of."""
-    if ratio is None or ratio < 1.001:
-        return "by less than 0.1 %" if ratio is not None else "a little"
-    return f"to {ratio:.3f} times"
+    """Return by how much a cost rose, in words."""
+    if ratio is None:
+        return "a little"
+    return "less than 0.1 %" if ratio < 1.001 else f"{100.0 * (ratio - 1.0):.2g} %"
 
 
 def _first(names: Sequence[str]) -> str:
@@ -138,6 +137,6 @@ def _colour(axes: Mapping[str, Any]) -> list[str]:
     if not names:
         return []
     return [
-        f"The residual of {joined(names)} is not white: something systematic is left in it. The "
-        "intervals below allow for that; `pinotwin diagnose` looks for the cause."
+        f"The residual of {joined(names)} is not white: it has a systematic part, which the intervals below allow "
+        "for. Run pinotwin diagnose to find the cause."
     ]

@@ -97,7 +97,7 @@ def _stops(motion: Motion, last: int, seconds: Sequence[float] | None) -> list[i
     if any(x <= 0 or x > last for x in wanted):
         raise DataError(
             f"{motion.source}: lengths of data must lie between 0 and {last * motion.step:.3g} s "
-            "(the end of the log is kept back to judge on)"
+            "(the end of the log is held out for validation)"
         )
     return wanted
 

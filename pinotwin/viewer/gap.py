@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.diagnosis.grade import Grade
+from pinotwin.diagnosis.grade import Grade, printed
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
@@ -78,5 +78,5 @@ def _grade(found: Diagnosis, axis: str) -> Grade:
 
 
 def _told(found: Diagnosis, axes: Iterable[str]) -> str:
-    words = ", ".join(f"{name} {_grade(found, name)}" for name in axes)
+    words = ", ".join(f"{name} {printed(_grade(found, name))}" for name in axes)
     return f"playing the diagnosed log; motor effort: {words}"

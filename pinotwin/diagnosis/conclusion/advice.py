@@ -9,6 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
+from pinotwin.diagnosis.phrases import effect_words, joined
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.effects import known
 from pinotwin.effects.family import FRICTION
@@ -24,12 +25,12 @@ PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
     ),
     (
         frozenset({"effort_scale", "rigid_body"}),
-        "add a known payload: its weight is the ruler for the effort",
+        "add a payload of known mass and record the effort again",
         "slow",
     ),
     (
         frozenset({"delay", "drive_flexibility", "joint_flexibility", "encoder_error"}),
-        "a multisine to beyond the mode: a delay turns the phase in proportion to frequency, a mode peaks",
+        "record a multisine beyond the resonance; a delay shifts the phase with frequency, a resonance peaks",
         "multisine",
     ),
     (
@@ -43,17 +44,17 @@ PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
                 "viscous_asymmetric",
             }
         ),
-        "constant speeds over two decades, both ways",
+        "record constant speeds from 1 to 100 %, both directions",
         "speeds",
     ),
     (
         frozenset({"presliding", "backlash", "encoder_error", "stribeck"}),
-        "slow reversals of growing stroke, 1 um (1 mdeg) upwards",
+        "record slow reversals of growing stroke, from 1 µm (1 mdeg) up",
         "slow",
     ),
     (
         frozenset({"ripple", "ripple_modulated", "position_table", "encoder_error", "geometric_error"}),
-        "the same travel at two speeds: what keeps its place is position, what keeps its rate is time",
+        "record the same travel at two speeds; a position effect stays put, a time effect shifts",
         "speeds",
     ),
 )
@@ -70,19 +71,21 @@ def advise(noise: str, pairs: Sequence[tuple[str, str]], *, has_command: bool) -
     words = []
     if noise == "assumed":
         words.append(
-            "record the same command twice: the difference of the runs is the noise floor, "
-            "which this diagnosis had to assume"
+            "record the same command twice; the difference of the runs is the noise, which is assumed here"
         )
     if not has_command:
-        words.append("log the command (<axis>.qr) as well: without it only the open loop is diagnosed")
+        words.append("log the command (<axis>.qr) as well; without it only the open loop is diagnosed")
     told: dict[tuple[str, str], dict[str, list[str]]] = {}
     for a, b in pairs:
         way = next(((text, kind) for group, text, kind in PAIRS if {a, b} <= group), None)
         if way is not None:
             told.setdefault(way, {}).setdefault(a, []).append(b)
     for (text, _), rivals in told.items():
-        named = "; ".join(f"{a} from {' and '.join(dict.fromkeys(bs))}" for a, bs in rivals.items())
-        words.append(f"to tell {named}: {text}")
+        named = "; ".join(
+            f"{effect_words(a)} from {joined([effect_words(b) for b in dict.fromkeys(bs)])}"
+            for a, bs in rivals.items()
+        )
+        words.append(f"to separate {named}: {text}")
     return words, list(dict.fromkeys(kind for _, kind in told))
 
 
@@ -94,9 +97,7 @@ def resting(machine: Machine, seen: Collection[str]) -> list[str]:
         seen: axes that have a gap, or that something else is said of.
     """
     silent = [name for name in machine.axes if name not in seen]
-    return [
-        f"{x} hardly moves in these logs, or its effort is not in them: nothing is said of it" for x in silent
-    ]
+    return [f"{x} is not judged: it hardly moves in these logs, or its effort is missing" for x in silent]
 
 
 def of_one_run(c: Comparison, named: Sequence[Any]) -> list[str]:
@@ -108,8 +109,8 @@ def of_one_run(c: Comparison, named: Sequence[Any]) -> list[str]:
     if not c.change or len(c.twin.data) != 1 or not axes:
         return []
     return [
-        f"the twin was identified on one run: by how much friction of {', '.join(dict.fromkeys(axes))} differs from "
-        "run to run, warm or cold, it cannot know; identify it on several healthy runs and ask again"
+        "identify the twin from several healthy runs; with one it does not know the normal variation of friction of "
+        f"{', '.join(dict.fromkeys(axes))}"
     ]
 
 
@@ -134,8 +135,8 @@ def of_other_state(c: Comparison, open_axes: Collection[str], rules: Rules) -> l
         today, there = (rms(s.residual[j]) / max(s.size(j), 1e-300) for s in (c.new, c.unseen))
         if name in open_axes and there < rules.other_state * today:
             out.append(
-                f"{name}: the validation log shows {there / today:.0%} of its gap: if it was recorded before the "
-                "change, leave it out; a cause that comes with the motion is only named where both show it"
+                f"{name}: the validation log shows {there / today:.0%} of its residual; if it was recorded before the "
+                "change, leave it out"
             )
     return out
 

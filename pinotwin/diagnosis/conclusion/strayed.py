@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from pinotwin.diagnosis.grade import OPEN, stays
+from pinotwin.diagnosis.phrases import SIGNALS
 from pinotwin.diagnosis.result import Diagnosis, Gap, Verdict
 
 
@@ -43,16 +44,13 @@ def strayed(found: Diagnosis) -> Diagnosis:
     return replace(found, verdict=verdict, sentence=sentence, unexplained=unexplained)
 
 
-SIGNALS = {"u": "effort", "e": "tracking error", "ql": "motor against load", "v": "vibration"}
-
-
 def _said(axis: str, signal: str, times: float, found: Diagnosis) -> str:
     known = math.isfinite(found.gap[axis][signal].misfit)
     if signal == "e" and found.grade(axis, signal) == "not explained" and not found.effects:
         return (
-            f"{axis} follows its command otherwise than its twin ({times:.1f} times what the simulation left of the "
-            "twin's own logs) though its effort agrees: look at its controller and at what shapes its command"
+            f"{axis} follows its command unlike its twin: the tracking error is {times:.1f} times the validation "
+            "error, although the effort agrees. Check its controller and its command shaping"
         )
-    size = f"{times:.3g} times what the twin left of its own logs" if known else f"{times:.1%} of the signal"
-    word = "in part" if found.grade(axis, signal) == "partly explained" else "by no cause"
-    return f"the {SIGNALS[signal]} of {axis} is explained {word}: {size} stays"
+    size = f"{times:.3g} times the twin's validation error" if known else f"{times:.1%} of the signal"
+    word = "partly" if found.grade(axis, signal) == "partly explained" else "not"
+    return f"the {SIGNALS[signal]} of {axis} is {word} explained: {size} remains"

@@ -11,6 +11,7 @@ from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.grade import grade, is_open, left_anyway
+from pinotwin.diagnosis.phrases import effect_words, joined
 from pinotwin.diagnosis.result import Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
@@ -128,8 +129,8 @@ def _odd(g: Gap, rules: Rules) -> bool:
 
 def _note(axis: str, g: Gap) -> str:
     return (
-        f"{axis} leaves {g.after / g.misfit:.1f} times what its twin leaves of its own logs, which no single "
-        "cause closes: this motion may lie outside of what the twin was identified on"
+        f"{axis}: the residual is {g.after / g.misfit:.1f} times the twin's validation error, and no single cause "
+        "explains it. This motion may lie outside the data of the twin"
     )
 
 
@@ -149,7 +150,7 @@ def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
         spoilt.setdefault(_short(c.gate.nameless[axis]), []).append(axis)
     out += [f"No cause is named on {', '.join(axes)}: {why}" for why, axes in spoilt.items()]
     out += [
-        f"{axis} does not go with its command: that has another unit, sign or axis, or the axis cannot follow it"
+        f"{axis} does not follow its command: check the unit, sign and axis of the command"
         for axis in c.gate.strays
         if axis not in told and not c.gate.asks("tracking", axis)
     ]
@@ -157,7 +158,7 @@ def _unjudged(c: Comparison, told: Collection[str]) -> list[str]:
     if barred:
         names = list(dict.fromkeys(name for row in barred.values() for name in row))
         axes = "" if set(barred) == set(c.machine.axes) else f" on {', '.join(barred)}"
-        out.append(f"These logs cannot show {', '.join(names)}{axes}")
+        out.append(f"These logs cannot show {joined([effect_words(x) for x in names])}{axes}")
     return out
 
 
@@ -176,8 +177,8 @@ def _sentence(
         return [] if c.gate.silent else ["No axis moves enough to be judged"]
     if verdict == "none":
         if c.change:
-            return ["No change: what is left of these logs is what the twin leaves of its own"]
-        return ["Nothing is missing that these logs could show"]
+            return ["No change found: the residual is no larger than on the twin's own data"]
+        return ["No missing effect found in these logs"]
     parts = [_said(e) for e in effects]
     text = "; ".join(parts[:4]) + (f"; and {len(parts) - 4} more" if len(parts) > 4 else "")
     loud = [a for a, row in gaps.items() if a in patterns or not _quiet(row["u"])]
@@ -200,12 +201,12 @@ def _relative(g: Gap) -> float:
 
 def _largest(axis: str, g: Gap, follows: str | None) -> str:
     what = f"; it {follows}" if follows else ""
-    return f"the gap of {axis} ({g.nrmse:.1%} of its effort) is closed by no effect of the catalogue{what}"
+    return f"no known effect explains the residual of {axis} ({g.nrmse:.1%} of its effort){what}"
 
 
 def _said(e: Found) -> str:
-    """Return an effect with size and shrink: ``Y viscous b 51 -> 297 N·s/m (closes 98% ..., confidence ...)``."""
-    what = " ".join(x for x in (e.axis or "", e.effect, first_text(e)) if x)
+    """Return an effect with size and share: ``Y viscous friction, b 51 -> 297 N·s/m (explains ...)``."""
+    what = ", ".join(x for x in (f"{e.axis or ''} {effect_words(e.effect)}".strip(), first_text(e)) if x)
     shrink = next(iter(e.shrink.values()), None)
-    closes = "" if shrink is None else f"closes {max(shrink.share, 0.0):.0%} of the squared gap, "
-    return f"{what} ({closes}confidence {e.confidence:.0%})"
+    explains = "" if shrink is None else f"explains {max(shrink.share, 0.0):.0%} of the variance, "
+    return f"{what} ({explains}confidence {e.confidence:.0%})"

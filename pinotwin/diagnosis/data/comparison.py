@@ -228,7 +228,7 @@ def _met(new: Sample, own: Sample) -> tuple[Sample, dict[str, str]]:
     strange = [names[j] for j in new.joints if j not in own.joints]
     if len(strange) == len(new.joints):
         raise DataError(
-            f"{', '.join(strange)}: moved in no log of the twin, which cannot tell their change; identify the twin "
+            f"{', '.join(strange)}: moved in no log of the twin, so their change is unknown; identify the twin "
             "again on logs that move them"
         )
     why = "it moved in no log of its twin; identify one that knows it"

@@ -54,7 +54,7 @@ class Apart:
         for k in self.odd:
             most = sorted(self.axes[k].items(), key=lambda p: -p[1])[:3]
             where = ", ".join(f"{axis} by {x:.1f} times" for axis, x in most)
-            parts.append(f"{self.sources[k]} ({where} what the model leaves)")
+            parts.append(f"{self.sources[k]} ({where} the validation error)")
         against = ", ".join(self.sources[k] for k in self.alike)
         differ = "differs" if len(self.odd) == 1 else "differ"
         text = f"{'; '.join(parts)} {differ} from {against}, the same command"

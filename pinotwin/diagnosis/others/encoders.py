@@ -575,5 +575,5 @@ def _notes(axis: str, fit: Blocked, new: _Twist) -> list[str]:
     how = "later" if lag > 0.0 else "earlier"
     return [
         f"{axis}.ql is taken {1e3 * abs(lag):.2f} ± {1e3 * error:.2f} ms {how} than {axis}.q: whatever goes with "
-        "speed between motor and load (friction behind the spring) cannot be told from that"
+        "speed between motor and load (friction behind the spring) cannot be separated from that"
     ]

@@ -512,7 +512,7 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     closed = float(sum(x.sum() for x in searcher.main_gains(one)))
     small = not _complete(one, searcher, rules)
     if small and c.change and closed < rules.excess * _rows(one, c):
-        return "closes less than what the twin's own misfit may differ by"
+        return "explains less than the twin's validation error may vary"
     closed = c.floor[one.joint] * float(np.sqrt(max(closed, 0.0) / max(_rows(one, c), 1)))
     moved = closed / max(c.new.size(one.joint), 1e-300)
     least = rules.least_size(change=c.change) if small else rules.complete_size

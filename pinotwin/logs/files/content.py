@@ -213,7 +213,7 @@ def _sift(channels: dict[str, Floats], stated: dict[str, str]) -> list[str]:
                 del channels[name]
         else:
             told = [name for name in names if name != stated[name]]
-            notes.append(f"{len(names)} columns are named {family!r}, told apart as {_names(told)}")
+            notes.append(f"{len(names)} columns are named {family!r}, distinguished as {_names(told)}")
     return notes
 
 

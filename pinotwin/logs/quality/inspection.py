@@ -143,7 +143,7 @@ def _channel_findings(log: Log, name: str, c: ChannelQuality) -> Iterator[Findin
             "warning",
             name,
             f"saturated at {c.low:.4g} or {c.high:.4g} in {100 * c.saturated:.2g} % of the rows; "
-            f"these rows tell nothing about the plant, move less violently",
+            f"these rows say nothing about the plant; move less violently",
             "saturated",
         )
 

@@ -1,20 +1,16 @@
-"""Plain words for the effects and regions of a diagnosis, for readers who do not build models."""
+"""What a diagnosis is told in: names of effects, grades, regions and the direction of a change, in plain English."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
-from pinotwin.diagnosis.result import Region
-from pinotwin.effects import EFFECTS as TABLE
-from pinotwin.report.display import number
+from pinotwin.diagnosis.result import Region, Size
+from pinotwin.effects import known
 
-EFFECTS = {
-    **{name: effect.words for name, effect in TABLE.items()},
-    "rotor_inertia": "the motor's own inertia, felt through the gear, is not in the model",
-    "gravity": "weight that the model does not have",
-}
-"""Effect -> what it is on the machine."""
+SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
+"""Signal -> its name."""
 
 KINDS = {
     "time": "time in the log",
@@ -29,8 +25,9 @@ KINDS = {
 
 
 def effect_words(name: str) -> str:
-    """Return an effect's name without underscores."""
-    return name.replace("_", " ")
+    """Return an effect's title as it stands inside a sentence."""
+    title = known()[name].title if name in known() else name.replace("_", " ")
+    return title[:1].lower() + title[1:]
 
 
 def on_axis(name: str, axis: str | None) -> str:
@@ -38,34 +35,35 @@ def on_axis(name: str, axis: str | None) -> str:
     return effect_words(name) if axis is None else f"{effect_words(name)} on axis {axis}"
 
 
+def moved(sizes: Sequence[Size]) -> str:
+    """Return which way the numbers of a cause went: rose, fell, appeared, or changed where they disagree."""
+    ways = {_way(abs(s.before), abs(s.after)) for s in sizes}
+    return ways.pop() if len(ways) == 1 else "changed"
+
+
+def _way(before: float, after: float) -> str:
+    if before == 0.0 or math.isinf(before):
+        return "appeared"
+    return "rose" if after > before else "fell" if after < before else "changed"
+
+
 def label_words(label: str) -> str:
-    """Return a label of a confusable group, ``Y.coulomb`` -> ``coulomb on axis Y``."""
+    """Return a label of a confusable group, ``Y.coulomb`` -> ``dry friction on axis Y``."""
     if label == "base model":
-        return "what the model already holds"
+        return "the reference model"
     axis, dot, name = label.partition(".")
     return on_axis(name, axis) if dot else effect_words(label)
 
 
 def explanation(name: str) -> str:
     """Return what an effect is on the machine; empty for one that is not listed."""
-    return EFFECTS.get(name, "")
-
-
-PATTERNS = {
-    "time-periodic at": "a vibration that repeats in time, at",
-    "event-like": "short events",
-    "coloured, without a simple pattern": "slowly changing, without a simple pattern",
-}
-"""How a diagnosis describes a remainder -> plain words."""
+    return known()[name].words if name in known() else ""
 
 
 def plain_sentence(text: str) -> str:
-    """Return a sentence of a diagnosis with effects and patterns in plain words."""
-    for pattern, words in PATTERNS.items():
-        text = text.replace(pattern, words)
-    for name in EFFECTS:
-        text = text.replace(name, effect_words(name))
-    return text
+    """Return a sentence of a diagnosis with the titles of effects in place of their names."""
+    names = "|".join(name for name in known() if "_" in name)
+    return re.sub(rf"\b({names})\b", lambda found: effect_words(found[0]), text)
 
 
 def joined(words: Sequence[str]) -> str:
@@ -83,13 +81,13 @@ def region_words(region: Region) -> str:
         way = "backward" if region.range[1] <= 0 else "forward" if region.range[0] >= 0 else ""
         return f"at speeds of {span}" + (f" ({way})" if way else "")
     if region.kind == "frequency" and region.range[0] == 0.0:
-        return f"as slow changes, below {high} {unit}"
+        return f"in slow changes, below {high} {unit}"
     return {
         "time": f"{span} into the log",
         "position": f"between positions {span}",
         "acceleration": f"at accelerations of {span}",
         "load": f"while the motor gives {span}",
-        "frequency": f"as vibration of {span}",
+        "frequency": f"in vibration at {span}",
         "other_axis": f"while axis {region.other} moves",
     }.get(region.kind, f"{region.kind} {span}")
 
@@ -104,5 +102,5 @@ def shop_range(region: Region) -> tuple[str, str, str]:
         factor, unit = 180.0 / math.pi, f"°{slash}{tail}"
     low, high = (factor * x for x in region.range)
     places = max(0, 2 - math.floor(math.log10(max(abs(low), abs(high), 1e-9))))
-    first, last = (number(round(x, places) + 0.0) for x in (low, high))
+    first, last = (f"{round(x, places) + 0.0:.3g}" for x in (low, high))
     return first, last, unit
