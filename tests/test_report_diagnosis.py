@@ -110,11 +110,11 @@ def test_the_headline_names_cause_axis_size_and_data() -> None:
     logs = [{"source": "/a/b/new.csv", "role": "validation"}, {"source": "old.csv", "role": "diagnosed"}]
     assert "validated on new.csv" in headline(replace(EXPLAINED, provenance={"logs": logs}))[0]
     hint = replace(found(), shrink={"u": replace(SHRINK, share=-0.1)})
-    assert "does not shrink" in headline(replace(EXPLAINED, effects=[hint]))[0]
+    assert "does not reduce the residual" in headline(replace(EXPLAINED, effects=[hint]))[0]
     assert headline(replace(EXPLAINED, situation="change"))[0].startswith("Y: quadratic drag appeared, b2 ")
-    assert "Nothing is missing" in headline(diagnosis())[0]
+    assert "no missing effect found" in headline(diagnosis())[0]
     assert "no change found" in headline(replace(diagnosis(), situation="change"))[0]
-    assert "axis Y, and no effect" in headline(UNEXPLAINED)[0]
+    assert "axis Y, and no known effect" in headline(UNEXPLAINED)[0]
     assert any("remain unexplained" in line for line in headline(PARTLY))
     assert not any("remain unexplained" in line for line in headline(EXPLAINED))
 
@@ -137,11 +137,15 @@ def test_one_grade_in_card_plot_text_and_json() -> None:
             assert f"Axis {axis}, motor effort: {printed(word)}" in page
             card = page[page.index(f"<h3>Axis {axis}</h3>") :]
             assert card.index(f">{printed(word)}</span>") < min(
-                (card.index(f">{w}</span>") for w in KIND if w != word and f">{w}</span>" in card),
+                (
+                    card.index(f">{w}</span>")
+                    for w in map(printed, KIND)
+                    if w != printed(word) and f">{w}</span>" in card
+                ),
                 default=len(card),
             )
             assert any(
-                line.startswith(f"{axis}.u") and line.endswith(word)
+                line.startswith(f"{axis}.u") and line.endswith(printed(word))
                 for line in gap_lines(replace(given, gap={axis: row}))
             )
 
