@@ -139,7 +139,7 @@ def test_diagnoses_side_by_side(tmp_path, capsys):
         (tmp_path / name / "diagnosis.json").write_text(json.dumps(document))
     folders = [str(tmp_path / name) for name in "abc"]
     assert main(["compare", *folders, "--out", str(tmp_path / "out")]) == 0
-    assert "on Y only in a" in capsys.readouterr().out
+    assert "Only a: Viscous friction on Y" in capsys.readouterr().out
     content = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert content["verdicts"] == {"a": "explained", "b": "none", "c": "none"}
     page = (tmp_path / "out" / "compare.html").read_text()

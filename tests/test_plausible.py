@@ -186,8 +186,8 @@ def test_what_a_motion_would_not_show_is_said() -> None:
         channels = recorded()
         spoil(channels)
         said = not_told("trunnion", channels)
-        assert "another unit of the effort of C" in said
-        assert "20 ms late of C" in said
+        assert "a wrong effort unit on C" in said
+        assert "effort of C that is 20 ms late" in said
         assert "of A" not in said
 
 

@@ -197,7 +197,7 @@ def test_cautions_carry_warnings_open_parameters_and_colour() -> None:
     assert lines[0] == "mind the gap"
     assert any("parameters are not determined by these data" in line for line in lines)
     assert any(line.startswith("The residual of Y is not white") for line in lines)
-    assert any("to 1.250 times" in line for line in lines)
+    assert any("costs 25 % more" in line for line in lines)
 
 
 def test_long_tables_are_folded() -> None:

@@ -106,18 +106,15 @@ def test_every_verdict_makes_a_whole_page_that_loads_nothing(given: Diagnosis) -
 def test_the_headline_names_cause_axis_size_and_data() -> None:
     first = headline(EXPLAINED)[0]
     assert "Y: quadratic drag is missing from the model, b2 12 N·s²/m²." in first
-    assert (
-        "from 5 to 3.4 N RMS, by the share that goes on the validation log, to which nothing was fitted"
-        in first
-    )
+    assert "the residual falls from 5 to 3.4 N RMS (validated on the log)" in first
     logs = [{"source": "/a/b/new.csv", "role": "validation"}, {"source": "old.csv", "role": "diagnosed"}]
-    assert "on new.csv, to which" in headline(replace(EXPLAINED, provenance={"logs": logs}))[0]
+    assert "validated on new.csv" in headline(replace(EXPLAINED, provenance={"logs": logs}))[0]
     hint = replace(found(), shrink={"u": replace(SHRINK, share=-0.1)})
-    assert "does not shrink" in headline(replace(EXPLAINED, effects=[hint]))[0]
+    assert "does not reduce the residual" in headline(replace(EXPLAINED, effects=[hint]))[0]
     assert headline(replace(EXPLAINED, situation="change"))[0].startswith("Y: quadratic drag appeared, b2 ")
-    assert "Nothing is missing" in headline(diagnosis())[0]
+    assert "no missing effect found" in headline(diagnosis())[0]
     assert "no change found" in headline(replace(diagnosis(), situation="change"))[0]
-    assert "axis Y, and no effect" in headline(UNEXPLAINED)[0]
+    assert "axis Y, and no known effect" in headline(UNEXPLAINED)[0]
     assert any("remain unexplained" in line for line in headline(PARTLY))
     assert not any("remain unexplained" in line for line in headline(EXPLAINED))
 
@@ -139,12 +136,16 @@ def test_one_grade_in_card_plot_text_and_json() -> None:
             assert given.to_dict()["gap"][axis]["u"]["grade"] == word
             assert f"Axis {axis}, motor effort: {printed(word)}" in page
             card = page[page.index(f"<h3>Axis {axis}</h3>") :]
-            assert card.index(f">{word}</span>") < min(
-                (card.index(f">{w}</span>") for w in KIND if w != word and f">{w}</span>" in card),
+            assert card.index(f">{printed(word)}</span>") < min(
+                (
+                    card.index(f">{w}</span>")
+                    for w in map(printed, KIND)
+                    if w != printed(word) and f">{w}</span>" in card
+                ),
                 default=len(card),
             )
             assert any(
-                line.startswith(f"{axis}.u") and line.endswith(word)
+                line.startswith(f"{axis}.u") and line.endswith(printed(word))
                 for line in gap_lines(replace(given, gap={axis: row}))
             )
 

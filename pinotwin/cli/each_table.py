@@ -121,16 +121,15 @@ def lines_of(table: Sequence[Row], kept: int, seconds: float) -> list[str]:
     """Return the table as text: one line a log, the counts last."""
     names = [_shown(row["log"]) for row in table]
     wide = max(map(len, [*names, "log"]))
-    head = f"{'log':<{wide}}  {'verdict':<16}  {'signal':<8}{'gap':>8}{'after':>8}{'misfit':>8}  causes"
+    head = f"{'log':<{wide}}  {'verdict':<16}  {'signal':<8}{'residual':>10}{'with causes':>13}{'validation':>12}  causes"
     lines = [head]
     for name, row in zip(names, table, strict=True):
         start = f"{name:<{wide}}  {row['verdict']:<16}  "
         if row["verdict"] == FAILED:
             lines.append(f"{start}{row['error']}")
             continue
-        numbers = "".join(
-            f"{'-' if row[k] is None else format(row[k], '.1%'):>8}" for k in ("gap", "after", "misfit")
-        )
+        sizes = ["-" if row[k] is None else f"{row[k]:.1%}" for k in ("gap", "after", "misfit")]
+        numbers = "{:>10}{:>13}{:>12}".format(*sizes)
         lines.append(f"{start}{row['signal']:<8}{numbers}  {_causes(row) or '-'}")
     count = ", ".join(f"{n} {verdict}" for verdict, n in Counter(r["verdict"] for r in table).items())
     before = f" ({kept} of an earlier run)" if kept else ""

@@ -102,7 +102,7 @@ def summary(start: Start, notes: Sequence[str], log: str = "LOG") -> list[str]:
     if guesses is not None:
         if guesses.named:
             shown = ", ".join(guesses.named[:8]) + (" ..." if len(guesses.named) > 8 else "")
-            lines.append(f"channels named as they should be: {shown}")
+            lines.append(f"channels with standard names: {shown}")
         lines += [f"guess: {g.channel} = {g.column or f'{g.rate:g} Hz'}: {g.reason}" for g in guesses.found]
         lines += [f"open: {question}" for question in guesses.open]
         lines += [f"not used: {', '.join(guesses.unused)}"] if guesses.unused else []

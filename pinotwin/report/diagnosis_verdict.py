@@ -106,12 +106,8 @@ def named_data(d: Diagnosis, x: Shrink) -> str:
     """Return how a reduction was measured and on which data, by the names of their files."""
     logs = d.provenance.get("logs", ())
     role = "validation" if x.on == "validation" else "diagnosed"
-    names = [Path(str(row["source"])).name for row in logs if row.get("role") == role]
-    files = (
-        (joined(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""))
-        if names
-        else "the log"
-    )
+    names = [Path(str(row["source"])).name for row in logs if row.get("role") == role] or ["the log"]
+    files = joined(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
     if x.on == "validation":
         return f"validated on {files}"
     return f"{'fitted to' if x.on == 'fitted logs' else 'cross-validated on'} {files}"

@@ -243,7 +243,7 @@ def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
         weight = f"{mass:g} {mass_unit} ({'given' if axis in sizes.mass else 'assumed'})"
         said.append(f"{axis}: travel {travel}, mass {weight}")
     if any(axis not in sizes.offset for axis in chain.axes):
-        said.append(f"joints stand {LIFT:g} m above each other unless --offset says otherwise")
+        said.append(f"joints are {LIFT:g} m apart; --offset changes that")
     return said
 
 

@@ -97,7 +97,7 @@ def resting(machine: Machine, seen: Collection[str]) -> list[str]:
         seen: axes that have a gap, or that something else is said of.
     """
     silent = [name for name in machine.axes if name not in seen]
-    return [f"{x} is not judged: it hardly moves in these logs, or its effort is missing" for x in silent]
+    return [f"{x} hardly moves in these logs, or its effort is missing: it is not judged" for x in silent]
 
 
 def of_one_run(c: Comparison, named: Sequence[Any]) -> list[str]:

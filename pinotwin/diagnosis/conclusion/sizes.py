@@ -109,17 +109,18 @@ def name_words(size: Size) -> str:
     return WORDS.get(size.name) or (last or family).replace("_", " ")
 
 
-def size_text(size: Size) -> str:
+def size_text(size: Size, digits: int = 4) -> str:
     """Return a size in words: from what to what where the model held a number, or an effort had no limit."""
     name = size.name.partition(".")[2] or size.name
     if np.isnan(size.before) or size.before == 0.0:
-        return f"{name} {now_text(size)}"
-    return f"{name} {f'{size.before:.4g}' if np.isfinite(size.before) else 'none'} -> {now_text(size)}"
+        return f"{name} {now_text(size, digits)}"
+    before = _number(size.before, digits) if np.isfinite(size.before) else "none"
+    return f"{name} {before} -> {now_text(size, digits)}"
 
 
-def now_text(size: Size) -> str:
-    """Return what these logs ask for, with its unit."""
-    return _with_unit(size.after, size.unit)
+def now_text(size: Size, digits: int = 4) -> str:
+    """Return what these logs give, with its unit."""
+    return _with_unit(size.after, size.unit, digits)
 
 
 def before_text(size: Size) -> str:
@@ -129,8 +130,12 @@ def before_text(size: Size) -> str:
     return "none" if np.isinf(size.before) or size.before == 0.0 else _with_unit(size.before, size.unit)
 
 
-def _with_unit(x: float, unit: str) -> str:
-    return f"{x:.4g}" if unit == "-" else f"{x:.4g} {unit}"
+def _with_unit(x: float, unit: str, digits: int = 4) -> str:
+    return _number(x, digits) if unit == "-" else f"{_number(x, digits)} {unit}"
+
+
+def _number(x: float, digits: int) -> str:
+    return f"{float(f'{x:.{digits}g}'):g}"
 
 
 def interval_text(size: Size) -> str:
@@ -158,8 +163,8 @@ def first_text(found: Found) -> str:
     if not sizes:
         return ""
     if "points" not in sizes[0].name:
-        return size_text(sizes[0]) + _pitch(found)
-    return size_text(max(sizes, key=lambda s: abs(s.after))) + _place(found)
+        return size_text(sizes[0], 3) + _pitch(found)
+    return size_text(max(sizes, key=lambda s: abs(s.after)), 3) + _place(found)
 
 
 def _pitch(found: Found) -> str:

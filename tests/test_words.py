@@ -1,0 +1,143 @@
+"""Printed texts use the field's words and short sentences; words of a private English are not used."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from pinotwin.cli.diagnose import summary, where_lines
+from pinotwin.cli.main import COMMANDS, main
+from pinotwin.diagnosis.conclusion.advice import PAIRS, advise
+from pinotwin.diagnosis.grade import KIND, MEANING, printed
+from pinotwin.diagnosis.phrases import explanation, moved, plain_sentence
+from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Size
+from pinotwin.effects import EFFECTS
+from pinotwin.report.diagnosis import diagnosis_report
+from pinotwin.report.diagnosis_verdict import ground, headline
+from tests.conftest import ROOT
+
+LONGEST = 30
+"""Words of a sentence."""
+NOT_USED = re.compile(
+    r"\b(misfits?|gaps?|closes?|closed by|squared gap|leaves|left of|of its own|own logs|foretells?|told|tells|"
+    r"asked|asks|kept back|in turn|stands? out|pushes|promised|surest|strayed|mend)\b",
+    re.IGNORECASE,
+)
+STORED = json.loads((ROOT / "tests" / "answers.json").read_text(encoding="utf-8"))["now"]
+
+
+def sentences(text: str) -> list[str]:
+    return [x for x in re.split(r"(?<=[.;:!?])\s+|\n", text) if x.strip()]
+
+
+def wrong(text: str) -> list[str]:
+    """Return the sentences with a word that is not used, or with too many."""
+    return [x for x in sentences(text) if NOT_USED.search(x) or len(x.split()) > LONGEST]
+
+
+def diagnosis(answer: dict) -> Diagnosis:
+    """Return the diagnosis of which an answer was stored."""
+
+    def shrink(x: dict) -> Shrink:
+        on = x.get("on", "held-out blocks")
+        return Shrink(
+            x["before"], x["after"], x["share"], tuple(x["interval90"]), x["promised"], on, x["axis"]
+        )
+
+    def size(s: dict) -> Size:
+        before, after = (float("nan") if s[k] is None else s[k] for k in ("before", "after"))
+        return Size(s["name"], before, after, s["unit"], (after, after))
+
+    def found(e: dict) -> Found:
+        sizes = [size(s) for s in e["sizes"]]
+        signals = {k: shrink(x) for k, x in e["shrink"].items() if isinstance(x, dict)}
+        return Found(e["effect"], e["axis"], e["confidence"], {}, {}, signals, e["alternatives"], size=sizes)
+
+    number = {"misfit": float("nan"), "size": float("nan")}
+    gap = {
+        axis: {
+            s: Gap(**{**number, **{k: v for k, v in g.items() if k != "grade" and v is not None}})
+            for s, g in row.items()
+        }
+        for axis, row in answer["gap"].items()
+    }
+    axis, signal = next((a, s) for a, row in gap.items() for s in row)
+    where = [
+        Region(axis, signal, "frequency", (1.0, 3.0), "Hz", 0.42, 0.02, None),
+        Region(axis, signal, "velocity", (-0.01, 0.01), "m/s", 0.3, 0.1, 0.01),
+    ]
+    return Diagnosis(
+        answer["verdict"],
+        answer["sentence"],
+        gap,
+        where,
+        [found(e) for e in answer["effects"]],
+        [],
+        answer["unexplained"],
+        {},
+        "assumed",
+        advise("assumed", [(min(group), max(group)) for group, _, _ in PAIRS], has_command=False)[0],
+        answer["situation"],
+        {},
+        possible=[found(e) for e in answer["possible"]],
+    )
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_an_answer_is_in_plain_short_sentences(name: str) -> None:
+    found = diagnosis(STORED[name])
+    said = [*headline(found), *ground(found), *summary(found), *where_lines(found)]
+    assert [x for text in said for x in wrong(text)] == []
+
+
+def test_a_page_is_in_plain_words() -> None:
+    found = diagnosis(next(x for x in STORED.values() if x["effects"]))
+    body = diagnosis_report(found).partition("<body")[2]
+    text = re.sub(r"<(script|style).*?</\1>|<[^>]*>", "\n", body, flags=re.DOTALL)
+    assert [x for x in sentences(text) if NOT_USED.search(x)] == []
+
+
+def texts() -> Iterator[str]:
+    yield from MEANING.values()
+    yield from (printed(grade) for grade in KIND)
+    for name, effect in EFFECTS.items():
+        yield from (effect.title, explanation(name), effect.remedy)
+
+
+@pytest.mark.parametrize("text", sorted({x for x in texts() if x}))
+def test_grades_and_effects_are_in_plain_short_sentences(text: str) -> None:
+    assert wrong(text) == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_is_in_plain_words(command: str, capsys) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    text = capsys.readouterr().out.replace("--fail-on-gap", "")
+    assert NOT_USED.findall(text) == []
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "word"),
+    [(1.0, 3.0, "rose"), (3.0, 1.0, "fell"), (0.0, 1.0, "appeared"), (-1.0, -2.0, "rose")],
+)
+def test_a_change_says_which_way(before: float, after: float, word: str) -> None:
+    def size(before: float, after: float) -> Size:
+        return Size("viscous.b", before, after, "N·s/m", (after, after))
+
+    assert moved([size(before, after)]) == word
+    assert moved([size(1.0, 3.0), size(3.0, 1.0)]) == "changed"
+    assert moved([]) == "changed"
+
+
+def test_names_of_effects_become_their_titles() -> None:
+    assert plain_sentence("effort_scale of Y") == "scale of the effort of Y"
+
+
+def test_a_private_word_and_a_long_sentence_are_noticed() -> None:
+    assert wrong("the gap shrinks") == ["the gap shrinks"]
+    assert wrong("word " * 31) != []
+    assert wrong("the residual falls") == []
