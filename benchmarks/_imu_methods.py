@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.imu import rotation as rot
-from pinotwin.imu.align import inertial_alignment, mounting, mounting_from_rates
+from pinotwin.imu.align import fit_rotation, mounting, mounting_from_rates
 from pinotwin.imu.clock import ClockFit
 from pinotwin.imu.ekf import EkfSettings, ekf
 from pinotwin.imu.noise import rest
@@ -97,7 +97,8 @@ def _chain(
     else:
         q = orientation(gyr, acc, rate, method, rule="coning")
     machine = np.einsum("nij,nj->ni", servo.R, servo.w)
-    R_GM = inertial_alignment(machine, rot.rotate(q, gyr), np.array([0.0, 0.0, 1.0])).R
+    up = np.array([0.0, 0.0, 1.0])
+    R_GM = fit_rotation(machine, rot.rotate(q, gyr), (up, up)).R
     R_ST = mounting(q, R_GM, servo.R).R
     return reconstruct(servo.t, q, R_GM, R_ST, servo.R, axis=axis)
 

@@ -18,7 +18,7 @@ from pinotwin.effects import Coulomb, Viscous
 from pinotwin.identification.assemble import assemble, choose_rows
 from pinotwin.solve.linear import linear
 from pinotwin.virtual import VirtualMachine, random_trajectory
-from pinotwin.virtual.recording import inverse_dynamics
+from tests.virtual_motion import inverse_dynamics
 
 DRAWS = 40
 FRICTION = {

@@ -119,7 +119,7 @@ def test_inertial_alignment_and_mounting_as_in_the_source() -> None:
     q = rot.multiply(q, rot.exp(1e-3 * np.random.default_rng(0).normal(size=(len(q), 3))))
     w_machine = np.einsum("nij,nj->ni", servo.R, servo.w)
     w_earth = rot.rotate(q, servo.w @ R_ST.T)
-    inertial = align.inertial_alignment(w_machine, w_earth)
+    inertial = align.fit_rotation(w_machine, w_earth)
     mounted = align.mounting(q, inertial.R, servo.R)
     for fit, truth in ((inertial, R_GM), (mounted, R_ST)):
         error = rot.log(rot.from_matrix(fit.R @ truth.T))

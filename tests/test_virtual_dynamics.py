@@ -7,8 +7,9 @@ import pytest
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import control_step
 from pinotwin.virtual.friction import friction_force
-from pinotwin.virtual.mass import forward_dynamics, gravity_at, inertia_at
+from pinotwin.virtual.mass import gravity_at, inertia_at
 from pinotwin.virtual.tree import perturbed, tree_of, with_hidden_joint, with_payload
+from tests.virtual_motion import forward_dynamics
 
 
 def random_model(seed: int, joints: int = 6) -> pin.Model:

@@ -12,11 +12,11 @@ from pinotwin.logs.write import write_log
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.axis_truth import Friction
 from pinotwin.virtual.folder import Folder, read_folder
-from pinotwin.virtual.recording import inverse_dynamics
 from pinotwin.virtual.trajectories import Trajectory, rest
 from pinotwin.virtual.truth import Pulse, Truth
 from pinotwin.virtual.truth_yaml import read_truth
 from tests.true_poles import closed_loop_poles
+from tests.virtual_motion import inverse_dynamics, link_motion
 
 BUNDLED = ("trunnion", "laser_driller", "flexure_rig", "emps", "tx40")
 
@@ -206,7 +206,7 @@ def test_log_and_truth_rates(trunnion):
 def test_link_motion_is_pinocchios(trunnion):
     """Rotation, rates and acceleration of the table against finite differences and Pinocchio."""
     r = trunnion.record(random_trajectory(trunnion, 2.0, 4), seed=1, noise=False, truth_rate=4000.0)
-    m = r.truth.link_motion("table")
+    m = link_motion(r.truth, "table")
     model, data = trunnion.model, trunnion.model.createData()
     frame = model.getFrameId("table", pin.FrameType.BODY)
     world = pin.LOCAL_WORLD_ALIGNED

@@ -14,6 +14,7 @@ from pinotwin.virtual.folder import read_folder
 from pinotwin.virtual.friction import friction_force
 from pinotwin.virtual.mass import gravity_at
 from tests.true_poles import smooth
+from tests.virtual_motion import forward_dynamics
 
 PERIOD, SUBSTEPS = 1 / 4000.0, 16
 
@@ -106,8 +107,6 @@ def test_both_engines_agree(urdf_dir, name, law):
 
 def test_free_motion_without_friction_is_mujocos(urdf_dir):
     """No controller at all: the driller falls and swings the same in both engines."""
-    from pinotwin.virtual.mass import forward_dynamics
-
     folder = urdf_dir / "laser_driller"
     machine = machine_as_shipped(folder, "none")
     model, ids = mujoco_model(folder, machine)

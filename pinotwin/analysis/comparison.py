@@ -7,9 +7,8 @@ parameters are asked at once, so the accepted ones hold a false discovery rate (
 
 Standard errors speak of noise. What a model leaves out moves its parameters too, from one trajectory to the
 next, so they are widened by the ratio of an axis' held-out to its fitted error, the worst of the twins. Knots
-of a table lean on their neighbours and on what else acts there: of two healthy twins of the virtual trunnion
-two in three differ by more than chance. They are not asked one by one; what a table does as a whole is its
-change of effort along a log.
+of a table lean on their neighbours and on what else acts there. They are not asked one by one; what a table does
+as a whole is its change of effort along a log.
 """
 
 from __future__ import annotations

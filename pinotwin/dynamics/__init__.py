@@ -12,9 +12,6 @@ from pinotwin.dynamics.frames import frame_acceleration as frame_acceleration
 from pinotwin.dynamics.frames import frame_rotation as frame_rotation
 from pinotwin.dynamics.frames import frame_velocity as frame_velocity
 from pinotwin.dynamics.frames import jacobian as jacobian
-from pinotwin.dynamics.inertia import PSEUDO_INERTIA as PSEUDO_INERTIA
-from pinotwin.dynamics.inertia import consistent as consistent
-from pinotwin.dynamics.inertia import pseudo_inertia as pseudo_inertia
 from pinotwin.dynamics.parameters import parameter_names as parameter_names
 from pinotwin.dynamics.parameters import parameter_units as parameter_units
 from pinotwin.dynamics.parameters import parameters as parameters

@@ -111,20 +111,6 @@ def _with_gravity(x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None) -
     return both, np.vstack([y, gy])
 
 
-def inertial_alignment(
-    w_machine: Floats, w_earth: Floats, gravity_machine: Floats | None = None
-) -> RotationFit:
-    """Return R_G/M (Eq. 6.12-6.19).
-
-    Args:
-        w_machine: the link's angular velocity by the encoders, machine frame [rad/s], (n, 3).
-        w_earth: the IMU's angular velocity in its own earth frame (z up) [rad/s], (n, 3).
-        gravity_machine: the upward direction in the machine frame, (3,), for logs with one axis.
-    """
-    up = None if gravity_machine is None else (gravity_machine, np.array([0.0, 0.0, 1.0]))
-    return fit_rotation(w_machine, w_earth, up)
-
-
 def mounting(q: Floats, R_GM: Floats, R_link: Floats) -> RotationFit:
     """Return R_S/T (Eq. 6.20-6.25) as the mean over the samples.
 

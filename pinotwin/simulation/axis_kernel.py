@@ -13,6 +13,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.stepping import entry, inlined, leaf
+from pinotwin.simulation.lookup import level_at
 from pinotwin.simulation.state import Lookup
 
 
@@ -84,16 +85,6 @@ class Memory(NamedTuple):
     bend: Floats
     where: Floats
     one: Floats
-
-
-@leaf
-def level_at(table, k, side, pace):  # type: ignore[no-untyped-def]
-    """Return table [k, side] at a place between 0 and its last index."""
-    i = int(pace)
-    if i > table.shape[2] - 2:
-        i = table.shape[2] - 2
-    low = table[k, side, i]
-    return low + (pace - i) * (table[k, side, i + 1] - low)
 
 
 @leaf

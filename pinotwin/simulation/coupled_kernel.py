@@ -21,9 +21,9 @@ from __future__ import annotations
 import numpy as np
 
 from pinotwin.dynamics.stepping import entry, gather, leaf, replay
-from pinotwin.simulation.axis_kernel import bend, level_at, shown
+from pinotwin.simulation.axis_kernel import bend, shown
 from pinotwin.simulation.kernel import _command, _cubic
-from pinotwin.simulation.lookup import along
+from pinotwin.simulation.lookup import along, level_at
 
 SERVO, IDEAL, PASSIVE = 0, 1, 2
 SWEEPS = 12

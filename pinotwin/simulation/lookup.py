@@ -13,7 +13,7 @@ from pinotwin.dynamics.stepping import leaf
 
 
 @leaf
-def _at(table, k, side, place):  # type: ignore[no-untyped-def]
+def level_at(table, k, side, place):  # type: ignore[no-untyped-def]
     """Return table [k, side] at a place between 0 and its last index.
 
     Whole arrays are passed and indexed: a view costs more than the look-up, by its reference count.
@@ -91,7 +91,7 @@ def friction(tables, s):  # type: ignore[no-untyped-def]
     _pace(tables, s)
     for k in range(len(tables.speeds)):
         j = tables.speeds[k]
-        s.r[j] += _at(tables.velocity, k, 0 if s.v[j] >= 0.0 else 1, s.pace[j])
+        s.r[j] += level_at(tables.velocity, k, 0 if s.v[j] >= 0.0 else 1, s.pace[j])
     for k in range(len(tables.directions)):
         j, partner = tables.directions[k, 0], tables.directions[k, 1]
         v = s.v[j] + (s.v[partner] if partner >= 0 else 0.0)
@@ -100,11 +100,11 @@ def friction(tables, s):  # type: ignore[no-untyped-def]
             s.turn[k] = clip(s.turn[k] + dv * tables.slope[k])
         s.before[k] = v
         turn = s.turn[k]
-        effort = abs(turn) * _at(tables.dry, k, 0 if turn >= 0.0 else 1, s.pace[j])
+        effort = abs(turn) * level_at(tables.dry, k, 0 if turn >= 0.0 else 1, s.pace[j])
         s.r[j] += effort
         if partner >= 0:
             s.r[partner] += effort
     for k in range(len(tables.slips)):
         j = tables.slips[k]
         z = _bend(tables, k, s.q[j], s)
-        s.r[j] += z * _at(tables.slip, k, 0, s.pace[j]) + _bristle(tables, k, z, s.v[j], s)
+        s.r[j] += z * level_at(tables.slip, k, 0, s.pace[j]) + _bristle(tables, k, z, s.v[j], s)

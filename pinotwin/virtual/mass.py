@@ -140,22 +140,6 @@ def invert(M, W, inverse):  # type: ignore[no-untyped-def]
             inverse[j, i] = W[i, j]
 
 
-def forward_dynamics(tree: Tree, q: Floats, v: Floats, tau: Floats) -> Floats:
-    """Return the accelerations, shape (nv,), for positions, velocities and efforts."""
-    nv = len(q)
-    pose = empty_pose(nv)
-    h = np.zeros(nv)
-    M = np.zeros((nv, nv))
-    inverse = np.zeros((nv, nv))
-    place(tree, q, pose)
-    move(tree, v, np.zeros(nv), pose)
-    body_forces(tree, pose)
-    joint_efforts(tree, pose, h)
-    mass_matrix(tree, pose, M)
-    invert(M, np.zeros((nv, nv)), inverse)
-    return inverse @ (tau - h)
-
-
 def inertia_at(tree: Tree, q: Floats) -> Floats:
     """Return the mass matrix at a position, shape (nv, nv)."""
     pose = empty_pose(len(q))

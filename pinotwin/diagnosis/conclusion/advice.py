@@ -101,10 +101,7 @@ def resting(machine: Machine, seen: Collection[str]) -> list[str]:
 
 
 def of_one_run(c: Comparison, named: Sequence[Any]) -> list[str]:
-    """Return a word on friction that has changed against a twin that knows the friction of one run alone.
-
-    Two runs of one healthy LWR4 differ by 0.5 N·m of the 0.9 N·m that rub in its first joint.
-    """
+    """Return a word on friction that has changed against a twin that knows the friction of one run alone."""
     axes = [str(e.axis) for e in named if _rubs(e.effect) or any(_rubs(o["effect"]) for o in e.alternatives)]
     if not c.change or len(c.twin.data) != 1 or not axes:
         return []
