@@ -166,7 +166,7 @@ def test_headline_says_how_good_and_on_what() -> None:
     }
     said = headline(replace(twin, quality=quality))
     assert said == (
-        "On stretches of the log that were held out in turn, the twin predicts the motor effort "
+        "Cross-validated on the log, the twin predicts the motor effort "
         "very well on Y and poorly on A. The largest error is on A: 45.6 % of its standard "
         "deviation (1 N·m RMS)."
     )

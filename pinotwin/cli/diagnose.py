@@ -162,9 +162,8 @@ def cause_lines(found: Diagnosis) -> list[str]:
 
     lines = []
     for e in (*found.effects, *found.possible):
-        sizes = [
-            f"{size_text(s)} (90 %: {interval_text(s)}{_factor(times_text(s))})" for s in told(e.size)[:3]
-        ]
+        spans = [(s, f"90 %: {interval_text(s)}", times_text(s)) for s in told(e.size)[:3]]
+        sizes = [f"{size_text(s)} ({', '.join(filter(None, about))})" for s, *about in spans]
         word = "possible" if e in found.possible else "effect"
         lines.append(f"{word}: {on_axis(e.effect, e.axis)}, confidence {e.confidence:.0%}")
         lines += [f"        {text}" for text in sizes]
@@ -176,10 +175,6 @@ def cause_lines(found: Diagnosis) -> list[str]:
         if others:
             lines.append(f"        also possible: {others}")
     return lines
-
-
-def _factor(text: str) -> str:
-    return f", {text}" if text else ""
 
 
 def where_lines(found: Diagnosis) -> list[str]:

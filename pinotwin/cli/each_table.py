@@ -121,8 +121,8 @@ def lines_of(table: Sequence[Row], kept: int, seconds: float) -> list[str]:
     """Return the table as text: one line a log, the counts last."""
     names = [_shown(row["log"]) for row in table]
     wide = max(map(len, [*names, "log"]))
-    head = f"{'log':<{wide}}  {'verdict':<16}  {'signal':<8}{'residual':>10}{'with causes':>13}{'validation':>12}  causes"
-    lines = [head]
+    columns = f"{'residual':>10}{'with causes':>13}{'validation':>12}  causes"
+    lines = [f"{'log':<{wide}}  {'verdict':<16}  {'signal':<8}{columns}"]
     for name, row in zip(names, table, strict=True):
         start = f"{name:<{wide}}  {row['verdict']:<16}  "
         if row["verdict"] == FAILED:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
@@ -68,7 +69,7 @@ def _figure(d: Diagnosis, machine: Machine, drawn: Still) -> str:
     for y, x, name in marks:
         left = x < 0.5 * width
         low = last[left] = max(min(max(y, 16.0), height - 12.0), last[left] + _HIGH)
-        word = f"{name} · {grade_of(d, name)}"
+        word = f"{name} · {printed(grade_of(d, name))}"
         inner = min(_WIDE * len(word), 0.4 * width)
         edge, to = (6.0, 10.0 + inner) if left else (width - 6.0, width - 10.0 - inner)
         texts.append(

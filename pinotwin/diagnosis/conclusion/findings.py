@@ -14,7 +14,6 @@ from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.springs import inertias
 from pinotwin.diagnosis.others.servo import ServoChange
-from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Size, shrunk
 from pinotwin.diagnosis.search.forward import known as known_of
 from pinotwin.diagnosis.search.scan import Scored
@@ -135,8 +134,7 @@ def _rivals(account: Account, turn: Turn, won: Closed) -> list[Mapping[str, Any]
             "axis": effect.axis,
             "probability": (1.0 - turn.sure) * share / total,
             "share": share,
-            "why": f"explains {share:.0%} of the variance, {effect_words(named(step.chosen.effect).name)} "
-            f"explains {won.bounded:.0%}",
+            "why": f"explains {share:.0%} of the variance; the named cause explains {won.bounded:.0%}",
         }
         for effect, share in near[:5]
         if share > 0.0
