@@ -31,9 +31,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 64_455,
-    module_numbers: 431,
-    stories: 43,
+    lines: 64_300,
+    module_numbers: 424,
+    stories: 6,
 }
 
 

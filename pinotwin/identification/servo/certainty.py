@@ -24,7 +24,7 @@ kp and 1/ti are nearly equal roots: 0.5 to 1 % of kv, which is what this makes, 
 LAW_ERROR, FORWARD_ERROR = 1.5, 4.0
 """Standard error of a feedback gain and of the acceleration's feed-forward, as a share of itself, for each share
 of the tracking error that the law misses on rows not fitted: a notch or a filter that it does not have bends its
-gains, and no scatter of the rows shows that (from machines of another simulator, seeds 430 to 443)."""
+gains, and no scatter of the rows shows that."""
 FORM_ERROR, FORM_FORWARD = 0.005, 0.01
 """The same of a law from its own moments, whatever it misses: a drive differences, filters and adds up at its clock,
 the law does so in continuous time (half a control period is 0.5 % of the time in which a loop of 10 Hz settles)."""
