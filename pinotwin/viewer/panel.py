@@ -32,7 +32,7 @@ _POSTURES = 24  # so many of a motion's postures decide how far away the camera 
 FLAT = "This browser has no WebGL: a still picture of the first posture."
 TITLES = {
     "effort": "Effort",
-    "gap": "Gap: measured minus model",
+    "gap": "Residual: measured minus model",
     "error": "Tracking error",
     "parts": "Effort by cause",
 }

@@ -88,7 +88,7 @@ def tracks_of(machine: Machine, motion: Motion, twin: Twin | None = None) -> Tra
         if model is not None:
             gap = np.where(settled, u - model[:, i], np.nan)
             held["effort"].append(("model", "#2b6cb0", model[rows, i]))
-            held["gap"] = [("gap", "#d2691e", gap[rows])]
+            held["gap"] = [("residual", "#d2691e", gap[rows])]
             known = np.abs(gap[np.isfinite(gap)])
             full[name] = float(np.percentile(known, 99.0)) if known.any() else 1.0
             sizes = {key: float(np.sqrt(np.mean(p[:, i] ** 2))) for key, p in parts.items()}
