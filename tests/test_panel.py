@@ -120,7 +120,7 @@ def test_legend_names_everything_that_can_be_shown(folder):
         layer["text"]
         for layer in data(page_of(folder, str(folder / "twin"), str(folder / "log.csv")))["layers"]
     )
-    for word in ("names", "frames", "centres of mass", "inertia ellipsoids", "command", "gap"):
+    for word in ("names", "frames", "centres of mass", "inertia ellipsoids", "command", "residual"):
         assert word in texts
 
 

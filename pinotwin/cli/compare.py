@@ -97,8 +97,6 @@ def moved_lines(found: Comparison) -> list[str]:
         lines.append(f"  {row.name:<{width}}  {told} {row.unit}  (± {1.6449 * row.change_error:.2g})")
     for axis, signals in found.errors.items():
         for signal, held in signals.items():
-            told = ", ".join(
-                f"{row['nrmse']:.1%} {printed(effort_grade(row))}".strip() for row in held.values()
-            )
-            lines.append(f"  {axis} {signal} error: {told}")
+            errors = [f"{row['nrmse']:.1%} {printed(effort_grade(row))}".strip() for row in held.values()]
+            lines.append(f"  {axis} {signal} error: {', '.join(errors)}")
     return [*lines, *(f"note: {n}" for n in found.notes)]

@@ -238,11 +238,8 @@ def machine_findings(machine: Machine) -> list[Finding]:
     without = machine.base.without_effect
     if without:
         shown = ", ".join(without[:6]) + (" ..." if len(without) > 6 else "")
-        out.append(
-            Finding(
-                "info", "", f"{len(without)} inertial parameters have no effect on any joint torque: {shown}"
-            )
-        )
+        text = f"{len(without)} inertial parameters have no effect on any joint torque: {shown}"
+        out.append(Finding("info", "", text))
     return out
 
 

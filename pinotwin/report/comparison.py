@@ -291,7 +291,9 @@ def _errors(found: Comparison) -> list[Block]:
         for signal, held in signals.items():
             size = max(row["rms"] for row in held.values())
             scale = signal_scale(signal[-1] if " " in signal else "u", units.get(axis) == "N·m", size)
-            rows.append((axis, printed(signal), *(_gap(held.get(label), scale) for label in found.labels)))
+            rows.append(
+                (axis, WORDS.get(signal, signal), *(_gap(held.get(label), scale) for label in found.labels))
+            )
     head = ("axis", "signal", *(f"{label}: RMS (of the signal)" for label in found.labels))
     return [table(head, rows, numeric=range(2, len(head)))] if rows else []
 

@@ -214,9 +214,7 @@ def _layers(scene: Scene, tracks: Tracks | None, overlay: Overlay | None) -> lis
     if tracks is not None and tracks.qr is not None:
         rows.append(("command, the error enlarged", "#f29e26", False, [GHOST], {}))
     if tracks is not None and tracks.full:
-        rows.append(
-            ("colour: residual of the effort, red at its largest", "#cc211a", False, [], {"tint": True})
-        )
+        rows.append(("colour: effort residual, red where large", "#cc211a", False, [], {"tint": True}))
     if overlay is not None:
         rows.append((f"overlaid: {overlay.machine.name}", "#2b6cb0", True, [OTHER], {}))
     return [{"text": t, "colour": c, "on": on, "paths": paths} | more for t, c, on, paths, more in rows]
