@@ -100,7 +100,7 @@ def test_discrete_equivalent_is_exact(hold):
     rng = np.random.default_rng(3)
     model = random_model(rng)
     vr, d = inputs(rng, 300)
-    system = model.discrete(hold=hold, command="vr")
+    system = model.state_space("vr").sample(STEP, hold)
     w = np.column_stack([d[:, 0], vr, 0 * vr])
     found = signal.dlsim((system.A, system.B, system.C, system.D, STEP), w)[1]
     modal = model.modal(hold=hold)

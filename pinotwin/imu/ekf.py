@@ -57,14 +57,12 @@ class OrientationTrack:
         q: quaternions, sensor to earth, (n, 4).
         bias: gyro bias [rad/s], (n, 3).
         accel_bias: accelerometer bias [m/s²], (n, 3).
-        tilt_sd: standard deviation of the inclination [rad], (n,), under the filter's own model.
         used: share of accelerometer samples that passed the gate.
     """
 
     q: Floats
     bias: Floats
     accel_bias: Floats
-    tilt_sd: Floats
     used: float
 
 
@@ -154,15 +152,14 @@ def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _smooth(turn, h, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
     n = len(xf)
-    x, P = xf.copy(), Pf.copy()
+    x = xf.copy()
     for k in range(n - 2, -1, -1):
         _, F = transition(xf[k], turn[k], h)
         ridge = Pp[k + 1] + 1e-18 * np.eye(10)
         C = np.ascontiguousarray(np.linalg.solve(ridge, F @ Pf[k]).T)
         x[k] = xf[k] + C @ (x[k + 1] - xp[k + 1])
         x[k, :4] /= np.sqrt(x[k, :4] @ x[k, :4])
-        P[k] = Pf[k] + C @ (P[k + 1] - Pp[k + 1]) @ C.T
-    return x, P
+    return x
 
 
 def ekf(
@@ -199,6 +196,5 @@ def ekf(
     turn = rot.increments(gyr, 1.0 / rate, rule) * rate
     xp, Pp, x, P, used = _forward(turn, acc, 1.0 / rate, x0, P0, noise, gate)
     if smooth:
-        x, P = _smooth(turn, 1.0 / rate, xp, Pp, x, P)
-    trace = np.maximum(np.einsum("nii->n", P[:, :4, :4]), 0.0)
-    return OrientationTrack(x[:, :4], x[:, 4:7], x[:, 7:10], 2.0 * np.sqrt(trace * 2 / 3), used / len(gyr))
+        x = _smooth(turn, 1.0 / rate, xp, Pp, x, P)
+    return OrientationTrack(x[:, :4], x[:, 4:7], x[:, 7:10], used / len(gyr))

@@ -154,16 +154,6 @@ class LoopModel:
         A, B, C, D, inputs = _matrices(self, command)
         return control.StateSpace(A, B, C, D, inputs=inputs, outputs=list(self.outputs))
 
-    def discrete(
-        self, step: float | None = None, hold: Hold = "foh", command: str | None = None
-    ) -> control.StateSpace:
-        """Return the exact discrete equivalent; ``hold`` says how inputs run between samples.
-
-        Note that with ``command="qr"`` and a first-order hold the *position* runs straight between
-        samples, while :meth:`simulate` lets the velocity run straight.
-        """
-        return self.state_space(command).sample(step or self.step, hold)
-
     def modal(self, step: float | None = None, hold: Hold = "foh") -> ModalStep:
         """Return the stepping form at a sampling interval [s]; not to be changed."""
         own = hold == "foh" and step in (None, self.step)

@@ -92,41 +92,42 @@ class SpeedRipple(Pattern):
 
 
 @dataclass(frozen=True)
-class SpeedCurve(Pattern):
+class _Curve(Pattern):
+    """A free curve: hat functions between knots."""
+
+    searched: ClassVar[int] = 4
+    knots: tuple[float, ...] = ()
+
+    def _count(self) -> int:
+        return len(self.knots)
+
+    def _hats(self, x: Floats) -> Floats:
+        return np.stack([np.interp(x, self.knots, row) for row in np.eye(len(self.knots))], axis=1)
+
+
+@dataclass(frozen=True)
+class SpeedCurve(_Curve):
     """A free curve over speed, its own for each direction: hat functions between knots."""
 
     name: ClassVar[str] = "speed_curve"
     title: ClassVar[str] = "Curve over speed"
     words: ClassVar[str] = "a function of speed of a form that no friction law has"
-    searched: ClassVar[int] = 4
-    knots: tuple[float, ...] = ()
-
-    def _count(self) -> int:
-        return len(self.knots)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        eye = np.eye(len(self.knots))
-        return np.stack([np.interp(motion.v, self.knots, row) for row in eye], axis=1)
+        return self._hats(motion.v)
 
 
 @dataclass(frozen=True)
-class PositionSpeedCurve(Pattern):
+class PositionSpeedCurve(_Curve):
     """A position-dependent viscosity: v times a free curve over position."""
 
     name: ClassVar[str] = "position_viscosity"
     title: ClassVar[str] = "Friction that changes along the stroke"
     words: ClassVar[str] = "friction that changes along the stroke"
-    searched: ClassVar[int] = 4
-    knots: tuple[float, ...] = ()
     dry: bool = False
 
-    def _count(self) -> int:
-        return len(self.knots)
-
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        eye = np.eye(len(self.knots))
-        hats = np.stack([np.interp(motion.q, self.knots, row) for row in eye], axis=1)
-        return hats * (np.sign(motion.v) if self.dry else motion.v)[:, None]
+        return self._hats(motion.q) * (np.sign(motion.v) if self.dry else motion.v)[:, None]
 
 
 LOUDEST = 3
