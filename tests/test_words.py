@@ -17,6 +17,7 @@ from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Siz
 from pinotwin.effects import EFFECTS
 from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import ground, headline
+from pinotwin.report.simulation import GRADES, READING
 from tests.conftest import ROOT
 
 LONGEST = 30
@@ -102,7 +103,9 @@ def test_a_page_is_in_plain_words() -> None:
 
 def texts() -> Iterator[str]:
     yield from MEANING.values()
-    yield from (printed(grade) for grade in KIND)
+    yield from (printed(grade) for grade in (*KIND, *GRADES))
+    yield from (meaning for _, meaning in GRADES.values())
+    yield from READING
     for name, effect in EFFECTS.items():
         yield from (effect.title, explanation(name), effect.remedy)
 
