@@ -186,7 +186,7 @@ def test_the_sentence_says_pitch_and_place() -> None:
     wave = [Size(f"ripple.{x}", 0.0, 3.0, "N", (2.9, 3.1)) for x in ("a", "b")]
     ripple = Ripple("X", period=0.03244, free_pitch=True)
     found = Named("ripple", "X", 0.9, {"period": 0.03244}, {}, {}, [], size=wave, listed=ripple)
-    assert first_text(found) == "amplitude 4.243 N, pitch 32.44 mm"
+    assert first_text(found) == "amplitude 4.24 N, pitch 32.44 mm"
     table = PositionTable("A", rotary=True, spacing=0.1, start=0.0, stop=0.4)
     heights = [Size(f"position_table.m{k}", 0.0, x, "N·m", (x, x)) for k, x in enumerate((0, 1, -3, 1, 0))]
     found = Named("position_table", "A", 0.9, {}, {}, {}, [], size=heights, listed=table)

@@ -110,9 +110,9 @@ def test_a_delay_that_play_may_be_is_not_named_beside_play_that_closes_more_and_
     unsure = "is 6.7 squared standard errors a number"
     assert _doubtful(late, [(loose, unsure), (late, "")])
     assert _doubtful(
-        late, [(loose, "closes nothing for certain on rows not fitted"), (late, "")]
+        late, [(loose, "explains nothing for certain on held-out rows"), (late, "")]
     )  # random895
-    assert not _doubtful(late, [(loose, "closes 5% of its axis' residual"), (late, "")])
+    assert not _doubtful(late, [(loose, "explains 5% of its axis' residual"), (late, "")])
     assert not _doubtful(late, [(bent, unsure), (late, "")])
     assert not _doubtful(loose, [(dataclasses.replace(late, gain=2.0), unsure)])
 
@@ -126,8 +126,8 @@ def test_friction_that_changed_against_a_twin_of_one_run_may_be_warmth(twin: Twi
     several = diagnose(twin, worn, quick=True)
     alone = diagnose(dataclasses.replace(twin, data=twin.data[:1]), worn, quick=True)
     assert [e.effect for e in alone.effects] == [e.effect for e in several.effects] == ["viscous"]
-    assert any("identified on one run" in text for text in alone.advice)
-    assert not any("identified on one run" in text for text in several.advice)
+    assert any("from several healthy runs" in text for text in alone.advice)
+    assert not any("from several healthy runs" in text for text in several.advice)
 
 
 @pytest.mark.parametrize(("times", "named"), [(0.03, False), (0.3, True)])

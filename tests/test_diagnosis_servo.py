@@ -282,5 +282,5 @@ def test_a_controller_whose_law_is_gone_is_spoken_of_and_named_nothing(twin, urd
     assert broken_laws(compare(twin, [log], []), ()) == {}
     said = diagnose(twin, Log({**log.channels, "X.qr": log["X.qr"] + lost}, source="lost.csv"))
     assert (said.verdict, said.effects) == ("unexplained", [])
-    assert "X is controlled by another law" in said.sentence
+    assert "X has another control law" in said.sentence
     assert said.unexplained["X"] == {"e": 1.0}

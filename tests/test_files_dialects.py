@@ -167,7 +167,7 @@ def test_values_behind_their_names_need_the_same_names_in_every_row(tmp_path: Pa
 def test_two_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
     log = written(tmp_path, "t,q[0],q[1],q[0],q[1],u [A],u [V]\n0,1,5,2,5,3,7\n1,2,5,3,5,4,8\n")
     assert list(log.channels) == ["t", "q[0]", "q[1]", "q#2[0]", "q#2[1]", "u", "u#2"]
-    assert log.notes == ("4 columns are named 'q', told apart as q#2[0], q#2[1]",)
+    assert log.notes == ("4 columns are named 'q', distinguished as q#2[0], q#2[1]",)
     assert log.units == {"u": "A", "u#2": "V"}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Siz
 from pinotwin.effects import EFFECTS
 from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import ground, headline
+from pinotwin.report.simulation import GRADES, READING
 from tests.conftest import ROOT
 
 LONGEST = 30
@@ -102,7 +104,9 @@ def test_a_page_is_in_plain_words() -> None:
 
 def texts() -> Iterator[str]:
     yield from MEANING.values()
-    yield from (printed(grade) for grade in KIND)
+    yield from (printed(grade) for grade in (*KIND, *GRADES))
+    yield from (meaning for _, meaning in GRADES.values())
+    yield from READING
     for name, effect in EFFECTS.items():
         yield from (effect.title, explanation(name), effect.remedy)
 
@@ -141,3 +145,23 @@ def test_a_private_word_and_a_long_sentence_are_noticed() -> None:
     assert wrong("the gap shrinks") == ["the gap shrinks"]
     assert wrong("word " * 31) != []
     assert wrong("the residual falls") == []
+
+
+PRIVATE = re.compile(
+    r"\bmisfit|squared gap|kept back|own logs|foretell|stands? out|\bcloses\b|told apart|surest", re.I
+)
+
+
+def literals() -> Iterator[tuple[str, str]]:
+    """Yield file and text of every string of several words that is no docstring and no grade's code."""
+    for path in sorted((ROOT / "pinotwin").rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        bare = {id(x.value) for x in ast.walk(tree) if isinstance(x, ast.Expr)}
+        for node in ast.walk(tree):
+            text = node.value if isinstance(node, ast.Constant) and id(node) not in bare else ""
+            if isinstance(text, str) and " " in text.strip() and text not in (*KIND, *GRADES):
+                yield path.name, text
+
+
+def test_no_text_of_the_package_has_a_private_word() -> None:
+    assert [(name, text) for name, text in literals() if PRIVATE.search(text)] == []

@@ -102,7 +102,7 @@ def compare(
     if not kinds.pop():
         return twins_compared(*subjects, labels=labels, log=log)
     if log is not None:
-        raise InputError("compare: log: belongs to twins; a diagnosis has its own logs")
+        raise InputError("compare: log: is for twins; a diagnosis holds its logs already")
     return read_diagnoses(subjects, labels or tuple(str(k + 1) for k in range(len(subjects))))
 
 

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("compare: give twins or diagnoses, not both")
     (kind,) = kinds
     if kind == "diagnosis" and args.log:
-        raise InputError("--log: belongs to twins; a diagnosis has its own logs")
+        raise InputError("--log: is for twins; a diagnosis holds its logs already")
     found: Compared
     if kind == "twin":
         from pinotwin.analysis.comparison import compare

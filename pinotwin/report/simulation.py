@@ -148,7 +148,7 @@ def _answer(twin: Twin, predicted: Log, scores: Mapping[str, Any], form: str) ->
         "expected",
         "grade",
     )
-    legend = [f"{w[:1].upper()}{w[1:]}: {GRADES[w][1]}." for w in dict.fromkeys(words.values())]
+    legend = [f"{printed(w).capitalize()}: {GRADES[w][1]}." for w in dict.fromkeys(words.values())]
     reading = Html(
         f"<details><summary>how to read this</summary>{bullets([*READING, *legend]).text}</details>"
     )
@@ -166,13 +166,12 @@ READING = (
 
 
 def _sentences(scores: Mapping[str, Any], words: Mapping[tuple[str, str], str]) -> list[str]:
-    parts: list[str] = []
+    out: list[str] = []
     for signal, name in SIGNALS.items():
         each = {axis: row[signal]["nrmse"] for axis, row in scores.items() if signal in row}
         if each:
             sizes = joined([f"{display.percent(x)} on {axis}" for axis, x in each.items()])
-            parts.append(f"{'The ' if not parts else 'the '}{name} is off by {sizes}")
-    out = [f"{', '.join(parts)} (RMS error over RMS)."]
+            out.append(f"RMS error of the {name}, over its RMS: {sizes}.")
     far = [f"{SIGNALS[s]} of {axis}" for (axis, s), word in words.items() if word == "far above misfit"]
     if far:
         out.append(f"Much larger error than in validation: {joined(far)}. Run pinotwin diagnose.")

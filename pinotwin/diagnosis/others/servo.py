@@ -206,7 +206,7 @@ def broken_laws(c: Comparison, told: Collection[str], rules: Rules = RULES) -> d
         times = rms(new.left(gains)) / new.size
         if times > max(rules.law_gone, rules.law_worse * rms(rest) / new.size):
             out[axis.name] = (
-                f"has another control law than on the twin's data: its gains miss the effort by {times:.2g} "
+                f"has another control law than on the twin's data. Its gains miss the effort by {times:.2g} "
                 "times its variation, as where a limit inside the controller stops an integrator"
             )
     return out

@@ -139,7 +139,7 @@ def own_run(c: Comparison) -> tuple[Log, Motion] | None:
     channels = {"t": part.t - part.t[0]}
     channels |= {f"{name}.qr": part.qr[:, a.index] for name, a in c.machine.axes.items()}
     channels |= {f"{name}.q": part.q[:, a.index] for name, a in c.machine.axes.items()}
-    return Log(channels, source="own logs"), replace(part, t=channels["t"])
+    return Log(channels, source="the twin's logs"), replace(part, t=channels["t"])
 
 
 def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[str]]:

@@ -237,7 +237,7 @@ TURNING = ("presliding", "hysteresis")
 """What friction keeps in mind as it turns round."""
 
 _UNCERTAIN = "squared standard errors a number"
-_NOTHING_CERTAIN = "closes nothing for certain on rows not fitted"
+_NOTHING_CERTAIN = "explains nothing for certain on held-out rows"
 
 
 def _doubtful(one: Scored, answers: Sequence[tuple[Scored, str]]) -> bool:
@@ -504,7 +504,7 @@ def refused(one: Scored, searcher: Searcher, rules: Rules) -> str:
     c = searcher.comparison
     share = one.share if c.change else _beyond_noise(one, searcher, rules)
     if share < _least_share(one, change=c.change, rules=rules):
-        return f"closes {share:.0%} of its axis' residual"
+        return f"explains {share:.0%} of its axis' residual"
     if one.judged.strength < (rules.strength_change if c.change else rules.strength_structure):
         return f"is {one.judged.strength:.1f} {_UNCERTAIN}"
     if lower_bound(one.judged, searcher.ground) <= 0.0 or _fails_elsewhere(one, searcher):
