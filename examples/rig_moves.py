@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.errors import DataError
+import pinotwin as pt
 from pinotwin.virtual.axis_truth import Limits
 from pinotwin.virtual.machine import VirtualMachine
 from pinotwin.virtual.profiles import chain, move_pieces, move_time
@@ -55,7 +55,7 @@ def _path(machine: VirtualMachine, axis: str, stops: list[tuple[float, float, fl
     for start, target, seconds in stops:
         least = move_time(target - here, triple)
         if start < free:
-            raise DataError(f"{axis}: the move at {start:g} s begins before the last one ends")
+            raise pt.DataError(f"{axis}: the move at {start:g} s begins before the last one ends")
         free = start + max(seconds, least)
         stretch = max(1.0, seconds / least)
         moves.append((move_pieces(start, target - here, triple, stretch), target))

@@ -68,7 +68,7 @@ def test_a_saved_diagnosis_replaces_an_earlier_one(found, tmp_path):
 
 def test_the_page_alone(found, tmp_path):
     page = found.report(tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "viscous on axis X" in page
+    assert "viscous friction on axis X" in page
     assert "day.csv" in page
 
 
