@@ -158,8 +158,12 @@ class Log(Card):
             LogError: an array has another shape, holds what is no number, or a name is unknown or given twice.
         """
         names = [axes] if isinstance(axes, str) else [str(name) for name in axes]
-        for kind in channels.keys() - set(ARRAYS):
+        for kind in sorted(channels.keys() - set(ARRAYS)):
             raise LogError(f"{source}: no channel {kind!r}; {nearest(kind, ARRAYS)}; names of columns: axes=")
+        if not names:
+            raise LogError(
+                f"{source}: give the names of the columns, axes=list(model.names)[1:] of a pin.Model"
+            )
         if len(set(names)) < len(names):
             raise LogError(f"{source}: axes: {names} names an axis twice")
         clock = _numbers(t, f"{source}: t")
@@ -199,10 +203,11 @@ class Log(Card):
         table = table if hasattr(table, "index") else table.to_pandas()  # of polars, of pyarrow
         channels, units = {}, dict(getattr(table, "attrs", {}).get("units", {}))
         index = table.index
-        if "t" not in table.columns and index.dtype.kind in "Mm":
+        timed = any(split_unit(str(header))[0] == "t" for header in table.columns)
+        if not timed and len(index) and index.dtype.kind in "Mm":
             channels["t"] = np.asarray((index - index[0]) / np.timedelta64(1, "s"), dtype=float)
-        elif "t" not in table.columns and index.name == "t":
-            channels["t"] = np.asarray(index, dtype=float)
+        elif not timed and index.name == "t":
+            channels["t"] = _numbers(index.to_numpy(), f"{source}: t")
         for k, header in enumerate(table.columns):
             name, unit = split_unit(".".join(map(str, header)) if isinstance(header, tuple) else str(header))
             if name in channels:

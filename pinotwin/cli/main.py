@@ -143,7 +143,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     named = [w for w in words[:1] if w in COMMANDS]
     if not named and not words[0].startswith("-"):
-        return _complain(f"no command {words[0]!r}; {nearest(words[0], COMMANDS)}; see `pinotwin --help`")
+        return _complain(f"no command {words[0]!r}; {nearest(words[0], COMMANDS)}; see --help")
     try:
         args = _parser(named).parse_args(words)
         _check_outputs(args)
