@@ -31,7 +31,7 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 64_253,
+    lines: 64_252,
     module_numbers: 424,
     stories: 6,
 }

@@ -68,7 +68,7 @@ def _onto_one_clock(clock: str, content: Content, source: str) -> None:
             content.arrays[name] = held(t[here], content.arrays[name][here].astype(float), t)
         content.notes.append(f"{CARRIED}: {', '.join(known)}")
         return
-    groups = separated(clock, content.arrays, known)
+    groups = separated(clock, content.arrays, t, known)
     if groups:
         t, channels, notes = on_one_clock(groups, source)
         content.arrays = {clock: t, **channels}

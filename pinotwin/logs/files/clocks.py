@@ -97,7 +97,7 @@ def known_rows(
 
 
 def separated(
-    clock: str, arrays: Mapping[str, NDArray[np.generic]], known: Mapping[str, NDArray[np.bool_]]
+    clock: str, arrays: Mapping[str, NDArray[np.generic]], t: Floats, known: Mapping[str, NDArray[np.bool_]]
 ) -> list[Group]:
     """Return the groups of a table of several clocks in one column: a row holds what was sampled then.
 
@@ -109,7 +109,6 @@ def separated(
         rows.setdefault(np.packbits(here).tobytes(), []).append(name)
     if len(rows) < 2:
         return []
-    t = np.asarray(arrays[clock], dtype=float)
     main = known[max(rows.values(), key=lambda names: len(names) * known[names[0]].sum())[0]]
     out = [Group(clock, t[main])]
     for names in rows.values():
@@ -123,6 +122,8 @@ def separated(
 
 def fresh(t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> NDArray[np.intp]:
     """Return the messages that repeat no earlier one, stamp and numbers; arguments as of :func:`streams`."""
+    if len(np.unique(t)) == len(t):  # the usual case needs no table of all numbers
+        return np.arange(len(t))
     table = np.column_stack([np.asarray(x, dtype=float) for x in (t, *arrays.values())])
     _, first = np.unique(table.view(f"V{table.itemsize * table.shape[1]}"), return_index=True)
     return np.sort(first)
@@ -141,7 +142,7 @@ def streams(name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> 
     kept = fresh(t, arrays)
     notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []
     rows = {name: t[kept], **{key: x[kept] for key, x in arrays.items()}}
-    apart = separated(name, rows, known_rows(name, rows)[1])
+    apart = separated(name, rows, *known_rows(name, rows))
     return apart or [Group(name, t[kept], {key: rows[key] for key in arrays})], notes
 
 

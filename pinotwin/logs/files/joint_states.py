@@ -67,7 +67,7 @@ def _by_order(
     for names in (run, run[1:]):  # a frame may stand before the names
         groups, rest = divmod(len(behind), max(len(names), 1))
         if names and not rest and 1 <= groups <= 3 and len(set(texts[c] for c in names)) == len(names):
-            signals = ["q", "v", "u"] if groups == 3 else ["q", _second(behind, len(names), arrays)]
+            signals = {1: "q", 3: "qvu"}.get(groups) or ["q", _second(behind, len(names), arrays)]
             joints = [texts[c] for c in names] * groups
             return {
                 c: f"{joint}.{signals[k // len(names)]}"
@@ -78,8 +78,6 @@ def _by_order(
 
 def _second(behind: Sequence[str], joints: int, arrays: Mapping[str, NDArray[np.generic]]) -> str:
     """Return whether the second group is speeds (it goes with the change of the first) or efforts."""
-    if len(behind) < 2 * joints:
-        return "v"
     pairs = zip(behind[:joints], behind[joints:], strict=True)
     alike = [
         np.corrcoef(np.gradient(np.asarray(arrays[q], dtype=float)), np.asarray(arrays[x], dtype=float))[0, 1]
