@@ -13,13 +13,9 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import InputError, MachineError
-from pinotwin.log import Log
-from pinotwin.logs.channels import finite
-from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.logs.plausible import examined, unit_findings
-from pinotwin.logs.prepare import prepare, without
-from pinotwin.logs.quality import Finding, Limits, Quality, inspect
+from pinotwin.logs.prepared import Prepared
+from pinotwin.logs.quality import Finding, Quality
 from pinotwin.logs.unseen import unseen
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
@@ -131,25 +127,23 @@ def check(machine: MachineLike, log: LogLike | None = None) -> Check:
     findings = machine_findings(machine)
     if log is None:
         return Check(machine, tuple(findings))
-    log = as_log(log)
-    quality = inspect_log(machine, log)
-    findings += quality.findings
+    one = Prepared.of(machine, as_log(log))
+    findings += one.findings
     excited, determined = None, {}
-    if quality.ok:
+    if one.quality.ok and not any(f.code == "unusable" for f in one.findings):
+        findings += unseen(machine, one.motion, one.efforts) if one.efforts else []
         try:
-            motion = prepare(machine, log)
-            excited = _excitation(machine, motion)
+            excited = _excitation(machine, one.motion)
         except InputError as error:
             findings.append(Finding("error", "", str(error), "unusable"))
         else:
-            findings += _effort_findings(machine, motion, log, own_limits=True)
             findings += _excitation_findings(machine, excited)
             known = set(excited.determined)
             determined = {label: label in known for label in machine.base.labels}
     findings = _causes(findings)
     order = {"error": 0, "warning": 1, "info": 2}
     findings.sort(key=lambda f: order[f.severity])
-    return Check(machine, tuple(findings), quality, excited, determined)
+    return Check(machine, tuple(findings), one.quality, excited, determined)
 
 
 def _causes(findings: Sequence[Finding]) -> list[Finding]:
@@ -161,58 +155,6 @@ def _causes(findings: Sequence[Finding]) -> list[Finding]:
         for code in _CONSEQUENCES.get(f.code, ())
     }
     return [f for f in findings if not all((axis, f.code) in told for axis in f.axis.split(", "))]
-
-
-def doubts(machine: Machine, log: Log) -> tuple[Finding, ...]:
-    """Return what makes a log doubtful, errors and warnings, before anything is fitted to it."""
-    quality = inspect_log(machine, log)
-    findings = list(quality.findings)
-    if quality.ok:
-        try:
-            motion = prepare(machine, log)
-        except InputError as error:
-            findings.append(Finding("error", "", str(error), "unusable"))
-        else:
-            findings += _effort_findings(machine, motion, log)
-    return tuple(f for f in findings if f.severity != "info")
-
-
-def _effort_findings(
-    machine: Machine, motion: Motion, log: Log, *, own_limits: bool = False
-) -> list[Finding]:
-    """Return what is said of the efforts, and, with ``own_limits``, what could not be."""
-    bound = bind(log, machine.columns)
-    efforts = examined(machine, motion, bound)
-    found = [] if efforts is None else list(efforts.findings)
-    if efforts is not None and own_limits:
-        found += unseen(machine, motion, efforts)
-    return [*found, *unit_findings(bound)]
-
-
-def inspect_log(machine: Machine, log: Log) -> Quality:
-    """Return what a log of a machine is worth, before anything is fitted."""
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    bound = without(bind(log, machine.columns), machine.data.leave_out)
-    return inspect(finite(bound), rotary, _limits(machine))
-
-
-def _limits(machine: Machine) -> dict[str, Limits]:
-    model = machine.model
-    out = {}
-    for name, axis in machine.axes.items():
-        i = axis.index
-        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-        speed = float(model.upperVelocityLimit[i])
-        effort = axis.effort_limit
-        # A transmission scales and mixes what is logged: a joint's limits do not fit its motor.
-        plain = machine.transmission is None
-        out[name] = Limits(
-            position=(low, high) if plain and high - low < 1e8 else None,
-            velocity=speed if plain and 0 < speed < 1e8 else None,
-            effort=effort if plain and np.isfinite(effort) else None,
-            lead=axis.lead or 0.0,
-        )
-    return out
 
 
 def machine_findings(machine: Machine) -> list[Finding]:
