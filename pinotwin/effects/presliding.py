@@ -23,7 +23,6 @@ import functools
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
-import numba
 import numpy as np
 from scipy.special import gammaincinv
 
@@ -34,6 +33,7 @@ from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.signals import roughness
+from pinotwin.system.kernels import compiled
 
 ELEMENTS = 6
 EXPONENTIAL = float(np.sqrt(0.5))
@@ -57,7 +57,7 @@ def yields(spread: float) -> Floats:
     return out
 
 
-@numba.njit(cache=True)
+@compiled
 def _slip(q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past: float, out: Floats) -> None:
     """Fill ``out`` (n, 3) with z, y and y'; ``width`` is x_s and the play."""
     x_s, play = width
