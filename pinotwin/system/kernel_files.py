@@ -11,7 +11,7 @@ import os
 import pickle
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
@@ -20,29 +20,28 @@ from types import CodeType, ModuleType
 from typing import Any
 
 import numba
-from numba.core.caching import NullCache, _Cache
+from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
+from pinotwin.system.kernels import global_names
 
-def made(function: Any, options: Mapping[str, Any], resolve: Callable[[Any], None]) -> Any:
+
+def dispatcher(function: Any, options: Mapping[str, Any]) -> Any:
     """Return numba's function, not compiled yet, that looks for its result on the disk first.
 
     Args:
-        function: as written.
+        function: as written, but that those which it calls are numba's.
         options: of ``numba.njit``.
-        resolve: called with numba's function before it is described: puts those that it calls in place.
     """
-    dispatcher = numba.njit(**options)(function)
-    resolve(dispatcher)
-    if isinstance(dispatcher, Dispatcher):  # with NUMBA_DISABLE_JIT it is none
-        folder = _folder()
+    made = numba.njit(**options)(function)
+    folder = _folder()
+    if folder is not None and isinstance(made, Dispatcher):  # with NUMBA_DISABLE_JIT it is none
         recipe = repr((numba.__version__, sys.version, sorted(options.items()), *_recipe(function, set())))
-        name = f"{function.__module__}.{function.__name__}"
-        dispatcher._cache = NullCache() if folder is None else _Files(folder, name, recipe)
-    return dispatcher
+        made._cache = _Files(folder, f"{function.__module__}.{function.__name__}", recipe)
+    return made
 
 
 def _recipe(function: Any, seen: set[Any]) -> Iterator[Any]:
@@ -53,7 +52,7 @@ def _recipe(function: Any, seen: set[Any]) -> Iterator[Any]:
     code = function.__code__
     yield function.__module__, function.__qualname__, _plain(code)
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    reached = [(name, function.__globals__.get(name)) for name in code.co_names]
+    reached = [(name, function.__globals__.get(name)) for name in global_names(code)]
     for name, value in (*reached, *zip(code.co_freevars, cells, strict=True)):
         if hasattr(value, "py_func"):
             yield name, value.py_func.__qualname__
