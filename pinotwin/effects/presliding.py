@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from scipy.special import gammaincinv
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Effect, Shape, Slipping
@@ -52,7 +52,9 @@ PAST = 20.0
 def yields(spread: float) -> Floats:
     """Return the distances at which the elements slip, over x_s: medians of equal parts of a gamma distribution."""
     k = min(max(spread, SPREADS[0]), SPREADS[1]) ** -2
-    out = np.asarray(2.0 / k * gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float)
+    out = np.asarray(
+        2.0 / k * scipy.special.gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float
+    )
     out.flags.writeable = False
     return out
 
