@@ -8,7 +8,6 @@ module does not leave an old function in use, and two processes that compile at 
 from __future__ import annotations
 
 import os
-import pickle
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -16,24 +15,22 @@ from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from pickle import UnpicklingError, dumps
 from types import CodeType, ModuleType
 from typing import Any
 
 import numba
-from numba.core.caching import _Cache
+from numba.core.caching import IndexDataCacheFile, _Cache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
-from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
-
-from pinotwin.system.kernels import global_names
 
 
 def dispatcher(function: Any, options: Mapping[str, Any]) -> Any:
     """Return numba's function, not compiled yet, that looks for its result on the disk first.
 
     Args:
-        function: as written, but that those which it calls are numba's.
+        function: as written, but with nothing in its globals but what it uses, compiled functions as numba's.
         options: of ``numba.njit``.
     """
     made = numba.njit(**options)(function)
@@ -52,8 +49,7 @@ def _recipe(function: Any, seen: set[Any]) -> Iterator[Any]:
     code = function.__code__
     yield function.__module__, function.__qualname__, _plain(code)
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    reached = [(name, function.__globals__.get(name)) for name in global_names(code)]
-    for name, value in (*reached, *zip(code.co_freevars, cells, strict=True)):
+    for name, value in (*function.__globals__.items(), *zip(code.co_freevars, cells, strict=True)):
         if hasattr(value, "py_func"):
             yield name, value.py_func.__qualname__
             yield from _recipe(value.py_func, seen)
@@ -63,7 +59,7 @@ def _recipe(function: Any, seen: set[Any]) -> Iterator[Any]:
         elif isinstance(value, type):
             yield name, getattr(value, "_fields", None)
         elif not callable(value):
-            yield name, pickle.dumps(value)
+            yield name, dumps(value)
 
 
 def _plain(code: CodeType) -> tuple[Any, ...]:
@@ -86,7 +82,7 @@ def _folder() -> Path | None:
 
 
 class _Files(_Cache):  # type: ignore[misc]
-    """The compiled forms of one function, a file for each list of argument types.
+    """The compiled forms of one function, two files for each list of argument types.
 
     Args:
         folder: where the files are.
@@ -103,33 +99,34 @@ class _Files(_Cache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         target_context.refresh()
+        form = self._form(sig, target_context.codegen())
         try:
-            data = pickle.loads(self._path(sig, target_context.codegen()).read_bytes())
-        except (OSError, EOFError, pickle.UnpicklingError):
+            data = form.load(())
+        except (OSError, EOFError, UnpicklingError):  # a damaged file
+            with suppress(OSError):
+                form.flush()
             return None
-        return CompileResult._rebuild(target_context, *data)
+        return None if data is None else CompileResult._rebuild(target_context, *data)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         if data.lifted or data.library.has_dynamic_globals:
             return
-        path = self._path(sig, data.codegen)
         with suppress(OSError):  # a full disk costs time, no result
-            with tempfile.NamedTemporaryFile(dir=self._folder, delete=False) as part:
-                part.write(dumps(data._reduce()))
-            os.replace(part.name, path)
+            self._form(sig, data.codegen).save((), data._reduce())
             self._forget_old()
 
-    def _path(self, sig: Any, codegen: Any) -> Path:
+    def _form(self, sig: Any, codegen: Any) -> IndexDataCacheFile:
         fields = [
             getattr(kind, "fields", ()) for kind in sig
         ]  # a named tuple's type does not tell their order
         key = repr((self._recipe, sig, fields, codegen.magic_tuple()))
-        return self._folder / f"{self._name}-{sha256(key.encode()).hexdigest()[:24]}"
+        digest = sha256(key.encode()).hexdigest()[:24]
+        return IndexDataCacheFile(self.cache_path, f"{self._name}-{digest}", digest)
 
-    def _forget_old(self, most: int = 24) -> None:
-        """Remove all but the newest forms: each edit of a kernel leaves one behind."""
-        forms = sorted(self._folder.glob(f"{self._name}-*"), key=lambda file: file.stat().st_mtime)
-        for file in forms[:-most]:
+    def _forget_old(self, most: int = 50) -> None:
+        """Remove all but the newest files: each edit of a kernel leaves its old form behind."""
+        files = sorted(self._folder.glob(f"{self._name}-*"), key=lambda file: file.stat().st_mtime)
+        for file in files[:-most]:
             file.unlink(missing_ok=True)
 
     def enable(self) -> None: ...

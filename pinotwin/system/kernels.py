@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable
 from dis import get_instructions
 from functools import update_wrapper
-from types import CellType, CodeType, FunctionType
+from types import CellType, FunctionType
 from typing import Any
 
 _LOCK = threading.RLock()
@@ -52,18 +52,13 @@ class Kernel:
             return self._made[part]
 
     def _of_parts(self) -> FunctionType:
-        """Return the function, with numba's functions as those that it calls."""
+        """Return the function with only what it uses in its globals, and numba's functions as those that it calls."""
         code, names = self.py_func.__code__, self.py_func.__globals__
-        seen = {name: _part(names[name]) for name in global_names(code) if name in names}
+        used = dict.fromkeys(one.argval for one in get_instructions(code) if one.opname == "LOAD_GLOBAL")
+        seen = {name: _part(names[name]) for name in used if name in names}
         cells = tuple(CellType(_part(cell.cell_contents)) for cell in self.py_func.__closure__ or ())
-        function = FunctionType(code, {**names, **seen}, None, self.py_func.__defaults__, cells)
+        function = FunctionType(code, seen, None, self.py_func.__defaults__, cells)
         return update_wrapper(function, self.py_func)
-
-
-def global_names(code: CodeType) -> tuple[str, ...]:
-    """Return the names that a function looks up outside itself, in order."""
-    used = (one.argval for one in get_instructions(code) if one.opname == "LOAD_GLOBAL")
-    return tuple(dict.fromkeys(used))
 
 
 def _part(value: Any) -> Any:
