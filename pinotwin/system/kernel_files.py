@@ -33,7 +33,7 @@ def dispatcher(function: Any, options: Mapping[str, Any]) -> Any:
         function: as written, but with nothing in its globals but what it uses, compiled functions as numba's.
         options: of ``numba.njit``.
     """
-    made = numba.njit(**options)(function)
+    made: Any = numba.njit(**options)(function)
     folder = _folder()
     if folder is not None and isinstance(made, Dispatcher):  # with NUMBA_DISABLE_JIT it is none
         recipe = repr((numba.__version__, sys.version, sorted(options.items()), *_recipe(function, set())))

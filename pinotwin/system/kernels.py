@@ -58,7 +58,8 @@ class Kernel:
         seen = {name: _part(names[name]) for name in used if name in names}
         cells = tuple(CellType(_part(cell.cell_contents)) for cell in self.py_func.__closure__ or ())
         function = FunctionType(code, seen, None, self.py_func.__defaults__, cells)
-        return update_wrapper(function, self.py_func)
+        update_wrapper(function, self.py_func)
+        return function
 
 
 def _part(value: Any) -> Any:
