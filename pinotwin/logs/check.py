@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from pinotwin.logs.unseen import unseen
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
-from pinotwin.machine.urdf_check import mimics, read_tree
+from pinotwin.machine.urdf_check import incomplete, mimics, read_tree
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 
@@ -158,12 +157,12 @@ def _causes(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def machine_findings(machine: Machine) -> list[Finding]:
-    """Return what a second reader of URDFs (yourdfpy) and the tree itself say."""
-    out = [*_second_reader(machine.urdf)]
+    """Return what the tree of a machine, and its URDF, say."""
+    root = read_tree(machine.urdf)
+    out = [Finding("warning", part, f"URDF: {text}") for part, text in incomplete(root).items()]
     for joint, problem in impossible_bodies(machine.model).items():
         text = f"what it moves cannot exist: {problem}; correct the <inertial> of its links"
         out.append(Finding("error", joint, text))
-    root = read_tree(machine.urdf)
     for joint, leader in mimics(root).items():
         if joint not in machine.model.names:
             text = f"follows {leader!r} in the URDF (mimic); held at zero here"
@@ -190,29 +189,6 @@ def _is_child_of_moving(root: Any, link: str) -> bool:
         if joint.find("child").get("link") == link:
             return joint.get("type") in ("revolute", "continuous", "prismatic")
     return False
-
-
-def _second_reader(urdf: Path) -> list[Finding]:
-    import logging
-
-    import yourdfpy
-
-    logger = logging.getLogger("yourdfpy")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        robot = yourdfpy.URDF.load(
-            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-        )
-        valid = bool(robot.validate())
-    except (ValueError, KeyError, AttributeError, TypeError) as error:
-        raise MachineError(f"{urdf}: yourdfpy cannot read it: {error}") from None
-    finally:
-        logger.setLevel(level)
-    if valid:
-        return []
-    problems = "; ".join(str(e) for e in robot.errors) or "yourdfpy finds it invalid"
-    return [Finding("warning", "", f"URDF: {problems}")]
 
 
 def _excitation(machine: Machine, motion: Motion) -> Excitation:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, LogError
@@ -295,7 +295,7 @@ def _put_back(log: Log, leads: Mapping[str, float], parts: Sequence[slice]) -> L
         u = log[channel].copy()
         for part in parts:
             t = log.t[part]
-            u[part] = CubicSpline(t, log[channel][part])(np.clip(t - lead, t[0], t[-1]))
+            u[part] = scipy.interpolate.CubicSpline(t, log[channel][part])(np.clip(t - lead, t[0], t[-1]))
         moved[channel] = u
     return log.with_channels({**log.channels, **moved}) if moved else log
 

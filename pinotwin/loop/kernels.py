@@ -6,19 +6,18 @@ denormal numbers, which are a hundred times slower.
 
 from __future__ import annotations
 
-from numba import njit
-
 from pinotwin.arrays import Floats, Ints
+from pinotwin.system.kernels import compiled
 
 TINY = 1e-200
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _flush(x: float) -> float:
     return 0.0 if abs(x) < TINY else x
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a first-order section and by its derivative with respect to log p.
 
@@ -42,7 +41,7 @@ def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: F
             out[m, 1, k - first] = dx
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a second-order section and by its derivatives with respect to log wn, log zeta.
 
@@ -81,7 +80,7 @@ def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Fl
             out[m, 4, i], out[m, 5, i] = ex, ey
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
     A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, start: int, stop: int, out: Floats
 ) -> None:
