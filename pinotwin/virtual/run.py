@@ -198,7 +198,7 @@ def empty_room(nv: int) -> Room:
     """Return scratch arrays for a tree of ``nv`` joints."""
     z = np.zeros
     m = (nv, nv)
-    return Room(empty_pose(nv), z(m), z(m), z(m), z(nv), z(nv), z(nv), z(nv), z(nv), z((2, nv)), z(nv))
+    return Room(empty_pose(nv), z(m), z(m), z(nv), z(nv), z(nv), z(nv), z(nv), z((2, nv)), z(nv))
 
 
 def _log(
