@@ -192,17 +192,19 @@ def _closed(twin: Twin, form: Loops) -> tuple[dict[str, Any], tuple[str, ...]]:
     for name in given:
         if name not in axes:
             raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
-    what = "controller" if is_coupled(form) else "closed loop"
+    what = "controllers" if is_coupled(form) else "closed loop"
     found: dict[str, Any] = {**twin.servos, **given} if is_coupled(form) else dict(twin.loops)
     if form == "vibration":
         found |= wide_loops(twin)
     if not found:
         raise TwinError(
-            f"{twin.machine.name}: the twin has no {what}{'s' if is_coupled(form) else ''}; identify it from a log that holds the "
+            f"{twin.machine.name}: the twin has no {what}; identify it from a log that holds the "
             "command <axis>.qr of the axes that move"
         )
     ideal = [name for name in axes if name not in found]
-    return found, (f"no {what} of {', '.join(ideal)}: follows its command exactly",) if ideal else ()
+    return found, (
+        f"no {what.removesuffix('s')} of {', '.join(ideal)}: follows its command exactly",
+    ) if ideal else ()
 
 
 def _repeat(run: _Run, out: Response, passes: int = 40) -> tuple[Response, tuple[str, ...]]:
