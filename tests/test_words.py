@@ -48,6 +48,7 @@ GENERATED = ("effects.md", "figures.md", "bench_results.md")
 """Pages that a command writes."""
 DOCS = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 WRITTEN = [page for page in DOCS if page.name not in GENERATED]
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 STORED = json.loads((ROOT / "tests" / "answers.json").read_text(encoding="utf-8"))["now"]
 
 
@@ -200,9 +201,13 @@ def test_no_text_of_the_package_has_a_private_word() -> None:
     assert [(name, text) for name, text in literals() if PRIVATE.search(text)] == []
 
 
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", [*WRITTEN, *NOTEBOOKS], ids=lambda p: p.name)
 def test_a_page_of_the_docs_is_in_plain_short_sentences(page: Path) -> None:
-    text = prose(page.read_text(encoding="utf-8"))
+    text = page.read_text(encoding="utf-8")
+    if page.suffix == ".ipynb":
+        cells = json.loads(text)["cells"]
+        text = "\n\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
+    text = prose(text)
     assert [*wrong(text), *(x for x in sentences(text) if NOT_IN_DOCS.search(x))] == []
 
 
