@@ -92,9 +92,21 @@ def healthy(runs: Source) -> list[Line]:
     told = runs.score("score.py", "healthy", "--seeds", runs.seeds)
     rows, command = told.rows, told.command
     return [
-        share("foreign, healthy: named", [not r["unnamed"] for r in rows], 0.05, 0.0, command, least=False),
         share(
-            "foreign, healthy: not `none`", [not r["silent"] for r in rows], 0.1, 0.05, command, least=False
+            "other simulator, healthy: a cause named",
+            [not r["unnamed"] for r in rows],
+            0.05,
+            0.0,
+            command,
+            least=False,
+        ),
+        share(
+            "other simulator, healthy: not `none`",
+            [not r["silent"] for r in rows],
+            0.1,
+            0.05,
+            command,
+            least=False,
         ),
     ]
 
@@ -106,10 +118,27 @@ def diagnose(runs: Source) -> list[Line]:
     inside, outside = ([r for r in rows if (r["kind"] in OUTSIDE) is x] for x in (False, True))
     return [
         share(
-            "foreign, 20 kinds: first name and axis", [r["axis_right"] for r in inside], 0.85, 0.92, command
+            "other simulator, 20 kinds: first name and axis",
+            [r["axis_right"] for r in inside],
+            0.85,
+            0.92,
+            command,
         ),
-        share("foreign: an extra name", [r["extras"] > 0 for r in inside], 0.15, 0.05, command, least=False),
-        share("foreign: outside the catalogue recognised", [r["first"] for r in outside], 0.8, 0.9, command),
+        share(
+            "other simulator: an extra name",
+            [r["extras"] > 0 for r in inside],
+            0.15,
+            0.05,
+            command,
+            least=False,
+        ),
+        share(
+            "other simulator: outside the catalogue recognised",
+            [r["first"] for r in outside],
+            0.8,
+            0.9,
+            command,
+        ),
     ]
 
 
@@ -141,10 +170,16 @@ def stated(runs: Source) -> list[Line]:
     command = ", ".join(answers.command for answers in told if answers.rows)
     return [
         Line(
-            "calibration error, foreign and real", error, 0.1, 0.05, False, f"{len(named)} answers", command
+            "calibration error, other simulator and real",
+            error,
+            0.1,
+            0.05,
+            False,
+            f"{len(named)} answers",
+            command,
         ),
         Line(
-            "promised less delivered shrink, median",
+            "variance explained, expected less achieved, median",
             median,
             0.07,
             0.03,
