@@ -53,7 +53,7 @@ STORED = json.loads((ROOT / "tests" / "answers.json").read_text(encoding="utf-8"
 
 
 def sentences(text: str) -> list[str]:
-    return [x for x in re.split(r"(?<=[.;:!?])\s+|\n", text) if x.strip()]
+    return [x for x in re.split(r"(?<=[.!?])\s+|\n", text) if x.strip()]
 
 
 def wrong(text: str) -> list[str]:
@@ -63,7 +63,7 @@ def wrong(text: str) -> list[str]:
 
 def prose(text: str) -> str:
     """Return the prose of a Markdown page: cells, items and headings a line each, without code and targets of links."""
-    text = re.sub(r"^```.*?^```|^(?: {4}[^\n]*\n)+", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"^```.*?^```|^(?: {4}[^\n]*\n)+|^:::.*?$", "", text, flags=re.DOTALL | re.MULTILINE)
     text = re.sub(r"\n(?!\n|[#|*\-]|\d+\.)[ ]*", " ", text)  # a paragraph is wrapped as one pleases
     text = re.sub(r"!\[[^]]*\]\([^)]*\)", "", re.sub(r"`[^`]*`|\{\{[^}]*\}\}", "code", text))
     return re.sub(r"\]\([^)]*\)", "", text).replace("[", "").replace("|", "\n").replace("*", "")
