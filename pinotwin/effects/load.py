@@ -122,7 +122,7 @@ class InertialCoupling(Paired):
 
 @dataclass(frozen=True)
 class ExternalForce(AxisEffect):
-    """Pushes from outside: tau = -sum_k f_k sin(pi (t - start_k) / width), for as long as each lasts.
+    """Disturbances from outside: tau = -sum_k f_k sin(pi (t - start_k) / width), for as long as each lasts.
 
     The sign is that of a load, which the motor need not bring itself.
 
@@ -135,7 +135,7 @@ class ExternalForce(AxisEffect):
     family: ClassVar[Family] = LOAD
     title: ClassVar[str] = "External force"
     words: ClassVar[str] = "a force from outside: the process, a hand, a collision"
-    remedy: ClassVar[str] = "ask what happened at that time; leave those rows out, or log the force"
+    remedy: ClassVar[str] = "find out what happened at that time; leave those rows out, or log the force"
     colour: ClassVar[str] = "#d37295"
     imitates: ClassVar[tuple[str, ...]] = ("position_table", "saturation")
     unlisted: ClassVar[str] = "belongs to a log, not to a machine: log it as a channel, or leave its rows out"
