@@ -138,7 +138,7 @@ def _permuted(options: Options, order: Ints) -> Options:
 
     prior = options.prior
     if prior is not None:
-        prior = Prior(prior.mean[order], pick(prior.std), prior.soft)
+        prior = Prior(prior.mean[order], pick(prior.std))
     return replace(
         options,
         prior=prior,

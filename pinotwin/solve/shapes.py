@@ -93,12 +93,6 @@ class SeparableFit:
     evaluations: int
     converged: bool
 
-    def rivals(self, share: float = 0.9) -> tuple[tuple[Basin, ...], ...]:
-        """Return, per block, other optima that bring at least ``share`` of the best one's gain."""
-        return tuple(
-            tuple(b for b in basins[1:] if b.gain >= share * basins[0].gain) for basins in self.basins
-        )
-
     def shape_values(self, block: str) -> Floats:
         """Return the shape values of one block."""
         return np.array([s.value for s in self.shapes if s.block == block])
