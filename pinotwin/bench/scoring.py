@@ -256,13 +256,13 @@ def confidence_rows(answers: Sequence[Answer]) -> list[Row]:
 
 
 def shrink_rows(right: Sequence[Answer]) -> list[Row]:
-    """Return promised against delivered shrink, where the first answer is right."""
+    """Return expected against achieved reduction, where the first answer is right."""
     given = [a.shrink for a in right if a.shrink is not None]
     off = [abs(x["promised"] - x["delivered"]) for x in given]
     strong = [a.shrink["delivered"] for a in right if a.shrink is not None and a.size >= STRONG]
     return [
         Row(
-            "promised against delivered shrink, median difference",
+            "expected against achieved reduction, median difference",
             _median(off),
             Bound(high=0.07),
             Bound(high=0.03),
@@ -271,7 +271,7 @@ def shrink_rows(right: Sequence[Answer]) -> list[Row]:
         ),
         _line("… 90 % interval covers", [_covers(x) for x in given], Bound(0.80, 0.97), Bound(0.87, 0.93)),
         Row(
-            "delivered shrink when right, rho ≥ 0.5, median",
+            "achieved reduction when right, rho ≥ 0.5, median",
             _median(strong),
             Bound(0.85),
             Bound(0.95),

@@ -232,7 +232,7 @@ class QuadraticDrag(AxisEffect):
 class LoadFriction(Turning, OneAxis):
     """Dry friction that grows with the load on bearing, guide or gear: tau = mu |load| d(v).
 
-    The load is what the bodies ask of the axis (gravity, inertia, coupling), and with ``total`` the
+    The load is the rigid-body effort of the axis (gravity, inertia, coupling), and with ``total`` the
     friction of the axis as well.
 
     Attributes:

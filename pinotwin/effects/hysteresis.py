@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from pinotwin.arrays import Floats
@@ -21,6 +20,7 @@ from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, usua
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
+from pinotwin.system.kernels import compiled
 
 LONG = np.geomspace(0.005, 0.5, 8)
 """Distances of build-up that are tried, as shares of the travel."""
@@ -30,7 +30,7 @@ BUILT_UP = 1e-10
 """[per distance] What z still gains when it counts as built up."""
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
     """Fill z along a path, by Runge-Kutta steps of a twentieth of the distance at most."""
     z = 0.0
@@ -51,7 +51,7 @@ def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
         out[k] = z
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _slope(z: float, h: float, n: float) -> float:
     """Return dz over dx / x_h: full while the drag lets go, less and less while it builds up."""
     if z * h <= 0.0:

@@ -84,7 +84,7 @@ class Payload(OfTree):
 
 @dataclass(frozen=True)
 class ExternalForce(AxisEffect):
-    """Pushes from outside: tau = -sum_k f_k sin(pi (t - start_k) / width), for as long as each lasts.
+    """Disturbances from outside: tau = -sum_k f_k sin(pi (t - start_k) / width), for as long as each lasts.
 
     The sign is that of a load, which the motor need not bring itself.
 
@@ -97,7 +97,7 @@ class ExternalForce(AxisEffect):
     family = LOAD
     title = "External force"
     words = "a force from outside: the process, a hand, a collision"
-    remedy = "ask what happened at that time; leave those rows out, or log the force"
+    remedy = "find out what happened at that time; leave those rows out, or log the force"
     colour = "#d37295"
     imitates = ("position_table", "saturation")
     unlisted = "belongs to a log, not to a machine: log it as a channel, or leave its rows out"

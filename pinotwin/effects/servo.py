@@ -89,7 +89,7 @@ class LoopGain(OneAxis):
 
 @dataclass(frozen=True)
 class Saturation(OneAxis):
-    """A drive at its limit: tau = share [clip(m, -limit, limit) - m], m the effort that the model asks for.
+    """A drive at its limit: tau = share [clip(m, -limit, limit) - m], m the effort of the model.
 
     Attributes:
         limit: largest effort of the drive [N or N·m]; the largest of the log when not given.
