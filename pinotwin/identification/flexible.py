@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,7 @@ def tie_loops(
             model = tied(data, trial, *known)
         except DataError:
             continue
-        taken = better(before, [trial], lambda x, data=data: score(data, x), settings.tied_no_worse) is trial
+        taken = better(before, [trial], partial(score, data), settings.tied_no_worse) is trial
         own = {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
         row: dict[str, Any] = {"tied": {"free": free.to_dict(), **own, "taken": taken}}
         if taken:

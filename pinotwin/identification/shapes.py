@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -123,7 +124,7 @@ def _permuted(options: Options, order: Ints) -> Options:
     prior = options.prior
     if prior is not None:
         prior = Prior(prior.mean[order], pick(prior.std), prior.soft)
-    kept = {name: pick(getattr(options, name)) for name in ("ridge", "lower", "upper")}
+    kept: dict[str, Any] = {name: pick(getattr(options, name)) for name in ("ridge", "lower", "upper")}
     return replace(options, prior=prior, **kept)
 
 
