@@ -23,21 +23,21 @@ from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, ParameterFit,
 from pinotwin.loop.layout import Parameter, lay_out
 from pinotwin.solve.sandwich import block_covariance
 
-POLISH = 25
-"""Most evaluations of the search for the poles: they start at those of the free fit."""
-LAG = 150.0
-"""Where the search for the drive's own lag starts [Hz], unless the log's sampling is too slow for it."""
 
+def with_lag(model: LoopModel, start: float = 150.0) -> LoopModel:
+    """Return a loop with one real pole more, for the lag of drive and filters; residues zero.
 
-def with_lag(model: LoopModel) -> LoopModel:
-    """Return a loop with one real pole more, for the lag of drive and filters; residues zero."""
+    Args:
+        model: without it.
+        start: where its search is to start [Hz], unless the log's sampling is too slow for it.
+    """
     structure = replace(model.structure, real_poles=model.structure.real_poles + 1)
     count = sum(s.order == 1 and not s.feedforward for s in model.sections)
     shape = (len(model.disturbances), len(model.outputs))
     layout = lay_out(structure, model.step, shape)
     name = f"p{count + 1}"
     (bound,) = (p for p in layout.parameters if p.name == name)
-    lag = 2.0 * np.pi * min(LAG, 0.9 * bound.upper)
+    lag = 2.0 * np.pi * min(start, 0.9 * bound.upper)
     sections = (*model.sections[:count], Section(name, 1, (lag,)), *model.sections[count:])
     return LoopModel(
         model.axis,
@@ -50,7 +50,7 @@ def with_lag(model: LoopModel) -> LoopModel:
     )
 
 
-def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float) -> LoopModel:
+def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most: int = 25) -> LoopModel:
     """Return the loop with its two rows tied; as it is where its form does not allow that.
 
     Args:
@@ -58,6 +58,7 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float) -> Lo
         model: a loop with the outputs e and u and one disturbance.
         inertia: M_D [kg or kg·m²].
         viscous: C [N·s/m or N·m·s/rad].
+        most: evaluations of the search for the poles: they start at those of the free fit.
     """
     s = model.structure
     if len(model.outputs) != 2 or len(model.disturbances) != 1 or s.direct or s.numerators != "exact":
@@ -70,14 +71,14 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float) -> Lo
         start,
         bounds=(low, high),
         diff_step=1e-4,
-        max_nfev=POLISH,
+        max_nfev=most,
         xtol=1e-4,
         ftol=1e-6,
     )
-    return replace(problem.model_at(best.x), fit=_account(problem, best.x, best.jac, best.fun))
+    return replace(problem.model_at(best.x), fit=_account(problem, best.x, best.jac, best.fun, most))
 
 
-def _account(problem: _Problem, theta: Floats, J: Floats, residual: Floats) -> LoopFit:
+def _account(problem: _Problem, theta: Floats, J: Floats, residual: Floats, most: int) -> LoopFit:
     """Return the poles with their intervals and the errors of the fit."""
     data, layout = problem.data, problem.model.layout
     errors = np.sqrt(np.maximum(np.diag(block_covariance(J, residual)), 0.0))
@@ -97,7 +98,7 @@ def _account(problem: _Problem, theta: Floats, J: Floats, residual: Floats) -> L
         rms=dict(zip(data.output_names, (nrmse * size).tolist(), strict=True)),
         samples=data.rows,
         blocks=len(data.segments),
-        evaluations=POLISH,
+        evaluations=most,
         ends=(1.0,),
         notes=(),
     )
