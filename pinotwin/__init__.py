@@ -26,8 +26,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
-
 _HOME = {
     "Axis": "pinotwin.machine",
     "DataError": "pinotwin.errors",
@@ -45,6 +43,7 @@ _HOME = {
     "Twin": "pinotwin.twin",
     "TwinError": "pinotwin.errors",
     "Vibration": "pinotwin.reconstruction",
+    "__version__": "pinotwin.version",
     "check": "pinotwin.logs.check",
     "compare": "pinotwin.analysis.diagnoses",
     "decompose": "pinotwin.analysis.decomposition",
@@ -101,6 +100,7 @@ if TYPE_CHECKING:
     from pinotwin.scaffold import new as new
     from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin
+    from pinotwin.version import __version__ as __version__
     from pinotwin.viewer import view as view
 
 
@@ -111,4 +111,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*_HOME, "__version__"])
+    return sorted(_HOME)

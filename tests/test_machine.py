@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 import yaml
 
+import pinotwin as pt
 from pinotwin.errors import MachineError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
@@ -217,3 +218,26 @@ def test_joints_of_other_kinds_are_held(tmp_path: Path, kind: str) -> None:
     arm = machine.model.inertias[2]
     assert arm.mass == pytest.approx(5.0)
     np.testing.assert_allclose(arm.mass * arm.lever, [0.2 + 0.9, 0.0, -0.4], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "replaced", "said"),
+    [
+        ("<limit lower", "<limits lower", "a prismatic joint needs a <limit>"),
+        ('velocity="2"', "", "its <limit> lacks velocity"),
+        ("<box", "<cube", "the <geometry> of a <visual> needs one of <box>, <cylinder>, <sphere>, <mesh>"),
+    ],
+)
+def test_what_other_readers_of_urdfs_stumble_over_is_a_warning(
+    tmp_path: Path, given: str, replaced: str, said: str
+) -> None:
+    path = tmp_path / "slide.urdf"
+    path.write_text(
+        '<robot name="slide"><link name="base"/>'
+        '<link name="table"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        '<visual><geometry><box size="1 1 1"/></geometry></visual></link>'
+        '<joint name="X" type="prismatic"><parent link="base"/><child link="table"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="2"/></joint></robot>'.replace(given, replaced)
+    )
+    messages = [finding.message for finding in pt.check(path).findings if "URDF" in finding.message]
+    assert messages == [f"URDF: {said}"]

@@ -18,7 +18,7 @@ from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Servo, close, command_rates, margins
 from pinotwin.loop.margins import command_peak, stable
 from pinotwin.simulation import feedforward, simulate
-from pinotwin.simulation.coupled import LONGEST, biquad
+from pinotwin.simulation.law import LONGEST, biquad
 from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.tables import tabulate
 from pinotwin.virtual import VirtualMachine, random_trajectory

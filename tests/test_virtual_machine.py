@@ -94,7 +94,7 @@ def read_folder_of(machine: VirtualMachine) -> Folder:
 def test_halving_the_step_changes_little(trunnion):
     trajectory = random_trajectory(trunnion, 3.0, 5)
     coarse = trunnion.record(trajectory, seed=0, noise=False)
-    timing = replace(trunnion.timing, updates=4, substeps=4)
+    timing = trunnion.timing._replace(updates=4, substeps=4)
     fine = replace(trunnion, timing=timing).record(trajectory, seed=0, noise=False)
     for axis in trunnion.axes:
         for k, signal in (("q", 1e-6), ("u", 1e-2)):

@@ -97,10 +97,10 @@ def _spare_the_machine(machine: Machine, out: Path) -> None:
 
 def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
     """Yield what makes the logs themselves doubtful (units, clock, sign of efforts), see `check`."""
-    from pinotwin.logs.check import doubts
+    from pinotwin.logs.prepared import Prepared
 
     for log in logs:
-        for finding in doubts(machine, log):
+        for finding in Prepared.of(machine, log).doubts:
             if finding.severity == "warning":
                 yield f"note: {log.source}: {str(finding).removeprefix('warning: ')}"
 

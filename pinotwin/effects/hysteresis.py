@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numba
 import numpy as np
 
 from pinotwin.arrays import Floats
@@ -23,6 +22,7 @@ from pinotwin.effects.family import FRICTION, Family
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
+from pinotwin.system.kernels import compiled
 
 LONG = np.geomspace(0.005, 0.5, 8)
 """Distances of build-up that are tried, as shares of the travel."""
@@ -32,7 +32,7 @@ BUILT_UP = 1e-10
 """[per distance] What z still gains when it counts as built up."""
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
     """Fill z along a path, by Runge-Kutta steps of a twentieth of the distance at most."""
     z = 0.0
@@ -53,7 +53,7 @@ def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
         out[k] = z
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _slope(z: float, h: float, n: float) -> float:
     """Return dz over dx / x_h: full while the drag lets go, less and less while it builds up."""
     if z * h <= 0.0:

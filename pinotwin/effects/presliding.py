@@ -23,9 +23,8 @@ import functools
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
-import numba
 import numpy as np
-from scipy.special import gammaincinv
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Effect, Shape, Slipping
@@ -34,6 +33,7 @@ from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.signals import roughness
+from pinotwin.system.kernels import compiled
 
 ELEMENTS = 6
 EXPONENTIAL = float(np.sqrt(0.5))
@@ -52,12 +52,14 @@ PAST = 20.0
 def yields(spread: float) -> Floats:
     """Return the distances at which the elements slip, over x_s: medians of equal parts of a gamma distribution."""
     k = min(max(spread, SPREADS[0]), SPREADS[1]) ** -2
-    out = np.asarray(2.0 / k * gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float)
+    out = np.asarray(
+        2.0 / k * scipy.special.gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float
+    )
     out.flags.writeable = False
     return out
 
 
-@numba.njit(cache=True)
+@compiled
 def _slip(q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past: float, out: Floats) -> None:
     """Fill ``out`` (n, 3) with z, y and y'; ``width`` is x_s and the play."""
     x_s, play = width

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numba
 import numpy as np
 
 from pinotwin.arrays import Floats
@@ -24,6 +23,7 @@ from pinotwin.effects.shaken import inertia, shaken
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.symbols import length
 from pinotwin.motion import Motion
+from pinotwin.system.kernels import compiled
 
 LOAD = 0.65
 """Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it, and where it
@@ -55,7 +55,7 @@ the mean over unpredictable impacts settles more slowly than one of them.
 """
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _sprung(load: Floats, ratio: Floats, w: float, zeta: float, step: float) -> Floats:
     """Return the effort that a spring with a damper passes on of a load (n,) that acts if it is stiff.
 
@@ -83,7 +83,7 @@ def _sprung(load: Floats, ratio: Floats, w: float, zeta: float, step: float) -> 
     return out
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _carried(
     q: Floats, extra: Floats, ratio: Floats, gap: float, w: float, zeta: float, step: float
 ) -> Floats:

@@ -24,7 +24,6 @@ from pinotwin.identification.plant import fit_plant
 from pinotwin.identification.springs import keep_spring
 from pinotwin.identification.table import open_loop
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -73,7 +72,6 @@ class Bending:
 
     def bend(self, log: Log) -> Log:
         """Return a log with the velocity of the joints; one that holds a joint as it is."""
-        log = bind(log, self.machine.columns)
         if any(holds(log, spring.name) for spring in self.springs):
             return log
         motion = _motion(self.machine, log)
@@ -103,7 +101,7 @@ def holds(log: Log, joint: str) -> bool:
 def bends(machine: Machine, logs: Sequence[Log]) -> bool:
     """Whether springs of machine.yaml must stand for passive joints that no log holds."""
     parts = machine.passive.values()
-    held = any(holds(bind(log, machine.columns), p.name) for p in parts for log in logs)
+    held = any(holds(log, p.name) for p in parts for log in logs)
     return bool(parts) and all(p.stiffness for p in parts) and not held and bool(logs)
 
 

@@ -25,7 +25,6 @@ from pinotwin.identification.servo import (
 )
 from pinotwin.identification.servo.problem import skipped
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.logs.quality import lattice
 from pinotwin.loop import Servo, command_rates
 from pinotwin.motion import Motion
@@ -337,11 +336,11 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
 
     Args:
         trial: the plant with controllers and loops that have not seen the end of the log.
-        log: a log of the machine, with commands; raw or in the names of the contract.
+        log: a log of the machine in the names of the contract, with commands.
         tried: the forms.
     """
     usual = "black" if trial.machine.passive else "coupled"
-    part, start = _end(bind(log, trial.machine.columns))
+    part, start = _end(log)
     both = {form: forecast_errors(trial, part, start, form) for form in tried}
     errors = {form: 0.5 * (e + u) for form, (e, u) in both.items()}
     best = min(errors, key=lambda form: errors[form] / (1.0 if form == usual else BETTER))
@@ -357,8 +356,7 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
 
 def _bears(trial: Twin, log: Log, form: str, usual: str) -> bool:
     """Whether a form predicts a log from its beginning on as well as the usual one: some drift off within seconds."""
-    part = bind(log, trial.machine.columns)
-    part = part.rows(slice(0, int(np.searchsorted(part.t, part.t[0] + BEGINNING)) + 1))
+    part = log.rows(slice(0, int(np.searchsorted(log.t, log.t[0] + BEGINNING)) + 1))
     return sum(forecast_errors(trial, part, 0, form)) <= sum(forecast_errors(trial, part, 0, usual))
 
 
@@ -377,12 +375,11 @@ def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float,
         said = simulate(twin, log, controller=form)
     except PinotwinError:
         return np.inf, np.inf
-    bound = bind(log, twin.machine.columns)
     ratios: dict[str, list[float]] = {"e": [], "u": []}
     for name in twin.servos:
         for signal, found in ratios.items():
-            error = bound[f"{name}.qr"] - bound[twin.machine.regulated(name)]
-            logged = bound[f"{name}.u"] if signal == "u" else error
+            error = log[f"{name}.qr"] - log[twin.machine.regulated(name)]
+            logged = log[f"{name}.u"] if signal == "u" else error
             good = np.isfinite(logged) & (np.arange(len(logged)) >= start)
             size = float(np.sqrt(np.mean(logged[good] ** 2))) if good.any() else 0.0
             if size > 0.0:

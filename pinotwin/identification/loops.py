@@ -30,7 +30,7 @@ from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_d
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.table import refined_table
 from pinotwin.log import Log
-from pinotwin.logs.prepare import prepare
+from pinotwin.logs.prepare import EvenLogs
 from pinotwin.loop import (
     LoopData,
     LoopModel,
@@ -91,7 +91,7 @@ class ClosedLoops:
 
 
 def close_loops(
-    plant: OpenLoop, motion: Motion, logs: Sequence[Log], tell: Callable[[str, float], None]
+    plant: OpenLoop, motion: Motion, even: EvenLogs, tell: Callable[[str, float], None]
 ) -> ClosedLoops:
     """Return the closed loops of a plant's axes, and the form to simulate them in.
 
@@ -103,7 +103,7 @@ def close_loops(
     Args:
         plant: with its diagonal.
         motion: prepared log(s) with commands.
-        logs: the same, as they came.
+        even: the same, unfiltered.
         tell: called with the stage and the share of this step done.
     """
     if motion.step > SLOWEST:
@@ -112,7 +112,7 @@ def close_loops(
         )
         return ClosedLoops(plant, warnings=(note,))
     machine = plant.machine
-    raw = prepare(machine, logs, cutoff=0.0, decimate=1)
+    raw = even.motion(machine, cutoff=0.0, decimate=1)
     exact = [name for name, axis in machine.axes.items() if follows_exactly(raw, axis.index)]
     axes = [name for name in machine.axes if name not in exact]
     said = [
@@ -124,14 +124,14 @@ def close_loops(
         return ClosedLoops(plant, warnings=tuple(said))
     found = fit_servos(plant, motion, raw, axes, lambda stage, done: tell(stage, 0.5 * done))
     plant = with_factors(plant, found.factors)
-    found, judged = _by_encoders(plant, found, in_steps(found, raw), logs[-1])
+    found, judged = _by_encoders(plant, found, in_steps(found, raw), even.logs[-1])
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
     asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(axes))
     if error is not None and tracking is not None and tracking < POOR and not asked:
         closed = _linearised(plant, found.servos, motion)
     else:
         closed = _black_boxes(plant, motion, axes, lambda stage, done: tell(stage, 0.5 + 0.5 * done))
-        judged = choice(closed.twin(servos=found.trials), logs[-1], ("coupled", "black"))
+        judged = choice(closed.twin(servos=found.trials), even.logs[-1], ("coupled", "black"))
         if judged["use"] == "coupled" and error is not None and not asked:
             refined = judged["held_out"]["coupled"] < error
             closed = _linearised(closed.plant if refined else plant, found.servos, motion)

@@ -23,7 +23,7 @@ from pinotwin.identification.table import at_bounds, open_loop
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_logs
-from pinotwin.logs.prepare import prepare
+from pinotwin.logs.prepare import EvenLogs, prepare
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
@@ -67,31 +67,43 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or _silent
     tell("preparing the log", 0.02)
-    machine = _as_logged(as_machine(machine).listing(effects), logs := as_logs(log), resample)
+    machine, given = as_machine(machine).listing(effects), as_logs(log)
+    machine = _as_logged(machine, logs := _bound(machine, given), resample)
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs)
-    bent = bend_all(bending, logs)
-    prepared = functools.partial(prepare, log=bent, cutoff=cutoff, decimate=decimate)
+    even = EvenLogs.of(machine, bend_all(bending, logs), machine.data)
+    prepared = functools.partial(even.motion, cutoff=cutoff, decimate=decimate)
     machine, motion, fit, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
     tell("judging the plant", 0.4)
     settings = _settings(machine, motion)
-    unseen = [] if validate is None else bend_all(bending, as_logs(validate, "validate"))
-    later = prepare(machine, unseen, **settings) if unseen else None
+    later = _unseen(machine, validate, bending, settings)
     plant = open_loop(machine, fit)
     parted = Parted.of(machine, fit.effects, motion, fit.rows, fit.fit.problem)
     quality = judge(machine, fit, parted, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
     plant, springs_found = _completed(plant, motion, springs, bending)
     closed = ClosedLoops(plant)
     if loop and motion.qr is not None:
-        closed = close_loops(plant, motion, bent, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
+        closed = close_loops(plant, motion, even, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
     said = [*(bending.warnings if bending else []), *warnings(quality, plant, motion), *closed.warnings]
     return closed.twin(
         quality={**quality, "warnings": said, "springs": springs_found, **closed.quality},
-        data=[_provenance(item, motion) for item in logs],
+        data=[_provenance(item, motion) for item in given],
         settings=settings,
         groups=fit.fit.group_names(),
         misfit=misfit_of(closed.plant, motion, parted),
     )
+
+
+def _bound(machine: Machine, logs: Sequence[Log]) -> list[Log]:
+    return [bind(log, machine.columns) for log in logs]
+
+
+def _unseen(
+    machine: Machine, validate: Any, bending: Bending | None, settings: Mapping[str, Any]
+) -> Motion | None:
+    """Return the motion of the logs to judge on; None where there are none."""
+    logs = [] if validate is None else _bound(machine, as_logs(validate, "validate"))
+    return prepare(machine, bend_all(bending, logs), **settings) if logs else None
 
 
 def _completed(
@@ -115,7 +127,7 @@ def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) ->
     machine = machine.require_physical()
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
-    seen = bends(machine, logs) or all(_sees_passive(machine, bind(log, machine.columns)) for log in logs)
+    seen = bends(machine, logs) or all(_sees_passive(machine, log) for log in logs)
     return machine if seen else machine.with_rigid_joints()
 
 

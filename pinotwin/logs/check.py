@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,18 +12,14 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import InputError, MachineError
-from pinotwin.log import Log
-from pinotwin.logs.channels import finite
-from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.logs.plausible import examined, unit_findings
-from pinotwin.logs.prepare import prepare, without
-from pinotwin.logs.quality import Finding, Limits, Quality, inspect
+from pinotwin.logs.prepared import Prepared
+from pinotwin.logs.quality import Finding, Quality
 from pinotwin.logs.unseen import unseen
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
-from pinotwin.machine.urdf_check import mimics, read_tree
+from pinotwin.machine.urdf_check import incomplete, mimics, read_tree
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 
@@ -131,25 +126,23 @@ def check(machine: MachineLike, log: LogLike | None = None) -> Check:
     findings = machine_findings(machine)
     if log is None:
         return Check(machine, tuple(findings))
-    log = as_log(log)
-    quality = inspect_log(machine, log)
-    findings += quality.findings
+    one = Prepared.of(machine, as_log(log))
+    findings += one.findings
     excited, determined = None, {}
-    if quality.ok:
+    if one.quality.ok and not any(f.code == "unusable" for f in one.findings):
+        findings += unseen(machine, one.motion, one.efforts) if one.efforts else []
         try:
-            motion = prepare(machine, log)
-            excited = _excitation(machine, motion)
+            excited = _excitation(machine, one.motion)
         except InputError as error:
             findings.append(Finding("error", "", str(error), "unusable"))
         else:
-            findings += _effort_findings(machine, motion, log, own_limits=True)
             findings += _excitation_findings(machine, excited)
             known = set(excited.determined)
             determined = {label: label in known for label in machine.base.labels}
     findings = _causes(findings)
     order = {"error": 0, "warning": 1, "info": 2}
     findings.sort(key=lambda f: order[f.severity])
-    return Check(machine, tuple(findings), quality, excited, determined)
+    return Check(machine, tuple(findings), one.quality, excited, determined)
 
 
 def _causes(findings: Sequence[Finding]) -> list[Finding]:
@@ -163,65 +156,13 @@ def _causes(findings: Sequence[Finding]) -> list[Finding]:
     return [f for f in findings if not all((axis, f.code) in told for axis in f.axis.split(", "))]
 
 
-def doubts(machine: Machine, log: Log) -> tuple[Finding, ...]:
-    """Return what makes a log doubtful, errors and warnings, before anything is fitted to it."""
-    quality = inspect_log(machine, log)
-    findings = list(quality.findings)
-    if quality.ok:
-        try:
-            motion = prepare(machine, log)
-        except InputError as error:
-            findings.append(Finding("error", "", str(error), "unusable"))
-        else:
-            findings += _effort_findings(machine, motion, log)
-    return tuple(f for f in findings if f.severity != "info")
-
-
-def _effort_findings(
-    machine: Machine, motion: Motion, log: Log, *, own_limits: bool = False
-) -> list[Finding]:
-    """Return what is said of the efforts, and, with ``own_limits``, what could not be."""
-    bound = bind(log, machine.columns)
-    efforts = examined(machine, motion, bound)
-    found = [] if efforts is None else list(efforts.findings)
-    if efforts is not None and own_limits:
-        found += unseen(machine, motion, efforts)
-    return [*found, *unit_findings(bound)]
-
-
-def inspect_log(machine: Machine, log: Log) -> Quality:
-    """Return what a log of a machine is worth, before anything is fitted."""
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    bound = without(bind(log, machine.columns), machine.data.leave_out)
-    return inspect(finite(bound), rotary, _limits(machine))
-
-
-def _limits(machine: Machine) -> dict[str, Limits]:
-    model = machine.model
-    out = {}
-    for name, axis in machine.axes.items():
-        i = axis.index
-        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-        speed = float(model.upperVelocityLimit[i])
-        effort = axis.effort_limit
-        # A transmission scales and mixes what is logged: a joint's limits do not fit its motor.
-        plain = machine.transmission is None
-        out[name] = Limits(
-            position=(low, high) if plain and high - low < 1e8 else None,
-            velocity=speed if plain and 0 < speed < 1e8 else None,
-            effort=effort if plain and np.isfinite(effort) else None,
-            lead=axis.lead or 0.0,
-        )
-    return out
-
-
 def machine_findings(machine: Machine) -> list[Finding]:
-    """Return what a second reader of URDFs (yourdfpy) and the tree itself say."""
-    out = [*_second_reader(machine.urdf)]
+    """Return what the tree of a machine, and its URDF, say."""
+    root = read_tree(machine.urdf)
+    out = [Finding("warning", part, f"URDF: {text}") for part, text in incomplete(root).items()]
     for joint, problem in impossible_bodies(machine.model).items():
         text = f"what it moves cannot exist: {problem}; correct the <inertial> of its links"
         out.append(Finding("error", joint, text))
-    root = read_tree(machine.urdf)
     for joint, leader in mimics(root).items():
         if joint not in machine.model.names:
             text = f"follows {leader!r} in the URDF (mimic); held at zero here"
@@ -248,29 +189,6 @@ def _is_child_of_moving(root: Any, link: str) -> bool:
         if joint.find("child").get("link") == link:
             return joint.get("type") in ("revolute", "continuous", "prismatic")
     return False
-
-
-def _second_reader(urdf: Path) -> list[Finding]:
-    import logging
-
-    import yourdfpy
-
-    logger = logging.getLogger("yourdfpy")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        robot = yourdfpy.URDF.load(
-            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-        )
-        valid = bool(robot.validate())
-    except (ValueError, KeyError, AttributeError, TypeError) as error:
-        raise MachineError(f"{urdf}: yourdfpy cannot read it: {error}") from None
-    finally:
-        logger.setLevel(level)
-    if valid:
-        return []
-    problems = "; ".join(str(e) for e in robot.errors) or "yourdfpy finds it invalid"
-    return [Finding("warning", "", f"URDF: {problems}")]
 
 
 def _excitation(machine: Machine, motion: Motion) -> Excitation:

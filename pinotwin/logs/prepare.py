@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, LogError
@@ -82,23 +82,55 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
         DataError: too little of the log can be used.
     """
     machine, logs = as_machine(machine), as_logs(log)
-    if not logs:
-        raise DataError(f"{machine.name}: no log given; give at least one")
     how = replace(
         machine.data,
         order=order or machine.data.order,
-        decimate=decimate or machine.data.decimate,
         resample=resample or machine.data.resample,
         leave_out=machine.data.leave_out if leave_out is None else tuple(leave_out),
     )
-    leads = {name: axis.lead or 0.0 for name, axis in machine.axes.items()} | dict(lead or {})
-    bound = _at_one_rate(machine, [_regular(machine, item, how) for item in logs])
-    corner = cutoff if cutoff is not None else how.cutoff
-    if corner is None:
-        corner = min(_corner(machine, item) for item in bound)
-    how = replace(how, cutoff=corner)
-    parts = [_prepare_one(machine, item, how, leads) for item in bound]
-    return Motion.join(parts) if len(parts) > 1 else parts[0]
+    return EvenLogs.of(machine, logs, how).motion(machine, cutoff=cutoff, decimate=decimate, lead=lead)
+
+
+@dataclass(frozen=True, eq=False)
+class EvenLogs:
+    """Logs of one machine on one even clock, before any filter: motions of several corners are made of them.
+
+    Attributes:
+        logs: in the names of the contract.
+        how: how they were made, and are filtered where nothing else is asked for.
+    """
+
+    logs: tuple[Log, ...]
+    how: DataSettings
+
+    @classmethod
+    def of(cls, machine: Machine, logs: Sequence[Log], how: DataSettings) -> EvenLogs:
+        """Return logs, raw or in the names of the contract, on the clock of the slowest of them.
+
+        Raises:
+            LogError: a channel is missing or unusable; the message names it.
+            DataError: too little of the log can be used.
+        """
+        if not logs:
+            raise DataError(f"{machine.name}: no log given; give at least one")
+        return cls(tuple(_at_one_rate(machine, [_regular(machine, item, how) for item in logs])), how)
+
+    def motion(
+        self,
+        machine: Machine,
+        *,
+        cutoff: float | None = None,
+        decimate: int | None = None,
+        lead: Mapping[str, float] | None = None,
+    ) -> Motion:
+        """Return the logs filtered, as :func:`prepare` does it; the options are its own."""
+        leads = {name: axis.lead or 0.0 for name, axis in machine.axes.items()} | dict(lead or {})
+        corner = cutoff if cutoff is not None else self.how.cutoff
+        if corner is None:
+            corner = min(_corner(machine, item) for item in self.logs)
+        how = replace(self.how, cutoff=corner, decimate=decimate or self.how.decimate)
+        parts = [_prepare_one(machine, item, how, leads) for item in self.logs]
+        return Motion.join(parts) if len(parts) > 1 else parts[0]
 
 
 def _regular(machine: Machine, log: Log, how: DataSettings) -> Log:
@@ -263,7 +295,7 @@ def _put_back(log: Log, leads: Mapping[str, float], parts: Sequence[slice]) -> L
         u = log[channel].copy()
         for part in parts:
             t = log.t[part]
-            u[part] = CubicSpline(t, log[channel][part])(np.clip(t - lead, t[0], t[-1]))
+            u[part] = scipy.interpolate.CubicSpline(t, log[channel][part])(np.clip(t - lead, t[0], t[-1]))
         moved[channel] = u
     return log.with_channels({**log.channels, **moved}) if moved else log
 

@@ -17,6 +17,9 @@ from pinotwin.errors import MachineError, nearest
 MOVING = ("revolute", "continuous", "prismatic")
 """Joint types with one degree of freedom, which may be axes."""
 
+SHAPES = ("box", "cylinder", "sphere", "mesh")
+"""What the geometry of a visual or a collision may be."""
+
 MOST_BYTES = 50_000_000
 MOST_ELEMENTS = 2000
 
@@ -90,6 +93,26 @@ def mimics(root: etree._Element) -> dict[str, str]:
         for j in root.findall("joint")
         if j.get("type") in MOVING and j.find("mimic") is not None
     }
+
+
+def incomplete(root: etree._Element) -> dict[str, str]:
+    """Return what other readers of URDFs stumble over, and Pinocchio does not: joint or link -> what is missing."""
+    out = {}
+    for joint in root.findall("joint"):
+        limit, ends = joint.find("limit"), joint.get("type") in ("revolute", "prismatic")
+        if limit is None and ends:
+            out[str(joint.get("name"))] = f"a {joint.get('type')} joint needs a <limit>"
+        elif limit is not None:
+            needed = ("effort", "velocity", *(("lower", "upper") if ends else ()))
+            lacking = ", ".join(key for key in needed if limit.get(key) is None)
+            if lacking:
+                out[str(joint.get("name"))] = f"its <limit> lacks {lacking}"
+    for link in root.findall("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            if sum(len(shape.findall(f"geometry/{kind}")) for kind in SHAPES) != 1:
+                one = ", ".join(f"<{kind}>" for kind in SHAPES)
+                out[str(link.get("name"))] = f"the <geometry> of a <{shape.tag}> needs one of {one}"
+    return out
 
 
 def _check_root(path: Path, root: etree._Element) -> None:

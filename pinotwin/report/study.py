@@ -16,8 +16,7 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Block, Plot, notes, table
 from pinotwin.report.closed_loop_plots import causes_figure
-from pinotwin.report.page import Page
-from pinotwin.report.provenance import files_block, provenance_blocks
+from pinotwin.report.page import Page, files_block, provenance_blocks
 from pinotwin.report.study_plots import figure_of
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled

@@ -16,7 +16,7 @@ from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import free_gains, misfit
 from pinotwin.identification.servo.problem import FINE, AxisProblem
 from pinotwin.loop.servo import Servo
-from pinotwin.simulation import coupled
+from pinotwin.simulation.law import biquad
 
 NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)
 """Frequencies at which a notch is looked for [Hz]."""
@@ -52,7 +52,7 @@ def _solved(p: AxisProblem, form: Servo, columns: list[tuple[Floats, Floats]]) -
         x = fine.copy()
         x[2] = _low(x[2], form.velocity_lag, h)
         if form.notch[0] > 0.0:
-            b = coupled.biquad(form.notch, h)
+            b = biquad(form.notch, h)
             x = lfilter(b[:3], [1.0, b[3], b[4]], x - x[:, :1]) + x[:, :1]
         if form.output_lag > 0.0:
             x = _low(x, form.output_lag, h)

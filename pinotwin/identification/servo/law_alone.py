@@ -17,7 +17,7 @@ from pinotwin.identification.servo.output_error import Search
 from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop.servo import Servo
 from pinotwin.signals.autoregression import burg
-from pinotwin.simulation import coupled
+from pinotwin.simulation.law import LONGEST, biquad
 
 CLOCK = 5e-4
 """Internal step [s]: the laws of drives are smooth over it, whose fastest parts are lags of a few of them."""
@@ -104,7 +104,7 @@ class LawAlone:
     def _out(self, X: Floats, servo: Servo) -> Floats:
         """Return columns through notch and current loop, at the log's samples."""
         if servo.notch[0] > 0.0:
-            b = coupled.biquad(servo.notch, self.h)
+            b = biquad(servo.notch, self.h)
             X = lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
         return _low(X, servo.output_lag, self.h)[..., :: self.substeps]
 
@@ -142,7 +142,7 @@ def _stretch(p: AxisProblem, servo: Servo, s: slice, substeps: int) -> Stretch |
 
 def _channels(qr: Floats, vr: Floats, ar: Floats, q: Floats, h: float) -> Floats:
     """Return e, its integral, -v, vr, its integral and ar; integrals are as late as the simulation adds them up."""
-    e, late = qr - q, 0.5 * coupled.LONGEST
+    e, late = qr - q, 0.5 * LONGEST
     wound = h * (np.cumsum(e) - 0.5 * (e + e[0]))
     return np.stack([e, wound - late * e, -np.gradient(q, h), vr, qr - late * vr, ar])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.log import Log
@@ -75,7 +75,7 @@ def _at_rest(measured: dict[str, Floats]) -> Mask:
 
 def _span(x: Floats) -> Floats:
     """Return the range of a channel about every row."""
-    return np.asarray(maximum_filter1d(x, _ABOUT) - minimum_filter1d(x, _ABOUT))
+    return np.asarray(scipy.ndimage.maximum_filter1d(x, _ABOUT) - scipy.ndimage.minimum_filter1d(x, _ABOUT))
 
 
 def _key(log: Log, rows: Mask) -> str:
