@@ -105,6 +105,7 @@ def test_identify_writes_a_twin_that_loads(
     assert {p.name for p in out.iterdir()} == {
         "twin.json",
         "misfit.npz",
+        "covariance.npz",
         "machine.yaml",
         "rig.urdf",
         "report.html",

@@ -22,10 +22,10 @@ from lxml import etree
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import MachineError, nearest
+from pinotwin.machine.effect_list import make_effects
 from pinotwin.machine.loading import build
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.urdf import inertial_element, load_model, with_inertias
-from pinotwin.machine.yaml_file import make_effects
 
 _WIDE = 1e9
 _COUNT = itertools.count(1)
