@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2, false_discovery_control
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import known
@@ -284,13 +284,13 @@ def _chance(values: Floats, errors: Floats) -> float:
         return float("nan")
     x, weight = values[known], 1.0 / errors[known] ** 2
     mean = np.sum(weight * x) / np.sum(weight)
-    return float(chi2.sf(np.sum(weight * (x - mean) ** 2), known.sum() - 1))
+    return float(scipy.stats.chi2.sf(np.sum(weight * (x - mean) ** 2), known.sum() - 1))
 
 
 def _discoveries(rows: Sequence[Row]) -> tuple[Row, ...]:
     """Mark the rows that moved, at the stated rate of false discoveries."""
     asked = [k for k, row in enumerate(rows) if np.isfinite(row.p)]
-    rate = false_discovery_control([rows[k].p for k in asked]) if asked else []
+    rate = scipy.stats.false_discovery_control([rows[k].p for k in asked]) if asked else []
     moved = {k for k, value in zip(asked, rate, strict=True) if value <= FALSE_DISCOVERIES}
     return tuple(replace(row, moved=k in moved) for k, row in enumerate(rows))
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from pinotwin.analysis.deflection import PassiveSpring, load_of
 from pinotwin.arrays import Floats
@@ -192,7 +192,9 @@ def _moved(
     bounds = np.log([*[STIFFER] * n, *[DAMPED] * n]).T
     if not motors:
         return list(springs)
-    found = least_squares(left, np.zeros(2 * n), bounds=(bounds[0], bounds[1]), diff_step=0.02, max_nfev=12)
+    found = scipy.optimize.least_squares(
+        left, np.zeros(2 * n), bounds=(bounds[0], bounds[1]), diff_step=0.02, max_nfev=12
+    )
     return at(found.x)
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -172,7 +172,7 @@ def _efforts(machine: Machine, motion: Motion, rows: Rows, motors: list[int], le
     for k, lead in zip(motors, leads, strict=True):
         for s in motion.segments:
             t = motion.t[s]
-            u[s, k] = CubicSpline(t, u[s, k])(np.clip(t - lead, t[0], t[-1]))
+            u[s, k] = scipy.interpolate.CubicSpline(t, u[s, k])(np.clip(t - lead, t[0], t[-1]))
     joint = u @ ratio
     if motion.external is not None:
         joint = joint + motion.external

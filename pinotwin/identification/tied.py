@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, ParameterFit, Section, kernels
@@ -66,7 +66,7 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most:
     problem = _Problem(data, model, inertia, viscous)
     low, high = model.layout.box
     start = np.clip(problem.start, low + 1e-9, high - 1e-9)
-    best = least_squares(
+    best = scipy.optimize.least_squares(
         lambda x: problem.solve(x)[1],
         start,
         bounds=(low, high),

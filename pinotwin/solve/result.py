@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.solve.problem import Problem
@@ -72,7 +72,7 @@ class LinearFit:
 
     def interval(self, level: float = 0.95) -> Floats:
         """Return the confidence interval of every parameter, cut at its bounds, shape (p, 2)."""
-        reach = float(stdtrit(self.dof, 0.5 + level / 2)) * self.standard_errors
+        reach = float(scipy.special.stdtrit(self.dof, 0.5 + level / 2)) * self.standard_errors
         low = np.maximum(self.theta - reach, self.lower)
         high = np.minimum(self.theta + reach, self.upper)
         return np.stack([low, high], axis=1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.solve.result import LinearFit
@@ -62,7 +62,7 @@ class ShapeFit:
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of the value, cut at the bounds."""
-        reach = float(stdtrit(self.dof, 0.5 + level / 2)) * self.error
+        reach = float(scipy.special.stdtrit(self.dof, 0.5 + level / 2)) * self.error
         low, high = max(self.x - reach, self.lower), min(self.x + reach, self.upper)
         return self._value(low), self._value(high)
 
