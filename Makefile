@@ -83,4 +83,5 @@ clean:
 # Writes site/index.html; needs no network.
 docs: setup
 	$(BIN)/python docs/generate_effects.py
+	$(BIN)/python docs/generate_schema.py
 	$(BIN)/python -m mkdocs build --strict --quiet

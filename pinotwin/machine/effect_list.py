@@ -11,7 +11,7 @@ from pinotwin.effects import EFFECTS, Effect
 from pinotwin.effects.known import kind_of, known, path_of
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.parts import EffectList
-from pinotwin.machine.reading import Count, Number, Positive, known_key, read
+from pinotwin.machine.reading import Count, Number, Positive, known_key, read, schema
 
 _One = Annotated[int, Meta(ge=1)]
 _Harmonics = Annotated[_One | list[_One], Meta(description="a whole number from 1, or a list of them")]
@@ -104,17 +104,30 @@ def types_of(cls: type[Effect]) -> dict[str, Any]:
     return out
 
 
+def effect_schema() -> dict[str, Any]:
+    """Return the JSON Schema of an item of such a list: a name, one name with its settings, or an own effect's."""
+    listed = {name: cls for name, cls in EFFECTS.items() if not cls.unlisted}
+    settings = {
+        name: {
+            "properties": {k: schema(one) for k, one in types_of(cls).items()},
+            "additionalProperties": False,
+        }
+        for name, cls in listed.items()
+    }
+    own = {"type": "string", "pattern": ":"}
+    return {"anyOf": [{"enum": list(listed)}, own, {"type": "object", "properties": settings}]}
+
+
 def effect_spec(effect: Effect) -> Any:
     """Return the YAML item that makes this effect again."""
     settings: dict[str, Any] = {}
-    for f in dataclasses.fields(effect):  # type: ignore[arg-type]
-        if f.name in ("axis", "rotary") or f.metadata.get("internal"):
-            continue
-        value = getattr(effect, f.name)
-        if value == f.default or (f.name == "period" and getattr(effect, "free_pitch", False)):
-            continue
-        plain = [x for x in value] if isinstance(value, tuple) else value
-        settings[f.metadata.get("yaml", f.name)] = plain
     kind = type(effect)
+    for key, field in settings_of(kind).items():
+        value = getattr(effect, field)
+        if value == getattr(kind, field, None) or (
+            field == "period" and getattr(effect, "free_pitch", False)
+        ):
+            continue
+        settings[key] = list(value) if isinstance(value, tuple) else value
     name = effect.name if EFFECTS.get(effect.name) is kind else path_of(kind)
     return {name: settings} if settings else name
