@@ -94,16 +94,14 @@ def _yaml(twin: Twin, model: pin.Model) -> str:
     spec = machine_spec(twin.machine)
     spec["urdf"] = f"{twin.machine.name}.urdf"
     for name, axis in twin.machine.axes.items():
-        rotor = float(model.armature[axis.index])
-        if rotor > 0.0:
-            spec["axes"][name]["rotor_inertia"] = rotor
-        else:
-            spec["axes"][name].pop("rotor_inertia", None)
+        spec["axes"][name].pop("rotor_inertia", None)
+        if model.armature[axis.index] > 0.0:
+            spec["axes"][name]["rotor_inertia"] = float(model.armature[axis.index])
     for name in twin.machine.passive:
-        if f"{name}.spring" in twin.keys:
-            k, c = twin.coefficients(f"{name}.spring")
-            if k > 0.0:
-                spec["passive"][name] |= {"stiffness": float(k), "damping": float(c)}
+        k, c = twin.coefficients(f"{name}.spring") if f"{name}.spring" in twin.keys else (0.0, 0.0)
+        if k > 0.0:
+            own = {"stiffness": float(k), "damping": float(c)}
+            spec["passive"] = {**spec["passive"], name: {**spec["passive"][name], **own}}
     return yaml.safe_dump(spec, sort_keys=False, allow_unicode=True)
 
 
