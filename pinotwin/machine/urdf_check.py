@@ -20,14 +20,12 @@ MOVING = ("revolute", "continuous", "prismatic")
 SHAPES = ("box", "cylinder", "sphere", "mesh")
 """What the geometry of a visual or a collision may be."""
 
-MOST_BYTES = 50_000_000
-MOST_ELEMENTS = 2000
 
 _TYPES = (*MOVING, "fixed", "floating", "planar")
 
 
-def read_tree(path: Path) -> etree._Element:
-    """Parse a URDF file and return its ``<robot>`` element.
+def read_tree(path: Path, most: int = 2000) -> etree._Element:
+    """Parse a URDF file of at most so many links and joints and return its ``<robot>`` element.
 
     Raises:
         MachineError: no such file, not XML, not a URDF, or a link or joint that cannot be.
@@ -36,21 +34,19 @@ def read_tree(path: Path) -> etree._Element:
         raise MachineError(f"{path}: no such URDF file; check `urdf` in machine.yaml")
     root = _parsed(path)
     _check_root(path, root)
-    if len(root) > MOST_ELEMENTS:
-        raise MachineError(
-            f"{path}: has {len(root)} links and joints; no machine has more than {MOST_ELEMENTS}"
-        )
+    if len(root) > most:
+        raise MachineError(f"{path}: has {len(root)} links and joints; no machine has more than {most}")
     _check_links(path, root)
     parents = _check_joints(path, root)
     _check_is_tree(path, [str(link.get("name")) for link in root.findall("link")], parents)
     return root
 
 
-def _parsed(path: Path) -> etree._Element:
+def _parsed(path: Path, most: int = 50_000_000) -> etree._Element:
     """Return the root of an XML file; no entity of it is looked up, in the file or elsewhere."""
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise MachineError(f"{path}: is larger than {MOST_BYTES:.0e} bytes; a URDF names its meshes")
+        if path.stat().st_size > most:
+            raise MachineError(f"{path}: is larger than {most:.0e} bytes; a URDF names its meshes")
         content = path.read_bytes()
     except OSError as error:
         raise MachineError(f"{path}: cannot be read: {error.strerror}; check its access") from None

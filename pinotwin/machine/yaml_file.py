@@ -9,9 +9,6 @@ import yaml
 
 from pinotwin.errors import MachineError
 
-_MOST_BYTES = 10_000_000
-_MOST_NODES = 50_000
-
 
 class _Loader(yaml.SafeLoader):
     """SafeLoader that refuses a key given twice and keeps `y`, `no`, `on` as text.
@@ -72,9 +69,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
     return content
 
 
-def _content(path: Path) -> Any:
-    if path.stat().st_size > _MOST_BYTES:
-        raise MachineError(f"is larger than {_MOST_BYTES} bytes; give a machine.yaml")
+def _content(path: Path, most: int = 10_000_000) -> Any:
+    if path.stat().st_size > most:
+        raise MachineError(f"is larger than {most} bytes; give a machine.yaml")
     loader = _Loader(path.read_text(encoding="utf-8-sig"))
     try:
         node = loader.get_single_node()
@@ -86,7 +83,9 @@ def _content(path: Path) -> Any:
         loader.dispose()
 
 
-def _size(node: yaml.Node, known: dict[yaml.Node, int], above: tuple[yaml.Node, ...]) -> int:
+def _size(
+    node: yaml.Node, known: dict[yaml.Node, int], above: tuple[yaml.Node, ...], most: int = 50_000
+) -> int:
     """Return how many nodes there are once every alias is written out; refuse rings and floods."""
     if node in known:
         return known[node]
@@ -95,9 +94,7 @@ def _size(node: yaml.Node, known: dict[yaml.Node, int], above: tuple[yaml.Node, 
     parts = node.value if isinstance(node, yaml.CollectionNode) else []
     inner = [n for part in parts for n in (part if isinstance(part, tuple) else (part,))]
     size = 1 + sum(_size(n, known, (*above, node)) for n in inner)
-    if size > _MOST_NODES:
-        raise MachineError(
-            f"holds more than {_MOST_NODES} entries, aliases written out; a machine has hundreds"
-        )
+    if size > most:
+        raise MachineError(f"holds more than {most} entries, aliases written out; a machine has hundreds")
     known[node] = size
     return size

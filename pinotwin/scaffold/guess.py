@@ -17,15 +17,13 @@ from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind, is_contract_name
 from pinotwin.logs.files.layout import is_clock
-from pinotwin.scaffold.evidence import FOLLOWS, distance, is_counter, lead, moves, push, smoothness
+from pinotwin.scaffold.evidence import distance, is_counter, lead, moves, push, smoothness
 from pinotwin.scaffold.names import family, is_set_value, read_label
 from pinotwin.units import COUNTS, SI_FACTOR
 
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "min", "sec", "Sek", "msec")
 _ELECTRIC = ("A", "Arms", "Apk", "mA", "kA", "V", "mV", "%", "‰", "permille", "0.1%")
 _SI_OF_TURN = {True: "rad", False: "m"}
-_EXPLAINED = 0.5
-"""Share of a nameless column that an axis' motion must explain before it is taken for its effort."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ class Guesses:
 
 @dataclass
 class _Table:
-    """The log's columns while they are given away."""
+    """The log's columns while they are given away; an effort must be explained to a share by its axis' motion."""
 
     log: Log
     axes: list[str]
@@ -93,6 +91,7 @@ class _Table:
     taken: dict[str, Guess] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
     named: list[str] = field(default_factory=list)
+    explained: float = 0.5
 
     def give(self, channel: str, column: str, reason: str) -> None:
         if channel not in self.taken and channel not in self.named:
@@ -222,7 +221,7 @@ def _by_behaviour(table: _Table) -> None:
     for column in (c for c in free if c not in table.used | alike):
         shares = {axis: push(q, table.log[column], table.step or 1.0).share for axis, q in held}
         best = max(shares, key=lambda a: shares[a], default=None)
-        if best is not None and shares[best] > _EXPLAINED:
+        if best is not None and shares[best] > table.explained:
             said = f"inertia and friction of {best} explain {shares[best]:.0%} of it"
             table.give(f"{best}.u", column, said)
     _by_place(table)
@@ -243,12 +242,12 @@ def _by_place(table: _Table) -> None:
             table.give(f"{axis}.u", column, "it stands where the other axes have theirs: guessed")
 
 
-def _following(log: Log, columns: Sequence[str]) -> Iterable[list[str]]:
-    """Yield groups of columns that follow each other: of one axis."""
+def _following(log: Log, columns: Sequence[str], follows: float = 0.02) -> Iterable[list[str]]:
+    """Yield groups of columns that differ by less than a share of their motion: of one axis."""
     free = list(columns)
     while free:
         one, *others = free
-        group = [one, *(other for other in others if _apart(log[one], log[other]) <= FOLLOWS)]
+        group = [one, *(other for other in others if _apart(log[one], log[other]) <= follows)]
         free = [c for c in free if c not in group]
         if len(group) > 1:
             yield group
@@ -259,12 +258,12 @@ def _apart(x: Floats, y: Floats) -> float:
     return distance(x, y) * float(np.sqrt(1.0 - min(lead(x, y)[1], 1.0)))
 
 
-def _command_first(log: Log, columns: Sequence[str]) -> tuple[str, str, str]:
+def _command_first(log: Log, columns: Sequence[str], explained: float = 0.5) -> tuple[str, str, str]:
     """Return command and position of an axis, and why: the command leads, or is the smoothest of them."""
     ahead = {}
     for one in columns:
         pairs = [lead(log[one], log[other]) for other in columns if other != one]
-        ahead[one] = min((samples for samples, share in pairs if share > _EXPLAINED), default=0.0)
+        ahead[one] = min((samples for samples, share in pairs if share > explained), default=0.0)
     command = max(columns, key=lambda c: ahead[c])
     why = f"leads by {ahead[command]:.2g} samples"
     if ahead[command] <= 0.0:
@@ -339,7 +338,7 @@ def _efforts(table: _Table) -> list[str]:
         column = guess.column
         if q is not None and table.step > 0.0:
             found = push(q, table.log[column], table.step)
-            if found.negative and found.share > _EXPLAINED:
+            if found.negative and found.share > table.explained:
                 said = f"{guess.reason}; it falls with acceleration and speed: sign turned"
                 guess = replace(guess, factor=-1.0, reason=said)
                 table.taken[guess.channel] = guess

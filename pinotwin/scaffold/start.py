@@ -23,7 +23,6 @@ from pinotwin.machine.urdf import idle_joints, load_model, resolve_meshes
 from pinotwin.machine.urdf_check import axis_names, mimics, read_tree
 from pinotwin.notebook import Card, Shown
 from pinotwin.scaffold.chain import (
-    LIFT,
     MASS,
     Chain,
     Sizes,
@@ -243,7 +242,7 @@ def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
         weight = f"{mass:g} {mass_unit} ({'given' if axis in sizes.mass else 'assumed'})"
         said.append(f"{axis}: travel {travel}, mass {weight}")
     if any(axis not in sizes.offset for axis in chain.axes):
-        said.append(f"joints are {LIFT:g} m apart; --offset changes that")
+        said.append(f"joints are {sizes.apart:g} m apart; --offset changes that")
     return said
 
 
