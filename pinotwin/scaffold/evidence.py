@@ -26,7 +26,13 @@ class Push:
 def moves(x: Floats) -> bool:
     """Whether a column is a motion: it varies, and its neighbours are alike."""
     good = x[np.isfinite(x)]
-    return len(good) > 20 and float(np.ptp(good)) > 0.0 and float(autocorrelation(good, 1)[1]) > 0.9
+    return len(good) > 20 and varies(good) and float(autocorrelation(good, 1)[1]) > 0.9
+
+
+def varies(x: Floats) -> bool:
+    """Whether a column holds more than one number."""
+    good = x[np.isfinite(x)]
+    return len(good) > 0 and float(np.ptp(good)) > 0.0
 
 
 def is_counter(x: Floats) -> bool:
