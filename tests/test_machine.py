@@ -255,3 +255,10 @@ def test_the_schema_for_editors_is_what_is_read() -> None:
     for wrong in ("zeroo: 1", "rotor_inertia: -1", "effects: [viscos]", "effects: [{stribeck: {vs: 3}}]"):
         spec = yaml.safe_load(YAML.replace("joint: jb", f"joint: jb, {wrong}"))
         assert list(check.iter_errors(spec)), wrong
+
+
+def test_settings_may_be_numbers_of_numpy() -> None:
+    effects = [{"stribeck": {"v_s": np.float64(0.02)}}, {"ripple": {"harmonics": (np.int64(1), 2)}}]
+    machine = Machine.load("emps").listing({"X": effects})
+    stribeck, ripple = machine.axis("X").effects[-2:]
+    assert (stribeck.v_s, ripple.harmonics) == (0.02, (1, 2))

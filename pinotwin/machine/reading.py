@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
 from pinotwin.errors import MachineError, nearest
@@ -53,7 +54,7 @@ def read(value: Any, kind: Any, where: str) -> Any:
     if kind is str and isinstance(value, int | float) and not isinstance(value, bool):
         return str(value)  # a name of digits
     try:
-        return msgspec.convert(value, kind, strict=False)
+        return msgspec.convert(_plain(value), kind, strict=False)
     except msgspec.ValidationError:
         raise MachineError(f"{where}: expected {_words(kind)}, found {value!r}") from None
 
@@ -76,6 +77,13 @@ def schema(kind: Any) -> dict[str, Any]:
     if get_origin(kind) is dict:
         return {"type": "object", "additionalProperties": schema(get_args(kind)[1])}
     return msgspec.json.schema(kind)
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers and lists of NumPy as Python's."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return [_plain(x) for x in value] if isinstance(value, list | tuple) else value
 
 
 def _words(kind: Any) -> str:
