@@ -89,7 +89,7 @@ def test_the_mount_goes_into_every_computation_and_file(mounts, tmp_path):
     for channel in one.channels:
         np.testing.assert_allclose(one[channel], other[channel], atol=1e-6 * np.abs(other[channel]).max())
     motion = sweep(stated, default_travel(stated), default_speed(stated), 1.0)
-    weights = [split(twin, motion).parts["gravity"] for twin in twins]
+    weights = [split(twin, motion)["gravity"] for twin in twins]
     np.testing.assert_allclose(*weights, atol=1e-9 * np.abs(weights[0]).max())
     assert inverse_of(twins[0]).data["gravity"] == stated.model.gravity.linear.tolist()
 

@@ -10,7 +10,6 @@ import argparse
 import ast
 import dataclasses
 import functools
-import importlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +19,8 @@ import pytest
 import yaml
 
 import pinotwin as pt
-from pinotwin.cli.main import COMMANDS
+from pinotwin.cli.arguments import add_arguments
+from pinotwin.cli.main import COMMANDS, command_of
 from pinotwin.effects import EFFECTS, LISTED
 from pinotwin.log import Log
 from pinotwin.logs.check import check
@@ -66,7 +66,7 @@ def _text(node: ast.AST) -> str | None:
 @functools.cache
 def options(command: str) -> frozenset[str]:
     parser = argparse.ArgumentParser()
-    importlib.import_module(f"pinotwin.cli.{command}").add_arguments(parser)
+    add_arguments(parser, command_of(command))
     return frozenset(text for action in parser._actions for text in action.option_strings)
 
 
