@@ -13,7 +13,7 @@ from pinotwin.identification.coupled import axis_problem, choice, command_veloci
 from pinotwin.identification.servo import AxisProblem, Found, afresh, doubtful, look, settle
 from pinotwin.identification.servo.problem import AS_FOUND
 from pinotwin.log import Log
-from pinotwin.logs.columns import parse_columns
+from pinotwin.logs.columns import bind, parse_columns
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Servo, close, command_rates, margins
 from pinotwin.loop.margins import command_peak, stable
@@ -443,7 +443,7 @@ def test_the_form_is_chosen_on_a_log_under_the_names_of_its_controller():
     said = twin.simulate(command, controller="black")
     log = Log({**command.channels, **{k: said[k] for k in names if not k.endswith("qr")}})
     raw = Log({"Zeit": 1e3 * log.t} | {f"kanal {k}": log[k] for k in names})
-    found = choice(twin, raw, ("black",))
+    found = choice(twin, bind(raw, machine.columns), ("black",))
     assert found["to"] == pytest.approx(log.t[-1])
     assert found["tracking"] == pytest.approx(choice(twin, log, ("black",))["tracking"])
     assert found["use"] == "black"

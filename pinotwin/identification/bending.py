@@ -81,11 +81,6 @@ class Bending:
             plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping))
         return plant
 
-    @property
-    def warnings(self) -> list[str]:
-        """What a user must know of joints that nothing measured."""
-        return [_said(self.machine, spring) for spring in self.springs]
-
 
 def holds(log: Log, joint: str) -> bool:
     """Whether a log in the names of the contract holds a passive joint's position or velocity."""
@@ -198,10 +193,16 @@ def _moved(
     return at(found.x)
 
 
-def _said(machine: Machine, spring: PassiveSpring) -> str:
-    part = machine.passive[spring.name]
-    unit = "N·m/rad" if part.rotary else "N/m"
-    return (
-        f"{spring.name}: not in the log, so it moves as a spring of {spring.stiffness:.4g} {unit} has it on the CAD's "
-        f"inertia (machine.yaml: {part.stiffness:.4g}); `pinotwin vibration` measures it"
-    )
+def bending_warnings(bending: Bending | None) -> list[str]:
+    """Return what a user must know of joints that nothing measured."""
+    out: list[str] = []
+    if bending is None:
+        return out
+    for spring in bending.springs:
+        part = bending.machine.passive[spring.name]
+        unit = "N·m/rad" if part.rotary else "N/m"
+        out.append(
+            f"{spring.name}: not in the log, so it moves as a spring of {spring.stiffness:.4g} {unit} has it on the "
+            f"CAD's inertia (machine.yaml: {part.stiffness:.4g}); `pinotwin vibration` measures it"
+        )
+    return out

@@ -97,18 +97,22 @@ def fit_servos(
         found.servos[name] = servo.servo
         found.trials[name] = servo.trial or servo.servo
         found.factors[name] = servo.factors
-        found.quality[name] = {
-            "form": servo.servo.form,
-            "fit": dict(zip("eu", servo.errors, strict=True)),
-            "held_out": dict(zip("eu", servo.held_out, strict=True)),
-            "friction": dict(zip(PLANT[1:], servo.factors[1:], strict=True)),
-        }
+        found.quality[name] = _row(servo)
         if not servo.held_out[0] <= MISSED:
             found.notes.append(
                 f"{name}: the identified controller fails to predict {servo.held_out[0]:.0%} of the tracking error "
                 "on held-out data. Do not use its gains; an effect of the plant may be missing"
             )
     return found
+
+
+def _row(found: Found) -> dict[str, Any]:
+    return {
+        "form": found.servo.form,
+        "fit": dict(zip("eu", found.errors, strict=True)),
+        "held_out": dict(zip("eu", found.held_out, strict=True)),
+        "friction": dict(zip(PLANT[1:], found.factors[1:], strict=True)),
+    }
 
 
 def follows_exactly(raw: Motion, joint: int) -> bool:

@@ -85,7 +85,7 @@ def close_loops(
         plant: with its diagonal.
         motion: prepared log(s) with commands.
         even: the same, unfiltered.
-        tell: called with the stage and the share of this step done.
+        tell: called with the stage and the share of the identification done.
         settings: by which it decides.
     """
     if motion.step > settings.slowest:
@@ -103,7 +103,9 @@ def close_loops(
     ]
     if not axes:
         return ClosedLoops(plant, warnings=tuple(said))
-    found = fit_servos(plant, motion, raw, axes, lambda stage, done: tell(stage, 0.5 * done), settings)
+    found = fit_servos(
+        plant, motion, raw, axes, lambda stage, done: tell(stage, 0.45 + 0.25 * done), settings
+    )
     plant = with_factors(plant, found.factors)
     found, judged = _by_encoders(plant, found, in_steps(found, raw), even.logs[-1], settings)
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
@@ -112,7 +114,7 @@ def close_loops(
         closed = _linearised(plant, found.servos, motion, settings)
     else:
         closed = _black_boxes(
-            plant, motion, axes, lambda stage, done: tell(stage, 0.5 + 0.5 * done), settings
+            plant, motion, axes, lambda stage, done: tell(stage, 0.7 + 0.25 * done), settings
         )
         judged = choice(closed.twin(servos=found.trials), even.logs[-1], ("coupled", "black"), settings)
         if judged["use"] == "coupled" and error is not None and not asked:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pinotwin.analysis.disturbance import diagonal
 from pinotwin.errors import DataError
-from pinotwin.identification.bending import Bending, bend_all, bends, find_bending, holds
+from pinotwin.identification.bending import Bending, bend_all, bending_warnings, bends, find_bending, holds
 from pinotwin.identification.judge import Parted, judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
@@ -28,7 +28,7 @@ from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
 from pinotwin.system.threads import one_blas_thread
-from pinotwin.twin import Twin
+from pinotwin.twin import OpenLoop, Twin
 
 
 @one_blas_thread
@@ -69,67 +69,64 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     """
     tell = report or (lambda stage, done: None)
     tell("preparing the log", 0.02)
-    machine, given = as_machine(machine).listing(effects), as_logs(log)
-    machine = _as_logged(machine, logs := _bound(machine, given), resample)
+    machine, given, logs = _as_logged(as_machine(machine).listing(effects), as_logs(log), resample)
     tell("fitting the plant", 0.1)
     bending = find_bending(machine, logs, settings)
     even = EvenLogs.of(machine, bend_all(bending, logs), machine.data)
     prepared = functools.partial(even.motion, cutoff=cutoff, decimate=decimate)
-    fitted = functools.partial(
-        _plant, consistent=consistent and not machine.passive, settings=settings, prepared=prepared
-    )
+    fitted = functools.partial(_plant, prepared=prepared, consistent=consistent, settings=settings)
     machine, fit, leads = _with_leads(machine, fitted, loop)
-    motion = fit.motion
     tell("judging the plant", 0.4)
-    preparation = _preparation(machine, motion)
-    later = _unseen(machine, validate, bending, preparation)
+    later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
     plant = open_loop(machine, fit)
-    parted = Parted.of(machine, fit.effects, motion, (fit.rows, fit.fit.problem), settings.folds)
+    parted = Parted.of(machine, fit.effects, fit.motion, (fit.rows, fit.fit.problem), settings.folds)
     quality = judge(machine, fit, parted, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
-    rows: dict[str, Any] = {}
-    if bending is not None:
-        plant = bending.completed(plant)
-    elif springs:
-        plant, rows = find_springs(plant, motion, settings)
-    plant = replace(plant, diagonal=diagonal(plant, motion))
-    closed = ClosedLoops(plant)
-    if loop and motion.qr is not None:
-        closed = close_loops(
-            plant, motion, even, lambda stage, done: tell(stage, 0.45 + 0.5 * done), settings
-        )
-    said = [
-        *(bending.warnings if bending else []),
-        *warnings(quality, plant, motion, settings),
-        *closed.warnings,
-    ]
+    plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
+    loop = loop and fit.motion.qr is not None
+    closed = close_loops(plant, fit.motion, even, tell, settings) if loop else ClosedLoops(plant)
+    said = [*warnings(quality, plant, fit.motion, settings), *closed.warnings]
     return closed.twin(
-        quality={**quality, "warnings": said, "springs": rows, **closed.quality},
-        data=[_provenance(item, motion) for item in given],
+        quality={**quality, "warnings": [*bending_warnings(bending), *said], **closed.quality},
+        data=[_provenance(item, fit.motion) for item in given],
         settings=preparation,
         groups=fit.fit.group_names(),
-        misfit=misfit_of(closed.plant, motion, parted, settings),
+        misfit=misfit_of(closed.plant, fit.motion, parted, settings),
     )
-
-
-def _bound(machine: Machine, logs: Sequence[Log]) -> list[Log]:
-    return [bind(log, machine.columns) for log in logs]
 
 
 def _unseen(
     machine: Machine, validate: Any, bending: Bending | None, settings: Mapping[str, Any]
 ) -> Motion | None:
     """Return the motion of the logs to judge on; None where there are none."""
-    logs = [] if validate is None else _bound(machine, as_logs(validate, "validate"))
+    logs = [] if validate is None else [bind(log, machine.columns) for log in as_logs(validate, "validate")]
     return prepare(machine, bend_all(bending, logs), **settings) if logs else None
 
 
-def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) -> Machine:
-    """Return the machine as its logs show it: on the clock asked for, joints without spring or measurement locked."""
+def _as_logged(
+    machine: Machine, given: list[Log], resample: float | None
+) -> tuple[Machine, list[Log], list[Log]]:
+    """Return the machine as its logs show it, these, and the same in the names of the contract.
+
+    It is on the clock asked for, and joints without spring or measurement of their vibration are locked.
+    """
     machine = machine.require_physical()
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
+    logs = [bind(log, machine.columns) for log in given]
     seen = bends(machine, logs) or all(holds(log, name) for log in logs for name in machine.passive)
-    return machine if seen else machine.with_rigid_joints()
+    return machine if seen else machine.with_rigid_joints(), given, logs
+
+
+def _completed(
+    plant: OpenLoop, motion: Motion, springs: bool, bending: Bending | None, settings: Settings
+) -> tuple[OpenLoop, dict[str, Any]]:
+    """Return the plant with the springs of its passive joints, if asked for, and its diagonal; and their fit."""
+    rows: dict[str, Any] = {}
+    if bending is not None:
+        plant = bending.completed(plant)
+    elif springs:
+        plant, rows = find_springs(plant, motion, settings)
+    return replace(plant, diagonal=diagonal(plant, motion)), rows
 
 
 def _with_leads(
@@ -169,7 +166,9 @@ def _plant(
     """
     motion = prepared(machine)
     try:
-        return fit_plant(machine, motion, consistent_inertia=consistent, settings=settings)
+        return fit_plant(
+            machine, motion, consistent_inertia=consistent and not machine.passive, settings=settings
+        )
     except DataError as error:
         clock = [note for note in motion.notes if ": t: " in note]
         if not clock:

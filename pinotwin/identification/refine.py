@@ -13,14 +13,14 @@ that it did not see.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import Effect
+from pinotwin.effects import Effect, Shape
 from pinotwin.loop import LoopData, LoopModel
 from pinotwin.motion import Motion
 from pinotwin.solve.sandwich import block_covariance
@@ -56,34 +56,32 @@ class AxisEffects:
 
     def shape_values(self) -> Floats:
         """Return all shapes, log where they are searched so."""
-        out = []
-        for effect in self.effects:
-            for shape, value in zip(effect.shapes(), effect.shape_values(), strict=True):
-                out.append(np.log(value) if shape.log else value)
-        return np.array(out)
+        return np.array([np.log(value) if shape.log else value for _, shape, value in self._shapes()])
 
     def shape_scales(self, motion: Motion) -> Floats:
         """Return a modest step of each shape: a tenth of a wave over the travel for a pitch."""
         travel = float(np.ptp(motion.axis(self.axis).q))
-        out = []
-        for effect in self.effects:
-            for shape, value in zip(effect.shapes(), effect.shape_values(), strict=True):
-                pitch = shape.name == "period"
-                out.append(0.1 * value / max(travel, value) if pitch else 0.3)
-        return np.array(out)
+        pairs = [(shape.name == "period", value) for _, shape, value in self._shapes()]
+        return np.array([0.1 * value / max(travel, value) if pitch else 0.3 for pitch, value in pairs])
 
     def shaped(self, x: Floats) -> AxisEffects:
         """Return the effects at other shapes, kept within their bounds."""
-        rest = list(x)
-        effects = []
-        for effect in self.effects:
-            values = []
-            for shape in effect.shapes():
-                raw = rest.pop(0)
-                value = float(np.exp(raw)) if shape.log else float(raw)
-                values.append(min(max(value, shape.lower), shape.upper))
-            effects.append(effect.shaped(values))
+        pairs = [(s, np.exp(raw) if s.log else raw) for (_, s, _), raw in zip(self._shapes(), x, strict=True)]
+        kept = [float(np.clip(value, s.lower, s.upper)) for s, value in pairs]
+        effects = [effect.shaped([kept.pop(0) for _ in effect.shapes()]) for effect in self.effects]
         return replace(self, effects=tuple(effects))
+
+    def numbers(self) -> Iterator[tuple[Effect, str, float, float]]:
+        """Yield effect, name, value and standard error of every coefficient and shape, in plain units."""
+        names = [(effect, c.name) for effect in self.effects for c in effect.coefficients()]
+        for (effect, name), value, error in zip(names, self.theta, self.error, strict=True):
+            yield effect, name, float(value), float(error)
+        errors = np.full(len(self._shapes()), np.nan) if self.shape_error is None else self.shape_error
+        for (effect, shape, value), error in zip(self._shapes(), errors, strict=True):
+            yield effect, shape.name, value, float(value * error if shape.log else error)
+
+    def _shapes(self) -> list[tuple[Effect, Shape, float]]:
+        return [(e, *one) for e in self.effects for one in zip(e.shapes(), e.shape_values(), strict=True)]
 
 
 def refine(
