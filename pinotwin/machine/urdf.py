@@ -214,7 +214,7 @@ def with_inertias(path: Path, model: pin.Model) -> bytes:
         joint = first = joint_above.get(str(link.get("name")))
         while joint is not None and joint.get("name") not in model.names:
             joint = joint_above.get(str(joint.find("parent").get("link")))  # type: ignore[union-attr]
-        if joint is None:  # fixed to the base
+        if joint is None or first is None:  # fixed to the base
             continue
         for inertial in link.findall("inertial"):
             link.remove(inertial)
