@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+import yaml
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
@@ -47,16 +49,25 @@ class Guess:
     rate: float | None = None
 
     @property
-    def yaml(self) -> str:
-        """The entry under ``columns`` of a machine.yaml, its reason as comment."""
+    def entry(self) -> dict[str, Any]:
+        """What a machine.yaml says of the channel under ``columns``."""
         if self.rate is not None:
-            entry = f"{{rate: {self.rate:g}}}"
-        else:
-            parts = [f"column: {quoted(self.column or '')}"]
-            parts += [f"unit: {quoted(self.unit)}"] if self.unit else []
-            parts += [f"factor: {self.factor:g}"] if self.factor != 1.0 else []
-            entry = "{" + ", ".join(parts) + "}"
-        return f"{quoted(self.channel)}: {entry}  # {self.reason}"
+            return {"rate": self.rate}
+        stated = {"column": self.column, "unit": self.unit, "factor": self.factor}
+        return {key: value for key, value in stated.items() if value not in ("", 1.0)}
+
+    @property
+    def yaml(self) -> str:
+        """The line under ``columns`` of a machine.yaml, its reason as comment."""
+        return f"{in_one_line({self.channel: self.entry})}  # {self.reason}"
+
+
+def in_one_line(entry: Mapping[str, Any]) -> str:
+    """Return an entry of a mapping as YAML has it in one line."""
+    text = yaml.safe_dump(
+        dict(entry), default_flow_style=True, sort_keys=False, allow_unicode=True, width=np.inf
+    )
+    return str(text).strip()[1:-1]
 
 
 @dataclass(frozen=True)
@@ -369,9 +380,3 @@ def _missing(table: _Table) -> list[str]:
     if unknown:
         said.append(f"{', '.join(unknown)}: no column found; add them under `columns`")
     return said
-
-
-def quoted(text: str) -> str:
-    """Return a name as YAML takes it."""
-    plain = text.replace(".", "").replace("_", "").isalnum() and not text[0].isdigit()
-    return text if plain else '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
