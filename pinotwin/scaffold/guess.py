@@ -107,6 +107,11 @@ class _Table:
             self.taken[channel] = Guess(channel, column, reason)
             self.used.add(column)
 
+    def values(self, channel: str) -> Floats | None:
+        """Return the numbers of a channel that is given or named."""
+        guess = self.taken.get(channel)
+        return self.log.channels.get(channel if guess is None else guess.column or "")
+
     def free(self) -> list[str]:
         return [c for c in self.log.channels if c not in self.used]
 
@@ -213,7 +218,7 @@ def _by_behaviour(table: _Table) -> None:
         said = f"the two follow each other within {apart:.2%}"
         table.give(f"{axis}.qr", command, f"{said}, and this {why}; axis by order: guessed")
         table.give(f"{axis}.q", position, f"{said}; axis by order: guessed")
-    held = [(a, table.log[table.taken[f"{a}.q"].column or ""]) for a in table.axes if f"{a}.q" in table.taken]
+    held = [(a, q) for a in table.axes if (q := table.values(f"{a}.q")) is not None]
     for column in (c for c in free if c not in table.used | alike):
         shares = {axis: push(q, table.log[column], table.step or 1.0).share for axis, q in held}
         best = max(shares, key=lambda a: shares[a], default=None)
@@ -328,7 +333,7 @@ def _efforts(table: _Table) -> list[str]:
     """Turn efforts that come with the wrong sign, and ask for the size of electrical ones."""
     questions = []
     for axis in table.axes:
-        guess, q = table.taken.get(f"{axis}.u"), _position(table, axis)
+        guess, q = table.taken.get(f"{axis}.u"), table.values(f"{axis}.q")
         if guess is None or guess.column is None:
             continue
         column = guess.column
@@ -353,30 +358,21 @@ def _efforts(table: _Table) -> list[str]:
     return questions
 
 
-def _position(table: _Table, axis: str) -> Floats | None:
-    guess = table.taken.get(f"{axis}.q")
-    if guess is not None and guess.column is not None:
-        return table.log[guess.column]
-    return table.log.channels.get(f"{axis}.q")
-
-
 def _missing(table: _Table) -> list[str]:
     """Say which signals of the axes were not found, and of which axes nothing was."""
-    lacking: dict[str, list[str]] = {"q": [], "u": [], "qr": []}
-    unknown: list[str] = []
-    for axis in table.axes:
-        held = {s for s in lacking if f"{axis}.{s}" in table.taken or f"{axis}.{s}" in table.named}
-        if not held:
-            unknown.append(axis)
-        for signal in lacking if held else ():
-            if signal not in held:
-                lacking[signal].append(f"{axis}.{signal}")
     means = {
         "q": "no column found for the position; add it under `columns`",
         "u": "no column found for the effort; without it nothing of the axis is identified",
         "qr": "no command found; the plant is still identified, the closed loop is not",
     }
+    lacking: dict[str, list[str]] = {signal: [] for signal in means}
+    unknown = []
+    for axis in table.axes:
+        absent = [s for s in means if f"{axis}.{s}" not in {*table.taken, *table.named}]
+        if len(absent) == len(means):
+            unknown.append(axis)
+            continue
+        for signal in absent:
+            lacking[signal].append(f"{axis}.{signal}")
     said = [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
-    if unknown:
-        said.append(f"{', '.join(unknown)}: no column found; add them under `columns`")
-    return said
+    return said + ([f"{', '.join(unknown)}: no column found; add them under `columns`"] if unknown else [])
