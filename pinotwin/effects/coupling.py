@@ -31,13 +31,10 @@ class InertialCoupling(Paired):
     words = "another axis' acceleration drives this one more than modelled"
     remedy = "check the centre of mass of what both axes move; move one axis alone and watch the other"
     colour = "#2fa6a0"
+    linear = (Coefficient("J", "I"),)
     inseparable = ("payload",)
     imitates = ("payload", "rigid_body", "wrist_coupling", "geometric_error")
     causes = ("inertial_coupling",)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        """Return J; between a slide and a rotation its unit is that of kg·m."""
-        return (Coefficient("J", self.unit("I")),)
 
     def terms(self, theta: Floats) -> tuple[float, float, float]:
         return float(theta[0]), 0.0, 0.0
@@ -61,14 +58,15 @@ class WristCoupling(Paired):
     words = "turning one axis drags another through the gearing"
     remedy = "check the coupling ratio of the wrist in `transmission`"
     colour = "#3a7d7b"
+    linear = (
+        Coefficient("Ia_m", "F·s²/x", lower=0.0),
+        Coefficient("b_m", "F·s/x", lower=0.0),
+        Coefficient("c_m", "F", lower=0.0),
+    )
     contains = ("inertial_coupling",)
     imitates = ("inertial_coupling", "payload", "rigid_body")
     causes = ("inertial_coupling", "friction", "friction")
     rotary: bool = True
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        units = {"Ia_m": "F·s²/x", "b_m": "F·s/x", "c_m": "F"}
-        return tuple(Coefficient(name, self.unit(unit), lower=0.0) for name, unit in units.items())
 
     def terms(self, theta: Floats) -> tuple[float, float, float]:
         return float(theta[0]), float(theta[1]), float(theta[2])

@@ -307,10 +307,13 @@ class OneAxis(Effect):
     """An effect that is listed under one axis.
 
     Attributes:
+        linear: its coefficients, in the order of the columns; F stands for the unit of the effort, x for that of
+            the position, I for that of an inertia.
         axis: its name.
         rotary: whether it is a rotation; a slide otherwise.
     """
 
+    linear: ClassVar[tuple[Coefficient, ...]]
     axis: str
     rotary: bool = False
 
@@ -319,8 +322,11 @@ class OneAxis(Effect):
             if "usual" in f.metadata and getattr(self, f.name) is None:
                 object.__setattr__(self, f.name, f.metadata["usual"][self.rotary])
 
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        return tuple(dataclasses.replace(c, unit=self.unit(c.unit)) for c in self.linear)
+
     def unit(self, of: str) -> str:
-        """Return a unit with F for that of the effort, x for that of the position, I for that of an inertia."""
+        """Return a unit in which F, x and I stand for that of effort, position and inertia."""
         own = ("N·m", "rad", "kg·m²") if self.rotary else ("N", "m", "kg")
         return of.translate(dict(zip(map(ord, "FxI"), own, strict=True)))
 
@@ -353,23 +359,6 @@ class Paired(OneAxis):
         tree = Tree.of(machine)
         moving = [x for x in tree.names if x != axis and Sight.of(motion, x).moves]
         return tuple(cls(axis, tree.rotary[tree.index(axis)], partner=x) for x in moving)
-
-
-class Slipping(Effect):
-    """An effect of slip elements and a bristle that bend with the displacement of an axis.
-
-    tau = z g(|v|) + m (y - z) + d y',      dz_i = dq / (x_s yield_i), kept within [-1, 1]
-    """
-
-    depends = "displacement"
-    axis: str
-    x_s: float
-    play: float | None
-    spread: float
-
-    @abc.abstractmethod
-    def memory(self, theta: Floats) -> tuple[float, float]:
-        """Return m and d of coefficients in the order of :meth:`coefficients`."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any, ParamSpec, Protocol, TypeVar
 
 from pinotwin.effects import coupling, friction, load, position, ripple, sensing, servo, transmission
-from pinotwin.effects.effect import Effect
+from pinotwin.effects.effect import Effect, OneAxis
 from pinotwin.effects.hysteresis import Hysteresis
 from pinotwin.effects.presliding import Presliding
 from pinotwin.effects.rigid_body import RigidBody
@@ -157,6 +157,8 @@ def check_effect(kind: type[Effect]) -> type[Effect]:
     """
     where = f"effect {kind.__module__}:{kind.__qualname__}"
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    if kind.coefficients is OneAxis.coefficients and not hasattr(kind, "linear"):
+        missing.append("coefficients")
     if missing:
         raise InputError(f"{where}: does not define {', '.join(missing)}")
     if "axis" not in vars(kind).get("__dataclass_fields__", {}):

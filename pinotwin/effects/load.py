@@ -66,14 +66,14 @@ class Payload(OfTree):
     words = "a mass on the link, as a workpiece or a tool, that the model does not have"
     remedy = "take tool or workpiece off, or add its mass and centre of mass to the link"
     colour = "#76608a"
+    linear = tuple(
+        Coefficient(x, unit, lower=0.0 if x == "m" else -np.inf)
+        for x, unit in zip(BODY_NAMES, BODY_UNITS, strict=True)
+    )
     inseparable = ("inertial_coupling",)
     imitates = ("rigid_body", "effort_scale", "inertial_coupling", "offset")
     unlisted = "is a body: add its mass to the <inertial> of the link in the URDF"
     causes = ("inertial_coupling",)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        pairs = zip(BODY_NAMES, BODY_UNITS, strict=True)
-        return tuple(Coefficient(x, unit, lower=0.0 if x == "m" else -np.inf) for x, unit in pairs)
 
     def columns(self, motion: Motion) -> Columns:
         tree = self.machine
@@ -138,11 +138,9 @@ class GeometricError(OfTree):
     words = "an axis is tilted against the drawing"
     remedy = "measure squareness with a dial gauge or a level, and correct the joint's origin in the URDF"
     colour = "#4f5d9e"
+    linear = (Coefficient("tilt1", "rad"), Coefficient("tilt2", "rad"))
     imitates = ("rigid_body", "inertial_coupling", "ripple", "position_table")
     causes = ("other",)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("tilt1", "rad"), Coefficient("tilt2", "rad"))
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return the effect; a lone axis without gravity has no tilt."""

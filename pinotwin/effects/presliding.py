@@ -27,7 +27,7 @@ import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, Slipping, usual
+from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, usual
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
@@ -100,7 +100,7 @@ def encoder_noise(motion: AxisMotion) -> float:
 
 
 @dataclass(frozen=True)
-class Presliding(AxisEffect, Slipping):
+class Presliding(AxisEffect):
     """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'.
 
     Attributes:
@@ -124,6 +124,7 @@ class Presliding(AxisEffect, Slipping):
     searched = 1
     sharp = True
     causes = ("friction",)
+    depends = "displacement"
     uses_standstill = True
     x_s: float = usual(1e-5, 5e-5)
     v_s: float = 0.01
@@ -155,6 +156,7 @@ class Presliding(AxisEffect, Slipping):
         return (*found, Coefficient("d", self.unit("F·s"), lower=0.0)) if self.bristle else found
 
     def memory(self, theta: Floats) -> tuple[float, float]:
+        """Return m and d of coefficients in the order of :meth:`coefficients`, for a simulation."""
         return (float(theta[-2]), float(theta[-1])) if self.bristle else (0.0, 0.0)
 
     def shapes(self) -> tuple[Shape, ...]:

@@ -150,14 +150,11 @@ class _Flexible(OneAxis):
 
     family = TRANSMISSION
     causes = ("flexibility",)
+    linear = (Coefficient("share", "-", lower=0.0, upper=1.0),)
     needs = ("rigid", "mass")
     searched = 2
     frequency: float = 30.0
     damping: float = 0.05
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        """Return the share of the load's effort that the spring carries."""
-        return (Coefficient("share", "-", lower=0.0, upper=1.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
         return (Shape("frequency", "Hz", 2.0, 200.0), Shape("damping", "-", 0.005, 0.7))
@@ -248,6 +245,7 @@ class Backlash(OneAxis):
     words = "play: at reversal the motor moves before the load does"
     remedy = "hold the load and turn the motor to and fro: measure the lost motion; adjust nut or gear"
     colour = "#c44e52"
+    linear = (Coefficient("share", "-", lower=0.0, upper=1.5),)
     imitates = ("presliding", "stribeck", "drive_flexibility", "delay")
     needs = ("rigid", "mass")
     sharp = True
@@ -256,9 +254,6 @@ class Backlash(OneAxis):
     frequency: float = 150.0
     damping: float = 0.35
     load: float = LOAD
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("share", "-", lower=0.0, upper=1.5),)
 
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (5e-6, 5e-2) if self.rotary else (5e-7, 5e-3)
