@@ -13,8 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats
-from pinotwin.effects.effect import Coefficient, Columns, Paired
+from pinotwin.effects.effect import Coefficient, Paired
 from pinotwin.effects.family import BODY
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.tree import HasTree, Tree
@@ -35,14 +34,6 @@ class InertialCoupling(Paired):
     inseparable = ("payload",)
     imitates = ("payload", "rigid_body", "wrist_coupling", "geometric_error")
     causes = ("inertial_coupling",)
-
-    def terms(self, theta: Floats) -> tuple[float, float, float]:
-        return float(theta[0]), 0.0, 0.0
-
-    def columns(self, motion: Motion) -> Columns:
-        own, other = motion.axis(self.axis), motion.axis(self.partner)
-        values = np.stack([other.a, own.a], axis=1)[:, :, None]
-        return Columns((own.index, other.index), values)
 
 
 @dataclass(frozen=True)
@@ -68,9 +59,6 @@ class WristCoupling(Paired):
     causes = ("inertial_coupling", "friction", "friction")
     rotary: bool = True
 
-    def terms(self, theta: Floats) -> tuple[float, float, float]:
-        return float(theta[0]), float(theta[1]), float(theta[2])
-
     @classmethod
     def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Self, ...]:
         """Return those with rotary axes so near that a gear can reach, where both move.
@@ -83,9 +71,3 @@ class WristCoupling(Paired):
         every = super().candidates(machine, axis, motion)
         turning = [e for e in every if tree.rotary[tree.index(e.partner)]]
         return tuple(e for e in turning if (tree.apart(axis, e.partner) or np.inf) <= 2)
-
-    def columns(self, motion: Motion) -> Columns:
-        own, other = motion.axis(self.axis), motion.axis(self.partner)
-        slide = motion.passed(np.sign(own.v + other.v))
-        values = np.stack([np.stack([x.a, x.v, slide], axis=-1) for x in (other, own)], axis=1)
-        return Columns((own.index, other.index), values)

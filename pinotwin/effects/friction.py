@@ -23,8 +23,6 @@ from pinotwin.signals import since_start
 
 FADES = np.geomspace(0.006, 0.3, 6)
 """Speeds at which friction may have faded, as shares of the top speed."""
-WARMING = (5.0, 15.0, 40.0)
-"""Time constants of warming that are tried [s]."""
 
 
 @dataclass(frozen=True)
@@ -279,9 +277,9 @@ class ViscousThermal(AxisEffect):
         return (Shape("warming", "s", 0.5, 3600.0),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """Return time constants of which the log is long enough."""
+        """Return time constants [s] of which the log is long enough."""
         length_of = float(motion.t[-1] - motion.t[0]) if len(motion) else 0.0
-        return self.over([tau for tau in WARMING if tau < 2.0 * length_of])
+        return self.over([tau for tau in (5.0, 15.0, 40.0) if tau < 2.0 * length_of])
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return (motion.v * -np.expm1(-since_start(motion.t) / self.warming))[:, None]

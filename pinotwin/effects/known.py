@@ -67,9 +67,6 @@ EFFECTS: dict[str, type[Effect]] = {
 LISTED: tuple[str, ...] = tuple(name for name, effect in EFFECTS.items() if not effect.unlisted)
 """Names that an axis may list in machine.yaml."""
 
-GROUP = "pinotwin.effects"
-"""Group of entry points by which an installed package offers effects."""
-
 EffectLike = Effect | type[Effect] | str
 """An effect, its class, ``module:Class``, or the name of a known one."""
 
@@ -252,4 +249,4 @@ def _loaded(file: Path) -> ModuleType:
 @functools.cache
 def _installed() -> tuple[type[Effect], ...]:
     """Return the effects of installed packages."""
-    return tuple(resolve(point.value) for point in importlib.metadata.entry_points(group=GROUP))
+    return tuple(resolve(point.value) for point in importlib.metadata.entry_points(group="pinotwin.effects"))

@@ -188,16 +188,11 @@ class Presliding(AxisEffect):
         if not sight.both_ways or sight.reversals < 2:
             return ()
         usual = 2e-5 if self.rotary else 5e-6
-        rise = self._rise(sight)
+        rises, slow = np.abs(np.diff(sight.speed)) / sight.step, sight.speed[:-1] < 0.1 * sight.top
+        rise = float(np.median(rises[slow] if slow.any() else rises))  # acceleration as it turns round
         least = max(4.0 * sight.noise, 0.5 * rise * (2.0 * sight.step) ** 2)
         found = [usual * k for k in DISTANCES if least <= usual * k <= 0.05 * sight.travel]
         return tuple(replace(self, x_s=float(x), stribeck=0, bristle=0) for x in found)
-
-    def _rise(self, sight: Sight) -> float:
-        """Return the acceleration at which the axis turns round, about [m/s² or rad/s²]."""
-        slope = np.abs(np.diff(sight.speed)) / sight.step
-        slow = sight.speed[:-1] < 0.1 * sight.top
-        return float(np.median(slope[slow])) if slow.any() else float(np.median(slope))
 
     def settled(self) -> Self:
         """Return the effect with the terms that a search leaves out, at the distance it found."""
