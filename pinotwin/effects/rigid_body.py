@@ -68,8 +68,8 @@ class RigidBody(Effect):
         """Return W_b(q, v, a) beta, shape (n, nv) [N or N·m].
 
         Newton-Euler of a tree with these base parameters costs a fifth of the regressor. Bodies of hardly any mass,
-        whose centre is then far away, lose digits in it: some rows say whether it will do. ``block`` rows of a regressor
-        are held at once.
+        whose centre is then far away, lose digits in it: some rows say whether it will do. ``block`` rows of
+        a regressor are held at once.
         """
         fast = inverse(self.model_with(beta), q, v, a)
         few = np.linspace(0, max(len(q) - 1, 0), min(len(q), CHECKED)).astype(int)

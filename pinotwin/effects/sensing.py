@@ -72,16 +72,13 @@ class Delay(OneAxis):
 
     def columns(self, motion: Motion) -> Columns:
         joint = motion.index(self.axis)
-        effort = self.channel(motion, "model")[:, joint]
+        effort, span = self.channel(motion, "model")[:, joint], self.span
         out = np.zeros(len(effort))
-        span = self.span
         for part in motion.segments:
             x, t = effort[part], motion.t[part]
-            if part.stop - part.start < 2:
-                continue
-            if abs(span) < 1e-3 * motion.step:
+            if len(x) > 1 and abs(span) < 1e-3 * motion.step:
                 out[part] = -np.gradient(x, motion.step)
-            else:
+            elif len(x) > 1:
                 out[part] = (np.interp(t - span, t, x) - x) / span
         return Columns((joint,), out[:, None, None])
 

@@ -19,10 +19,9 @@ from scipy.optimize import least_squares
 from pinotwin.analysis.deflection import PassiveSpring, load_of
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameters
-from pinotwin.identification.plant import fit_plant
+from pinotwin.identification.plant import fit_plant, open_loop
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.springs import keep_spring
-from pinotwin.identification.table import open_loop
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
