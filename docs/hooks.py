@@ -79,5 +79,6 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the figures in."""
-    return filled(markdown, figures())
+    """Put the figures in, and lead links to the notebooks to their pages."""
+    linked = re.sub(r"\]\(\.\./examples/(\w+)\.ipynb\)", r"](notebook_\1.md)", markdown)
+    return filled(linked, figures())

@@ -11,10 +11,9 @@ import pytest
 from benchmarks.floors import beaten, floor_scores
 from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, read_answer, same_class
-from pinotwin.bench.confusion import measured
 from pinotwin.bench.scoring import Bound, rows
 from pinotwin.bench.statistics import Share, calibration
-from pinotwin.bench.table import Bench, markdown
+from pinotwin.bench.table import Bench, markdown, measured
 from pinotwin.report.blind import bench_page
 
 STRIBECK, DELAY = ("stribeck", "X"), ("delay", "X")

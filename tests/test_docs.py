@@ -82,8 +82,7 @@ def test_python_code_runs(page, workspace, identified, monkeypatch, capsys):
 def test_links_and_pictures_exist(page):
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
         assert "://" not in target, f"{page.name}: {target} needs the network"
-        made = target.startswith("notebook_")  # when the site is built
-        assert made or (page.parent / target).exists(), f"{page.name}: {target} does not exist"
+        assert (page.parent / target).exists(), f"{page.name}: {target} does not exist"
 
 
 def test_yaml_examples_have_known_keys():

@@ -30,6 +30,7 @@ FLOORS = {
     "effects": 3,
     "solve": 3,
     "virtual": 3,
+    "logs.settings": 2,
     "logs.files": 3,
     "logs.columns": 3,
     "logs.write": 3,
@@ -38,6 +39,7 @@ FLOORS = {
     "imu": 4,
     "logs.quality": 4,
     "machine": 4,
+    "virtual.record": 5,
     "logs.channels": 5,
     "logs.prepare": 6,
     "logs": 6,
@@ -67,7 +69,7 @@ DOORS = {
 }
 
 # The virtual machines stand for reality: what judges reality must not know how they are made.
-SEES_VIRTUAL = {"virtual", "bench", "cli"}
+SEES_VIRTUAL = {"virtual", "virtual.record", "bench", "cli"}
 
 # Slow to import, and only for looking at results.
 PLOTTING = {"plotly", "meshcat", "matplotlib", "IPython"}

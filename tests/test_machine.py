@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,7 +17,8 @@ from pinotwin.errors import MachineError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine, machines
-from pinotwin.machine.loading import machine_spec
+from pinotwin.machine.loading import machine_schema, machine_spec
+from pinotwin.machine.yaml_file import read_yaml
 from tests.conftest import ROOT
 from tests.rig import URDF, YAML, good_log, write_machine
 
@@ -241,3 +244,21 @@ def test_what_other_readers_of_urdfs_stumble_over_is_a_warning(
     )
     messages = [finding.message for finding in pt.check(path).findings if "URDF" in finding.message]
     assert messages == [f"URDF: {said}"]
+
+
+def test_the_schema_for_editors_is_what_is_read() -> None:
+    path = ROOT / "docs" / "machine.schema.json"
+    assert json.loads(path.read_text(encoding="utf-8")) == machine_schema(), "python docs/generate_schema.py"
+    check = jsonschema.Draft202012Validator(machine_schema())
+    for folder in FOLDERS.values():
+        assert not list(check.iter_errors(read_yaml(folder / "machine.yaml"))), folder
+    for wrong in ("zeroo: 1", "rotor_inertia: -1", "effects: [viscos]", "effects: [{stribeck: {vs: 3}}]"):
+        spec = yaml.safe_load(YAML.replace("joint: jb", f"joint: jb, {wrong}"))
+        assert list(check.iter_errors(spec)), wrong
+
+
+def test_settings_may_be_numbers_of_numpy() -> None:
+    effects = [{"stribeck": {"v_s": np.float64(0.02)}}, {"ripple": {"harmonics": (np.int64(1), 2)}}]
+    machine = Machine.load("emps").listing({"X": effects})
+    stribeck, ripple = machine.axis("X").effects[-2:]
+    assert (stribeck.v_s, ripple.harmonics) == (0.02, (1, 2))

@@ -11,10 +11,9 @@ from pinotwin.errors import InputError, MachineError
 from pinotwin.logs.write import write_log
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.axis_truth import Friction
-from pinotwin.virtual.folder import Folder, read_folder
+from pinotwin.virtual.folder import Folder, read_folder, read_truth
 from pinotwin.virtual.trajectories import Trajectory, rest
 from pinotwin.virtual.truth import Pulse, Truth
-from pinotwin.virtual.truth_yaml import read_truth
 from tests.true_poles import closed_loop_poles
 from tests.virtual_motion import inverse_dynamics, link_motion
 

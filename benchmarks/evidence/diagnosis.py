@@ -302,7 +302,7 @@ def figures_of(lines: Mapping[str, Sequence[Row]]) -> list[Figure]:
     out = []
     for name, line, date in _named(lines):
         sign = "≥" if line.least else "≤"
-        note = f"must {sign} {line.must:g}, aim {sign} {line.aim:g}: {line.state}; {line.command}; {date}"
+        note = f"must {sign} {line.must:g}, aim {sign} {line.aim:g}, reached: {line.state}; {line.command}; {date}"
         hits, _, of = line.counts.partition(" of ")
         value, whole = (float(hits), int(of)) if of else (line.value, None)
         unit = "s" if line.counts == "s" else ""

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from pinotwin.analysis.deflection import PassiveSpring, load_of
 from pinotwin.arrays import Floats
@@ -84,7 +84,11 @@ class Bending:
         if not motors:
             return self
         low, high = np.log([*[STIFFER] * n, *[DAMPED] * n]).T
-        return at(least_squares(left, np.zeros(2 * n), bounds=(low, high), diff_step=0.02, max_nfev=12).x)
+        return at(
+            scipy.optimize.least_squares(
+                left, np.zeros(2 * n), bounds=(low, high), diff_step=0.02, max_nfev=12
+            ).x
+        )
 
     def bend(self, log: Log) -> Log:
         """Return a log with the velocity of the joints; one that holds a joint as it is."""

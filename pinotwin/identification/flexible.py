@@ -114,6 +114,5 @@ def _with_mode(plant: OpenLoop, alone: LoopModel, data: LoopData, passive: str) 
     k, c, I = (float(plant.diagonal[x][p]) for x in ("stiffness", "viscous", "ground"))
     wn = np.sqrt(k / I)
     mode = [np.log(wn), np.log(np.clip(0.5 * c / (I * wn), 0.006, 0.6))]
-    pairs = alone.structure.pole_pairs + 1
-    structure: Structure = replace(alone.structure, pole_pairs=pairs, integrator=False)
+    structure: Structure = replace(alone.structure, pole_pairs=alone.structure.pole_pairs + 1)
     return identify_loop(data, structure, starts=np.array([[*searched_poles(alone)[0], *mode]]))

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect, Shape
@@ -140,7 +140,7 @@ class _Through:
         prior = np.diag(noise / np.maximum(held, 1e-12))
         both = np.concatenate([np.column_stack([A, b]), np.column_stack([prior, prior @ trial.theta])])
         small: Floats = np.asarray(np.linalg.qr(both, mode="r"))
-        theta = lsq_linear(small[:, :-1], small[:, -1], bounds=(trial.lower, np.inf)).x
+        theta = scipy.optimize.lsq_linear(small[:, :-1], small[:, -1], bounds=(trial.lower, np.inf)).x
         return theta, b - A @ theta
 
     def shaped(self, found: AxisEffects, steps: int) -> tuple[AxisEffects, float]:
@@ -149,7 +149,7 @@ class _Through:
         if len(start) == 0:
             return found, 0.0
         scale = found.shape_scales(self.motion)
-        best = least_squares(
+        best = scipy.optimize.least_squares(
             lambda k: self.solve(found.shaped(start + scale * (k - 1.0)))[1],
             np.ones(len(start)),
             diff_step=0.05,

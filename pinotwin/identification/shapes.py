@@ -123,7 +123,7 @@ def _permuted(options: Options, order: Ints) -> Options:
 
     prior = options.prior
     if prior is not None:
-        prior = Prior(prior.mean[order], pick(prior.std), prior.soft)
+        prior = Prior(prior.mean[order], pick(prior.std))
     kept: dict[str, Any] = {name: pick(getattr(options, name)) for name in ("ridge", "lower", "upper")}
     return replace(options, prior=prior, **kept)
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameters
@@ -105,7 +105,7 @@ def _angle(motion: Motion, part: slice, index: int) -> Floats:
     q: Floats = motion.q[part, index]
     if np.ptp(q) > 0.0:
         return q
-    spline = CubicSpline(motion.step * np.arange(len(q)), motion.v[part, index])
+    spline = scipy.interpolate.CubicSpline(motion.step * np.arange(len(q)), motion.v[part, index])
     return np.asarray(spline.antiderivative()(spline.x), dtype=float)
 
 

@@ -16,8 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.optimize import least_squares
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, Section, kernels
@@ -61,7 +60,7 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most:
     problem = _Problem(data, model, inertia, viscous)
     low, high = model.layout.box
     start = np.clip(problem.start, low + 1e-9, high - 1e-9)
-    best = least_squares(
+    best = scipy.optimize.least_squares(
         lambda x: problem.solve(x)[1],
         start,
         bounds=(low, high),
@@ -123,7 +122,7 @@ class _Problem:
         places = [(b, i) for b, slot in enumerate(self.model.layout.slots) for i in range(slot.order)]
         N, g = self._ties(modal, places)
         rows = [self._rows(modal, places, s) for s in self.data.segments]
-        W = np.hstack([np.concatenate([r[0] for r in rows]), block_diag(*(r[1] for r in rows))])
+        W = np.hstack([np.concatenate([r[0] for r in rows]), scipy.linalg.block_diag(*(r[1] for r in rows))])
         y = np.concatenate([r[2] for r in rows])
         Q, R = np.linalg.qr(np.vstack([N, np.zeros((W.shape[1] - len(places), 4))]), mode="complete")
         fixed = Q[:, :4] @ np.linalg.solve(R[:4].T, g)

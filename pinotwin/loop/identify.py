@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 from threadpoolctl import threadpool_limits
 
 from pinotwin.arrays import Floats
@@ -104,7 +104,7 @@ def _judge(
 ) -> LoopFit:
     layout = projection.layout
     sides = on_bound(layout, found.theta)
-    quantile = float(student.ppf(0.975, max(spread.blocks - 1, 1)))
+    quantile = float(scipy.stats.t.ppf(0.975, max(spread.blocks - 1, 1)))
     parameters = [
         pole_fit(p, x, int(side), spread.poles[i, i], quantile)
         for i, (p, x, side) in enumerate(zip(layout.parameters, found.theta, sides, strict=True))

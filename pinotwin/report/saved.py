@@ -13,7 +13,8 @@ from pinotwin.effects import Effect, given
 from pinotwin.errors import PinotwinError
 from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import machine_of
-from pinotwin.system.writing import now, whole_folder, write_json, write_text
+from pinotwin.system.stamps import now
+from pinotwin.system.writing import whole_folder, write_json, write_text
 
 REPLACES = ("machine", "advice_*.csv")
 """What of an earlier result goes, if the new one has none of it."""

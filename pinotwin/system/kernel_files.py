@@ -37,7 +37,7 @@ def dispatcher(function: Any, options: Mapping[str, Any]) -> Any:
     folder = _folder()
     if folder is not None and isinstance(made, Dispatcher):  # with NUMBA_DISABLE_JIT it is none
         recipe = repr((numba.__version__, sys.version, sorted(options.items()), *_recipe(function, set())))
-        made._cache = _Files(folder, f"{function.__module__}.{function.__name__}", recipe)
+        made._cache = _Files(folder, f"{function.__module__}.{function.__name__}", recipe)  # type: ignore[attr-defined]
     return made
 
 
