@@ -84,11 +84,10 @@ class Bending:
         if not motors:
             return self
         low, high = np.log([*[STIFFER] * n, *[DAMPED] * n]).T
-        return at(
-            scipy.optimize.least_squares(
-                left, np.zeros(2 * n), bounds=(low, high), diff_step=0.02, max_nfev=12
-            ).x
+        best = scipy.optimize.least_squares(
+            left, np.zeros(2 * n), bounds=(low, high), diff_step=0.02, max_nfev=12
         )
+        return at(best.x)
 
     def bend(self, log: Log) -> Log:
         """Return a log with the velocity of the joints; one that holds a joint as it is."""

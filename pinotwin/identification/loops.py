@@ -108,7 +108,8 @@ def close_loops(
     plant = with_factors(plant, found.factors)
     found, judged = _by_encoders(plant, found, in_steps(found, raw), even.logs[-1], settings)
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
-    asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(axes))
+    stated = any(shape.stated for shape in machine.loop.values())  # machine.yaml states the order
+    asked = bool(machine.passive or stated or len(found.servos) < len(axes))
     if error is not None and tracking is not None and tracking < settings.good_tracking and not asked:
         closed = _linearised(plant, found.servos, motion, settings)
     else:
@@ -145,11 +146,6 @@ def _by_encoders(
         return np.inf if found is None else float(found)
 
     return better(tried[0], tried[1:], error, settings.pays)
-
-
-def _stated(machine: Machine) -> bool:
-    """Whether machine.yaml states the order of a loop."""
-    return any(shape.stated for shape in machine.loop.values())
 
 
 def _linearised(
