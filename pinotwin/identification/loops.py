@@ -33,7 +33,6 @@ from pinotwin.logs.prepare import EvenLogs
 from pinotwin.loop import LoopData, LoopModel, Servo, Structure, close, identify_loop
 from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
-from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop, Twin
 
