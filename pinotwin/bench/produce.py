@@ -21,41 +21,29 @@ DWELL = (0.03, 0.25)
 
 @dataclass(frozen=True)
 class Sealed:
-    """What a diagnosis may see of a case.
+    """What a diagnosis may see of a case."""
 
-    Attributes:
-        machine: a copy of the machine folder without its truth.
-        logs: two repeats of one command.
-        validation: one run of another command.
-    """
-
-    machine: Machine
-    logs: tuple[Log, ...]
-    validation: tuple[Log, ...]
+    machine: Machine  # a copy of the machine folder without its truth
+    logs: tuple[Log, ...]  # two repeats of one command
+    validation: tuple[Log, ...]  # one run of another command
 
 
 @dataclass(frozen=True)
 class Produced:
-    """A case with what is known about it.
+    """A case with what is known about it."""
 
-    Attributes:
-        sealed: for the diagnosis.
-        rho: gap over noise per axis and signal, of all effects together, as simulated.
-        sizes: gap over noise of each effect alone, in the signal and axis where it shows most; for a
-            model that is fitted to the log, what that model cannot take up.
-        raw: the same before anything is taken up.
-        form: of a healthy machine in situation ``structure``: power that the model's laws, fitted at
-            their true shapes, cannot follow, over the noise. Its friction is the model's by name, but
-            not to the last micrometre by its equation.
-        courses: of every effect, if all are of the plant: a run with it alone, without noise, each effort
-            what it adds; empty otherwise.
-    """
-
-    sealed: Sealed
-    rho: Powers
+    sealed: Sealed  # for the diagnosis
+    rho: Powers  # gap over noise per axis and signal, of all effects together, as simulated
+    # gap over noise of each effect alone, in the signal and axis where it shows most; for a model that is
+    # fitted to the log, what that model cannot take up
     sizes: tuple[float, ...]
-    raw: tuple[float, ...]
+    raw: tuple[float, ...]  # the same before anything is taken up
+    # of a healthy machine in situation structure: power that the model's laws, fitted at their true shapes,
+    # cannot follow, over the noise. Its friction is the model's by name, but not to the last micrometre by
+    # its equation
     form: float = 0.0
+    # of every effect, if all are of the plant: a run with it alone, without noise, each effort what it
+    # adds; empty otherwise
     courses: tuple[Log, ...] = ()
 
 

@@ -31,15 +31,10 @@ Powers = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Run:
-    """Tracking errors and efforts of one run.
+    """Tracking errors and efforts of one run."""
 
-    Attributes:
-        signals: axis -> signal -> values, shape (n,).
-        log: the run itself.
-    """
-
-    signals: Mapping[str, Mapping[str, Floats]]
-    log: Mapping[str, Floats]
+    signals: Mapping[str, Mapping[str, Floats]]  # axis -> signal -> values, shape (n,)
+    log: Mapping[str, Floats]  # the run itself
 
     def minus(self, other: Run) -> dict[str, dict[str, Floats]]:
         """Return the difference of every signal."""

@@ -137,7 +137,7 @@ def run_result(
     rows = slice(None, None, m.fine.factor)
     t = m.fine.t[rows]
     columns = m.columns(theta, lay)
-    delta, _ = m.combine(columns, theta, lay)
+    delta = m.combine(columns, theta, lay)
     extra, extra_sd = _on_clock(t, left)
     places = m.places(lay)
     C = cov[np.ix_(places, places)]
