@@ -46,12 +46,12 @@ class Answer:
 
     @property
     def size(self) -> float:
-        """Gap over noise of the largest effect; that of the weaker of two is ``weaker``."""
+        """Power over the noise of the largest effect; that of the weaker of two is ``weaker``."""
         return max(self.sizes, default=0.0)
 
     @property
     def weaker(self) -> float:
-        """Gap over noise of the weakest effect."""
+        """Power over the noise of the weakest effect."""
         return min(self.sizes, default=0.0)
 
     @property

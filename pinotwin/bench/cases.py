@@ -25,8 +25,7 @@ from pinotwin.bench.catalogue import (
 from pinotwin.bench.plants import is_rotary, listing
 
 MACHINES = ("trunnion", "laser_driller", "emps", "random:29", "random:30", "random:31", "random:32")
-"""What the bench runs on unless told otherwise. The random ones nothing was tuned on: 1 to 28 were looked
-at while the diagnosis was being built."""
+"""Machines of a bench by default; random machines of smaller numbers were seen in development."""
 
 HEALTHY_CASES, DOUBLE_CASES, LEFT_OUT_CASES = 26, 10, 8
 """Of one round, over both situations. Four rounds make a whole bench."""

@@ -33,8 +33,8 @@ class Produced:
     """A case with what is known about it."""
 
     sealed: Sealed  # for the diagnosis
-    rho: Powers  # gap over noise per axis and signal, of all effects together, as simulated
-    # gap over noise of each effect alone, in the signal and axis where it shows most; for a model that is
+    rho: Powers  # power over the noise per axis and signal, of all effects together, as simulated
+    # power over the noise of each effect alone, in the signal and axis where it shows most; for a model that is
     # fitted to the log, what that model cannot take up
     sizes: tuple[float, ...]
     raw: tuple[float, ...]  # the same before anything is taken up
@@ -93,10 +93,10 @@ def _log(machine: VirtualMachine, path: Trajectory, seed: int, name: str) -> Log
 
 
 def _later(ill: VirtualMachine, seed: int) -> VirtualMachine:
-    """Return the machine with its unlogged pushes at other times: they follow no command."""
+    """Return the machine with its unlogged loads at other times: they follow no command."""
     shift = float(np.random.default_rng([seed, 5]).uniform(0.3, 0.9))
-    pushes = tuple(p if p.logged else replace(p, time=p.time + shift) for p in ill.truth.external)
-    return replace(ill, truth=replace(ill.truth, external=pushes))
+    loads = tuple(p if p.logged else replace(p, time=p.time + shift) for p in ill.truth.external)
+    return replace(ill, truth=replace(ill.truth, external=loads))
 
 
 def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory, off: Placed) -> Produced:
@@ -132,11 +132,11 @@ def _sizes(
     effect: str, ill: Run, clean: Run, noise: Powers, model: tuple[Machine | None, VirtualMachine]
 ) -> tuple[float, float]:
     """Return the size of one effect: what is left to see of it, and the whole difference."""
-    gap = ill.minus(clean)
+    difference = ill.minus(clean)
     signal = "e" if effect in LOOP_ONLY else "u"
-    ratios = over(powers(gap), noise)
+    ratios = over(powers(difference), noise)
     raw = max(of[signal] for of in ratios.values())
     machine, truth = model
     if machine is None or signal == "e":
         return raw, raw
-    return max(left_of(gap, ill, machine, truth, noise).values()), raw
+    return max(left_of(difference, ill, machine, truth, noise).values()), raw

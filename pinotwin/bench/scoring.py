@@ -12,7 +12,7 @@ from pinotwin.bench.answers import Answer
 from pinotwin.bench.statistics import Calibration, Share, calibration
 
 VISIBLE, FAINT, STRONG = 0.1, 0.02, 0.5
-"""rho above which an effect must be named; may be missed; must also shrink the gap."""
+"""rho above which an effect must be named; may be missed; must also shrink the residual."""
 
 
 @dataclass(frozen=True)

@@ -86,10 +86,8 @@ def base_parameters(model: pin.Model, *, seed: int = 0, tolerance: float = 1e-5)
     W = _random_regressor(model, np.random.default_rng(seed))
     norms = np.linalg.norm(W, axis=0)
     alive = norms > 1e-12 * norms.max(initial=1e-300)
-    priority = _priority(model)
-    order = [k for k in priority if alive[k]]
-    scaled = W / np.where(alive, norms, 1.0)
-    kept, K, level = _regroup(scaled, order, tolerance)
+    priority, scaled = _priority(model), W / np.where(alive, norms, 1.0)
+    kept, K, level = _regroup(scaled, [k for k in priority if alive[k]], tolerance)
     joint_by_joint = np.argsort([priority.index(k) for k in kept])
     chosen = np.array(kept, dtype=np.intp)[joint_by_joint]
     K = K[joint_by_joint] * (np.where(alive, norms, 0.0) / norms[chosen][:, None])
@@ -153,8 +151,7 @@ def _regroup(scaled: Floats, order: Sequence[int], tolerance: float) -> tuple[li
 def _tidy(K: Floats, chosen: Ints, level: float) -> Floats:
     """Return K with the integers that it misses by rounding, and exact unit columns."""
     whole = np.round(K)
-    P = np.where(np.abs(K - whole) < level * np.abs(whole), whole, K)
-    P = P + 0.0  # no negative zeros
+    P = np.where(np.abs(K - whole) < level * np.abs(whole), whole, K) + 0.0  # no negative zeros
     P[:, chosen] = np.eye(len(chosen))
     return P
 

@@ -70,9 +70,8 @@ def excitation(
     W = np.asarray(W, dtype=float)
     if W.ndim != 2 or W.shape[1] != len(names) or len(W) == 0:
         raise DataError(f"regressor has shape {W.shape}, expected (rows > 0, {len(names)})")
-    finite = np.atleast_1d(np.isfinite(W).all(axis=0))
-    if not finite.all():
-        bad = [n for n, ok in zip(names, finite.tolist(), strict=True) if not ok]
+    bad = [n for n, column in zip(names, W.T, strict=True) if not np.isfinite(column).all()]
+    if bad:
         raise DataError(f"regressor columns {bad} hold values that are not finite; select rows first")
     scale = np.sqrt(np.mean(W**2, axis=0))
     effort = scale if size is None else scale * np.abs(size)
@@ -89,12 +88,10 @@ def excitation(
 def _spectrum(S: Floats) -> tuple[Floats, Floats]:
     """Return all singular values (zeros for missing rows) and right vectors as columns."""
     b = S.shape[1]
-    if b == 0:
-        return np.zeros(0), np.zeros((0, 0))
     R = np.zeros((b, b))
     R[: min(S.shape)] = np.linalg.qr(S, mode="r")
     _, s, Vt = np.linalg.svd(R)
-    return np.where(s > np.finfo(float).eps * b * s[0], s, 0.0), Vt.T
+    return np.where(s > np.finfo(float).eps * b * s.max(initial=0.0), s, 0.0), Vt.T
 
 
 def _groups(V: Floats, names: Sequence[str], member: float = 0.01, link: float = 0.02) -> list[Group]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 CONTACT = 300.0
-"""Mode of motor against load behind a gap where the drive is rigid otherwise [Hz]: above what a log shows."""
+"""Mode of motor against load behind backlash where the drive is rigid otherwise [Hz]: above what a log shows."""
 
 
 @dataclass(frozen=True)
