@@ -249,14 +249,14 @@ def confidence_rows(answers: Sequence[Answer]) -> list[Row]:
 
 
 def shrink_rows(right: Sequence[Answer]) -> list[Row]:
-    """Return promised against delivered shrink, where the first answer is right."""
+    """Return expected against achieved reduction, where the first answer is right."""
     strong = [a for a in right if a.size >= STRONG]
     off = [abs(_shrink(a, "promised") - _shrink(a, "delivered")) for a in right]
     delivered = [_shrink(a, "delivered") for a in strong]
-    name, least = "delivered shrink when right, rho ≥ 0.5, median", (Bound(0.85), Bound(0.95))
+    name, least = "achieved reduction when right, rho ≥ 0.5, median", (Bound(0.85), Bound(0.95))
     within = Bound(high=0.07), Bound(high=0.03)
     return [
-        _number("promised against delivered shrink, median difference", off, *within),
+        _number("expected against achieved reduction, median difference", off, *within),
         _share("… 90 % interval covers", right, _covers, Bound(0.80, 0.97), Bound(0.87, 0.93)),
         _number(name, delivered, *least, note="on the validation log"),
         _share("… at least 0.85", strong, lambda a: _shrink(a, "delivered") >= 0.85),

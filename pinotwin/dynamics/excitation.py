@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import DataError
@@ -105,7 +105,8 @@ def _groups(V: Floats, names: Sequence[str], member: float = 0.01, link: float =
     """
     projector = V @ V.T
     left: Ints = np.flatnonzero(np.diag(projector) > member)
-    count, group = connected_components(np.abs(projector[np.ix_(left, left)]) > link, directed=False)
+    coupled = np.abs(projector[np.ix_(left, left)]) > link
+    count, group = scipy.sparse.csgraph.connected_components(coupled, directed=False)
     parts = [left[group == k] for k in range(count)]
     return [
         Group(tuple(names[k] for k in part), max(1, round(float(projector[part, part].sum()))))

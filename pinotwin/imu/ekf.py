@@ -16,11 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
+from pinotwin.system.kernels import compiled
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class OrientationTrack:
     bias: Floats  # gyro bias [rad/s], (n, 3)
 
 
-@njit(cache=True)
+@compiled
 def transition(x, gyr, h):  # type: ignore[no-untyped-def]
     """Return the next state (7,) and its Jacobian (7, 7): rate ``gyr`` [rad/s] over h [s]."""
     F = np.eye(7)
@@ -77,7 +77,7 @@ def transition(x, gyr, h):  # type: ignore[no-untyped-def]
     return y, F
 
 
-@njit(cache=True)
+@compiled
 def gravity_rows(x, g):  # type: ignore[no-untyped-def]
     """Return the predicted specific force (3,) at rest and its Jacobian (3, 7)."""
     w, a, b, c = x[0], x[1], x[2], x[3]
@@ -89,7 +89,7 @@ def gravity_rows(x, g):  # type: ignore[no-untyped-def]
     return g * z, H
 
 
-@njit(cache=True)
+@compiled
 def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
     """Return predicted and filtered states and their covariances.
 
@@ -124,7 +124,7 @@ def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
     return xp, Pp, xf, Pf
 
 
-@njit(cache=True)
+@compiled
 def _smooth(turn, h, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
     n = len(xf)
     x = xf.copy()

@@ -19,10 +19,10 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
+from pinotwin.system.kernels import compiled
 
 Rule = Literal["mean", "coning"]
 
@@ -131,7 +131,7 @@ def chain(phi: Floats, start: Floats | None = None) -> Floats:
     return _chain(first / np.linalg.norm(first), exp(phi))
 
 
-@njit(cache=True)
+@compiled
 def _chain(first, steps):  # type: ignore[no-untyped-def]
     n = len(steps)
     q = np.empty((n + 1, 4))

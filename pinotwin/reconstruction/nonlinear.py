@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
 from pinotwin.arrays import Floats
 from pinotwin.imu.result import BatchResult, RunResult
 from pinotwin.imu.runs import ServoRun
 from pinotwin.machine import Machine
 from pinotwin.reconstruction.servo import Piece, posture_column
+from pinotwin.system.kernels import compiled
 
 WIDTHS = (0.1, 0.2, 0.4)
 """Widths of the stop operators, as shares of the largest deflection."""
@@ -94,7 +94,7 @@ def _columns(q: Floats, peak: float) -> Floats:
     return np.stack([-((q / peak) ** 3), *stops], axis=1)
 
 
-@njit(cache=True)
+@compiled
 def _stop(x, width):  # type: ignore[no-untyped-def]
     """Elastic up to ``width``, then it slips."""
     z = np.zeros(len(x))
