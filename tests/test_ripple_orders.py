@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from benchmarks.ripple_orders import false_alarm, ratio_at, ripple_orders
+from benchmarks._ripple_orders import false_alarm, ratio_at, ripple_orders
 from pinotwin.errors import DataError
 
 

@@ -83,6 +83,7 @@ class Hysteresis(AxisEffect):
     words = "drag that turns round slowly after a reversal, as of cables, hoses or seals"
     remedy = "follow the cable carrier by hand: stiff cables, rubbing hoses, rolling seals; record short, long strokes"
     colour = "#8c6d31"
+    linear = (Coefficient("k", "F", lower=0.0),)
     imitates = ("presliding", "coulomb", "backlash", "spring", "position_table")
     searched = 2
     # Slow as it is, an integrating controller answers it with next to no tracking error: the loop would
@@ -92,9 +93,6 @@ class Hysteresis(AxisEffect):
     causes = ("friction",)
     x_h: float = usual(0.005, 0.05)
     n: float = 1.0
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("k", self.unit("F"), lower=0.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (1e-4, 3.0) if self.rotary else (1e-5, 0.5)

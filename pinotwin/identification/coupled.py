@@ -175,13 +175,7 @@ def in_steps(found: Servos, raw: Motion) -> Servos:
 def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
     """Return the plant with friction of its axes multiplied, its table included; see :data:`Factors`."""
     theta, viscous = plant.theta.copy(), np.array(plant.diagonal["viscous"], dtype=float)
-    rows = {row.name: row for row in plant.parameters}
-    effects = list(plant.effects)
-
-    def state(name: str, value: float) -> None:
-        if name in rows:
-            rows[name] = replace(rows[name], value=value)
-
+    effects, changed = list(plant.effects), dict[str, float]()
     for n, (key, effect, s) in enumerate(zip(plant.keys, plant.effects, plant.slices, strict=True)):
         if effect.axis not in factors or effect.axis is None:
             continue
@@ -190,16 +184,15 @@ def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
             share = _share(effect, coefficient.name, by)
             if share != 1.0:
                 theta[s.start + k] *= share
-                state(f"{key}.{coefficient.name}", float(theta[s.start + k]))
-        if isinstance(effect, Presliding) and effect.x_s is not None and by[4] != 1.0:
+                changed[f"{key}.{coefficient.name}"] = float(theta[s.start + k])
+        if isinstance(effect, Presliding) and by[4] != 1.0:
+            changed[f"{key}.x_s"] = by[4] * effect.x_s
             effects[n] = replace(effect, x_s=by[4] * effect.x_s)
-            state(f"{key}.x_s", by[4] * effect.x_s)
     for axis, factor in factors.items():
         viscous[plant.machine.axes[axis].index] *= factor[1]
+    table = Parameters(replace(row, value=changed.get(row.name, row.value)) for row in plant.parameters)
     diagonal = {**plant.diagonal, "viscous": viscous}
-    return replace(
-        plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=Parameters(rows.values())
-    )
+    return replace(plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=table)
 
 
 def _share(effect: Effect, coefficient: str, factors: Factors) -> float:
@@ -252,16 +245,10 @@ def command_velocity(raw: Motion) -> Floats:
 def _windows(
     raw: Motion, vr: Floats, longest: float = 6.0, most: int = 4, least: int = 20
 ) -> tuple[slice, ...]:
-    """Return the windows in which the axis moves most, in order: what is simulated at every evaluation.
+    """Return the windows in which the axis moves most, in order, each ``longest`` [s] long at most.
 
-    Gaps may leave stretches that are over before the rows that count begin.
-
-    Args:
-        raw: log(s) with commands, nothing filtered.
-        vr: velocity of the axis' command, shape (n,).
-        longest: window [s].
-        most: windows.
-        least: rows of a window behind those that are not compared.
+    Gaps may leave stretches that are over before the rows that count begin: ``least`` behind those that are not
+    compared.
     """
     found, least = [], skipped(raw.step) + least
     for s in raw.segments:
@@ -330,7 +317,7 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...], settings: Settings = U
     errors = {form: 0.5 * (e + u) for form, (e, u) in both.items()}
     usual = "black" if trial.machine.passive else "coupled"
     usual = usual if usual in errors else tried[0]
-    best = better(usual, [x for x in tried if x != usual], lambda form: errors[form], settings.other_form)
+    best = better(usual, [x for x in tried if x != usual], lambda form: errors[form], settings.pays)
     if not np.isfinite(errors[best]):
         best = "coupled" if "coupled" in errors else best
     if best != usual:

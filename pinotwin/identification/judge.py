@@ -137,17 +137,20 @@ def warnings(
     return out
 
 
-def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None = None) -> dict[str, Any]:
-    """Return the figures of a fitted plant, per axis and together.
+def judge(
+    machine: Machine, plant: Plant, found: OpenLoop, later: Motion | None, settings: Settings
+) -> tuple[dict[str, Any], Parted]:
+    """Return the figures of a fitted plant, per axis and together, and its rows predicted part by part.
 
     Args:
         machine: whose plant it is.
         plant: the fit.
-        parted: its rows predicted part by part.
+        found: the same as a twin holds it.
         later: what was not fitted; adds ``validation`` to every axis.
+        settings: by which it decides.
     """
-    fit = plant.fit
-    problem = fit.problem
+    fit, problem = plant.fit, plant.fit.problem
+    parted = Parted.of(machine, plant.effects, plant.motion, (plant.rows, problem), settings.folds)
     error = problem.y - problem.W @ plant.theta
     held = np.full(len(problem.y), np.nan) if parted.held is None else parted.held.error
     axes = {}
@@ -172,6 +175,7 @@ def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None =
         "not_separable": [list(group) for group in fit.group_names()],
         "consistency": None if met is None else {"moved": met.moved, "cost_ratio": ratio},
         "folds": parted.folds,
+        "at_bound": [row.name for row in found.parameters if row.verdict == "at its bound"],
         "preparation": list(plant.motion.notes),
     }
     if later is not None:
@@ -182,4 +186,4 @@ def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None =
             if machine.names[joint] in axes:
                 axes[machine.names[joint]]["validation"] = error_row(problem.y[rows], error[rows])
         out["validation_source"] = later.source
-    return out
+    return out, parted

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.loop import LoopModel
 from pinotwin.loop.data import LoopData
 from pinotwin.motion import Motion
+from pinotwin.twin import OpenLoop, Parameters
+from pinotwin.twin.parameters import verdict
 
 TRAINED = 2.0 / 3.0
 """Share of the log on which the orders are compared; the rest judges them."""
@@ -39,6 +41,19 @@ class Loops:
     refined: dict[str, AxisEffects] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+
+    def table(self, plant: OpenLoop) -> Parameters:
+        """Return the table of a plant with the rows that the loops refined."""
+        rows = {row.name: row for row in plant.parameters}
+        keys = dict(zip(map(id, self.effects), plant.keys, strict=True))
+        for axis in self.refined.values():
+            for effect, name, value, error in axis.numbers():
+                row = rows[f"{keys[id(effect)]}.{name}"]
+                known = row.determined and bool(np.isfinite(error)) and error > 0.0
+                word = verdict(value, error, at_bound=value == 0.0) if known else row.verdict
+                error = error if known else np.nan
+                rows[row.name] = replace(row, value=value, error=error, determined=known, verdict=word)
+        return Parameters(rows.values())
 
 
 def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings = USUAL) -> LoopData:

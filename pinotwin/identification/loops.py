@@ -28,13 +28,11 @@ from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
 from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_data, score, searched_poles
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.settings import USUAL, Settings, better
-from pinotwin.identification.table import refined_table
 from pinotwin.log import Log
 from pinotwin.logs.prepare import EvenLogs
 from pinotwin.loop import LoopData, LoopModel, Servo, Structure, close, identify_loop
 from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
-from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop, Twin
 
@@ -109,7 +107,8 @@ def close_loops(
     plant = with_factors(plant, found.factors)
     found, judged = _by_encoders(plant, found, in_steps(found, raw), even.logs[-1], settings)
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
-    asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(axes))
+    stated = any(shape.stated for shape in machine.loop.values())  # machine.yaml states the order
+    asked = bool(machine.passive or stated or len(found.servos) < len(axes))
     if error is not None and tracking is not None and tracking < settings.good_tracking and not asked:
         closed = _linearised(plant, found.servos, motion, settings)
     else:
@@ -145,12 +144,7 @@ def _by_encoders(
         found = one[1]["held_out"]["coupled"]
         return np.inf if found is None else float(found)
 
-    return better(tried[0], tried[1:], error, settings.other_form)
-
-
-def _stated(machine: Machine) -> bool:
-    """Whether machine.yaml states the order of a loop."""
-    return any(shape.stated for shape in machine.loop.values())
+    return better(tried[0], tried[1:], error, settings.pays)
 
 
 def _linearised(
@@ -195,7 +189,7 @@ def _black_boxes(
             _fit_loop(found, plant, motion, loop_data(motion, disturbance, name, settings), settings)
         except DataError as error:
             found.notes.append(f"no closed loop of {name}: {error}")
-    refined = replace(plant, effects=found.effects, theta=found.theta, parameters=refined_table(plant, found))
+    refined = replace(plant, effects=found.effects, theta=found.theta, parameters=found.table(plant))
     models, rows = dict(found.models), dict(found.quality)
     if plant.machine.passive:
         for axis, row in vibration_loops(refined, found.models, motion, settings).items():
@@ -292,7 +286,7 @@ def _refined(
         if falls.min() < 1.0 / settings.much_worse or gain < 1.0 / settings.no_worse:
             break
         kept, data, trial, before = refined, renewed, retried, after
-        if gain < settings.settled:
+        if gain * settings.pays < 1.0:
             break
     return data, trial, None if kept is mine else (mine, kept)
 

@@ -55,14 +55,8 @@ def _foreseen(
     """Return the motion without the rows of a joint that the other parts of the logs say nothing of.
 
     Where one part alone goes to a place that a table knows by its own knots, what the others predict there is no
-    validation error. A joint of which little else is left keeps its rows.
-
-    Args:
-        motion: the own logs.
-        known: their rows, part by part.
-        held: what the parts predict of one another.
-        unsure: variance of a prediction, over that of the noise, from which its row tells nothing of the model.
-        least: share of a joint's rows that must be left.
+    validation error. A joint of which little else is left keeps its rows: ``least`` is the share that must be left,
+    ``unsure`` the variance of a prediction, over that of the noise, from which its row tells nothing of the model.
     """
     blind, use = held.unsure(known.problem) > unsure, motion.use.copy()
     sample = known.rows.sample[known.problem.time]

@@ -14,14 +14,12 @@ class Settings:
     """What is taken into a twin, and how much of a log is looked at for it.
 
     Attributes:
-        pays: error, over that of the simpler model, below which an optional part is taken: a further shape of an
-            effect, a pair of poles more. Noise alone moves cross-validated errors by less than its 5 %.
-        other_form: the same for another form of the whole loop than the usual one, whose poles then mean something
-            else: it must bring twice as much.
-        no_worse: error on unseen rows, over that before, up to which a refinement is kept that adds no number.
-        tied_no_worse: the same for a loop that the known mass ties: it has fewer numbers than the free one.
+        pays: error on unseen rows, over that of the simpler or usual model, below which an optional part is taken: a
+            further shape of an effect, a pair of poles more, another form of the loop, a position without its
+            steps; and what one turn of loop and friction must bring for another. Less is within the noise.
+        no_worse: error on unseen rows, over that before, up to which a change is kept that adds no number: refined
+            friction, a loop tied to the known mass.
         much_worse: error of a single signal, over that before, from which a gain of the others does not count.
-        settled: fall of the error, as a factor, from which loop and friction are refined for another turn.
         good_tracking: error of the predicted tracking error, over its RMS, below which no free black box is needed:
             an effort that is missed otherwise is the plant's, whatever the form of the loop.
         poor_loop: mean error of a black box, each signal over its RMS, from which its poles are searched afresh.
@@ -40,11 +38,8 @@ class Settings:
     """
 
     pays: float = 0.95
-    other_form: float = 0.9
     no_worse: float = 1.01
-    tied_no_worse: float = 1.05
     much_worse: float = 1.1
-    settled: float = 1.03
     good_tracking: float = 0.05
     poor_loop: float = 0.1
     most_pairs: int = 3

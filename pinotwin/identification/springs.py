@@ -75,12 +75,7 @@ def _find_spring(
 ) -> tuple[OpenLoop, dict[str, float]]:
     """Return the plant with one joint's spring, and the RMS of what its row leaves and of the spring's torque.
 
-    Args:
-        plant: the motors' rows fitted with the vibration.
-        motion: prepared log(s) with the vibration.
-        joint: the passive one.
-        doubt: share of itself by which a CAD value may be off.
-        memory: correlation time of the residuals [s].
+    The residuals are correlated for about ``memory`` [s].
     """
     machine = plant.machine
     index, base = machine.passive[joint].index, machine.base

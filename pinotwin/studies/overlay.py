@@ -21,7 +21,6 @@ from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.twin import Twin
 
 Against = Literal["velocity", "position"]
-Against = Literal["velocity", "position"]
 FRICTION = tuple(
     name
     for name, e in EFFECTS.items()

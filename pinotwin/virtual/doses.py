@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -206,12 +207,10 @@ def _payload(truth: Truth, d: Dose, *, lever: float) -> Truth:
 
 
 def _pulses(truth: Truth, d: Dose) -> Truth:
-    peak, kind = (
-        _triple(d.of(d.scale.rated) * np.asarray(d.body.world)),
-        "moment" if d.scale.rotary else "force",
-    )
+    peak = _triple(d.of(d.scale.rated) * np.asarray(d.body.world))
+    load: dict[str, Any] = {"moment" if d.scale.rotary else "force": peak}
     times = np.cumsum(d.rng.uniform(0.8, 3.0, 4)).tolist()
-    pulses = [replace(Pulse(d.body.link, t, 0.05, logged=False), **{kind: peak}) for t in times]
+    pulses = [replace(Pulse(d.body.link, t, 0.05, logged=False), **load) for t in times]
     return replace(truth, external=(*truth.external, *pulses))
 
 
