@@ -21,7 +21,7 @@ from scipy.interpolate import CubicSpline
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import body_count, parameters
 from pinotwin.motion import Motion
-from pinotwin.signals.band import vibration_band
+from pinotwin.signals.filters import vibration_band
 from pinotwin.solve.consistency import Bodies, Evidence, consistent
 from pinotwin.solve.sandwich import long_run
 from pinotwin.twin import OpenLoop
