@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,8 @@ import numpy as np
 from pinotwin.analysis.disturbance import generalised_disturbance, reacting
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.identification.loop_parts import errors, first_part, loop_data
+from pinotwin.identification.loop_parts import errors, first_part, loop_data, score, searched_poles
+from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.identification.tied import tied, with_lag
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.motion import Motion
@@ -35,12 +37,10 @@ from pinotwin.twin import OpenLoop
 
 KEY = "with_vibration"
 """Where ``quality["loops"][axis]`` keeps the loop."""
-NO_WORSE = 1.05
-"""A tied loop is taken unless its held-out error is above this times the free one's."""
 
 
 def tie_loops(
-    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion
+    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings = USUAL
 ) -> dict[str, tuple[LoopModel, dict[str, Any]]]:
     """Return per axis the loop whose effort follows from the mass, where held-out data allow it, and its row.
 
@@ -52,28 +52,25 @@ def tie_loops(
     for name, free in loops.items():
         i = motion.index(name)
         known = (float(plant.diagonal["inertia"][i]), float(plant.diagonal["viscous"][i]))
-        data = loop_data(motion, d, name)
-        before = errors(
-            data, identify_loop(first_part(data), free.structure, starts=_start(free)), held_out=True
-        )
+        data = loop_data(motion, d, name, settings)
+        before = identify_loop(first_part(data), free.structure, starts=searched_poles(free))
         try:
             trial = tied(first_part(data), with_lag(free), *known)
             model = tied(data, trial, *known)
         except DataError:
             continue
-        after = errors(data, trial, held_out=True)
-        taken = np.mean(list(after.values())) <= NO_WORSE * np.mean(list(before.values()))
-        fit = errors(data, model)
-        row: dict[str, Any] = {
-            "tied": {"free": free.to_dict(), "fit": fit, "held_out": after, "taken": bool(taken)}
-        }
+        taken = better(before, [trial], partial(score, data), settings.tied_no_worse) is trial
+        own = {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
+        row: dict[str, Any] = {"tied": {"free": free.to_dict(), **own, "taken": taken}}
         if taken:
-            row |= {"real_poles": model.structure.real_poles, "fit": fit, "held_out": after}
+            row |= {"real_poles": model.structure.real_poles, **own}
         out[name] = (model if taken else free, row)
     return out
 
 
-def vibration_loops(plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion) -> dict[str, Any]:
+def vibration_loops(
+    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings = USUAL
+) -> dict[str, Any]:
     """Return the loop with vibration of every axis that sits on a passive joint, or why there is none.
 
     They are kept as ``quality["loops"][axis]["with_vibration"]``: the model, the errors of the fit
@@ -84,9 +81,9 @@ def vibration_loops(plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Mot
         if axis not in loops or np.ptp(motion.v[:, motion.index(passive)]) == 0.0:
             continue
         try:
-            data = vibration_data(plant, motion, axis, passive)
+            data = vibration_data(plant, motion, axis, passive, settings)
             trial = _with_mode(plant, loops[axis], first_part(data), passive)
-            model = identify_loop(data, trial.structure, starts=_start(trial))
+            model = identify_loop(data, trial.structure, starts=searched_poles(trial))
         except DataError as error:
             out[axis] = {"note": str(error)}
             continue
@@ -95,11 +92,13 @@ def vibration_loops(plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Mot
     return out
 
 
-def vibration_data(plant: OpenLoop, motion: Motion, axis: str, passive: str) -> LoopData:
+def vibration_data(
+    plant: OpenLoop, motion: Motion, axis: str, passive: str, settings: Settings = USUAL
+) -> LoopData:
     """Return inputs and outputs of an axis' loop with the vibration of a passive joint."""
     i, p = motion.index(axis), motion.index(passive)
     d = generalised_disturbance(plant, motion, plant.diagonal)
-    plain = loop_data(motion, d, axis)
+    plain = loop_data(motion, d, axis, settings)
     return replace(
         plain,
         d=from_ground(d, motion.a, plant.diagonal, i, p)[:, [i, p]],
@@ -133,9 +132,4 @@ def _with_mode(plant: OpenLoop, alone: LoopModel, data: LoopData, passive: str) 
     wn = np.sqrt(k / I)
     mode = [np.log(wn), np.log(np.clip(0.5 * c / (I * wn), 0.006, 0.6))]
     structure: Structure = replace(alone.structure, pole_pairs=alone.structure.pole_pairs + 1)
-    return identify_loop(data, structure, starts=np.array([[*_start(alone)[0], *mode]]))
-
-
-def _start(model: LoopModel) -> Floats:
-    """Return the logarithms of the searched poles, shape (1, np)."""
-    return np.array([[np.log(x) for part in model.sections if part.free for x in part.values]])
+    return identify_loop(data, structure, starts=np.array([[*searched_poles(alone)[0], *mode]]))

@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -25,6 +24,7 @@ from pinotwin.identification.plant import Plant, fit_options
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import differentiate, low_pass
+from pinotwin.solve.lead import put_back
 from pinotwin.solve.linear import Options, linear
 from pinotwin.solve.problem import Problem
 
@@ -171,8 +171,7 @@ def _efforts(machine: Machine, motion: Motion, rows: Rows, motors: list[int], le
     u = np.nan_to_num(motion.u) @ np.linalg.inv(ratio)
     for k, lead in zip(motors, leads, strict=True):
         for s in motion.segments:
-            t = motion.t[s]
-            u[s, k] = CubicSpline(t, u[s, k])(np.clip(t - lead, t[0], t[-1]))
+            u[s, k] = put_back(motion.t[s], u[s, k], lead)
     joint = u @ ratio
     if motion.external is not None:
         joint = joint + motion.external

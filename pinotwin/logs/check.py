@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,18 +12,16 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import InputError, MachineError
-from pinotwin.log import Log
-from pinotwin.logs.channels import finite
-from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.logs.plausible import examined, unit_findings
-from pinotwin.logs.prepare import prepare, without
-from pinotwin.logs.quality import Finding, Limits, Quality, inspect
+from pinotwin.logs.prepared import Prepared
+from pinotwin.logs.quality import Finding, Quality
+from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.logs.unseen import unseen
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
-from pinotwin.machine.urdf_check import mimics, read_tree
+from pinotwin.machine.urdf_check import incomplete, mimics, read_tree
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 
@@ -49,7 +46,6 @@ _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
     "effort_early": ("effort_lead",),
 }
 """Code of a cause -> codes that follow from it on the same axis: the cause alone is worth a line."""
-_ROWS = 20_000  # rows that tell what a log excites: more of the same motion tell nothing new
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,71 +81,53 @@ class Check(Card):
     def as_dict(self) -> dict[str, Any]:
         """Return the result in JSON's types."""
         base = self.machine.base
+        axes = {
+            name: {"joint": x.joint, "rotary": x.rotary, "effects": [effect.name for effect in x.effects]}
+            for name, x in self.machine.axes.items()
+        }
+        parameters = [
+            {"name": label, "meaning": name, "unit": unit, "excited": self.determined.get(label)}
+            for label, name, unit in zip(base.labels, base.names, base.units, strict=True)
+        ]
+        told = ("severity", "channel", "axis", "code", "message")
         return {
             "machine": self.machine.name,
             "ok": self.ok,
-            "axes": {
-                name: {
-                    "joint": axis.joint,
-                    "rotary": axis.rotary,
-                    "effects": [effect.name for effect in axis.effects],
-                }
-                for name, axis in self.machine.axes.items()
-            },
-            "base_parameters": [
-                {
-                    "name": label,
-                    "meaning": name,
-                    "unit": unit,
-                    "excited": self.determined.get(label),
-                }
-                for label, name, unit in zip(base.labels, base.names, base.units, strict=True)
-            ],
-            "findings": [
-                {
-                    "severity": f.severity,
-                    "channel": f.channel,
-                    "axis": f.axis,
-                    "code": f.code,
-                    "message": f.message,
-                }
-                for f in self.findings
-            ],
+            "axes": axes,
+            "base_parameters": parameters,
+            "findings": [{key: getattr(one, key) for key in told} for one in self.findings],
             "log": None if self.quality is None else self.quality.as_dict(),
             "condition": None if self.excited is None else self.excited.condition,
         }
 
 
-def check(machine: MachineLike, log: LogLike | None = None) -> Check:
+def check(machine: MachineLike, log: LogLike | None = None, *, settings: Settings = USUAL) -> Check:
     """Examine a machine, and what a log of it can identify.
 
     Args:
         machine: the machine; or its folder, URDF or bundled name, or a ``pin.Model``.
         log: a servo log of it or its file, raw or in the names of the contract.
+        settings: what is decided by.
     """
     machine = as_machine(machine)
     findings = machine_findings(machine)
     if log is None:
         return Check(machine, tuple(findings))
-    log = as_log(log)
-    quality = inspect_log(machine, log)
-    findings += quality.findings
-    excited, determined = None, {}
-    if quality.ok:
+    one = Prepared.of(machine, as_log(log), settings=settings)
+    findings += one.findings
+    excited = None
+    if one.quality.ok and not any(f.code == "unusable" for f in one.findings):
+        findings += unseen(machine, one.motion, one.efforts) if one.efforts else []
         try:
-            motion = prepare(machine, log)
-            excited = _excitation(machine, motion)
-        except InputError as error:
-            findings.append(Finding("error", "", str(error), "unusable"))
-        else:
-            findings += _effort_findings(machine, motion, log, own_limits=True)
+            excited = _excitation(machine, one.motion)
             findings += _excitation_findings(machine, excited)
-            known = set(excited.determined)
-            determined = {label: label in known for label in machine.base.labels}
-    findings = _causes(findings)
+        except InputError as error:
+            findings.append(finding("unusable", why=str(error)))
+    known = set() if excited is None else set(excited.determined)
+    determined = {} if excited is None else {label: label in known for label in machine.base.labels}
     order = {"error": 0, "warning": 1, "info": 2}
-    findings.sort(key=lambda f: order[f.severity])
-    return Check(machine, tuple(findings), quality, excited, determined)
+    findings = sorted(_causes(findings), key=lambda f: order[f.severity])
+    return Check(machine, tuple(findings), one.quality, excited, determined)
 
 
 def _causes(findings: Sequence[Finding]) -> list[Finding]:
@@ -163,83 +141,22 @@ def _causes(findings: Sequence[Finding]) -> list[Finding]:
     return [f for f in findings if not all((axis, f.code) in told for axis in f.axis.split(", "))]
 
 
-def doubts(machine: Machine, log: Log) -> tuple[Finding, ...]:
-    """Return what makes a log doubtful, errors and warnings, before anything is fitted to it."""
-    quality = inspect_log(machine, log)
-    findings = list(quality.findings)
-    if quality.ok:
-        try:
-            motion = prepare(machine, log)
-        except InputError as error:
-            findings.append(Finding("error", "", str(error), "unusable"))
-        else:
-            findings += _effort_findings(machine, motion, log)
-    return tuple(f for f in findings if f.severity != "info")
-
-
-def _effort_findings(
-    machine: Machine, motion: Motion, log: Log, *, own_limits: bool = False
-) -> list[Finding]:
-    """Return what is said of the efforts, and, with ``own_limits``, what could not be."""
-    bound = bind(log, machine.columns)
-    efforts = examined(machine, motion, bound)
-    found = [] if efforts is None else list(efforts.findings)
-    if efforts is not None and own_limits:
-        found += unseen(machine, motion, efforts)
-    return [*found, *unit_findings(bound)]
-
-
-def inspect_log(machine: Machine, log: Log) -> Quality:
-    """Return what a log of a machine is worth, before anything is fitted."""
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    bound = without(bind(log, machine.columns), machine.data.leave_out)
-    return inspect(finite(bound), rotary, _limits(machine))
-
-
-def _limits(machine: Machine) -> dict[str, Limits]:
-    model = machine.model
-    out = {}
-    for name, axis in machine.axes.items():
-        i = axis.index
-        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-        speed = float(model.upperVelocityLimit[i])
-        effort = axis.effort_limit
-        # A transmission scales and mixes what is logged: a joint's limits do not fit its motor.
-        plain = machine.transmission is None
-        out[name] = Limits(
-            position=(low, high) if plain and high - low < 1e8 else None,
-            velocity=speed if plain and 0 < speed < 1e8 else None,
-            effort=effort if plain and np.isfinite(effort) else None,
-            lead=axis.lead or 0.0,
-        )
-    return out
-
-
 def machine_findings(machine: Machine) -> list[Finding]:
-    """Return what a second reader of URDFs (yourdfpy) and the tree itself say."""
-    out = [*_second_reader(machine.urdf)]
-    for joint, problem in impossible_bodies(machine.model).items():
-        text = f"what it moves cannot exist: {problem}; correct the <inertial> of its links"
-        out.append(Finding("error", joint, text))
+    """Return what the tree of a machine, and its URDF, say."""
     root = read_tree(machine.urdf)
+    out = [finding("urdf_invalid", part, problems=text) for part, text in incomplete(root).items()]
+    for joint, problem in impossible_bodies(machine.model).items():
+        out.append(finding("body_impossible", joint, problem=problem))
     for joint, leader in mimics(root).items():
         if joint not in machine.model.names:
-            text = f"follows {leader!r} in the URDF (mimic); held at zero here"
-            out.append(Finding("warning", joint, text))
+            out.append(finding("joint_mimics", joint, leader=repr(leader)))
     for link in root.findall("link"):
         if link.find("inertial") is None and _is_child_of_moving(root, str(link.get("name"))):
-            out.append(
-                Finding(
-                    "warning",
-                    str(link.get("name")),
-                    "link of a moving joint without <inertial>: its mass counts as zero",
-                )
-            )
+            out.append(finding("link_massless", str(link.get("name"))))
     without = machine.base.without_effect
     if without:
         shown = ", ".join(without[:6]) + (" ..." if len(without) > 6 else "")
-        text = f"{len(without)} inertial parameters have no effect on any joint torque: {shown}"
-        out.append(Finding("info", "", text))
+        out.append(finding("no_effect", count=len(without), names=shown))
     return out
 
 
@@ -250,33 +167,10 @@ def _is_child_of_moving(root: Any, link: str) -> bool:
     return False
 
 
-def _second_reader(urdf: Path) -> list[Finding]:
-    import logging
-
-    import yourdfpy
-
-    logger = logging.getLogger("yourdfpy")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        robot = yourdfpy.URDF.load(
-            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-        )
-        valid = bool(robot.validate())
-    except (ValueError, KeyError, AttributeError, TypeError) as error:
-        raise MachineError(f"{urdf}: yourdfpy cannot read it: {error}") from None
-    finally:
-        logger.setLevel(level)
-    if valid:
-        return []
-    problems = "; ".join(str(e) for e in robot.errors) or "yourdfpy finds it invalid"
-    return [Finding("warning", "", f"URDF: {problems}")]
-
-
-def _excitation(machine: Machine, motion: Motion) -> Excitation:
-    """Return what a log's usable rows tell of the base parameters, joints weighed by effort."""
+def _excitation(machine: Machine, motion: Motion, most: int = 20_000) -> Excitation:
+    """Return what some usable rows of a log tell of the base parameters, joints weighed by effort."""
     inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
-    inside = inside[:: max(1, len(inside) // _ROWS)]
+    inside = inside[:: max(1, len(inside) // most)]
     w = machine.base.regressor(machine.model, motion.q[inside], motion.v[inside], motion.a[inside])
     rows = []
     for joint in range(machine.nv):
@@ -306,17 +200,7 @@ def _excitation_findings(machine: Machine, excited: Excitation) -> list[Finding]
     meaning = dict(zip(machine.base.labels, machine.base.names, strict=True))
     for group in excited.unexcited:
         names = [meaning[name] for name in group.names]
-        if len(names) == group.free == 1:
-            text = f"{names[0]}: this log does not excite it; move the axes that carry it harder"
-        else:
-            text = f"not separable on this log: {'; '.join(names)}"
-        out.append(Finding("warning", "", text))
-    out.append(
-        Finding(
-            "info",
-            "",
-            f"{len(excited.determined)} of {len(excited.names)} base parameters can be identified, "
-            f"condition {excited.condition:.3g}",
-        )
-    )
-    return out
+        code = "not_excited" if len(names) == group.free == 1 else "not_separable"
+        out.append(finding(code, names="; ".join(names)))
+    counts = {"count": len(excited.determined), "of": len(excited.names)}
+    return [*out, finding("identifiable", **counts, condition=excited.condition)]

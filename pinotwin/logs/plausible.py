@@ -8,14 +8,13 @@ URDF's masses ask for, give or take a few times. A jackknife over blocks of the 
 
 from __future__ import annotations
 
-import numpy as np
-
 from pinotwin.log import Log
-from pinotwin.logs.effort_alone import Examined, Fit, alone, late, names_of, scaled, turned_round
+from pinotwin.logs.effort_alone import Examined, alone, late, named, scaled, turned_round
 from pinotwin.logs.exchanged import exchanged
-from pinotwin.logs.explained import REACH, course, explained
+from pinotwin.logs.explained import course, explained
 from pinotwin.logs.quality import Finding
-from pinotwin.logs.quality.sampling import SLOW
+from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.system.threads import one_blas_thread
@@ -23,42 +22,33 @@ from pinotwin.units import ELECTRICAL, si_factor
 
 
 @one_blas_thread
-def examined(machine: Machine, motion: Motion, log: Log) -> Examined | None:
+def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = USUAL) -> Examined | None:
     """Say which efforts of a log cannot be those of its axes, and why; None where too little moves to say it.
 
     Args:
         machine: the machine.
         motion: the log, prepared.
         log: the same, bound (SI), as the file has it.
+        settings: what is decided by.
     """
-    if motion.step > 1.0 / SLOW:
+    if motion.step > 1.0 / settings.slow_rate:
         return None  # accelerations, and when a motion turns, fall between the samples
-    reach = int(np.ceil(REACH / motion.step))
-    at = course(motion, reach)
+    at = course(motion, settings)
     if at is None:
         return None
     axes = tuple(explained(machine, motion.u, at))
-    out = []
-    fits: dict[str, Fit] = {}
-    for axis in axes:
-        raw = log.channels.get(f"{axis.name}.u", axis.u)
-        found, fit = alone(axis, raw, reach)
-        if found is None:
-            fits[axis.name] = fit
-        else:
-            out.append(found)
-    clear = [axis for axis in axes if axis.name in fits]
+    fits = {axis.name: axis.lag() for axis in axes}
+    nonsense = {x.name: alone(x, log.channels.get(f"{x.name}.u", x.u), fits[x.name]) for x in axes}
+    clear = [axis for axis in axes if nonsense[axis.name] is None]
+    out = [one for one in nonsense.values() if one is not None]
     swapped = list(exchanged(machine, motion.u, at, clear))
-    out += swapped
-    named = {name for finding in swapped for name in names_of(finding)}
-    rest = [axis for axis in clear if axis.name not in named]
-    out += late(rest, fits, motion.step)
-    out += turned_round(rest, fits)
-    reverse = {name for finding in out if finding.code == "effort_sign" for name in names_of(finding)}
+    rest = [axis for axis in clear if axis.name not in named(swapped)]
+    wrong_sign = list(turned_round(rest, fits))
+    out += [*swapped, *late(rest, fits, motion.step), *wrong_sign]
     for axis in rest:
-        if axis.name not in reverse:
+        if axis.name not in named(wrong_sign):
             out += scaled(axis, fits[axis.name])
-    return Examined(tuple(out), at, axes, fits, reach)
+    return Examined(tuple(out), at, axes)
 
 
 def unit_findings(log: Log) -> list[Finding]:
@@ -72,13 +62,4 @@ def unit_findings(log: Log) -> list[Finding]:
         electrical = name.endswith(".u") and unit in ELECTRICAL
         if electrical and abs(log.scale.get(name, (0.0, 0.0))[0]) == si_factor(unit):
             of.setdefault(ELECTRICAL[unit], []).append(name)
-    return [
-        Finding(
-            "warning",
-            ", ".join(names),
-            f"in {unit} (no factor under columns): read N and N·m as {unit} below. Coupled axes, gravity and payload "
-            "need the factor (torque constant x gear)",
-            "effort_unit",
-        )
-        for unit, names in of.items()
-    ]
+    return [finding("effort_unit", ", ".join(names), unit=unit) for unit, names in of.items()]

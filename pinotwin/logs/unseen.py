@@ -11,18 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinotwin.arrays import Floats
-from pinotwin.logs.effort_alone import Examined, at_best, is_reversed, is_unsigned, late, scaled
+from pinotwin.logs.effort_alone import Examined, is_reversed, is_unsigned, late, scaled
 from pinotwin.logs.exchanged import not_told
-from pinotwin.logs.explained import Course, Explained, basis_of, explained
+from pinotwin.logs.explained import Explained, explained
 from pinotwin.logs.quality import Finding
+from pinotwin.logs.quality.phrases import finding
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.system.threads import one_blas_thread
 
-_LAG = 0.02  # [s]
-_UNIT = 9.0  # times
-_ROWS = 1000  # on which it is tried
 _WORDS = {
     "effort": "exchanged efforts of {0}",
     "position": "exchanged positions of {0}",
@@ -32,48 +29,35 @@ _WORDS = {
 
 @one_blas_thread
 def unseen(machine: Machine, motion: Motion, efforts: Examined) -> list[Finding]:
-    """Say in one line what would go unnamed on this motion.
+    """Say in one line what would go unnamed on this motion, tried on a thousand of its rows.
 
     Args:
         machine: the machine.
         motion: the log, prepared.
         efforts: what was found of its efforts.
     """
-    at, sound = _thinned(efforts.at), [axis.name for axis in efforts.sound]
+    at, sound = efforts.at.thinned(1000), [axis.name for axis in efforts.sound]
     of: dict[str, list[str]] = {}
     for axis in explained(machine, motion.u, at):
-        for what in _of_effort(axis, efforts.reach, motion.step) if axis.name in sound else ():
+        for what in _of_effort(axis, motion.step) if axis.name in sound else ():
             of.setdefault(what, []).append(axis.name)
     for what, *who in not_told(machine, motion.u, at, sound):
         of.setdefault(_WORDS[what], []).append(" and ".join(who))
-    if not of:
-        return []
     said = "; ".join(words.format(", ".join(who)) for words, who in of.items())
-    text = f"this motion could not reveal {said}. To check, move these axes faster and alone"
-    return [Finding("info", "", text, "not_told")]
+    return [finding("not_told", what=said)] if of else []
 
 
-def _of_effort(axis: Explained, reach: int, step: float) -> Iterator[str]:
-    """Yield what would go unnamed of one effort."""
-    basis = basis_of(axis.columns)
-
-    def spoiled(u: Floats) -> Explained:
-        return replace(axis, u=u)
-
-    behind = spoiled(np.roll(axis.u, round(_LAG / step)))
-    if not list(late([behind], {axis.name: at_best(behind, basis, reach)}, step)):
+def _of_effort(axis: Explained, step: float, lag: float = 0.02, unit: float = 9.0) -> Iterator[str]:
+    """Yield what would go unnamed of one effort: so late [s], so many times too large, or without its sign."""
+    behind = replace(axis, u=np.roll(axis.u, round(lag / step)))
+    if not list(late([behind], {axis.name: behind.lag()}, step)):
         yield "an effort of {0} that is 20 ms late"
-    fit = at_best(axis, basis, reach)
-    if not all(list(scaled(spoiled(f * axis.u), fit)) for f in (_UNIT, 1.0 / _UNIT)):
+    fit = axis.lag()
+    if not all(list(scaled(replace(axis, u=f * axis.u), fit)) for f in (unit, 1.0 / unit)):
         yield "a wrong effort unit on {0}"
-    if not is_reversed(spoiled(-axis.u), fit):
+    if not is_reversed(replace(axis, u=-axis.u), fit):
         yield "a wrong effort sign on {0}"
     low, high = np.percentile(axis.u[axis.rows], (0.5, 99.5))
     hangs = low > 0.1 * high or high < 0.1 * low
-    if not hangs and not is_unsigned(spoiled(np.abs(axis.u)), basis, np.abs(axis.u)):
+    if not hangs and not is_unsigned(replace(axis, u=np.abs(axis.u)), np.abs(axis.u)):
         yield "a missing effort sign on {0}"
-
-
-def _thinned(at: Course) -> Course:
-    few = slice(None, None, max(1, len(at.rows) // _ROWS))
-    return Course(at.rows[few], at.use[few], at.q[few], at.v[few], at.a[few])

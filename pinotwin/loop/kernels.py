@@ -6,18 +6,17 @@ denormal numbers, which are a hundred times slower.
 
 from __future__ import annotations
 
-from numba import njit
-
 from pinotwin.arrays import Floats, Ints
+from pinotwin.system.kernels import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def flush(x: float) -> float:
     """Return x, or zero where it is as good as none."""
     return 0.0 if abs(x) < 1e-200 else x
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def filter_section(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a section and by its derivatives with respect to log p, or to log wn and log zeta.
 
@@ -59,7 +58,7 @@ def filter_section(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: F
                 out[m, 3, i], out[m, 4, i], out[m, 5, i] = dy, ex, ey
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
     A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, start: int, stop: int, out: Floats
 ) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.loop.data import LoopData
@@ -63,7 +63,7 @@ def starting_points(layout: Layout, count: int = 12) -> Floats:
     low, high = layout.box
     if not len(low):
         return np.zeros((1, 0))
-    points = qmc.Halton(len(low), scramble=False).random(count + 1)[1:]
+    points = scipy.stats.qmc.Halton(len(low), scramble=False).random(count + 1)[1:]
     pairs, scale = layout.structure.pole_pairs, np.array([[p.scale] for p in layout.parameters])
     usual = np.log(scale * [_usual(p.name, pairs) for p in layout.parameters]).T
     lowest, plain, highest = np.clip(usual, low, high)

@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
@@ -72,7 +72,7 @@ def welch(
     for part in parts:
         n = part.stop - part.start
         if n >= size:
-            f, density = signal.welch(
+            f, density = scipy.signal.welch(
                 x[part], fs=rate, nperseg=size, detrend=_without_trend, axis=0, scaling="density"
             )
             total = total + density * n
@@ -181,5 +181,5 @@ def autocorrelation(x: Floats, max_lag: int) -> Floats:
     if max_lag <= 8:  # no transform of the whole signal
         r = np.array([x[k:] @ x[: len(x) - k] for k in range(max_lag + 1)])
         return r / r[0]
-    r = signal.correlate(x, x, method="fft")[len(x) - 1 : len(x) + max_lag]
+    r = scipy.signal.correlate(x, x, method="fft")[len(x) - 1 : len(x) + max_lag]
     return np.asarray(r / r[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameter_count
@@ -85,7 +85,9 @@ class Plant:
         pull = np.stack([w * w, 2.0 * damping * w], axis=1)
         system = np.zeros((len(joint), 3, 3))
         system[:, 0, 1], system[:, 1, :2], system[:, 1, 2] = 1.0, -pull, 1.0
-        step = np.ascontiguousarray(expm(h * system)[:, :2]) if len(joint) else np.zeros((0, 2, 3))
+        step = (
+            np.ascontiguousarray(scipy.linalg.expm(h * system)[:, :2]) if len(joint) else np.zeros((0, 2, 3))
+        )
         return Modes(joint.astype(np.int64), share, pull, step)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
@@ -100,7 +100,7 @@ def simulate(
     for axis in machine.axes.values():
         if axis.lead:  # the log's effort is ahead of its position: what acts at t is written down before
             then = np.clip(asked.t + axis.lead, asked.t[0], asked.t[-1])
-            u[:, axis.index] = CubicSpline(asked.t, u[:, axis.index])(then)
+            u[:, axis.index] = scipy.interpolate.CubicSpline(asked.t, u[:, axis.index])(then)
     for name, axis in machine.axes.items():
         for kind, x in (("q", q), ("e", e), ("u", u)):
             channels[f"{name}.{kind}"] = x[:, axis.index]
@@ -390,7 +390,7 @@ def feedforward(twin: Twin, log: Log) -> Log:
         log: ``t``, ``<axis>.qr`` and external loads.
     """
     asked = request(twin.machine, log)
-    a = np.stack([CubicSpline(asked.clock, x)(asked.clock, 2) for x in asked.qr.T], axis=1)
+    a = np.stack([scipy.interpolate.CubicSpline(asked.clock, x)(asked.clock, 2) for x in asked.qr.T], axis=1)
     n = len(asked.clock)
     motion = Motion.exact(
         (twin.machine.names, twin.machine.rotary),

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from pinotwin.arrays import Floats
 
@@ -49,7 +49,7 @@ def trust_region(
     """
     low, high = bounds
     inside = np.clip(start, low + margin * (high - low), high - margin * (high - low))
-    return least_squares(
+    return scipy.optimize.least_squares(
         lambda x: evaluate(x)[0],
         inside,
         lambda x: evaluate(x)[1],

@@ -14,8 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lstsq
-from scipy.optimize import minimize
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.solve.bounds import bounded
@@ -109,7 +108,9 @@ class VariableProjection:
         # gelsy: pivoted QR, several times faster than singular values where tables make p large
         theta = (
             unit
-            * lstsq(W * unit, y, cond=self._limits.tolerance, lapack_driver="gelsy", check_finite=False)[0]
+            * scipy.linalg.lstsq(
+                W * unit, y, cond=self._limits.tolerance, lapack_driver="gelsy", check_finite=False
+            )[0]
         )
         free = np.ones(len(theta), bool)
         outside = (theta < self._limits.lower) | (theta > self._limits.upper)
@@ -155,7 +156,7 @@ def _finished(
         residual, jacobian = problem.evaluate(z / scale)
         return 0.5 * float(residual @ residual), jacobian.T @ residual / scale
 
-    found = minimize(
+    found = scipy.optimize.minimize(
         cost,
         begun.x * scale,
         jac=True,

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.solve.problem import Problem
@@ -73,7 +73,7 @@ class LinearFit:
 
     def interval(self, level: float = 0.95) -> Floats:
         """Return the confidence interval of every parameter, cut at its bounds, shape (p, 2)."""
-        reach = float(stdtrit(self.dof, 0.5 + level / 2)) * self.standard_errors
+        reach = float(scipy.special.stdtrit(self.dof, 0.5 + level / 2)) * self.standard_errors
         low = np.maximum(self.theta - reach, self.lower)
         high = np.minimum(self.theta + reach, self.upper)
         return np.stack([low, high], axis=1)
@@ -145,7 +145,7 @@ class ShapeFit:
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of the value, cut at the bounds."""
-        reach = float(stdtrit(self.dof, 0.5 + level / 2)) * self.error
+        reach = float(scipy.special.stdtrit(self.dof, 0.5 + level / 2)) * self.error
         low, high = max(self.x - reach, self.lower), min(self.x + reach, self.upper)
         return self._value(low), self._value(high)
 

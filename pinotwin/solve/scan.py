@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.solve.moving import Moving
@@ -155,7 +155,7 @@ class Scan:
                     trial[k] = value
                     return -self.gain(trial)
 
-                found = minimize_scalar(
+                found = scipy.optimize.minimize_scalar(
                     loss,
                     bounds=(low, high),
                     method="bounded",

@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import Search
@@ -90,7 +89,7 @@ class LawAlone:
     def _clean(self, rows: Floats) -> Floats:
         """Return whitened rows (..., n) less their mean: what the integral began with is not known."""
         order = len(self.whitener) - 1
-        white = lfilter(self.whitener, [1.0], rows)[..., order:]
+        white = scipy.signal.lfilter(self.whitener, [1.0], rows)[..., order:]
         return np.asarray(white - white.mean(axis=-1, keepdims=True))
 
     def _effort(self, X: Floats, servo: Servo) -> Floats:
@@ -106,7 +105,7 @@ class LawAlone:
         """Return columns through notch and current loop, at the log's samples."""
         if servo.notch[0] > 0.0:
             b = biquad(servo.notch, self.h)
-            X = lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
+            X = scipy.signal.lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
         return _low(X, servo.output_lag, self.h)[..., :: self.substeps]
 
     def _slopes(self, X: Floats, search: Search, x: Floats, size: float = 1e-4) -> Floats:
@@ -130,13 +129,13 @@ class LawAlone:
 def _stretch(p: AxisProblem, servo: Servo, s: slice, substeps: int) -> Stretch | None:
     t = p.step * np.arange(s.stop - s.start)
     fine = np.linspace(0.0, t[-1], (len(t) - 1) * substeps + 1)
-    command = CubicSpline(t, p.qr[s])
+    command = scipy.interpolate.CubicSpline(t, p.qr[s])
     qr, vr, ar = (command(fine, k) for k in range(3))
     error = p.fine_error(servo, s, (qr, vr), substeps)
     if error is None:
         return None
     simulated = qr - error
-    measured = simulated + CubicSpline(t, p.q[s] - simulated[::substeps])(fine)
+    measured = simulated + scipy.interpolate.CubicSpline(t, p.q[s] - simulated[::substeps])(fine)
     channels = [_channels(qr, vr, ar, q, p.step / substeps) for q in (measured, simulated)]
     return Stretch(channels[0], channels[1], p.u[s])
 
@@ -153,4 +152,4 @@ def _low(x: Floats, lag: float, h: float) -> Floats:
     if lag <= 0.0:
         return x
     b, a = h / (2.0 * lag + h), (h - 2.0 * lag) / (2.0 * lag + h)
-    return np.asarray(lfilter([b, b], [1.0, a], x - x[..., :1]) + x[..., :1])
+    return np.asarray(scipy.signal.lfilter([b, b], [1.0, a], x - x[..., :1]) + x[..., :1])

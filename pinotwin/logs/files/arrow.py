@@ -6,10 +6,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pinotwin.logs.files.cells import is_clock
 from pinotwin.logs.files.clocks import CARRIED, held, known_rows, on_one_clock, separated, written_on_change
 from pinotwin.logs.files.content import Content, distinct, repeated
 from pinotwin.logs.files.joint_states import joint_columns, stamps
-from pinotwin.logs.files.layout import is_clock
 from pinotwin.logs.files.long_form import spread
 
 

@@ -108,15 +108,11 @@ def joint_signals(message: Mapping[str, object], joints: Sequence[str]) -> Itera
 def _lists(message: Mapping[str, object]) -> Iterator[tuple[str, Sequence[object]]]:
     for key, signal in JOINT_SIGNALS.items():
         yield signal, _sequence(message.get(key))
-    for key in _ACTUAL:
-        part = message.get(key)
-        if isinstance(part, Mapping):
-            for field, signal in (("positions", "q"), ("velocities", "v"), ("effort", "u")):
-                yield signal, _sequence(part.get(field))
-    for key in _DESIRED:
-        part = message.get(key)
-        if isinstance(part, Mapping):
-            yield "qr", _sequence(part.get("positions"))
+    actual = (("positions", "q"), ("velocities", "v"), ("effort", "u"))
+    for keys, fields in ((_ACTUAL, actual), (_DESIRED, (("positions", "qr"),))):
+        for part in (message.get(key) for key in keys):
+            if isinstance(part, Mapping):
+                yield from ((signal, _sequence(part.get(field))) for field, signal in fields)
 
 
 def _sequence(value: object) -> Sequence[object]:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.logs.files.cells import TIMES, UNIT_TITLES
 from pinotwin.units import SI_FACTOR, find_unit
 
 _PERIOD = (
@@ -32,39 +32,8 @@ _RATE_LINE = re.compile(rf"\b(?:{_RATE})\b{_VALUE}", re.I)
 _DATE = re.compile(
     r"(?:\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4})(?:[T ;,\t]+\d{1,2}:\d\d(?::\d\d)?)?"
 )
-UNIT_TITLES = ("unit", "units", "einheit", "unité", "unità")
-_TIMES = ("s", "ms", "us", "µs", "ns")
-_RATES = ("Hz", "kHz")
 _SANE = (1e-6, 1.0)
 """Steps that a servo trace can have [s]: 1 MHz to 1 Hz."""
-_SHOWN = 6
-
-
-@dataclass(frozen=True)
-class Preamble:
-    """The lines above the header.
-
-    Attributes:
-        lines: as they stand.
-        step: sample time that they state [s].
-        date: date and time of the recording, as written.
-        units: column -> unit, from a table of signals.
-    """
-
-    lines: tuple[str, ...] = ()
-    step: float | None = None
-    date: str | None = None
-    units: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def notes(self) -> list[str]:
-        """What a user should know of it."""
-        if not self.lines:
-            return []
-        shown = " | ".join(" ".join(line.split())[:80] for line in self.lines[:_SHOWN])
-        more = len(self.lines) - _SHOWN
-        out = [f"above the numbers: {shown}" + (f" | and {more} more lines" if more > 0 else "")]
-        return out + ([f"recorded {self.date}"] if self.date else [])
 
 
 def are_steps(name: str, x: Floats, unit: str) -> bool:
@@ -73,48 +42,47 @@ def are_steps(name: str, x: Floats, unit: str) -> bool:
     Numbers that only rise are a clock.
     """
     bare = re.split(r"[\[(]", name)[0].strip()
-    if (
-        not re.fullmatch(rf"(?:{_PERIOD}|duration)", bare, re.I)
-        or unit not in _TIMES
-        or x.ndim != 1
-        or len(x) < 2
-    ):
+    called = re.fullmatch(rf"(?:{_PERIOD}|duration)", bare, re.I) and unit in TIMES
+    if not called or x.ndim != 1 or len(x) < 2:
         return False
     low, high = SI_FACTOR[unit] * x.min(), SI_FACTOR[unit] * x.max()
     return bool(_SANE[0] <= low and high <= _SANE[1] and np.diff(x).min() <= 0.0)
 
 
-def read_preamble(lines: Sequence[str], rows: Sequence[Sequence[str]], names: Sequence[str]) -> Preamble:
-    """Return what the lines above the header say.
+def read_preamble(
+    lines: Sequence[str], rows: Sequence[Sequence[str]], names: Sequence[str], shown: int = 6
+) -> tuple[float | None, dict[str, str], list[str]]:
+    """Return what the lines above the header say: sample time [s], column -> unit, and notes.
 
     Args:
         lines: the lines, comments among them.
         rows: cells of those that are no comments.
         names: the file's columns.
+        shown: how many of the lines a note repeats.
     """
-    kept = tuple(line.strip() for line in lines if line.strip(' ;,\t"'))
-    return Preamble(kept, _step(kept), _date(kept), _signal_units(rows, names))
+    kept = [line.strip() for line in lines if line.strip(' ;,\t"')]
+    notes = []
+    if kept:
+        first = " | ".join(" ".join(line.split())[:80] for line in kept[:shown])
+        more = f" | and {len(kept) - shown} more lines" if len(kept) > shown else ""
+        notes.append(f"above the numbers: {first}{more}")
+    date = next((match[0] for line in kept if (match := _DATE.search(line))), None)
+    if date:
+        notes.append("recorded " + " ".join(re.split(r"[;,\t ]+", date)))
+    return _step(kept), _signal_units(rows, names), notes
 
 
 def _step(lines: Sequence[str]) -> float | None:
-    for pattern, known in ((_PERIOD_LINE, _TIMES), (_RATE_LINE, _RATES)):
-        for line in lines:
-            match = pattern.search(line)
-            stated = map(find_unit, (match["before"] or "", match["after"] or "")) if match else ()
+    for pattern, known in ((_PERIOD_LINE, TIMES), (_RATE_LINE, ("Hz", "kHz"))):
+        for match in filter(None, map(pattern.search, lines)):
+            stated = map(find_unit, (match["before"] or "", match["after"] or ""))
             unit = next((u for u in stated if u in known), None)
-            if match is None or unit is None:
-                continue
-            value = float(match["value"].replace(",", ".")) * SI_FACTOR[unit]
+            value = float(match["value"].replace(",", ".")) * SI_FACTOR[unit] if unit else 0.0
             if value > 0.0:
-                step = value if known is _TIMES else 1.0 / value
+                step = value if known is TIMES else 1.0 / value
                 if _SANE[0] <= step <= _SANE[1]:
                     return step
     return None
-
-
-def _date(lines: Sequence[str]) -> str | None:
-    found = (_DATE.search(line) for line in lines)
-    return next((" ".join(re.split(r"[;,\t ]+", match[0])) for match in found if match), None)
 
 
 def _signal_units(rows: Sequence[Sequence[str]], names: Sequence[str]) -> dict[str, str]:
@@ -123,11 +91,9 @@ def _signal_units(rows: Sequence[Sequence[str]], names: Sequence[str]) -> dict[s
         column = next((i for i, cell in enumerate(title) if cell.casefold() in UNIT_TITLES), None)
         if column is None or len(title) < 2:
             continue
-        table = []
-        for row in rows[at + 1 :]:
-            if len(row) <= column or not row[column]:
-                break
-            table.append(row)
+        below = rows[at + 1 :]
+        end = next((k for k, row in enumerate(below) if not any(row[column : column + 1])), len(below))
+        table = below[:end]
         units = _by_name(table, column, names) or _by_order(table, column, names)
         if units:
             return units

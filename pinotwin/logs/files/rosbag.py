@@ -14,7 +14,6 @@ axes) before ``columns`` in machine.yaml says that it is.
 from __future__ import annotations
 
 import sqlite3
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -33,29 +32,12 @@ from rosbags.typesys import Stores, TypesysError, get_typestore
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.logs.files.clocks import Group, fresh, on_one_clock, streams
-from pinotwin.logs.files.content import Content, damaged
+from pinotwin.logs.files.content import BROKEN, Content, damaged
 from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, stamp
 
 _BROKEN = (
-    AnyReaderError,
-    Reader1Error,
-    Reader2Error,
-    SerdeError,
-    TypesysError,
-    sqlite3.Error,
-    apsw.Error,
-    zstandard.ZstdError,
-    struct.error,
-    MemoryError,  # lengths of a damaged record
-    OverflowError,
-    OSError,
-    EOFError,
-    ValueError,
-    TypeError,  # a message that is not there
-    KeyError,
-    IndexError,
-    AssertionError,
-    UnicodeDecodeError,
+    *(*BROKEN, AssertionError, AnyReaderError, Reader1Error, Reader2Error, SerdeError, TypesysError),
+    *(sqlite3.Error, apsw.Error, zstandard.ZstdError),
 )
 _SERVO, _OTHER = "servo", "other"
 
@@ -123,9 +105,10 @@ def _take(
         pairs: Iterator[tuple[str, float]] = joint_signals(value, joints)
     elif servo:
         frame = str(value.get("header", {}).get("frame_id") or connection.topic.strip("/").replace("/", "_"))
-        pairs = _wrench(value.get("wrench", value), frame)
+        names = {"force": f"{frame}.wrench_f", "torque": f"{frame}.wrench_m"}
+        pairs = _vectors(value.get("wrench", value), names)
     elif kind == "Imu":
-        pairs = _imu(value)
+        pairs = _vectors(value, {"angular_velocity": "g", "linear_acceleration": "a"})
     else:
         pairs = numbers(value, "", text)
     topic.table.add(pairs)
@@ -142,16 +125,10 @@ def _plain(message: Any) -> Any:
     return [_plain(item) for item in message] if isinstance(message, list) else message
 
 
-def _wrench(value: dict[str, Any], frame: str) -> Iterator[tuple[str, float]]:
-    for part, letter in (("force", "f"), ("torque", "m")):
-        for axis in "xyz":
-            yield f"{frame}.wrench_{letter}{axis}", float(value[part][axis])
-
-
-def _imu(value: dict[str, Any]) -> Iterator[tuple[str, float]]:
-    for part, letter in (("angular_velocity", "g"), ("linear_acceleration", "a")):
-        for axis in "xyz":
-            yield f"{letter}{axis}", float(value[part][axis])
+def _vectors(value: dict[str, Any], parts: dict[str, str]) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of vectors with their names: field -> name without the letter of the direction."""
+    for part, name in parts.items():
+        yield from ((name + axis, float(value[part][axis])) for axis in "xyz")
 
 
 def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str], source: str) -> Content:

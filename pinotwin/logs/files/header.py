@@ -1,0 +1,158 @@
+"""What the rows right above the numbers say of the columns: names, units, and which clock stamps which."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from pinotwin.logs.files.cells import (
+    TIMES,
+    UNIT_TITLES,
+    is_clock,
+    is_comment,
+    is_number,
+    is_plain,
+    split_cells,
+)
+from pinotwin.logs.files.content import distinct, repeated
+from pinotwin.units import SI_FACTOR, find_unit
+
+
+@dataclass(frozen=True)
+class Header:
+    """What the rows above the numbers say of the columns.
+
+    Attributes:
+        names: of the columns; none where the rows are no header.
+        units: name -> unit.
+        rows: how many rows it has.
+        clocks: clock column -> columns that it stamps, where there are several.
+        stated: name -> name that the file states for this column and others.
+    """
+
+    names: list[str] = field(default_factory=list)
+    units: dict[str, str] = field(default_factory=dict)
+    rows: int = 0
+    clocks: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    stated: dict[str, str] = field(default_factory=dict)
+
+
+def read_header(cells: list[list[str]], start: int, stem: str) -> Header:
+    """Return names and units from the rows above row ``start``; no names where none stand there."""
+    width = len(cells[start])
+    above = [_trimmed(row, width) for row in cells[:start]]
+    if not above:
+        return Header()
+    labelled = _labelled(above, width)
+    if labelled is not None:
+        return labelled
+    units_row = len(above) > 1 and is_unit_row(above[-1], above[-2])
+    rows = 1 + units_row
+    names = above[-rows]
+    if not _names_columns(names, above[:-rows], width):
+        return Header()
+    if not names[-1] and not any(row[-1] for row in cells[start:] if len(row) == len(names)):
+        names = names[:-1]  # a delimiter ends every line
+    stated = [name or f"{stem}[{i}]" for i, name in enumerate(names)]
+    titles, units = _under(above[-1 - rows][: len(names)] if len(above) > rows else [], stated)
+    named = distinct(titles)
+    for name, cell in zip(named, above[-1] if units_row else (), strict=False):
+        unit = find_unit(cell) or cell.strip("[]() ")
+        if unit and unit.casefold() not in UNIT_TITLES:
+            units[name] = unit
+    return Header(named, units, rows + (titles != stated), _stamped(named), repeated(named, stated))
+
+
+def commented_names(lines: Iterable[tuple[int, str]], stop: int, delimiter: str, width: int) -> list[str]:
+    """Return the names in the last comment above the numbers, if they fit (``# t, q, u``)."""
+    above = [line for i, line in lines if i < stop and is_comment(line)]
+    names = split_cells(above[-1].strip().lstrip("#%/ "), delimiter) if above else []
+    return names if len(names) == width and all(n and not is_number(n) for n in names) else []
+
+
+def is_unit_row(row: Sequence[str], header: Sequence[str]) -> bool:
+    """Whether a row under a header holds its units, one of which may be unknown."""
+    bare = [cell for cell in row if cell and cell.strip("[]() ") not in ("", "-")]
+    if not any(row) or any(cell.isdigit() for cell in bare) or len(row) > len(header) + 1:
+        return False
+    if all(re.fullmatch(r"[\[(].*[\])]", cell) for cell in row if cell not in ("", "-")):
+        return bool(bare)
+    known = [cell for cell in bare if cell.strip("[]() ") in SI_FACTOR or find_unit(cell)]
+    return bool(bare) and 2 * len(known) > len(bare) and not any(map(is_plain, header))
+
+
+def _trimmed(row: list[str], width: int) -> list[str]:
+    """Return a row of names without the empty cells that a delimiter at its end makes."""
+    return row[: max(width, max((i + 1 for i, cell in enumerate(row) if cell), default=0))]
+
+
+def _names_columns(row: Sequence[str], above: Sequence[Sequence[str]], width: int) -> bool:
+    """Whether a row right above the numbers is their header, not the last line of a block."""
+    if all(map(is_number, row)) or (len(row) == 1 and width > 1):
+        return False
+    if above and _is_pair(row) and _is_pair(above[-1]):
+        return False  # "Samples;4000" under "Offset;0"
+    return not above or len(row) == width or (len(row) > 1 and len(row) >= 0.6 * width)
+
+
+def _is_pair(row: Sequence[str]) -> bool:
+    kept = [cell for cell in row if cell]
+    return len(kept) == 2 and not is_number(kept[0]) and is_number(kept[1])
+
+
+def _under(upper: Sequence[str], names: list[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the names below another row of names, and the units that stand in the lower for clocks in the upper.
+
+    ``Axis X;;Axis Y;`` over ``pos;cur;pos;cur`` tells equal names apart; ``Time`` over ``ms`` is a clock.
+    """
+    words = [cell for cell in upper if cell]
+    if len(upper) != len(names) or len(words) < 2 or any(map(is_number, words)):
+        return names, {}
+    counts, group = Counter(names), ""
+    titles: list[str] = []
+    units: dict[str, str] = {}
+    for above, name in zip(upper, names, strict=True):
+        group = above or group
+        if is_clock(above) and find_unit(name) in TIMES:
+            units[above] = name
+            titles.append(above)
+        else:
+            titles.append(f"{group} {name}" if counts[name] > 1 and group else name)
+    return titles, units
+
+
+def _labelled(above: list[list[str]], width: int) -> Header | None:
+    """Return the header of a scope whose rows begin with what they say, a clock a channel.
+
+    A row ``Name  pos  Name  vel`` (TwinCAT; ``Channel name`` of a DAQ) puts its label over each clock and the
+    channel's name over the channels that the clock stamps.
+    """
+    rows = {row[0].casefold(): row for row in above if len(row) > 1 and row[0]}
+    names = next((row for label, row in rows.items() if label.split()[-1] == "name"), None)
+    if names is None or not {"unit", "symbolname", "sampletime[ms]"} & set(rows):
+        return None
+    label = names[0]
+    full = [*names, *[label] * (width - len(names))][:width]
+    named = [f"{label}#{i}" if name == label else name or f"[{i}]" for i, name in enumerate(full)]
+    clocks = _stamping(named, [name == label for name in full])
+    cells = rows.get("unit", [])
+    units = {n: u for n, c in zip(named, cells, strict=False) if (u := find_unit(c)) and n not in clocks}
+    units.update(dict.fromkeys(clocks, "ms" if "sampletime[ms]" in rows else "s"))
+    return Header(named, units, len(above) - above.index(names), clocks)
+
+
+def _stamped(names: list[str]) -> dict[str, tuple[str, ...]]:
+    """Return clock -> columns up to the next clock, where a header repeats its clock."""
+    bases = [re.sub(r"#\d+", "", name) for name in names]
+    counts = Counter(bases)
+    ticks = [counts[base] > 1 and is_clock(base) for base in bases]
+    return _stamping(names, ticks) if ticks and ticks[0] else {}
+
+
+def _stamping(names: Sequence[str], ticks: Sequence[bool]) -> dict[str, tuple[str, ...]]:
+    """Return clock -> columns up to the next clock; the first of all columns is one."""
+    starts = [i for i, is_tick in enumerate(ticks) if is_tick]
+    ends = [*starts[1:], len(names)]
+    return {names[a]: tuple(names[a + 1 : b]) for a, b in zip(starts, ends, strict=True)}
