@@ -23,7 +23,7 @@ from pinotwin.dynamics.parameters import parameters
 from pinotwin.identification.plant import bodies_of
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.motion import Motion
-from pinotwin.signals.band import vibration_band
+from pinotwin.signals.filters import vibration_band
 from pinotwin.solve.consistency import Evidence, consistent
 from pinotwin.solve.sandwich import long_run
 from pinotwin.twin import OpenLoop
