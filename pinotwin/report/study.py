@@ -16,7 +16,7 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Block, Plot, notes, table
 from pinotwin.report.closed_loop_plots import causes_figure
-from pinotwin.report.page import Page, files_block, provenance_blocks
+from pinotwin.report.page import Page, files_block
 from pinotwin.report.study_plots import figure_of
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
@@ -33,10 +33,6 @@ KINDS = {
     "errors": "the tracking error by cause (Fig. 4-16)",
 }
 """Study -> what it shows, with the figure of the thesis."""
-
-
-SHOWN = 20
-"""A table with more rows is a file beside the page, not a part of it."""
 
 
 @dataclass
@@ -57,8 +53,7 @@ class Studied:
     def dated(self, machine: Machine, logs: Sequence[Log], made: Mapping[str, Any]) -> Studied:
         """Return it with the last section of the page: version, date, time taken, options, and the logs."""
         told = made_of(machine, [(log, "studied") for log in logs], **made)
-        page = self.page.section("How this was made", *provenance_blocks(told))
-        return replace(self, page=page, machine=machine.name)
+        return replace(self, page=replace(self.page, made=told), machine=machine.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``pinotwin study --json`` writes."""
@@ -84,7 +79,7 @@ class Studied:
         shown = [[_short(cell) for cell in row] for row in rows]
         link = [(f"{name}.csv", f"{len(rows)} rows: {', '.join(header)}")]
         blocks = (
-            [table(header, shown, numeric=range(1, len(header)))] if len(rows) <= SHOWN else files_block(link)
+            [table(header, shown, numeric=range(1, len(header)))] if len(rows) <= 20 else files_block(link)
         )
         title = KINDS[kind].split(" (")[0].capitalize() + (
             "" if name == kind else f": {name.partition('_')[2].replace('_', ', ')}"
@@ -127,7 +122,7 @@ def studies(
     if out.left_out:
         out.page = out.page.section("Left out", notes(out.left_out))
     if not out.tables:
-        raise DataError("; ".join(out.left_out) or "no study was asked for")
+        raise DataError("; ".join(out.left_out) or "no study was chosen")
     return out
 
 
@@ -147,8 +142,9 @@ def _one(
     elif twin is None:
         raise InputError("needs a twin")
     elif kind == "errors":
+        found = decompose(twin, logs[0], window)
         for name in names:
-            _errors(out, decompose(twin, logs[0], window), name, machine.axis(name).rotary)
+            _errors(out, found, name, machine.axis(name).rotary)
     else:
         make = _without if kind == "without" else _overlays
         for name in names:
@@ -157,16 +153,10 @@ def _one(
 
 def _amount(out: Studied, machine: Machine, logs: Sequence[Log]) -> None:
     found = error_against_data(machine, logs)
-    rows = list(zip(found.seconds, found.fitted, found.held_out, strict=True))
-    enough = found.enough()
-    said = (
-        "the error has not settled; a longer log would help"
-        if enough is None
-        else f"{enough:.3g} s are enough"
-    )
-    out.add(
-        "amount", "amount", ("seconds [s]", "fitted", "held out"), rows, notes([said]), Plot(figure_of(found))
-    )
+    rows, enough = list(zip(found.seconds, found.fitted, found.held_out, strict=True)), found.enough()
+    unsettled = "the error has not settled; a longer log would help"
+    said = notes([unsettled if enough is None else f"{enough:.3g} s are enough"])
+    out.add("amount", "amount", ("seconds [s]", "fitted", "held out"), rows, said, Plot(figure_of(found)))
 
 
 def _coupling(out: Studied, machine: Machine, logs: Sequence[Log], names: Sequence[str]) -> None:
