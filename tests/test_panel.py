@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from pinotwin.viewer.tracks import POINTS, tracks_of
 
 import pinotwin as pt
 from pinotwin.cli.main import main
 from pinotwin.viewer.live import serve
-from pinotwin.viewer.tracks import POINTS, tracks_of
 from tests.rig import good_log, run, write_log, write_machine
 from tests.simulated import known_twin, plain_machine, smooth_command
 
