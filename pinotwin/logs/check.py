@@ -17,12 +17,11 @@ from pinotwin.log import Log
 from pinotwin.logs.channels import finite
 from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.logs.plausible import examined, unit_findings
+from pinotwin.logs.plausible import examined, unit_findings, unseen
 from pinotwin.logs.prepare import prepare, without
 from pinotwin.logs.quality import Finding, Limits, Quality, inspect
 from pinotwin.logs.quality.phrases import finding
 from pinotwin.logs.settings import USUAL, Settings
-from pinotwin.logs.unseen import unseen
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
