@@ -46,7 +46,7 @@ test: style
 slow: setup
 	$(PYTEST) -m slow
 
-# The withheld bench: the table of docs/bench.md. Interrupted, it goes on where it stopped.
+# The withheld bench: the table of docs/bench_results.md. Interrupted, it goes on where it stopped.
 bench: setup
 	mkdir -p out
 	$(BIN)/pinotwin blind --seeds 4 --out out/bench
@@ -55,7 +55,7 @@ bench: setup
 benchmarks: setup
 	$(BIN)/python -m benchmarks
 
-# The figures of README and docs, measured again: docs/figures.json and figures.md. Parts alone:
+# The figures of README and docs: docs/figures.json and figures.md. Parts alone:
 # `python -m benchmarks evidence emps tx40`; `--list` says what there is.
 evidence: setup
 	$(BIN)/python -m benchmarks evidence
@@ -83,4 +83,5 @@ clean:
 # Writes site/index.html; needs no network.
 docs: setup
 	$(BIN)/python docs/generate_effects.py
+	$(BIN)/python docs/generate_schema.py
 	$(BIN)/python -m mkdocs build --strict --quiet

@@ -25,13 +25,13 @@ from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.imu import rotation as rot
-from pinotwin.imu.align import fit_rotation, mounting, mounting_from_rates
+from pinotwin.imu.align import fit_rotation, mounting_from_rates
 from pinotwin.imu.clock import ClockFit
 from pinotwin.imu.ekf import EkfSettings, ekf
+from pinotwin.imu.filters import high_passed
 from pinotwin.imu.noise import rest
 from pinotwin.imu.orientation import Method, orientation
-from pinotwin.imu.reconstruct import high_passed, joint_frame
-from pinotwin.imu.result import CORNER
+from pinotwin.imu.result import CORNER, joint_frame
 from pinotwin.imu.runs import ImuRun, ServoRun
 from pinotwin.reconstruction.result import Sensor, SensorRun
 from pinotwin.signals import rms
@@ -99,8 +99,21 @@ def _chain(
     machine = np.einsum("nij,nj->ni", servo.R, servo.w)
     up = np.array([0.0, 0.0, 1.0])
     R_GM = fit_rotation(machine, rot.rotate(q, gyr), (up, up)).R
-    R_ST = mounting(q, R_GM, servo.R).R
+    R_ST = mounting(q, R_GM, servo.R)
     return reconstruct(servo.t, q, R_GM, R_ST, servo.R, axis=axis)
+
+
+def mounting(q: Floats, R_GM: Floats, R_link: Floats) -> Floats:
+    """Return R_S/T of the source (Eq. 6.20-6.25), (3, 3), as the mean over the samples.
+
+    Args:
+        q: the IMU's orientation, sensor to earth, (n, 4).
+        R_GM: inertial alignment, machine to the IMU's earth frame, (3, 3).
+        R_link: orientation of the link from the encoders, columns are its axes in the machine frame
+            (the transpose of the source's R_T/M), (n, 3, 3).
+    """
+    each = np.swapaxes(rot.to_matrix(q), 1, 2) @ R_GM @ R_link
+    return rot.nearest_rotation(each.mean(axis=0))
 
 
 def _on_servo_clock(

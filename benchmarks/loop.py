@@ -141,7 +141,7 @@ def simulation() -> None:
         data = log(model, 50_000)
         qr, d, vr, ar = data.qr, data.d, data.velocity, data.acceleration
         ours = best(lambda m=model, a=(qr, d, vr, ar): m.simulate(a[0], a[1], vr=a[2], ar=a[3]), 7)
-        system = model.state_space("vr")
+        system = model.to_control(None, None)
         t = STEP * np.arange(50_000)
         w = np.column_stack([d, vr, ar])
         matrices = (system.A, system.B, system.C, system.D)

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks._imu_methods import methods
-from pinotwin.imu.reconstruct import high_passed
+from pinotwin.imu.filters import high_passed
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Vibration, reconstruct_vibration
 from pinotwin.virtual import VirtualMachine

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pinotwin.effects import EFFECTS, Effect
-from pinotwin.machine.yaml_file import settings_of
+from pinotwin.machine.effect_list import settings_of
 
 HEAD = """# Effects
 

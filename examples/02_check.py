@@ -1,4 +1,4 @@
-"""02: what is wrong with a log, and what it can tell, before anything is fitted.
+"""02: what is wrong with a log, and what it can identify, before anything is fitted.
 
 Run: .venv/bin/python examples/02_check.py. One log as it should be, and the same with the position in millimetres.
 
@@ -13,7 +13,7 @@ from pinotwin.virtual import VirtualMachine, random_trajectory
 
 
 def main(seconds: float = 10.0) -> tuple[int, list[str]]:
-    """Return how many parameters the good log tells, and the warnings about the spoiled one."""
+    """Return how many parameters the good log determines, and the warnings about the spoiled one."""
     machine = pt.Machine.load("trunnion")
     virtual = VirtualMachine.load(pt.machines()["trunnion"])
     log = virtual.record(random_trajectory(virtual, seconds, 1), seed=1).to_log()

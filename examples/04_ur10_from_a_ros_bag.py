@@ -2,9 +2,8 @@
 
 Run: .venv/bin/python examples/04_ur10_from_a_ros_bag.py. Bag and truth are made here (``robot_bag.py``).
 
-You see 6 joints found, how many parameters the motion tells, what the twin leaves of each joint's effort on
-the other bag, some 0.4 to 4 %, and the diagnosis of a third bag in which one joint rubs three times as much:
-that joint, dry friction, from what to what.
+You see 6 joints, how many parameters the motion determines, and the error of each joint's effort on the other bag,
+some 0.4 to 4 %. In a third bag the dry friction of one joint is tripled: the diagnosis names it, with its size.
 """
 
 from __future__ import annotations
@@ -47,12 +46,12 @@ def main(
         found = pt.diagnose(twin, bags[2], quick=True)
         print(found.sentence)
         motion = twin.motion(bags[1])
-        gap = motion.u - twin.effort(motion)
+        residual = motion.u - twin.effort(motion)
     out = {}
     for name, axis in start.machine.axes.items():
         rows = motion.use[:, axis.index]
         out[name] = float(
-            np.sqrt(np.mean(gap[rows, axis.index] ** 2) / np.mean(motion.u[rows, axis.index] ** 2))
+            np.sqrt(np.mean(residual[rows, axis.index] ** 2) / np.mean(motion.u[rows, axis.index] ** 2))
         )
         print(f"{name:<24}{out[name]:8.2%} of its effort on the other bag")
     return out, found

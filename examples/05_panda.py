@@ -2,8 +2,8 @@
 
 Run: .venv/bin/python examples/05_panda.py.
 
-You see the finger that follows the other one, the one held at zero, some 1 to 7 % of each joint's effort on the
-other bag, and the joint that rubs three times as much in the third.
+You see the finger that follows the other one, the one held at zero, an error of some 1 to 7 % of each joint's effort
+on the other bag, and the joint whose friction is tripled in the third.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""06: a twin of the healthy drive, then more viscous friction: where, which, how far the gap shrinks.
+"""06: a twin of the healthy drive, then more viscous friction: where, which, how far the residual falls.
 
 Run: .venv/bin/python examples/06_diagnose_a_fault.py. ``quick`` screens only; leave it out for the full diagnosis.
 
-You see "Has changed: X viscous b" from what to what (about four times), with gap, noise and confidence.
+You see that the viscous friction of X rose about four times, with residual, noise and confidence.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ def main(seconds: float = 12.0, quick: bool = True) -> pt.Diagnosis:
     found = pt.diagnose(twin, repeats, quick=quick)
     print(found.sentence)
     for axis, row in found.gap.items():
-        for signal, gap in row.items():
-            print(f"{axis}.{signal}: gap {gap.rms:.3g}, noise {gap.noise:.3g}")
+        for signal, residual in row.items():
+            print(f"{axis}.{signal}: residual {residual.rms:.3g}, noise {residual.noise:.3g}")
     for effect in found.effects:
         print(f"{effect.axis}.{effect.effect}: confidence {effect.confidence:.0%}")
     return found

@@ -2,7 +2,7 @@
 
 Run: .venv/bin/python examples/07_withhold_an_effect.py.
 
-You see what is left of the effort on a motion that was not fitted: below 1 N with Coulomb friction, some 20
+You see the residual effort on a motion that was not fitted: below 1 N with Coulomb friction, some 20
 N without.
 """
 

@@ -16,7 +16,7 @@ import numpy as np
 
 import pinotwin as pt
 from pinotwin.analysis.modal import modes
-from pinotwin.imu.reconstruct import high_passed
+from pinotwin.imu.filters import high_passed
 from pinotwin.reconstruction import identify_flexible
 from pinotwin.virtual import VirtualMachine
 from pinotwin.virtual.imu import record_imu

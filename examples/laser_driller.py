@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 import pinotwin as pt
-from pinotwin.studies.studies import coupled_against_decoupled
+from pinotwin.studies.coupling import coupled_against_decoupled
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 SOURCE = {"X": (8, 26), "Y": (8, 26), "Z": (4, 22), "B": (7, 27), "C": (7, 26)}

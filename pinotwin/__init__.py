@@ -26,8 +26,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
-
 _HOME = {
     "Axis": "pinotwin.machine",
     "DataError": "pinotwin.errors",
@@ -45,6 +43,7 @@ _HOME = {
     "Twin": "pinotwin.twin",
     "TwinError": "pinotwin.errors",
     "Vibration": "pinotwin.reconstruction",
+    "__version__": "pinotwin.version",
     "check": "pinotwin.logs.check",
     "compare": "pinotwin.analysis.diagnoses",
     "decompose": "pinotwin.analysis.decomposition",
@@ -57,11 +56,11 @@ _HOME = {
     "new": "pinotwin.scaffold",
     "prepare": "pinotwin.logs.prepare",
     "read": "pinotwin.logs.files",
-    "record": "pinotwin.cli.record",
+    "record": "pinotwin.virtual.record",
     "reconstruct_vibration": "pinotwin.reconstruction",
     "resample": "pinotwin.logs.quality",
     "simulate": "pinotwin.simulation",
-    "study": "pinotwin.cli.study",
+    "study": "pinotwin.report.study",
     "vibration": "pinotwin.reconstruction",
     "view": "pinotwin.viewer",
 }
@@ -70,8 +69,6 @@ if TYPE_CHECKING:
     from pinotwin.analysis.decomposition import decompose as decompose
     from pinotwin.analysis.diagnoses import compare as compare
     from pinotwin.analysis.force import force as force
-    from pinotwin.cli.record import record as record
-    from pinotwin.cli.study import study as study
     from pinotwin.diagnosis import Diagnosis as Diagnosis
     from pinotwin.diagnosis import diagnose as diagnose
     from pinotwin.effects import EFFECTS as EFFECTS
@@ -98,10 +95,13 @@ if TYPE_CHECKING:
     from pinotwin.reconstruction import Vibration as Vibration
     from pinotwin.reconstruction import reconstruct_vibration as reconstruct_vibration
     from pinotwin.reconstruction import vibration as vibration
+    from pinotwin.report.study import study as study
     from pinotwin.scaffold import new as new
     from pinotwin.simulation import simulate as simulate
     from pinotwin.twin import Twin as Twin
+    from pinotwin.version import __version__ as __version__
     from pinotwin.viewer import view as view
+    from pinotwin.virtual.record import record as record
 
 
 def __getattr__(name: str) -> Any:
@@ -111,4 +111,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*_HOME, "__version__"])
+    return sorted(_HOME)

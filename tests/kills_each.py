@@ -74,7 +74,8 @@ class EachAttack:
             except (OSError, ValueError, LookupError):
                 found["lost"] += 1
                 continue
-            found["mixed"] += sum(not self.agrees(rows.get(log), log, sides[log]) for log in kills.EACH)
+            claims = [log for log in kills.EACH if log in rows]  # the CSV has no row before the answer
+            found["mixed"] += sum(not self.agrees(rows[log], log, sides[log]) for log in claims)
         return found
 
     def agrees(self, row: dict[str, Any] | None, log: str, side: int | None) -> bool:

@@ -167,3 +167,14 @@ def record(truth, seed=0, seconds=8.0, step=1e-3, fine=10, straight=False):
         w = np.column_stack([np.interp(t, t[thin], x[thin]) for x in w.T])
     y = truth.simulate(w, h)
     return qr[thin], vr[thin], ar[thin], d[thin], y[thin]
+
+
+def advance(modal, x, now, then):
+    """Return the states one interval later, (k, 2), from inputs now and then, (m,)."""
+    moved = np.einsum("kij,kj->ki", modal.A, x)
+    return moved + modal.B0 * now[modal.input, None] + modal.B1 * then[modal.input, None]
+
+
+def answers(modal, x, w):
+    """Return the outputs at states x without the command's acceleration, (ny,)."""
+    return np.einsum("yki,ki->y", modal.C, x) + modal.D @ w

@@ -8,7 +8,8 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.effects import Coulomb, Ripple, Viscous
-from pinotwin.identification import abridged, loop_parts
+from pinotwin.identification.loop_parts import loop_data
+from pinotwin.identification.settings import Settings
 
 PITCH = 0.031  # m
 
@@ -32,22 +33,12 @@ def slide() -> pt.Machine:
     return machine.with_effects("X", (Viscous("X"), Coulomb("X"), Ripple("X")))
 
 
-@pytest.fixture
-def short(monkeypatch):
-    monkeypatch.setattr(abridged, "LONG", 4000)
-    monkeypatch.setattr(abridged, "SHORT", 2400)
+def found(log: pt.Log, **numbers: int) -> pt.Twin:
+    return pt.identify(slide(), log, loop=False, settings=Settings(**numbers))
 
 
-def found(log: pt.Log) -> pt.Twin:
-    return pt.identify(slide(), log, loop=False)
-
-
-def test_a_long_log_gives_the_shapes_of_all_its_rows(short):
-    del short
-    with pytest.MonkeyPatch.context() as usual:
-        usual.setattr(abridged, "LONG", 10**6)
-        whole = found(log())
-    pieces = found(log())
+def test_a_long_log_gives_the_shapes_of_all_its_rows():
+    whole, pieces = found(log(), long=10**6), found(log(), long=4000, short=2400)
     a, b = ({p.name: p for p in twin.parameters} for twin in (whole, pieces))
     pitch = next(name for name in a if name.endswith("ripple.period"))
     assert b[pitch].value == pytest.approx(PITCH, abs=4.0 * b[pitch].error)
@@ -57,25 +48,20 @@ def test_a_long_log_gives_the_shapes_of_all_its_rows(short):
             assert b[name].error == pytest.approx(parameter.error, rel=1e-2)
 
 
-def test_pieces_too_short_to_tell_are_none(monkeypatch):
-    monkeypatch.setattr(abridged, "LONG", 4000)
-    monkeypatch.setattr(abridged, "SHORT", 600)
-    twin = found(log())
+def test_pieces_too_short_to_tell_are_none():
+    twin = found(log(), long=4000, short=600)
     period = next(p for p in twin.parameters if p.name.endswith("ripple.period"))
     assert period.value == pytest.approx(PITCH, abs=4.0 * period.error)
 
 
-def test_a_long_loop_is_fitted_to_pieces_in_which_the_axis_moves(monkeypatch):
-    monkeypatch.setattr(loop_parts, "LONG", 4000)
-    monkeypatch.setattr(loop_parts, "SHORT", 2400)
-    monkeypatch.setattr(loop_parts, "LEAST", 50)
+def test_a_long_loop_is_fitted_to_pieces_in_which_the_axis_moves():
     moving = log()
     rest = np.full(5000, moving["X.q"][-1])
     q = np.concatenate([moving["X.q"], rest])
     t = np.arange(len(q)) * 0.004
     u = np.concatenate([moving["X.u"], np.zeros(5000)])
     motion = pt.prepare(slide(), pt.Log({"t": t, "X.q": q, "X.qr": q + 1e-6 * u, "X.u": u}, source="slide"))
-    data = loop_parts.loop_data(motion, np.sin(motion.q), "X")
+    data = loop_data(motion, np.sin(motion.q), "X", Settings(long=4000, short=2400))
     assert 1200 <= data.rows <= 2400
     assert all(np.ptp(data.qr[s]) > 0.0 for s in data.segments)
     assert data.segments[-1].stop > 0.8 * len(moving)  # over all of the motion, not its beginning

@@ -504,7 +504,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def copy_of(saved: Path, folder: Path) -> Path:
     folder.mkdir()
-    for name in ("twin.json", "machine.yaml", "rig.urdf", "misfit.npz"):
+    for name in ("twin.json", "machine.yaml", "rig.urdf", "misfit.npz", "covariance.npz"):
         (folder / name).write_bytes((saved / name).read_bytes())
     return folder
 

@@ -75,7 +75,7 @@ def test_scatter_of_friction_counts_as_noise_of_its_own_size(emps):
     v = np.gradient(clean.log["X.q"], clean.log["t"])
     moving = np.abs(v) > 2e-3
     expected = 0.05**2 * np.mean(moving * f.coulomb**2 + (f.viscous * v) ** 2)
-    assert extra == pytest.approx(expected, rel=0.4)
+    assert extra == pytest.approx(expected, rel=0.1)
 
 
 def test_a_fit_takes_up_what_its_own_columns_can(emps):

@@ -11,10 +11,9 @@ import pytest
 from benchmarks.floors import beaten, floor_scores
 from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, read_answer, same_class
-from pinotwin.bench.confusion import measured
 from pinotwin.bench.scoring import Bound, rows
 from pinotwin.bench.statistics import Share, calibration
-from pinotwin.bench.table import Bench, markdown
+from pinotwin.bench.table import Bench, markdown, measured
 from pinotwin.report.blind import bench_page
 
 STRIBECK, DELAY = ("stribeck", "X"), ("delay", "X")
@@ -179,9 +178,9 @@ def test_shrink_promised_and_delivered():
             shrunk(0.2, 0.3, [0.1, 0.4], rho=0.2),
         ]
     )
-    assert f["promised against delivered shrink, median difference"].value == pytest.approx(0.075)
+    assert f["expected against achieved reduction, median difference"].value == pytest.approx(0.075)
     assert f["… 90 % interval covers"].share == Share(2, 4)
-    assert f["delivered shrink when right, rho ≥ 0.5, median"].value == pytest.approx(0.9)
+    assert f["achieved reduction when right, rho ≥ 0.5, median"].value == pytest.approx(0.9)
 
 
 def test_floors_are_held_to_our_own_rate_of_false_alarms():

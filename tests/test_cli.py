@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import importlib.util
 import json
 import os
 import subprocess
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 
 from pinotwin.arrays import plain
-from pinotwin.cli import check as check_command
 from pinotwin.cli import inputs
 from pinotwin.cli import progress as bars
 from pinotwin.cli.main import COMMANDS, main
@@ -23,7 +21,6 @@ from pinotwin.system.writing import whole_folder, write_json, write_text
 from pinotwin.twin import Twin
 from tests.rig import TRUTH, good_log, run, write_log, write_machine
 
-THERE = [name for name in COMMANDS if importlib.util.find_spec(f"pinotwin.cli.{name}")]
 PINOTWIN = [sys.executable, "-m", "pinotwin.cli.main"]
 
 
@@ -32,7 +29,7 @@ def rig(tmp_path: Path) -> tuple[Path, Path]:
     return write_machine(tmp_path / "rig"), write_log(tmp_path / "log.csv", good_log())
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], *([c, "--help"] for c in THERE)])
+@pytest.mark.parametrize("words", [["--help"], ["--version"], *([c, "--help"] for c in COMMANDS)])
 def test_help_of_every_command(words: list[str], capfd: pytest.CaptureFixture[str]) -> None:
     assert run(*words) == 0
     said = capfd.readouterr()
@@ -40,7 +37,7 @@ def test_help_of_every_command(words: list[str], capfd: pytest.CaptureFixture[st
     assert said.err == ""
 
 
-@pytest.mark.parametrize("command", THERE)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_takes_json_and_out(command: str, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(command, "--help") == 0
     said = capfd.readouterr().out
@@ -105,6 +102,7 @@ def test_identify_writes_a_twin_that_loads(
     assert {p.name for p in out.iterdir()} == {
         "twin.json",
         "misfit.npz",
+        "covariance.npz",
         "machine.yaml",
         "rig.urdf",
         "report.html",
@@ -232,10 +230,10 @@ def test_trouble_of_the_system_is_one_line(
         (PermissionError(errno.EACCES, "Permission denied", "/x"), "/x: Permission denied"),
     ):
 
-        def fail(_: object, error: OSError = error) -> int:
+        def fail(*_: object, error: OSError = error) -> int:
             raise error
 
-        monkeypatch.setattr(check_command, "run", fail)
+        monkeypatch.setattr("pinotwin.logs.check.check", fail)
         assert main(["check", "trunnion"]) == 2
         text = capfd.readouterr().err
         assert text.startswith("pinotwin: " + said)
@@ -245,28 +243,28 @@ def test_trouble_of_the_system_is_one_line(
 def test_a_message_of_several_lines_becomes_one(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    def fail(_: object) -> int:
+    def fail(*_: object) -> int:
         raise InputError("one\n  two\n")
 
-    monkeypatch.setattr(check_command, "run", fail)
+    monkeypatch.setattr("pinotwin.logs.check.check", fail)
     assert main(["check", "trunnion"]) == 2
     assert capfd.readouterr().err == "pinotwin: one two\n"
 
 
 def test_a_bug_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_: object) -> int:
+    def fail(*_: object) -> int:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr(check_command, "run", fail)
+    monkeypatch.setattr("pinotwin.logs.check.check", fail)
     with pytest.raises(ZeroDivisionError):
         main(["check", "trunnion"])
 
 
 def test_stopping_by_hand(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    def stop(_: object) -> int:
+    def stop(*_: object) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(check_command, "run", stop)
+    monkeypatch.setattr("pinotwin.logs.check.check", stop)
     assert main(["check", "trunnion"]) == 130
     assert capfd.readouterr().err == "pinotwin: stopped\n"
 
@@ -305,8 +303,7 @@ def test_reading_a_long_log_is_shown_on_a_terminal(
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     assert len(inputs.read_logs([str(file)])[0]) == 100
     assert capsys.readouterr().err == ""  # a short one is not
-    monkeypatch.setattr(inputs, "LARGE", 100)
-    inputs.read_logs([str(file)])
+    inputs.read_logs([str(file)], large=100)
     said = capsys.readouterr().err
     assert "reading night.csv" in said
     assert "100 %" in said

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.analysis.comparison import TABLE, compare
+from pinotwin.analysis.comparison import compare
 from pinotwin.cli.main import main
 from pinotwin.report.comparison import effort_grade
 from pinotwin.twin import Parameter
@@ -60,7 +60,7 @@ def test_errors_widen_by_how_much_worse_unseen_data_are_predicted():
 def test_a_table_is_not_asked_knot_by_knot():
     one, two = twin_of(1), twin_of(2)
     key = "Y.position_table"
-    knots = [Parameter(f"{key}.m{k}", key, "linear", k, "N", 0.01, True, "") for k in range(TABLE + 1)]
+    knots = [Parameter(f"{key}.m{k}", key, "linear", k, "N", 0.01, True, "") for k in range(13)]
     far = [dataclasses.replace(row, value=row.value + 9.0) for row in knots]
     pairs = ((one, knots), (two, far))
     found = compare(*(dataclasses.replace(t, parameters=(*t.parameters, *k)) for t, k in pairs))

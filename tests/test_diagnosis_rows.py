@@ -13,7 +13,7 @@ from pinotwin.diagnosis.data.samples import SKIMMED_ROWS, sample
 from pinotwin.diagnosis.others.servo import FEATURES, FEEDBACK, Law
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.shortlist import closes
-from pinotwin.effects.position import Ripple
+from pinotwin.effects.ripple import Ripple
 from pinotwin.effects.sensing import Delay
 from tests.one_slide import RATE, SECONDS, motion, rows
 

@@ -14,6 +14,7 @@ from pinotwin.diagnosis.others.vibration import look_at_vibration, unused
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
+from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine
@@ -59,7 +60,10 @@ def recorded(seed: int, path: int = 12, **changes: float) -> Log:
 def look(*logs: Log, validation: tuple[bool, ...] | None = None, subject: object = None):
     flags = validation or (False,) * len(logs)
     rng = np.random.default_rng(1)
-    return look_at_vibration(subject or twin(), logs, flags, (0,) * len(logs), rng)
+    subject = subject or twin()
+    machine = subject.machine if isinstance(subject, Twin) else subject
+    ready = [Prepared.of(machine, log) for log in logs]
+    return look_at_vibration(subject, ready, flags, (0,) * len(logs), rng)
 
 
 def test_the_deflection_is_the_one_that_the_virtual_rig_makes() -> None:
@@ -127,8 +131,8 @@ def test_without_a_twin_or_without_the_channel_nothing_is_said() -> None:
     assert look(plain).gaps == {}
     machine = Machine.load("flexure_rig")
     assert look(log, subject=machine).gaps == {}
-    assert "identify a twin" in unused(machine, [log])[0]
-    assert unused(machine, [plain]) == unused(twin(), [log]) == []
+    assert "identify a twin" in unused(machine, [Prepared.of(machine, log)])[0]
+    assert unused(machine, [Prepared.of(machine, plain)]) == unused(twin(), [Prepared.of(machine, log)]) == []
 
 
 def test_the_machine_gets_the_spring_that_was_found() -> None:

@@ -122,14 +122,8 @@ def test_a_second_run_works_on_what_is_missing_or_has_changed(
     # nothing is left to do: no process is started
     assert run("diagnose", shop / "twin", "--each", *_logs(shop)[:3], *words, "--fail-on-gap") == 1
     # another option is another question
-    assert (
-        each.known_answer(each.jobs_of(_arguments(shop, seed=1), _asked(shop, seed=1), shop / "out")[0])
-        is None
-    )
-    assert (
-        each.known_answer(each.jobs_of(_arguments(shop, seed=0), _asked(shop, seed=0), shop / "out")[0])
-        is not None
-    )
+    assert each.known_answer(each.jobs_of(_nights(shop), _asked(shop, seed=1), shop / "out")[0]) is None
+    assert each.known_answer(each.jobs_of(_nights(shop), _asked(shop, seed=0), shop / "out")[0]) is not None
 
 
 def _stamp(shop: Path, name: str) -> int:
@@ -140,10 +134,8 @@ def _asked(shop: Path, seed: int) -> each.Asked:
     return each.Asked(str(shop / "twin"), (), None, True, seed, None)
 
 
-def _arguments(shop: Path, seed: int):
-    import argparse
-
-    return argparse.Namespace(logs=[str(p) for p in _logs(shop)[:3]], seed=seed)
+def _nights(shop: Path) -> list[str]:
+    return [str(p) for p in _logs(shop)[:3]]
 
 
 def dies(log: str, asked: each.Asked):
@@ -211,24 +203,16 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _run(tmp_path: Path, work: each.Work, *names: str) -> int:
-    import argparse
-
     for name in names:
         (tmp_path / f"{name}.csv").write_text(name)
-    args = argparse.Namespace(
-        subject="emps",
-        logs=[str(tmp_path / f"{name}.csv") for name in names],
-        out=str(tmp_path / "out"),
-        **{"validate": [], "resample": None, "quick": True, "seed": 0, "meshes": None, "json": None},
-        **{"workers": None, "fail_on_gap": False},
-    )
-    return each.run_each(args, work)
+    asked = each.Asked("emps", (), None, True, 0, None)
+    logs = [str(tmp_path / f"{name}.csv") for name in names]
+    return each.each_answered(logs, asked, work, tmp_path / "out").code
 
 
-def _table(tmp_path: Path) -> dict[str, str]:
-    rows = json.loads((tmp_path / "out" / "each.json").read_text())["logs"]
-    with (tmp_path / "out" / "each.csv").open() as file:
-        assert [row["verdict"] for row in csv.DictReader(file)] == [row["verdict"] for row in rows]
+def _table(tmp_path: Path, name: str = "each.csv") -> dict[str, str]:
+    text = (tmp_path / "out" / name).read_text()
+    rows = json.loads(text)["logs"] if name == "each.json" else list(csv.DictReader(text.splitlines()))
     return {Path(row["log"]).stem: row["verdict"] for row in rows}
 
 
@@ -241,24 +225,24 @@ def test_the_table_never_says_more_than_the_folders(tmp_path: Path) -> None:
     seen = []
 
     def work(log: str, asked: each.Asked):
-        seen.append(_table(tmp_path))
+        seen.append((_table(tmp_path), _table(tmp_path, "each.json")))
         found = _found("none" if len(seen) < 4 else "explained")
         return found, functools.partial(_filled, json.dumps(found))
 
     assert _run(tmp_path, work, "a", "b") == 0
-    assert seen == [{"a": "waiting", "b": "waiting"}, {"a": "none", "b": "waiting"}]
+    waiting = {"a": "waiting", "b": "waiting"}  # a line more of the CSV is an answer; the JSON waits for all
+    assert seen == [({}, waiting), ({"a": "none"}, waiting)]
+    assert _table(tmp_path) == _table(tmp_path, "each.json") == {"a": "none", "b": "none"}
     assert _run(tmp_path, work, "a", "b", "c") == 0
-    assert seen[2:] == [{"a": "none", "b": "none", "c": "waiting"}]
+    kept = {"a": "none", "b": "none"}
+    assert seen[2:] == [(kept, {**kept, "c": "waiting"})]
     (tmp_path / "b.csv").write_text("another night")
     names = [str(tmp_path / f"{name}.csv") for name in "abc"]
     assert [each.known_answer(job) is None for job in _jobs(tmp_path, names)] == [False, True, False]
 
 
 def _jobs(tmp_path: Path, logs: list[str]) -> list[each.Job]:
-    import argparse
-
-    asked = each.Asked("emps", (), None, True, 0, None)
-    return each.jobs_of(argparse.Namespace(logs=logs), asked, tmp_path / "out")
+    return each.jobs_of(logs, each.Asked("emps", (), None, True, 0, None), tmp_path / "out")
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -279,7 +263,7 @@ def test_a_full_disk_ends_the_command_and_costs_no_answer(tmp_path: Path) -> Non
     with pytest.raises(OutputError, match=r"out/b: cannot be written: No space left on device; nothing is"):
         _run(tmp_path, work, "a", "b", "c")
     assert begun == ["a", "b"]
-    assert _table(tmp_path) == {"a": "none", "b": "waiting", "c": "waiting"}
+    assert _table(tmp_path) == {"a": "none", "b": "waiting", "c": "waiting"} == _table(tmp_path, "each.json")
     assert _run(tmp_path, work, "a", "b", "c") == 0
     assert begun == ["a", "b", "b", "c"]
     assert _table(tmp_path) == dict.fromkeys("abc", "none")

@@ -27,7 +27,7 @@ from pinotwin.effects import (
 from pinotwin.effects import told as told_by
 from pinotwin.effects.family import FRICTION, POSITION
 from pinotwin.errors import MachineError
-from pinotwin.machine.yaml_file import effect_spec, make_effects, settings_of
+from pinotwin.machine.effect_list import effect_spec, make_effects, settings_of
 from pinotwin.motion import Motion
 from tests.motions import multisine
 

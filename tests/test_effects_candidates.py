@@ -14,7 +14,7 @@ from pinotwin.effects import EFFECTS, LISTED, Tree
 from pinotwin.effects.transmission import LOAD
 from pinotwin.errors import DataError, MachineError
 from pinotwin.machine import Machine
-from pinotwin.machine.yaml_file import make_effects
+from pinotwin.machine.effect_list import make_effects
 from pinotwin.motion import Motion
 from tests.motions import multisine
 from tests.test_effects_battery import told, tree

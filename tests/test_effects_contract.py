@@ -12,7 +12,7 @@ from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.effects import EFFECTS, LISTED, Effect, Tree, told
 from pinotwin.errors import MachineError
 from pinotwin.machine import Machine
-from pinotwin.machine.yaml_file import make_effects
+from pinotwin.machine.effect_list import make_effects
 from pinotwin.motion import Motion
 from tests.conftest import ROOT
 from tests.motions import multisine

@@ -176,7 +176,7 @@ def test_it_is_looked_for_where_a_log_shows_it(bare, machine, logs):
     tried = [e for name in friction for e in EFFECTS[name].candidates(machine, "Y", motion)]
     best = max(tried, key=lambda e: gain(left, motion, [*base, e]))
     assert best.name == "hysteresis"
-    assert best.x_h == pytest.approx(logs[0].drag_distance, rel=1.0)
+    assert best.x_h == pytest.approx(logs[0].drag_distance, rel=0.2)
 
 
 def gain(left: np.ndarray, motion: Motion, effects: list) -> float:

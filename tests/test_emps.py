@@ -33,6 +33,10 @@ def fit(machine: Machine, log):
     return linear(problem, Options(inference="ols"))
 
 
+def relative_error(found) -> float:
+    return float(np.linalg.norm(found.residual) / np.linalg.norm(found.problem.y))
+
+
 def test_the_authors_recipe_gives_the_published_digits(log):
     machine = authors_machine((Viscous("X"), Coulomb("X", width=0.0), Offset("X")))
     found = fit(machine, log)
@@ -41,7 +45,7 @@ def test_the_authors_recipe_gives_the_published_digits(log):
     n, p = found.problem.W.shape
     theirs = found.standard_errors * np.sqrt((n - p) / (n - 1))
     np.testing.assert_allclose(theirs, [0.1085, 1.1460, 0.1012, 0.0444], rtol=0.0, atol=5e-5)
-    assert 100 * found.relative_error == pytest.approx(4.0834, abs=5e-5)
+    assert 100 * relative_error(found) == pytest.approx(4.0834, abs=5e-5)
     assert np.linalg.cond(found.problem.W) == pytest.approx(25.9883, abs=5e-5)
     assert np.linalg.norm(found.residual) == pytest.approx(108.7569, abs=5e-5)
 
@@ -56,7 +60,7 @@ def test_asymmetric_friction_gives_the_published_digits(log):
     found = fit(machine, log)
     expected = {"M": 95.1540, "Fv+": 166.7061, "Fv-": 240.4236, "Fc+": 20.1440, "Fc-": 20.6277}
     np.testing.assert_allclose(found.theta, list(expected.values()), atol=5e-5)
-    assert 100 * found.relative_error == pytest.approx(3.1117, abs=5e-5)
+    assert 100 * relative_error(found) == pytest.approx(3.1117, abs=5e-5)
 
 
 def halves(machine: Machine, log):

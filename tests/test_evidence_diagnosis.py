@@ -1,4 +1,4 @@
-"""The table of the diagnosis: what was measured beside what must be, written between two marks of a page."""
+"""The figures of the diagnosis: what was measured beside what must be."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ import pytest
 
 from benchmarks.evidence.answers import Given
 from benchmarks.evidence.diagnosis import (
-    BEGIN,
-    END,
     NAMES,
-    PAGE,
     PARTS,
     Line,
     diagnose,
@@ -23,8 +20,6 @@ from benchmarks.evidence.diagnosis import (
     payload,
     real_faults,
     share,
-    table,
-    write_page,
 )
 
 
@@ -50,38 +45,6 @@ def test_nothing_asked_is_no_figure():
     line = share("x", [], 1.0, 1.0, "c")
     assert math.isnan(line.value)
     assert line.counts == "0 of 0"
-
-
-def test_the_table_stands_between_the_marks_and_the_rest_of_the_page_stays(tmp_path: Path):
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
-    part = "real_faults"
-    line = {
-        **vars(share("healthy", [True, True, False], 0.85, 0.95, "score.py")),
-        "date": "2026-11-22",
-        "commit": "1a2b3c4",
-    }
-    for _ in range(2):
-        write_page(page, table({part: [line]}))
-    text = page.read_text()
-    assert text.startswith(f"before\n{BEGIN}\n| what |")
-    assert text.endswith(f"\n{END}\nafter\n")
-    assert "| healthy | 0.667 | 2 of 3<!--diagnosis.real--> | ≥ 0.85 | ≥ 0.95 | **MISSED** |" in text
-    assert "| `score.py` | 2026-11-22, 1a2b3c4 |" in text
-    assert "old" not in text
-
-
-def test_a_page_without_marks_is_left_alone(tmp_path: Path):
-    page = tmp_path / "page.md"
-    page.write_text("text\n")
-    with pytest.raises(ValueError, match="measured"):
-        write_page(page, "table")
-    assert page.read_text() == "text\n"
-
-
-def test_the_page_of_the_diagnosis_has_its_marks():
-    assert BEGIN in PAGE.read_text(encoding="utf-8")
-    assert END in PAGE.read_text(encoding="utf-8")
 
 
 def asked(folder: Path, *rows: dict, machine: str = "") -> Path:

@@ -67,7 +67,7 @@ def test_04_05_robots_from_bags(name: str, joints: int) -> None:
 def test_06_a_fault_is_diagnosed(capsys: pytest.CaptureFixture[str]) -> None:
     found = run("06_diagnose_a_fault", seconds=10.0)
     assert (found.effects[0].effect, found.effects[0].axis) == ("viscous", "X")
-    assert "gap" in capsys.readouterr().out
+    assert "residual" in capsys.readouterr().out
 
 
 def test_07_what_dry_friction_is_worth() -> None:

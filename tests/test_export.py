@@ -23,7 +23,7 @@ from pinotwin.errors import InputError
 from pinotwin.export import export_twin
 from pinotwin.export.curve import curve
 from pinotwin.export.inverse import default_speed, default_travel, inverse_of, sweep
-from pinotwin.machine.yaml_file import make_effects
+from pinotwin.machine.effect_list import make_effects
 from tests.simulated import known_twin, plain_machine
 
 PERCENT = 0.01

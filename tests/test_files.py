@@ -6,7 +6,6 @@ import io
 import json
 import pickle
 import tempfile
-import time
 from pathlib import Path
 
 import h5py
@@ -369,15 +368,13 @@ def test_a_log_is_frozen_and_survives_pickling() -> None:
     np.testing.assert_array_equal(log.raw("t"), [-0.5, 0.0, 0.5])
 
 
-def test_a_large_file_is_read_by_the_fast_path(tmp_path: Path) -> None:
-    # 200 000 rows of 11 columns; cell by cell in Python they take half a minute.
+def test_numbers_are_never_read_cell_by_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
-    x = rng.normal(size=(11, 200_000))
+    x = rng.normal(size=(11, 20_000))
     path = tmp_path / "big.csv"
     pacsv.write_csv(pa.table({f"c{i}": row for i, row in enumerate(x)}), path)
-    start = time.perf_counter()
+    monkeypatch.delattr("pinotwin.logs.files.text._parse_slowly")
     log = read(path)
-    assert time.perf_counter() - start < 8.0
     np.testing.assert_array_equal(log["c10"], x[10])
 
 

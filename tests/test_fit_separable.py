@@ -207,9 +207,9 @@ def test_small_coordinates_keep_cost_and_gradient():
         theta = np.linalg.lstsq(W * weight[:, None], problem.y * weight)[0]
         return np.sum((weight * (problem.y - W @ theta)) ** 2)
 
-    residual = small.residual(x)
+    residual, jacobian = small.evaluate(x)
     assert_allclose(residual @ residual, cost(x), rtol=1e-10)
-    gradient = 2 * small.jacobian(x).T @ residual
+    gradient = 2 * jacobian.T @ residual
     for k in range(len(x)):
         step = np.zeros(len(x))
         step[k] = 1e-6 * max(1.0, abs(x[k]))
@@ -263,7 +263,12 @@ def test_rivals_are_named():
     y = v + np.cos(20 * q) + 0.98 * np.sin(35 * q) + 0.01 * rng.standard_normal(1500)
     problem = Problem.stack([AxisRows(v[:, None], y, np.arange(1500))], ["fv"])
     out = separable(problem, [ripple("r", slice(None), q)])
-    found = sorted([float(out.shape_values("r")[0]), *(float(b.x[0]) for b in out.rivals()[0])])
+    found = sorted(
+        [
+            float(out.shape_values("r")[0]),
+            *(float(b.x[0]) for b in out.basins[0][1:] if b.gain >= 0.9 * out.basins[0][0].gain),
+        ]
+    )
     assert_allclose(found, [20, 35], atol=0.05)
 
 
@@ -306,9 +311,3 @@ def test_bad_blocks_are_refused(change, message):
     good = ripple("r", slice(None), np.zeros(3))
     with pytest.raises(DataError, match=message):
         Moving(**(good.__dict__ | change))
-
-
-def test_whitening_is_not_silently_ignored():
-    machine = Machine(0, n=100)
-    with pytest.raises(DataError, match="whitened rows"):
-        separable(machine.problem(np.random.default_rng(0), 0.1), machine.moving, Options(whiten=2))

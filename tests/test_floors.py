@@ -19,6 +19,7 @@ PACKAGE = ROOT / "pinotwin"
 FLOORS = {
     "errors": 0,
     "arrays": 0,
+    "version": 0,
     "notebook": 0,
     "units": 1,
     "system": 1,
@@ -38,12 +39,14 @@ FLOORS = {
     "imu": 4,
     "logs.quality": 4,
     "machine": 4,
+    "virtual.record": 5,
     "logs.channels": 5,
     "logs.prepare": 6,
     "logs": 6,
     "logs.plausible": 7,
     "twin": 7,
-    "logs.check": 8,
+    "logs.prepared": 8,
+    "logs.check": 9,
     "scaffold": 8,
     "simulation": 8,
     "analysis.disturbance": 8,
@@ -66,7 +69,7 @@ DOORS = {
 }
 
 # The virtual machines stand for reality: what judges reality must not know how they are made.
-SEES_VIRTUAL = {"virtual", "bench", "cli"}
+SEES_VIRTUAL = {"virtual", "virtual.record", "bench", "cli"}
 
 # Slow to import, and only for looking at results.
 PLOTTING = {"plotly", "meshcat", "matplotlib", "IPython"}
@@ -98,7 +101,8 @@ def imports(name: str, path: Path) -> Iterator[Import]:
 def _walk(name: str, body: list[ast.stmt], *, at_load: bool) -> Iterator[Import]:
     for node in body:
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            continue  # for the type checker, never executed
+            yield from _walk(name, node.body, at_load=False)  # never executed, but a dependency all the same
+            continue
         if isinstance(node, ast.Import):
             yield from (Import(name, alias.name, at_load) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -321,5 +325,5 @@ def test_files_that_the_suite_starts_with_are_there() -> None:
     assert [name for name in FIRST if not (ROOT / "tests" / f"{name}.py").is_file()] == []
 
 
-def test_the_root_holds_at_most_seven_files() -> None:
-    assert len(list(PACKAGE.glob("*.py"))) <= 7
+def test_the_root_holds_at_most_nine_files() -> None:
+    assert len(list(PACKAGE.glob("*.py"))) <= 9

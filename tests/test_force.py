@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.analysis.force import ExternalEffort, external_effort, link_force
+from pinotwin.analysis.force import ExternalEffort, force, link_force
 from pinotwin.cli.main import main
 from pinotwin.dynamics.frames import jacobian
 from pinotwin.logs.write import write_log
@@ -28,7 +28,7 @@ def pushed() -> tuple[pt.Twin, pt.Log, pt.Log]:
 
 
 def test_a_push_is_seen_with_size_and_time(pushed: tuple[pt.Twin, pt.Log, pt.Log]) -> None:
-    found = external_effort(pushed[0], pushed[2])
+    found = force(pushed[0], pushed[2])
     f = found.force[:, found.names.index("Y")]
     inside = (found.t > START + 0.1) & (found.t < END - 0.1)
     assert np.mean(f[inside]) == pytest.approx(PUSH, abs=0.2 * PUSH)
@@ -36,7 +36,7 @@ def test_a_push_is_seen_with_size_and_time(pushed: tuple[pt.Twin, pt.Log, pt.Log
 
 
 def test_the_interval_holds_zero_where_nothing_pushes(pushed: tuple[pt.Twin, pt.Log, pt.Log]) -> None:
-    found = external_effort(pushed[0], pushed[1])
+    found = force(pushed[0], pushed[1])
     assert found.beyond()[found.names.index("Y")] < 0.3
 
 
@@ -47,14 +47,14 @@ def test_the_command_writes_every_axis(pushed: tuple[pt.Twin, pt.Log, pt.Log], t
     assert {"Y.f", "Y.f_low", "Y.f_high", "C.f"} <= set(pt.read(tmp_path / "f.csv").channels)
 
 
-def known_efforts(machine: pt.Machine, link: str, force: np.ndarray, n: int = 60) -> ExternalEffort:
+def known_efforts(machine: pt.Machine, link: str, F: np.ndarray, n: int = 60) -> ExternalEffort:
     """Return the joint efforts of a force in a link's axes, at random postures."""
     rng = np.random.default_rng(0)
     q = rng.uniform(-0.8, 0.8, (n, machine.nv))
     J = jacobian(machine.model, link, q)[:, :3]
     names = tuple(machine.axes)
     columns = [machine.axis(name).index for name in names]
-    effort = np.einsum("nkj,k->nj", J, force)[:, columns]
+    effort = np.einsum("nkj,k->nj", J, F)[:, columns]
     half = np.full(effort.shape, 0.5)
     return ExternalEffort(np.arange(n) / 100.0, names, effort, half, q)
 

@@ -59,10 +59,10 @@ def test_what_a_reader_suffers_is_one_line(
         monkeypatch.delattr(os, "fork")
         if loader is _floods:
             pytest.skip("the memory is limited where there is a fork")
-    monkeypatch.setattr(isolated, "SECONDS", 0.5 if fork else 300.0 if loader is _ends else 2.0)
+    seconds = 0.5 if fork else 300.0 if loader is _ends else 2.0
     (tmp_path / "log.mat").write_bytes(b"x")
     with pytest.raises(LogError, match=said):
-        isolated.load(loader, tmp_path / "log.mat", "log.mat")
+        isolated.load(loader, tmp_path / "log.mat", "log.mat", seconds=seconds)
 
 
 def test_without_a_fork_a_file_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,9 +111,7 @@ def test_hdf5_stays_in_its_file_and_visits_a_group_once(tmp_path: Path) -> None:
             group["left"] = group["right"] = below
             group = below
         group["up"] = file["/store"]
-    start = time.monotonic()
     log = pt.read(tmp_path / "a.h5")
-    assert time.monotonic() - start < 20.0
     assert set(log.channels) == {"t", "q"}
     assert any("far: a link to another file, not followed" in note for note in log.notes)
 
@@ -137,10 +135,8 @@ def test_hostile_yaml(tmp_path: Path, text: str, said: str) -> None:
     folder = write_machine(tmp_path / "rig")
     first = "" if "name:" in text else "name: rig\nurdf: rig.urdf\n"
     (folder / "machine.yaml").write_text(first + text)
-    start = time.monotonic()
     with pytest.raises(MachineError, match=said) as caught:
         pt.Machine.load(folder)
-    assert time.monotonic() - start < 10.0
     assert len(str(caught.value)) < 500
     assert "\n" not in str(caught.value)
 

@@ -14,12 +14,12 @@ from benchmarks._imu_methods import baselines, joint_angles, naive
 from pinotwin.errors import DataError
 from pinotwin.imu import batch
 from pinotwin.imu import rotation as rot
-from pinotwin.imu.averaging import combine
 from pinotwin.imu.clock import SyncSettings, sync
+from pinotwin.imu.filters import high_passed
 from pinotwin.imu.mode import decay, respond
-from pinotwin.imu.reconstruct import high_passed
 from pinotwin.imu.result import BatchResult, predict_readings
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
+from pinotwin.reconstruction.combine import combine
 from pinotwin.virtual.imu_sensor import GRAVITY, ImuSensor, SensorClock, mti630
 from tests.test_imu_rig import DEG, Truth, record
 

@@ -15,7 +15,7 @@ from scipy.signal import bessel, sosfilt
 from scipy.spatial.transform import Rotation
 
 from pinotwin.dynamics import frame_acceleration, frame_rotation, frame_velocity
-from pinotwin.imu.reconstruct import high_passed
+from pinotwin.imu.filters import high_passed
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import reconstruct_vibration

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pinotwin.errors import DataError
-from pinotwin.imu.lowpass import low_pass as assumed
+from pinotwin.imu.filters import low_pass as assumed
 from pinotwin.imu.noise import rest, white_level
 from pinotwin.virtual.imu_sensor import ImuSensor, LinkMotion, SensorClock, Triad, low_pass, mti630
 from tests.test_imu_rig import DEG, record

@@ -57,7 +57,7 @@ def test_a_loop_is_identified_as_its_machine_says(log: Log, given: dict, count: 
     ("given", "words"),
     [
         ({"feedforward_poles": 250}, "loop.X.feedforward_poles: expected search, or a list of frequencies"),
-        ({"feedforward_poles": [-1]}, "loop.X.feedforward_poles: expected a positive number"),
+        ({"feedforward_poles": [-1]}, "loop.X.feedforward_poles: expected search, or a list of frequencies"),
         ({"numerators": "theirs"}, "loop.X.numerators: expected exact or source, found 'theirs'"),
         ({"bounds": {"p1": [5, 1]}}, r"loop.X.bounds.p1: expected \[lower, upper\], found \[5, 1\]"),
         ({"bounds": {"p1": 5}}, r"loop.X.bounds.p1: expected \[lower, upper\], found 5"),

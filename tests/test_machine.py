@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
 
+import pinotwin as pt
 from pinotwin.errors import MachineError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine, machines
-from pinotwin.machine.loading import machine_spec
+from pinotwin.machine.loading import machine_schema, machine_spec
+from pinotwin.machine.yaml_file import read_yaml
 from tests.conftest import ROOT
 from tests.rig import URDF, YAML, good_log, write_machine
 
@@ -217,3 +221,44 @@ def test_joints_of_other_kinds_are_held(tmp_path: Path, kind: str) -> None:
     arm = machine.model.inertias[2]
     assert arm.mass == pytest.approx(5.0)
     np.testing.assert_allclose(arm.mass * arm.lever, [0.2 + 0.9, 0.0, -0.4], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "replaced", "said"),
+    [
+        ("<limit lower", "<limits lower", "a prismatic joint needs a <limit>"),
+        ('velocity="2"', "", "its <limit> lacks velocity"),
+        ("<box", "<cube", "the <geometry> of a <visual> needs one of <box>, <cylinder>, <sphere>, <mesh>"),
+    ],
+)
+def test_what_other_readers_of_urdfs_stumble_over_is_a_warning(
+    tmp_path: Path, given: str, replaced: str, said: str
+) -> None:
+    path = tmp_path / "slide.urdf"
+    path.write_text(
+        '<robot name="slide"><link name="base"/>'
+        '<link name="table"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        '<visual><geometry><box size="1 1 1"/></geometry></visual></link>'
+        '<joint name="X" type="prismatic"><parent link="base"/><child link="table"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="2"/></joint></robot>'.replace(given, replaced)
+    )
+    messages = [finding.message for finding in pt.check(path).findings if "URDF" in finding.message]
+    assert messages == [f"URDF: {said}"]
+
+
+def test_the_schema_for_editors_is_what_is_read() -> None:
+    path = ROOT / "docs" / "machine.schema.json"
+    assert json.loads(path.read_text(encoding="utf-8")) == machine_schema(), "python docs/generate_schema.py"
+    check = jsonschema.Draft202012Validator(machine_schema())
+    for folder in FOLDERS.values():
+        assert not list(check.iter_errors(read_yaml(folder / "machine.yaml"))), folder
+    for wrong in ("zeroo: 1", "rotor_inertia: -1", "effects: [viscos]", "effects: [{stribeck: {vs: 3}}]"):
+        spec = yaml.safe_load(YAML.replace("joint: jb", f"joint: jb, {wrong}"))
+        assert list(check.iter_errors(spec)), wrong
+
+
+def test_settings_may_be_numbers_of_numpy() -> None:
+    effects = [{"stribeck": {"v_s": np.float64(0.02)}}, {"ripple": {"harmonics": (np.int64(1), 2)}}]
+    machine = Machine.load("emps").listing({"X": effects})
+    stribeck, ripple = machine.axis("X").effects[-2:]
+    assert (stribeck.v_s, ripple.harmonics) == (0.02, (1, 2))

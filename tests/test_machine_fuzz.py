@@ -112,7 +112,9 @@ def folder_with(tmp_path: Path, spec: str, urdf: bytes) -> Path:
 
 
 def test_the_whole_specification_loads(tmp_path: Path) -> None:
-    assert load_or_one_line(folder_with(tmp_path, yaml.safe_dump(SPEC), URDF.encode())) is not None
+    machine = load_or_one_line(folder_with(tmp_path, yaml.safe_dump(SPEC), URDF.encode()))
+    assert machine is not None
+    assert list(machine.axes) == list(SPEC["axes"])
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ import pytest
 import pinotwin as pt
 from pinotwin.errors import LogError
 from pinotwin.logs import Settings
-from pinotwin.logs.check import doubts
 from pinotwin.logs.prepare import prepare
+from pinotwin.logs.prepared import Prepared
 from pinotwin.solve.lead import lag
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
@@ -153,7 +153,7 @@ def test_a_turning_joint_may_be_anywhere(tmp_path: Path) -> None:
     t = np.arange(4000) / 500.0
     q = 1000.0 * np.sin(t)
     u = -1000.0 * np.sin(t) + 20.0 * np.sign(np.cos(t)) + np.random.default_rng(0).normal(size=len(t))
-    found = doubts(pt.Machine.load(urdf), pt.Log({"t": t, "M.q": q, "M.u": u}))
+    found = Prepared.of(pt.Machine.load(urdf), pt.Log({"t": t, "M.q": q, "M.u": u})).doubts
     assert [f for f in found if f.code in CAUSES] == []
 
 

@@ -63,7 +63,7 @@ def test_a_clean_log_raises_no_warning() -> None:
     assert quality.clock.rate == pytest.approx(RATE)
     assert quality.duration == pytest.approx(12.0, abs=0.01)
     assert all(axis.moves for axis in quality.axes.values())
-    assert 6.0 < quality.cutoff < 120.0
+    assert quality.cutoff == pytest.approx(9.35, rel=0.1)
     json.dumps(quality.as_dict(), allow_nan=False)
 
 
@@ -390,7 +390,7 @@ def test_resampling_is_said_and_keeps_holes() -> None:
     log = resample(Log({"t": t, "q": q}, "usb.npy", notes=("old",)), 400.0)
     good = np.isfinite(log["q"])
     np.testing.assert_allclose(log["q"][good], np.sin(log.t[good]), atol=2e-6)
-    assert 0 < (~good).sum() < 6
+    assert (~good).sum() == 2  # on either side of the one that is missing
     assert log.t[~good].min() > t[499] - 1e-9
     gaps = np.diff(log.t)
     assert np.sum(gaps > 0.0026) == 1

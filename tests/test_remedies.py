@@ -10,7 +10,6 @@ import argparse
 import ast
 import dataclasses
 import functools
-import importlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,14 +19,14 @@ import pytest
 import yaml
 
 import pinotwin as pt
-from pinotwin.cli.main import COMMANDS
+from pinotwin.cli.arguments import add_arguments
+from pinotwin.cli.main import COMMANDS, command_of
 from pinotwin.effects import EFFECTS, LISTED
 from pinotwin.log import Log
 from pinotwin.logs.check import check
 from pinotwin.logs.columns import AXIS_SIGNALS, Column
 from pinotwin.machine.loading import AXIS_KEYS, KEYS
-from pinotwin.machine.parts import DataSettings
-from pinotwin.machine.sections import LOOP_KEYS
+from pinotwin.machine.parts import DataSettings, Imu, LoopShape, Passive
 from tests.rig import YAML, good_log, write_machine
 
 PACKAGE = Path(pt.__file__).parent
@@ -72,24 +71,16 @@ def _of_template(text: str) -> str:
 @functools.cache
 def options(command: str) -> frozenset[str]:
     parser = argparse.ArgumentParser()
-    importlib.import_module(f"pinotwin.cli.{command}").add_arguments(parser)
+    add_arguments(parser, command_of(command))
     return frozenset(text for action in parser._actions for text in action.option_strings)
 
 
 @functools.cache
 def keys() -> frozenset[str]:
-    """Return every key that machine.yaml may hold: the tables, and what ``check_keys`` is given in the source."""
-    out = {*KEYS, *AXIS_KEYS, *LOOP_KEYS, *LISTED}
-    for kind in (Column, DataSettings, *EFFECTS.values()):
+    """Return every key that machine.yaml may hold."""
+    out = {*KEYS, *AXIS_KEYS, *LISTED}
+    for kind in (Column, DataSettings, Imu, LoopShape, Passive, *EFFECTS.values()):
         out |= {f.metadata.get("yaml", f.name) for f in dataclasses.fields(kind)}
-    for path in (PACKAGE / "machine").glob("*.py"):
-        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "check_keys":
-                out |= {
-                    n.value
-                    for n in ast.walk(call)
-                    if isinstance(n, ast.Constant) and isinstance(n.value, str)
-                }
     return frozenset(out)
 
 

@@ -20,6 +20,7 @@ from pinotwin.diagnosis.phrases import explanation, region_words
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink, Size, Traces
 from pinotwin.effects import EFFECTS as KNOWN
 from pinotwin.log import Log
+from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.report import diagnosis_report
 from pinotwin.report.diagnosis_plots import bars
@@ -297,7 +298,8 @@ def test_with_the_log_the_gap_is_drawn_against_speed_and_position() -> None:
     for k, axis in enumerate(machine.axes):
         channels[f"{axis}.q"] = 0.1 * np.sin((2 + k) * t)
         channels[f"{axis}.u"] = np.cos((2 + k) * t)
-    page = diagnosis_report(replace(EXPLAINED, subject=machine), Log(channels, source="drill.csv"))
+    ready = Prepared.of(machine, Log(channels, source="drill.csv"))
+    page = diagnosis_report(replace(EXPLAINED, subject=machine, prepared=[ready]), ready.log)
     drawn = [figure["layout"] for figure in figures(page)]
     titles = [layout.get("xaxis", {}).get("title", {}).get("text") for layout in drawn]
     assert "velocity [mm/s]" in titles

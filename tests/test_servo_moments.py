@@ -12,7 +12,7 @@ from pinotwin.identification.servo.law_alone import DIFFERENCE, LawAlone
 from pinotwin.identification.servo.moments import by_moments
 from pinotwin.identification.servo.output_error import polish, search_of
 from pinotwin.loop import Servo, command_rates
-from pinotwin.simulation.coupled import LONGEST
+from pinotwin.simulation.law import LONGEST
 from tests.simulated import plain_machine, smooth_command
 from tests.test_servo import cascade, drive, single, with_measurement
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 
 import numpy as np
 import pytest
@@ -237,21 +236,6 @@ class TestRefusals:
         broken = dataclasses.replace(trunnion, diagonal=wild, loops=loops)
         with pytest.raises(DataError, match=r"leaves its command at t = .* on axis A"):
             simulate(broken, command)
-
-
-def test_cost_grows_in_proportion_to_the_length_of_the_log(trunnion):
-    def cost(seconds: float) -> float:
-        log = smooth_command(trunnion.machine, seconds, 1000.0)
-        simulate(trunnion, log)
-        best = np.inf
-        for _ in range(3):
-            start = time.process_time()
-            simulate(trunnion, log)
-            best = min(best, time.process_time() - start)
-        return best
-
-    short, long = cost(2.0), cost(16.0)
-    assert long < 14.0 * short
 
 
 def test_an_effort_logged_ahead_of_its_position_is_simulated_as_it_is_logged(trunnion, command):

@@ -133,7 +133,9 @@ class TestCommandLine:
             )
             == 0
         )
-        assert "RMS" not in capsys.readouterr().out
+        closed, written = capsys.readouterr().out.splitlines()  # and no table of errors
+        assert closed.startswith("closed loop: ")
+        assert written == f"500 rows written to {tmp_path / 'p.csv'}"
 
     def test_bad_input_is_one_line_and_leaves_no_file(self, folder, unseen, tmp_path, capsys):
         write_log(tmp_path / "log.csv", {k: x[:500] for k, x in unseen.channels.items() if k != "A.qr"})

@@ -120,7 +120,7 @@ def test_a_controller_is_a_control_system(form: str) -> None:
 def test_a_loop_is_a_control_system_with_named_signals(form: str) -> None:
     loop = close(FORMS[form], M, B, axis="Y")
     s = 2j * np.pi * 9.0
-    whole = loop.state_space()
+    whole = loop.to_control(None, None)
     assert whole.input_labels == ["d", "vr", "ar"]
     error = loop.to_control("qr", "e")
     assert (error.input_labels, error.output_labels) == (["qr"], ["e"])

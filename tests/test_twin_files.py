@@ -13,6 +13,7 @@ import pytest
 import pinotwin as pt
 from pinotwin.errors import InputError, TwinError
 from pinotwin.identification.judge import warnings
+from pinotwin.twin.files import _digest
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 
@@ -121,7 +122,7 @@ def test_files_of_another_run_and_edits_are_refused(tmp_path, saved):
 def test_a_file_that_was_deleted_is_missed(saved, tmp_path):
     twin, _, folder = saved
     files = json.loads((folder / "twin.json").read_text())["files"]
-    assert "misfit.npz" in files
+    assert {"misfit.npz", "covariance.npz"} <= set(files)
     for name in files:
         twin.save(tmp_path / name)
         (tmp_path / name / name).unlink()
@@ -129,6 +130,29 @@ def test_a_file_that_was_deleted_is_missed(saved, tmp_path):
             InputError, match=rf"{name}: (is missing; put it back|no such URDF|.*found: )|no machine.yaml"
         ):
             pt.Twin.load(tmp_path / name)
+
+
+def test_a_twin_with_its_covariance_written_out_is_read(saved, tmp_path):
+    """As twin.json had it until 0.2."""
+    twin, _, folder = saved
+    twin.save(tmp_path / "old")
+    (tmp_path / "old" / "covariance.npz").unlink()
+    path = tmp_path / "old" / "twin.json"
+    content = json.loads(path.read_text())
+    del content["files"]["covariance.npz"]
+    content["covariance_lower"] = [row[: k + 1] for k, row in enumerate(twin.covariance.tolist())]
+    content["digest"] = _digest(content)
+    path.write_text(json.dumps(content))
+    again = [pt.Twin.load(place).covariance for place in (tmp_path / "old", folder)]
+    np.testing.assert_array_equal(*again)
+
+
+def test_twin_json_holds_no_large_matrix(saved):
+    twin, _, folder = saved
+    content = json.loads((folder / "twin.json").read_text())
+    assert content["covariance_lower"] == {"file": "covariance.npz", "array": "lower"}
+    rows = [len(value) for value in content.values() if isinstance(value, list)]
+    assert max(rows) <= max(len(twin.parameters), len(twin.pi))
 
 
 def test_a_twin_of_impossible_inertias_can_be_loaded(saved, tmp_path):

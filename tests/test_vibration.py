@@ -13,7 +13,7 @@ import pytest
 from benchmarks._imu_methods import methods
 from pinotwin.cli.main import main
 from pinotwin.errors import DataError, InputError, LogError, MachineError
-from pinotwin.imu.reconstruct import high_passed
+from pinotwin.imu.filters import high_passed
 from pinotwin.log import Log
 from pinotwin.logs.files import read
 from pinotwin.machine import Machine

@@ -10,7 +10,7 @@ import pytest
 
 from pinotwin.effects import Coulomb, Effect, PositionTable, Viscous
 from pinotwin.identification import identify
-from pinotwin.imu.reconstruct import high_passed
+from pinotwin.imu.filters import high_passed
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.reconstruction import Vibration, identify_flexible, reconstruct_vibration

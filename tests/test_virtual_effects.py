@@ -46,13 +46,12 @@ def test_an_injected_effect_shows_and_the_loop_survives(plain, trajectory, healt
         healthy = VirtualMachine.load(plain).record(trajectory, seed=0)
     gap = np.sqrt(np.mean((r.log["Y.u"] - healthy.log["Y.u"]) ** 2))
     error = np.abs(r.log["Y.qr"] - r.log["Y.q"]).max()
-    follows = np.sqrt(np.mean((r.log["Y.qr"] - r.log["Y.q"] - _error(healthy)) ** 2))
-    assert gap > 2e-3 * np.sqrt(np.mean(healthy.log["Y.u"] ** 2)) or follows > 2e-8
+    weak = {
+        "viscous_thermal": 0.003,
+        "feedforward": 0.006,
+    }  # four seconds warm little; feed-forward moves the error
+    assert gap > weak.get(effect, 0.03) * np.sqrt(np.mean(healthy.log["Y.u"] ** 2))
     assert error < 5e-3
-
-
-def _error(recording):
-    return recording.log["Y.qr"] - recording.log["Y.q"]
 
 
 @pytest.mark.parametrize("effect", ["ripple", "position_table", "stribeck", "feedforward"])
@@ -141,8 +140,8 @@ def random_rest(machine):
 def test_backlash_leaves_a_gap_between_motor_and_table(plain, trajectory):
     inject = [{"effect": "backlash", "axis": "Y", "value": 30e-6}]
     r = VirtualMachine.load(plain, inject=inject).record(trajectory, seed=0, noise=False)
-    gap = r.log["Y.q"] - r.truth.joint("Y")[0]
-    assert 25e-6 < np.ptp(gap) < 300e-6
+    low, high = np.percentile(r.log["Y.q"] - r.truth.joint("Y")[0], [5.0, 95.0])
+    assert high - low == pytest.approx(30e-6, rel=0.1)  # and what its faces give
 
 
 def test_play_brings_no_spring_of_its_own(plain, trajectory):

@@ -11,10 +11,9 @@ from pinotwin.errors import InputError, MachineError
 from pinotwin.logs.write import write_log
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.axis_truth import Friction
-from pinotwin.virtual.folder import Folder, read_folder
+from pinotwin.virtual.folder import Folder, read_folder, read_truth
 from pinotwin.virtual.trajectories import Trajectory, rest
 from pinotwin.virtual.truth import Pulse, Truth
-from pinotwin.virtual.truth_yaml import read_truth
 from tests.true_poles import closed_loop_poles
 from tests.virtual_motion import inverse_dynamics, link_motion
 
@@ -94,7 +93,7 @@ def read_folder_of(machine: VirtualMachine) -> Folder:
 def test_halving_the_step_changes_little(trunnion):
     trajectory = random_trajectory(trunnion, 3.0, 5)
     coarse = trunnion.record(trajectory, seed=0, noise=False)
-    timing = replace(trunnion.timing, updates=4, substeps=4)
+    timing = trunnion.timing._replace(updates=4, substeps=4)
     fine = replace(trunnion, timing=timing).record(trajectory, seed=0, noise=False)
     for axis in trunnion.axes:
         for k, signal in (("q", 1e-6), ("u", 1e-2)):

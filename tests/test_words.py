@@ -5,39 +5,73 @@ from __future__ import annotations
 import ast
 import json
 import re
+import runpy
 from collections.abc import Iterator
+from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from pinotwin.cli.diagnose import summary, where_lines
 from pinotwin.cli.main import COMMANDS, main
 from pinotwin.diagnosis.conclusion.advice import PAIRS, advise
-from pinotwin.diagnosis.grade import KIND, MEANING, printed
+from pinotwin.diagnosis.grade import KIND, MEANING, Grade, printed
 from pinotwin.diagnosis.phrases import explanation, moved, plain_sentence
-from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Size
+from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Size, Verdict
 from pinotwin.effects import EFFECTS
+from pinotwin.logs.quality.results import Severity
+from pinotwin.report import verdict
 from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import ground, headline
 from pinotwin.report.simulation import GRADES, READING
+from pinotwin.simulation.run import FORMS
 from tests.conftest import ROOT
 
 LONGEST = 30
 """Words of a sentence."""
 NOT_USED = re.compile(
-    r"\b(misfits?|gaps?|closes?|closed by|squared gap|leaves|left of|of its own|own logs|foretells?|told|tells|"
+    r"\b(misfits?|gaps?|closes|closed by|squared gap|leaves|left of|of its own|own logs|foretells?|told|tells|"
     r"asked|asks|kept back|in turn|stands? out|pushes|promised|surest|strayed|mend)\b",
     re.IGNORECASE,
 )
+NOT_IN_DOCS = re.compile(
+    r"\b(push|habit|(is|are) said|tell apart|told apart|flatters?|foreign|rubs|ask(ing)?|spoken of|goes with|warmth|"
+    r"is none|the other way round|foreseen|in hand|knows of)\b",
+    re.IGNORECASE,
+)
+"""Beside those above, where prose is written by hand."""
+MOST_WORDS, ALL_WORDS = 900, 16_500
+"""Of a page of the docs, and of all of them; the second may only fall."""
+DERIVATIONS = "derivations.md"
+"""The appendix, which may be longer."""
+GENERATED = ("effects.md", "figures.md", "bench_results.md")
+"""Pages that a command writes."""
+DOCS = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+WRITTEN = [page for page in DOCS if page.name not in GENERATED]
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 STORED = json.loads((ROOT / "tests" / "answers.json").read_text(encoding="utf-8"))["now"]
 
 
 def sentences(text: str) -> list[str]:
-    return [x for x in re.split(r"(?<=[.;:!?])\s+|\n", text) if x.strip()]
+    return [x for x in re.split(r"(?<=[.!?])\s+|\n", text) if x.strip()]
 
 
 def wrong(text: str) -> list[str]:
     """Return the sentences with a word that is not used, or with too many."""
     return [x for x in sentences(text) if NOT_USED.search(x) or len(x.split()) > LONGEST]
+
+
+def prose(text: str) -> str:
+    """Return the prose of a Markdown page: cells, items and headings a line each, without code and targets of links."""
+    text = re.sub(r"^```.*?^```|^(?: {4}[^\n]*\n)+|^:::.*?$", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\n(?!\n|[#|*\-]|\d+\.)[ ]*", " ", text)  # a paragraph is wrapped as one pleases
+    text = re.sub(r"!\[[^]]*\]\([^)]*\)", "", re.sub(r"`[^`]*`|\{\{[^}]*\}\}", "code", text))
+    return re.sub(r"\]\([^)]*\)", "", text).replace("[", "").replace("|", "\n").replace("*", "")
+
+
+def counted(text: str) -> int:
+    """Return how many words a page has, code included."""
+    return len(re.findall(r"\S*\w\S*", text))
 
 
 def diagnosis(answer: dict) -> Diagnosis:
@@ -165,3 +199,79 @@ def literals() -> Iterator[tuple[str, str]]:
 
 def test_no_text_of_the_package_has_a_private_word() -> None:
     assert [(name, text) for name, text in literals() if PRIVATE.search(text)] == []
+
+
+@pytest.mark.parametrize("page", [*WRITTEN, *NOTEBOOKS], ids=lambda p: p.name)
+def test_a_page_of_the_docs_is_in_plain_short_sentences(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    if page.suffix == ".ipynb":
+        cells = json.loads(text)["cells"]
+        text = "\n\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
+    text = prose(text)
+    assert [*wrong(text), *(x for x in sentences(text) if NOT_IN_DOCS.search(x))] == []
+
+
+def test_a_page_of_the_docs_answers_one_question() -> None:
+    words = {page: counted(page.read_text(encoding="utf-8")) for page in WRITTEN if page.parent != ROOT}
+    assert {p.name: n for p, n in words.items() if n > MOST_WORDS and p.name != DERIVATIONS} == {}
+    assert sum(words.values()) <= ALL_WORDS
+
+
+README_FIGURES = {
+    "fault put into a real recording": "diagnosis.real",
+    "fault on machines of another simulator": "diagnosis.foreign",
+    "healthy machine of another simulator accused": "diagnosis.foreign_accused",
+    "healthy real recordings": "diagnosis.real_healthy",
+    "EMPS drive from its command: force": "emps.force",
+    "EMPS drive from its command: position": "emps.position",
+    "KUKA LWR4: torque": "lwr4.unseen",
+    "Franka Panda: torque": "panda.unseen",
+}
+README_BENCH = {
+    "effect withheld": "top-1 effect and axis, rho ≥ 0.1",
+    "two effects withheld": "both of two, weaker rho ≥ 0.1",
+    "effect outside the catalogue": "outside the catalogue recognised",
+    "healthy machine accused": "healthy machine accused of anything",
+}
+"""Start of a row of the README -> the figure, or the row of docs/bench_results.md, that stands in its second cell."""
+
+
+def test_the_numbers_of_the_readme_are_those_that_were_measured() -> None:
+    hooks = runpy.run_path(str(ROOT / "docs" / "hooks.py"))
+    bench = (ROOT / "docs" / "bench_results.md").read_text(encoding="utf-8")
+    content = hooks["figures"]()
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    rows = [[x.strip() for x in line.split("|")[1:3]] for line in readme.splitlines() if line.startswith("|")]
+    for start, name in {**README_FIGURES, **README_BENCH}.items():
+        (number,) = (number for what, number in rows if what.startswith(start))
+        if name in README_BENCH.values():
+            counts = re.search(rf"^\| {re.escape(name)} \|[^|]*\| (\d+)/(\d+) \|", bench, re.MULTILINE)
+            assert counts, name
+            assert number == f"{counts[1]} of {counts[2]}", start
+        else:
+            assert number == hooks["stated"](name, content), start
+
+
+def test_every_figure_of_the_docs_was_measured() -> None:
+    hooks = runpy.run_path(str(ROOT / "docs" / "hooks.py"))
+    content = hooks["figures"]()
+    filled = {page.name: hooks["filled"](page.read_text(encoding="utf-8"), content) for page in WRITTEN}
+    assert [name for name, text in filled.items() if "{{" in text or "<!--" in text] == []
+    with pytest.raises(KeyError):
+        hooks["stated"]("emps.weight", content)
+
+
+def test_a_figure_is_put_in_with_its_unit() -> None:
+    stated = runpy.run_path(str(ROOT / "docs" / "hooks.py"))["stated"]
+    row = {"value": 4.286, "unit": "%", "low": 4.231, "high": 2129.4, "published": 5.848}
+    content = {"emps": {"figures": {"force": row, "right": {"value": 32.0, "of": 44}}}}
+    names = ("emps.force", "emps.force.range", "emps.force.published", "emps.right")
+    assert [stated(name, content) for name in names] == ["4.29 %", "4.23 to 2129 %", "5.85 %", "32 of 44"]
+
+
+def test_every_word_of_a_result_is_in_the_glossary() -> None:
+    glossary = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    words = {*get_args(Grade), *get_args(Verdict), *get_args(Severity), *GRADES, *FORMS}
+    words |= {printed(word) for word in words}
+    words |= {word for _, word, _ in verdict.GRADES}
+    assert [word for word in sorted(words) if f"`{word}`" not in glossary] == []

@@ -98,7 +98,7 @@ def _transition(
     zero, chatter = np.zeros((1, na)), np.zeros((1, na))
     none = np.zeros(0, dtype=np.intp), np.zeros((0, 3)), np.zeros((1, 0, 6))
     drive = Drive(home[None, :].copy(), zero, zero, zero, chatter, *none)
-    start = equilibrium(machine, tables, drive)
+    start = equilibrium(machine.tree, tables, home)
     sizes = _sizes(machine, start)
     A = np.zeros((len(free), len(free)))
     for k, (name, index) in enumerate(free):
@@ -141,6 +141,5 @@ def _sizes(machine: VirtualMachine, state: State) -> dict[str, Floats]:
 def _one_period(machine: VirtualMachine, tables: Axes, drive: Drive, state: State) -> State:
     record = empty_record(1, 1, len(machine.axes), len(machine.joints))
     room = empty_room(len(machine.joints))
-    timing = (machine.timing.period, machine.timing.updates, machine.timing.substeps)
-    run(machine.tree, tables, drive, state, room, record, timing)
+    run(machine.tree, tables, drive, state, room, record, machine.timing)
     return state

@@ -9,7 +9,16 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.virtual.mass import invert, mass_matrix
 from pinotwin.virtual.recording import SealedTruth
-from pinotwin.virtual.rigid import Tree, body_forces, empty_pose, joint_efforts, move, place, place_in_world
+from pinotwin.virtual.rigid import (
+    Pose,
+    Tree,
+    body_forces,
+    empty_pose,
+    joint_efforts,
+    move,
+    place,
+    place_in_world,
+)
 
 
 @dataclass(frozen=True)
@@ -44,12 +53,25 @@ def link_motion(truth: SealedTruth, link: str) -> LinkMotion:
         move(tree, truth.v[k], truth.a[k], pose)
         body = pose.R[joint]
         R[k] = body @ rotation
-        p[k] = pose.p[joint] + body @ offset
+        p[k] = body @ offset + sum(
+            (_turn(pose, tree, j) @ pose.r[j] for j in _path(tree, joint)), np.zeros(3)
+        )
         w[k], dw[k] = body @ pose.w[joint], body @ pose.dw[joint]
         arm = body @ offset
         a[k] = body @ pose.a[joint] + tree.gravity
         a[k] += np.cross(dw[k], arm) + np.cross(w[k], np.cross(w[k], arm))
     return LinkMotion(truth.t, R, p, w, dw, a)
+
+
+def _path(tree: Tree, joint: int) -> list[int]:
+    """The joints from a body down to the ground."""
+    return [] if joint < 0 else [joint, *_path(tree, int(tree.parent[joint]))]
+
+
+def _turn(pose: Pose, tree: Tree, joint: int) -> Floats:
+    """The rotation of a joint's parent in the world."""
+    parent = int(tree.parent[joint])
+    return np.eye(3) if parent < 0 else pose.R[parent]
 
 
 def inverse_dynamics(truth: SealedTruth) -> Floats:
@@ -75,5 +97,5 @@ def forward_dynamics(tree: Tree, q: Floats, v: Floats, tau: Floats) -> Floats:
     body_forces(tree, pose)
     joint_efforts(tree, pose, h)
     mass_matrix(tree, pose, M)
-    invert(M, np.zeros((nv, nv)), inverse)
+    invert(M, inverse)
     return inverse @ (tau - h)

@@ -11,10 +11,10 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.evidence import marks, store
+from benchmarks.evidence import store
 
 HERE = Path(__file__).parent
-NOT_PARTS = ("__init__", "answers", "command", "marks", "store", "real", "virtual")
+NOT_PARTS = ("__init__", "answers", "command", "store", "real", "virtual")
 
 
 def parts() -> list[str]:
@@ -33,9 +33,6 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks evidence", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"all of them: {', '.join(parts())}")
     parser.add_argument("--list", action="store_true", help="say what there is, and of which day")
-    parser.add_argument(
-        "--pages", action="store_true", help="only write the marked numbers of README and docs anew"
-    )
     parser.add_argument("--add", nargs=2, metavar=("PART", "FILE"), help="figures measured elsewhere, JSON")
     parser.add_argument("--what", help="with --add: what was measured, in words")
     parser.add_argument("--command", help="with --add: what was run")
@@ -46,8 +43,6 @@ def main(words: Sequence[str] | None = None) -> int:
         for name in sorted({*parts(), *kept}):
             print(f"{name:<14} {kept[name]['date'] if name in kept else 'never measured'}")
         return 0
-    if args.pages:
-        return _renew()
     if args.add:
         return _add(args, parser)
     unknown = [name for name in args.parts if name not in parts()]
@@ -56,15 +51,7 @@ def main(words: Sequence[str] | None = None) -> int:
     failed = [name for name in args.parts or parts() if not _measure(name)]
     if failed:
         print(f"not measured: {', '.join(failed)}")
-    _renew()
     return 1 if failed else 0
-
-
-def _renew() -> int:
-    """Write the marked numbers of the pages beside the file anew."""
-    for page in marks.renew(store.FILE.parent, store.read()):
-        print(f"written anew: {page.name}")
-    return 0
 
 
 def _measure(name: str) -> bool:
@@ -96,4 +83,4 @@ def _add(args: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     part, file = args.add
     figures = [store.Figure(**row) for row in json.loads(Path(file).read_text(encoding="utf-8"))]
     store.keep(part, args.what, figures, command=args.command, seeds=args.seeds)
-    return _renew()
+    return 0

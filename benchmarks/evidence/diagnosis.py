@@ -2,7 +2,7 @@
 
 Faults of known kind, axis and size in real recordings and on machines of another simulator; all through the public
 commands: the scores are those of `score.py` and `real.py` beside the recordings (`$PINOTWIN_DATA/../foreign`). Seeds
-that nobody had looked at, asked once; the table with what each figure must reach is in diagnose.md.
+that nobody had looked at, asked once; beside each figure stands what it must reach.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import datetime
 import inspect
 import json
 import math
-import re
 import subprocess
 import sys
 import time
@@ -28,8 +27,6 @@ from pinotwin.bench.statistics import calibration
 from pinotwin.system.writing import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "diagnose.md"
-BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
 OUTSIDE = ("hum", "speed_ripple")
 """Kinds of the other simulator that nobody's catalogue holds."""
 
@@ -95,9 +92,21 @@ def healthy(runs: Source) -> list[Line]:
     told = runs.score("score.py", "healthy", "--seeds", runs.seeds)
     rows, command = told.rows, told.command
     return [
-        share("foreign, healthy: named", [not r["unnamed"] for r in rows], 0.05, 0.0, command, least=False),
         share(
-            "foreign, healthy: not `none`", [not r["silent"] for r in rows], 0.1, 0.05, command, least=False
+            "other simulator, healthy: a cause named",
+            [not r["unnamed"] for r in rows],
+            0.05,
+            0.0,
+            command,
+            least=False,
+        ),
+        share(
+            "other simulator, healthy: not `none`",
+            [not r["silent"] for r in rows],
+            0.1,
+            0.05,
+            command,
+            least=False,
         ),
     ]
 
@@ -109,10 +118,27 @@ def diagnose(runs: Source) -> list[Line]:
     inside, outside = ([r for r in rows if (r["kind"] in OUTSIDE) is x] for x in (False, True))
     return [
         share(
-            "foreign, 20 kinds: first name and axis", [r["axis_right"] for r in inside], 0.85, 0.92, command
+            "other simulator, 20 kinds: first name and axis",
+            [r["axis_right"] for r in inside],
+            0.85,
+            0.92,
+            command,
         ),
-        share("foreign: an extra name", [r["extras"] > 0 for r in inside], 0.15, 0.05, command, least=False),
-        share("foreign: outside the catalogue recognised", [r["first"] for r in outside], 0.8, 0.9, command),
+        share(
+            "other simulator: an extra name",
+            [r["extras"] > 0 for r in inside],
+            0.15,
+            0.05,
+            command,
+            least=False,
+        ),
+        share(
+            "other simulator: outside the catalogue recognised",
+            [r["first"] for r in outside],
+            0.8,
+            0.9,
+            command,
+        ),
     ]
 
 
@@ -144,10 +170,16 @@ def stated(runs: Source) -> list[Line]:
     command = ", ".join(answers.command for answers in told if answers.rows)
     return [
         Line(
-            "calibration error, foreign and real", error, 0.1, 0.05, False, f"{len(named)} answers", command
+            "calibration error, other simulator and real",
+            error,
+            0.1,
+            0.05,
+            False,
+            f"{len(named)} answers",
+            command,
         ),
         Line(
-            "promised less delivered shrink, median",
+            "variance explained, expected less achieved, median",
             median,
             0.07,
             0.03,
@@ -270,7 +302,7 @@ def figures_of(lines: Mapping[str, Sequence[Row]]) -> list[Figure]:
     out = []
     for name, line, date in _named(lines):
         sign = "≥" if line.least else "≤"
-        note = f"must {sign} {line.must:g}, aim {sign} {line.aim:g}; {line.command}; {date}"
+        note = f"must {sign} {line.must:g}, aim {sign} {line.aim:g}, reached: {line.state}; {line.command}; {date}"
         hits, _, of = line.counts.partition(" of ")
         value, whole = (float(hits), int(of)) if of else (line.value, None)
         unit = "s" if line.counts == "s" else ""
@@ -281,52 +313,21 @@ def figures_of(lines: Mapping[str, Sequence[Row]]) -> list[Figure]:
     return out
 
 
-def table(figures: Mapping[str, Sequence[Row]]) -> str:
-    """Return the table of docs/diagnose.md, its figures marked for tests/test_figures.py.
-
-    Args:
-        figures: part -> its figures, each with date, seed and number of machines.
-    """
-    lines = [
-        "| what | measured | counts | must | aim | reached | command | date |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for name, f, date in _named(figures):
-        sign, mark = "≥" if f.least else "≤", f"<!--diagnosis.{name}-->"
-        value = f"{f.value:.3g}" if f.value == 0.0 or f.value >= 1e-3 else f"{f.value:.4f}"
-        share = " of " in f.counts
-        cells = (value, f.counts + mark) if share else (value + mark, f.counts)
-        lines.append(
-            f"| {f.what} | {cells[0]} | {cells[1]} | {sign} {f.must:g} | {sign} {f.aim:g} | {f.state} "
-            f"| `{f.command}` | {date} |"
-        )
-    return "\n".join(lines)
-
-
 def _checked_out() -> str:
     words = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
     return subprocess.run(words, check=False, capture_output=True, text=True).stdout.strip()
 
 
-def write_page(page: Path, text: str) -> None:
-    """Put the table between its two marks on the page."""
-    whole = page.read_text(encoding="utf-8")
-    pattern = re.escape(BEGIN) + ".*?" + re.escape(END)
-    if not re.search(pattern, whole, re.S):
-        raise ValueError(f"{page}: no {BEGIN} ... {END}")
-    write_text(page, re.sub(pattern, lambda _: f"{BEGIN}\n{text}\n{END}", whole, flags=re.S))
-
-
 def main() -> None:
-    """Measure what is asked for; write the table of diagnose.md and the part ``diagnosis`` of figures.json.
+    """Measure what is asked for; write the part ``diagnosis`` of figures.json.
 
     python -m benchmarks.evidence.diagnosis speed healthy --seed 700 --machines 4 --out out/evidence
     python -m benchmarks.evidence.diagnosis --scores DIR/scores.jsonl [DIR2/scores.jsonl ...] --commit HASH
 
     Random machines are `random:SEED` and those after it, faults of recordings are drawn from SEED: take one that
     nobody looked at. An answer once given by the same code is kept in the folder: a run that was cut off goes on where
-    it stopped. With --scores the answers that the scripts gave elsewhere are counted, not asked again. Either way table
-    and file hold the lines that the folder knows.
+    it stopped. With --scores the answers that the scripts gave elsewhere are counted, not asked again. Either way the
+    file holds the lines that the folder knows.
     """
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.evidence.diagnosis", description=inspect.cleandoc(main.__doc__ or "")
@@ -362,7 +363,7 @@ def main() -> None:
 
 
 def keep(lines: Mapping[str, Sequence[Row]]) -> None:
-    """Write the part of figures.json; :func:`measured` has written the table of diagnose.md."""
+    """Write the part of figures.json."""
     store.keep(
         "diagnosis",
         inspect.cleandoc(__doc__ or ""),
@@ -375,7 +376,7 @@ def keep(lines: Mapping[str, Sequence[Row]]) -> None:
 def measured(
     parts: Sequence[str], runs: Runs | Given, out: Path, commit: str | None = None
 ) -> dict[str, list[Row]]:
-    """Measure parts, write the table, and return all lines that the folder knows, by part.
+    """Measure parts and return all lines that the folder knows, by part.
 
     Args:
         parts: names of :data:`PARTS`.
@@ -400,7 +401,6 @@ def measured(
                 f"{f['what']}: {f['value']:.3g} ({f['counts']})  [{time.monotonic() - start:.0f} s]",
                 flush=True,
             )
-    write_page(PAGE, table(lines))
     return lines
 
 

@@ -1,4 +1,4 @@
-"""Healthy recordings that no script asks about: halves of one log, and runs of one machine, each held against another.
+"""Further healthy recordings: halves of one log, and runs of one machine, each held against another.
 
 The logs of three robots and a drive in halves (TX40, KR300, Panda, EMPS), single runs of LWR4, two cogging maps and
 three slow turns of one motor (ODrive), and a mill at ten samples a second, one part after the other (those of its logs
@@ -110,7 +110,7 @@ def figures() -> list[Figure]:
         causes = [(e.effect, e.axis, round(e.confidence, 2)) for e in said.effects]
         print(f"{name}: {said.verdict} {causes}", flush=True)
     what = "healthy recordings beside those of real.py"
-    note = "looked at since; as they were first asked, a cause was named in 8 of them"
+    note = "looked at since; at the first run a cause was named in 8 of them"
     counts = {
         "named": (f"{what}: a cause named", sum(bool(d.effects) for _, d in found)),
         "none": (f"{what}: `none`", sum(d.verdict == "none" for _, d in found)),

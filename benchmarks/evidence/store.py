@@ -95,36 +95,39 @@ def _short(x: Any) -> Any:
 
 
 def page(content: Mapping[str, Any]) -> str:
-    """Return the page of all figures."""
+    """Return the page of all figures: a table a part, with the command that measures it."""
     lines = [
         "# Figures",
         "",
-        "Every figure that README and docs state, with the command that measures it. This page is written by",
-        "`make evidence` (`python -m benchmarks evidence PART` for one part) from `figures.json`; a test holds the",
-        "numbers of README and docs against that file, and others fail at 1.5 times what is stated here.",
+        "Every measured figure, with its command. `make evidence` writes this page from `figures.json`. The docstring",
+        "of `benchmarks/evidence/PART.py` says how a part is measured. Tests fail at 1.5 times what is stated here.",
         "",
         "| kind | means |",
         "|---|---|",
         *(f"| {kind} | {words} |" for kind, words in KINDS.items()),
     ]
     for part, one in content.items():
-        took = "" if one["seconds"] is None else f"; {one['seconds']} s"
-        lines += [
-            "",
-            f"## {part}",
-            "",
-            one["what"],
-            "",
-            f"`{one['command']}`, seeds {one['seeds']}; {one['date']}{took}.",
-            "",
-            "| figure | ours | range | published | kind |",
-            "|---|---|---|---|---|",
-        ]
-        for name, f in one["figures"].items():
-            note = f" ({f['note']})" if f.get("note") else ""
-            cells = (f"`{part}.{name}` {f['what']}{note}", _number(f), _range(f), _published(f), f["kind"])
-            lines.append("| " + " | ".join(cells) + " |")
+        lines += ["", f"## {part}", "", one["what"].partition("\n\n")[0], *_table(one)]
     return "\n".join(lines) + "\n"
+
+
+def _table(one: Mapping[str, Any]) -> list[str]:
+    """Return how a part was measured, and its figures; a row states its kind where the rows differ in it."""
+    rows: Mapping[str, Mapping[str, Any]] = one["figures"]
+    kinds = {f["kind"] for f in rows.values()}
+    took = "" if one["seconds"] is None else f"; {one['seconds']} s"
+    heads = ["name", "figure", "ours", *(["range"] if any("low" in f for f in rows.values()) else [])]
+    heads += ["published"] if any("published" in f for f in rows.values()) else []
+    heads += ["kind"] if len(kinds) > 1 else []
+    of_all = "" if len(kinds) > 1 else f"; {kinds.pop()}"
+    lines = [f"`{one['command']}`, seeds {one['seeds']}; {one['date']}{took}{of_all}.", ""]
+    lines += [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for name, f in rows.items():
+        note = f" ({f['note']})" if f.get("note") else ""
+        cells = {"name": f"`{name}`", "figure": f["what"] + note, "ours": _number(f), "kind": f["kind"]}
+        cells |= {"range": _range(f), "published": _published(f)}
+        lines.append(f"| {' | '.join(cells[head] for head in heads)} |")
+    return lines
 
 
 def _number(f: Mapping[str, Any]) -> str:
@@ -134,9 +137,9 @@ def _number(f: Mapping[str, Any]) -> str:
 
 
 def _range(f: Mapping[str, Any]) -> str:
-    return f"{f['low']:g} to {f['high']:g}" if "low" in f and "high" in f else "-"
+    return f"{f['low']:g} to {f['high']:g}" if "low" in f and "high" in f else ""
 
 
 def _published(f: Mapping[str, Any]) -> str:
-    found = f.get("published", "-")
+    found = f.get("published", "")
     return found if isinstance(found, str) else f"{found:g} {f.get('unit', '')}".strip()

@@ -17,8 +17,8 @@ from pinotwin.bench.produce import produce
 from pinotwin.bench.twins import healthy_twin
 from pinotwin.errors import DataError
 from pinotwin.log import Log
-from pinotwin.logs.check import inspect_log
 from pinotwin.logs.files import read
+from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
 
@@ -103,7 +103,7 @@ def asked(question: Question, work: Path, elsewhere: Elsewhere | None) -> Asked:
         case = Case(0, question.machine, question.situation, "healthy", (), question.seed)
         sealed = produce(case).sealed
         for log in sealed.logs:
-            for finding in inspect_log(sealed.machine, log).findings:
+            for finding in Prepared.of(sealed.machine, log).quality.findings:
                 if finding.code == "loop_unstable":
                     raise DataError(f"{finding.channel}: {finding.message}")
         change = question.situation == "change"

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2, false_discovery_control
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import known
@@ -34,12 +34,8 @@ from pinotwin.system.writing import as_path, whole_folder, write_json
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
 
-FALSE_DISCOVERIES = 0.05
-"""Share of the parameters said to have moved that may be chance."""
 Z90 = 1.6449
 """Half width of a 90 % interval in standard errors."""
-TABLE = 12
-"""An effect with more coefficients than this is a table: it is not asked knot by knot."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +122,7 @@ class Comparison(Compared):
         log: source of that log.
         notes: what deserves attention.
         data: label -> the logs that the twin was identified from.
+        false_discoveries: share of the parameters said to have moved that may be chance.
     """
 
     machine: str
@@ -138,6 +135,7 @@ class Comparison(Compared):
     log: str = ""
     notes: tuple[str, ...] = ()
     data: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
+    false_discoveries: float = 0.05
 
     @property
     def moved(self) -> tuple[Row, ...]:
@@ -147,9 +145,7 @@ class Comparison(Compared):
     @property
     def causes(self) -> tuple[tuple[str, str, int], ...]:
         """Effects of which parameters moved: key, title, and how many; the surest first."""
-        count: dict[str, int] = {}
-        for row in self.moved:
-            count[row.effect] = count.get(row.effect, 0) + 1
+        count = Counter(row.effect for row in self.moved)
         return tuple((key, effect_title(key), n) for key, n in count.items())
 
     @property
@@ -175,7 +171,7 @@ class Comparison(Compared):
             "machine": self.machine,
             "labels": list(self.labels),
             "sentence": self.sentence,
-            "false_discovery_rate": FALSE_DISCOVERIES,
+            "false_discovery_rate": self.false_discoveries,
             "widening": self.widening,
             "moved": [row.name for row in self.moved],
             "causes": [{"effect": k, "title": title, "parameters": n} for k, title, n in self.causes],
@@ -192,13 +188,21 @@ class Comparison(Compared):
         }
 
 
-def compare(*twins: TwinLike, labels: Sequence[str] | None = None, log: LogLike | None = None) -> Comparison:
+def compare(
+    *twins: TwinLike,
+    labels: Sequence[str] | None = None,
+    log: LogLike | None = None,
+    false_discoveries: float = 0.05,
+    knots: int = 12,
+) -> Comparison:
     """Put twins of one machine side by side, in the order of time.
 
     Args:
         twins: two or more, or their folders.
         labels: name of each; ``1``, ``2``... where None.
         log: on which each is judged; without it parameters alone are compared.
+        false_discoveries: share of the parameters said to have moved that may be chance.
+        knots: an effect with more coefficients is a table, not asked one by one.
 
     Raises:
         InputError: fewer than two twins, or twins of different machines.
@@ -210,21 +214,24 @@ def compare(*twins: TwinLike, labels: Sequence[str] | None = None, log: LogLike 
     machines = {twin.machine.name for twin in given}
     if len(machines) > 1:
         raise InputError(f"compare: twins of different machines ({', '.join(sorted(machines))})")
-    plain, only = _rows(given, names)
-    rows, widening = _widened(given, plain)
-    errors: dict[str, Any] = {}
-    shifts: dict[str, tuple[str, float, str]] = {}
-    notes: tuple[str, ...] = ()
-    source = ""
-    if log is not None:
-        held = as_log(log)
-        source = held.source
-        errors, notes = _errors(given, names, held)
-        shifts = _shifts(given[0], given[-1], held)
-    data = {name: tuple(twin.data) for name, twin in zip(names, given, strict=True)}
-    return Comparison(
-        machines.pop(), names, widening, _discoveries(rows), only, errors, shifts, source, notes, data
+    factors = {axis: max(_overfit(twin, axis) for twin in given) for axis in given[0].machine.names}
+    widening = factors | {"rigid_body": max(factors.values())}
+    rows, only = _rows(given, names, widening, knots)
+    found = Comparison(
+        machines.pop(),
+        names,
+        widening,
+        _discoveries(rows, false_discoveries),
+        only,
+        data={name: tuple(twin.data) for name, twin in zip(names, given, strict=True)},
+        false_discoveries=false_discoveries,
     )
+    if log is None:
+        return found
+    held = as_log(log)
+    errors, notes = _errors(given, names, held)
+    shifts = _shifts(given[0], given[-1], held)
+    return replace(found, errors=errors, shifts=shifts, log=held.source, notes=notes)
 
 
 def effect_title(key: str) -> str:
@@ -234,40 +241,30 @@ def effect_title(key: str) -> str:
     return name if kind is None else kind.title
 
 
-def _rows(twins: Sequence[Twin], labels: Sequence[str]) -> tuple[tuple[Row, ...], dict[str, tuple[str, ...]]]:
+def _rows(
+    twins: Sequence[Twin], labels: Sequence[str], widening: Mapping[str, float], knots: int
+) -> tuple[tuple[Row, ...], dict[str, tuple[str, ...]]]:
+    """Return the parameters that two twins have, with widened errors, and those that only one has."""
     tables = [{row.name: row for row in twin.parameters} for twin in twins]
-    every = list(dict.fromkeys(name for table in tables for name in table))
-    shared = [name for name in every if sum(name in table for table in tables) > 1]
+    held = Counter(name for table in tables for name in table)
+    size = Counter(next(t[name] for t in tables if name in t).effect for name, n in held.items() if n > 1)
     rows = []
-    for name in shared:
-        first = next(table[name] for table in tables if name in table)
+    for name in (name for name, n in held.items() if n > 1):
         found = [table.get(name) for table in tables]
+        first = next(row for row in found if row is not None)
         known = [row if row is not None and row.determined and row.error > 0.0 else None for row in found]
+        wider = widening.get(first.effect.split(".")[0], widening["rigid_body"])
         values = tuple(row.value if row is not None else np.nan for row in known)
-        spread = tuple(row.error if row is not None else np.nan for row in known)
-        p = _chance(np.array(values), np.array(spread))
-        rows.append(Row(name, first.effect, first.unit, values, spread, p))
+        errors = tuple(wider * row.error if row is not None else np.nan for row in known)
+        asked = size[first.effect] <= knots or first.effect.startswith("rigid_body")
+        p = _chance(np.array(values), np.array(errors)) if asked else float("nan")
+        rows.append(Row(name, first.effect, first.unit, values, errors, p))
     only = {
-        label: tuple(name for name in table if name not in shared)
+        label: own
         for label, table in zip(labels, tables, strict=True)
-        if any(name not in shared for name in table)
+        if (own := tuple(name for name in table if held[name] == 1))
     }
     return tuple(rows), only
-
-
-def _widened(twins: Sequence[Twin], rows: Sequence[Row]) -> tuple[tuple[Row, ...], dict[str, float]]:
-    """Return the rows with errors that allow for what the models leave out, and the factor of each axis."""
-    factors = {axis: max(_overfit(twin, axis) for twin in twins) for axis in twins[0].machine.names}
-    rest = max(factors.values())
-    count = Counter(row.effect for row in rows if not row.effect.startswith("rigid_body"))
-    out = []
-    for row in rows:
-        k = factors.get(row.effect.split(".")[0], rest)
-        errors = tuple(k * e for e in row.errors)
-        asked = count[row.effect] <= TABLE
-        p = _chance(np.array(row.values), np.array(errors)) if asked else float("nan")
-        out.append(Row(row.name, row.effect, row.unit, row.values, errors, p))
-    return tuple(out), factors | {"rigid_body": rest}
 
 
 def _overfit(twin: Twin, axis: str) -> float:
@@ -284,14 +281,14 @@ def _chance(values: Floats, errors: Floats) -> float:
         return float("nan")
     x, weight = values[known], 1.0 / errors[known] ** 2
     mean = np.sum(weight * x) / np.sum(weight)
-    return float(chi2.sf(np.sum(weight * (x - mean) ** 2), known.sum() - 1))
+    return float(scipy.stats.chi2.sf(np.sum(weight * (x - mean) ** 2), known.sum() - 1))
 
 
-def _discoveries(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """Mark the rows that moved, at the stated rate of false discoveries."""
+def _discoveries(rows: Sequence[Row], most: float) -> tuple[Row, ...]:
+    """Mark the rows that moved, at a rate of false discoveries."""
     asked = [k for k, row in enumerate(rows) if np.isfinite(row.p)]
-    rate = false_discovery_control([rows[k].p for k in asked]) if asked else []
-    moved = {k for k, value in zip(asked, rate, strict=True) if value <= FALSE_DISCOVERIES}
+    rate = scipy.stats.false_discovery_control([rows[k].p for k in asked]) if asked else []
+    moved = {k for k, value in zip(asked, rate, strict=True) if value <= most}
     return tuple(replace(row, moved=k in moved) for k, row in enumerate(rows))
 
 

@@ -20,8 +20,6 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 
-PASSES = 3  # in which the inertia's change with the posture settles
-
 
 @dataclass(frozen=True)
 class PassiveSpring:
@@ -59,13 +57,18 @@ class Load:
     inertia: Floats
     motion: Motion
 
-    def response(self, spring: PassiveSpring) -> tuple[Floats, Floats, Floats]:
-        """Return deflection, velocity and acceleration of the joint, shape (n,) each."""
+    def response(self, spring: PassiveSpring, passes: int = 3) -> tuple[Floats, Floats, Floats]:
+        """Return deflection, velocity and acceleration of the joint, shape (n,) each.
+
+        Args:
+            spring: of the joint.
+            passes: in which the inertia's change with the posture settles.
+        """
         mean = float(self.inertia.mean())
         wn, zeta = spring.mode(mean)
         x, v, a = np.zeros((3, len(self.torque)))
         for part in self.motion.segments:
-            for _ in range(PASSES):
+            for _ in range(passes):
                 load = (self.torque[part] + (mean - self.inertia[part]) * a[part]) / mean
                 found = respond(load[:, None], self.motion.step, wn, zeta)
                 x[part], v[part], a[part] = found.x[:, 0], found.v[:, 0], found.a[:, 0]

@@ -21,8 +21,7 @@ The rigid body's effort is told apart by evaluating it with parts of the motion 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -46,36 +45,8 @@ CAUSES = (
 )
 """Causes of the generalised disturbance; ``position`` is ripple, tables and offsets."""
 
-POSTURES = 64
-_BLOCK = 20000  # rows: keeps the columns of a table small
 
-
-@dataclass(frozen=True)
-class Split:
-    """Effort of a motion, told apart; arrays of shape (n, nv) [N or N·m].
-
-    Attributes:
-        names: joint name of every column.
-        linear: ``inertia`` M_D a, ``viscous`` C v, ``stiffness`` K q.
-        parts: cause -> its part of the generalised disturbance; absent causes are left out.
-    """
-
-    names: tuple[str, ...]
-    linear: Mapping[str, Floats]
-    parts: Mapping[str, Floats]
-
-    @property
-    def disturbance(self) -> Floats:
-        """The generalised disturbance d."""
-        return _total(self.parts.values())
-
-    @property
-    def effort(self) -> Floats:
-        """The motor effort u = M_D a + C v + K q + d."""
-        return _total(self.linear.values()) + self.disturbance
-
-
-def diagonal(plant: OpenLoop, motion: Motion) -> dict[str, Floats]:
+def diagonal(plant: OpenLoop, motion: Motion, postures: int = 64) -> dict[str, Floats]:
     """Return the constant diagonals M_D, C and K of a plant over the travel of a motion, each (nv,).
 
     The keys are ``inertia``, ``viscous`` and ``stiffness``; the result is stored as
@@ -83,8 +54,7 @@ def diagonal(plant: OpenLoop, motion: Motion) -> dict[str, Floats]:
     the inertia of those that an axis sits on, when both are counted from the ground (Eq. 5.4).
     """
     q = np.concatenate([motion.q[s] for s in motion.segments])
-    postures = halton(POSTURES, q.min(axis=0), q.max(axis=0))
-    M = mean_inertia(plant, postures)
+    M = mean_inertia(plant, halton(postures, q.min(axis=0), q.max(axis=0)))
     inertia = np.diag(M).copy()
     viscous, stiffness = np.zeros(plant.machine.nv), np.zeros(plant.machine.nv)
     for effect, theta in _effects(plant):
@@ -150,11 +120,13 @@ def generalised_disturbance(
             total += _effort(effect, theta, motion, total.shape[1])
     if motion.external is not None:
         total -= motion.external
-    return total - _total(_linear(motion, diagonal).values())
+    return total - np.sum(list(linear(motion, diagonal).values()), axis=0)
 
 
-def split(plant: OpenLoop, motion: Motion, *, modes: bool = True) -> Split:
-    """Return the effort of a motion by its terms and causes; they sum to ``twin.effort(motion)``.
+def split(plant: OpenLoop, motion: Motion, *, modes: bool = True) -> dict[str, Floats]:
+    """Return the generalised disturbance of a motion by its causes, each of shape (n, nv) [N or N·m].
+
+    With :func:`linear` they sum to ``twin.effort(motion)``. Absent causes are left out.
 
     Args:
         plant: what was identified.
@@ -177,12 +149,12 @@ def split(plant: OpenLoop, motion: Motion, *, modes: bool = True) -> Split:
             if cause not in ("viscous", "stiffness"):
                 own = np.where([w == cause for w in words], theta, 0.0)
                 parts[cause] = parts.get(cause, np.zeros((n, nv))) + _effort(effect, own, motion, nv)
-    linear = _linear(motion, plant.diagonal)
-    for cause, effort in _rigid_parts(plant, motion, linear["inertia"]).items():
+    inertia = linear(motion, plant.diagonal)["inertia"]
+    for cause, effort in _rigid_parts(plant, motion, inertia).items():
         parts[cause] = parts[cause] + effort if cause in parts else effort
     if motion.external is not None:
         parts["external"] = -motion.external
-    return Split(motion.names, linear, {c: parts[c] for c in CAUSES if c in parts})
+    return {c: parts[c] for c in CAUSES if c in parts}
 
 
 def causes(effect: Effect) -> tuple[str, ...]:
@@ -225,16 +197,14 @@ def _effort(effect: Effect, theta: Floats, motion: Motion, nv: int) -> Floats:
     """Return the effort of one effect, in blocks where it has no memory (a table is wide)."""
     if effect.depends not in ("position", "velocity"):
         return effect.columns(motion).effort(theta, nv)
-    parts = [effect.columns(motion.cut(s.start, s.stop)).effort(theta, nv) for s in _rows(len(motion))]
+    n, block = len(motion), 20_000
+    cuts = [motion.cut(start, min(start + block, n)) for start in range(0, n, block)]
+    parts = [effect.columns(part).effort(theta, nv) for part in cuts]
     return np.concatenate(parts) if parts else np.zeros((0, nv))
 
 
-def _rows(n: int) -> Iterator[slice]:
-    for start in range(0, n, _BLOCK):
-        yield slice(start, min(start + _BLOCK, n))
-
-
-def _linear(motion: Motion, diagonal: Mapping[str, Floats]) -> dict[str, Floats]:
+def linear(motion: Motion, diagonal: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Return M_D a, C v and K q of a motion: ``inertia``, ``viscous`` and ``stiffness``, each of shape (n, nv)."""
     pairs = {"inertia": motion.a, "viscous": motion.v, "stiffness": motion.q}
     return {name: x * np.asarray(diagonal[name], dtype=float) for name, x in pairs.items()}
 
@@ -242,13 +212,6 @@ def _linear(motion: Motion, diagonal: Mapping[str, Floats]) -> dict[str, Floats]
 def _effects(plant: OpenLoop) -> Iterator[tuple[Effect, Floats]]:
     for effect, s in zip(plant.effects, plant.slices, strict=True):
         yield effect, plant.theta[s]
-
-
-def _total(arrays: Iterable[Floats]) -> Floats:
-    total: Floats | None = None
-    for x in arrays:
-        total = x.copy() if total is None else total + x
-    return np.zeros(()) if total is None else total
 
 
 def halton(count: int, lower: Floats, upper: Floats) -> Floats:

@@ -21,7 +21,6 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.frames import jacobian
 from pinotwin.errors import DataError
-from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.logs.write import write_log
 from pinotwin.machine import Machine
@@ -29,9 +28,6 @@ from pinotwin.motion import Motion
 from pinotwin.system.writing import as_path
 from pinotwin.twin import Twin
 from pinotwin.twin.twin import TwinLike, as_twin
-
-WIDE = 1.645
-"""Half width of a 90 % interval in standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +40,8 @@ class ExternalEffort:
         force: external effort, shape (n, axes) [N or N·m].
         half: half width of its 90 % interval, shape (n, axes).
         q: positions of all joints, shape (n, nv) [m or rad].
-        twin: whose axes they are, where :func:`force` made it.
+        units: of each axis' force.
+        machine: its name.
         source: of the log.
         link: the pure force on a link, if one was named.
     """
@@ -54,7 +51,8 @@ class ExternalEffort:
     force: Floats
     half: Floats
     q: Floats
-    twin: Twin | None = None
+    units: tuple[str, ...] = ()
+    machine: str = ""
     source: str = ""
     link: LinkForce | None = None
 
@@ -74,16 +72,15 @@ class ExternalEffort:
     def to_dict(self) -> dict[str, Any]:
         """Return what ``pinotwin force --json`` writes."""
         rows = {}
-        for k, (name, share) in enumerate(zip(self.names, self.beyond(), strict=True)):
-            rotary = self.twin is not None and self.twin.machine.axis(name).rotary
+        beyond = self.beyond()
+        for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):
             rows[name] = {
                 "largest": float(abs(self.force[:, k]).max()),
                 "half_width90": float(self.half[:, k].mean()),
-                "share_beyond": float(share),
-                "unit": "N·m" if rotary else "N",
+                "share_beyond": float(beyond[k]),
+                "unit": unit,
             }
-        machine = "" if self.twin is None else self.twin.machine.name
-        out: dict[str, Any] = {"machine": machine, "log": self.source, "axes": rows}
+        out: dict[str, Any] = {"machine": self.machine, "log": self.source, "axes": rows}
         if self.link is not None:
             out["link"] = {self.link.link: dict(zip("xyz", self.link.felt().tolist(), strict=True))}
         return out
@@ -93,13 +90,14 @@ class ExternalEffort:
         return np.asarray(np.mean(np.abs(self.force) > self.half, axis=0))
 
 
-def force(twin: TwinLike, log: LogLike, *, link: str | None = None) -> ExternalEffort:
+def force(twin: TwinLike, log: LogLike, *, link: str | None = None, z: float = 1.645) -> ExternalEffort:
     """Estimate the external effort on every axis over time, with its interval.
 
     Args:
         twin: a twin with its misfit, or its folder.
         log: servo log of the same machine, or its file.
         link: also find the pure force on this link.
+        z: half width of the interval in standard deviations; 90 % by default.
 
     Raises:
         LogError: a channel is missing or unusable.
@@ -107,37 +105,26 @@ def force(twin: TwinLike, log: LogLike, *, link: str | None = None) -> ExternalE
         MachineError: there is no such link.
     """
     twin, log = as_twin(twin), as_log(log)
-    found = external_effort(twin, log)
-    at_link = None if link is None else link_force(twin.machine, found, link)
-    return replace(found, twin=twin, source=log.source, link=at_link)
-
-
-def external_effort(twin: Twin, log: Log) -> ExternalEffort:
-    """Return the external effort along a log.
-
-    Args:
-        twin: with its misfit.
-        log: servo log of the same machine.
-
-    Raises:
-        LogError: a channel is missing or unusable.
-        DataError: the twin does not know its misfit.
-    """
     if twin.misfit is None:
         raise DataError(f"{twin.machine.name}: this twin has no validation error; identify it again")
     motion = twin.motion(log)
-    residual = -twin.residual(motion)
-    inside, unsure = motion.inside, _unsure(twin, motion, twin.misfit.motion)
-    names, force, half = [], [], []
-    for name, axis in twin.machine.axes.items():
-        if name in twin.misfit.summary:
-            names.append(name)
-            force.append(np.where(inside, residual[:, axis.index], np.nan)[inside])
-            left = _left(twin.misfit.summary[name], motion.use[inside, axis.index])
-            half.append(WIDE * np.hypot(left, unsure[inside, axis.index]))
-    return ExternalEffort(
-        motion.t[inside], tuple(names), np.stack(force, axis=1), np.stack(half, axis=1), motion.q[inside]
+    inside = motion.inside
+    residual, unsure = twin.residual(motion)[inside], _unsure(twin, motion, twin.misfit.motion)[inside]
+    names = [name for name in twin.machine.axes if name in twin.misfit.summary]
+    columns = [twin.machine.axes[name].index for name in names]
+    left = [_left(twin.misfit.summary[n], motion.use[inside, j]) for n, j in zip(names, columns, strict=True)]
+    half = z * np.hypot(np.stack(left, axis=1), unsure[:, columns])
+    found = ExternalEffort(
+        t=motion.t[inside],
+        names=tuple(names),
+        force=-residual[:, columns],
+        half=half,
+        q=motion.q[inside],
+        units=tuple("N·m" if twin.machine.axes[name].rotary else "N" for name in names),
+        machine=twin.machine.name,
+        source=log.source,
     )
+    return found if link is None else replace(found, link=link_force(twin.machine, found, link))
 
 
 def _left(summary: Mapping[str, Any], moving: Mask) -> Floats:
@@ -160,12 +147,6 @@ def _unsure(twin: Twin, motion: Motion, own: Motion) -> Floats:
             size = np.std(effect.columns(own).effort(twin.theta[where], twin.machine.nv)[:, j])
             error[strange, j] = np.hypot(error[strange, j], size)
     return error
-
-
-FELT = 0.99
-"""Share of a direction that the axes must feel for the force along it to be stated."""
-DULL = 30.0
-"""Times the best-felt direction's interval, from which a direction counts as not felt."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,13 +178,17 @@ class LinkForce:
         return np.asarray(np.isfinite(self.force).mean(axis=0))
 
 
-def link_force(machine: Machine, found: ExternalEffort, link: str) -> LinkForce:
+def link_force(
+    machine: Machine, found: ExternalEffort, link: str, *, felt: float = 0.99, dull: float = 30.0
+) -> LinkForce:
     """Return the pure force on a link that explains external efforts, where it is determined.
 
     Args:
         machine: whose links.
         found: external effort of its axes.
         link: name of a link; the force acts at its origin.
+        felt: share of a direction that the axes must feel for the force along it to be stated.
+        dull: times the best-felt direction's interval, from which a direction counts as not felt.
 
     Raises:
         MachineError: there is no such link.
@@ -212,10 +197,10 @@ def link_force(machine: Machine, found: ExternalEffort, link: str) -> LinkForce:
     J = jacobian(machine.model, link, found.q)[:, :3][:, :, columns]
     A = J.transpose(0, 2, 1) / found.half[:, :, None]
     U, S, Vt = np.linalg.svd(A, full_matrices=False)
-    strong = (S[:, :1] < DULL * S) & (S > 0.0)
+    strong = (S[:, :1] < dull * S) & (S > 0.0)
     inverse = np.where(strong, 1.0 / np.where(strong, S, 1.0), 0.0)
     y = np.einsum("nij,ni->nj", U, found.force / found.half) * inverse
     force = np.einsum("njk,nj->nk", Vt, y)
     half = np.sqrt(np.einsum("njk,nj->nk", Vt**2, inverse**2))
-    felt = np.einsum("njk,nj->nk", Vt**2, strong.astype(float)) > FELT
-    return LinkForce(found.t, link, np.where(felt, force, np.nan), np.where(felt, half, np.nan))
+    known = np.einsum("njk,nj->nk", Vt**2, strong.astype(float)) > felt
+    return LinkForce(found.t, link, np.where(known, force, np.nan), np.where(known, half, np.nan))

@@ -27,12 +27,6 @@ if TYPE_CHECKING:
     from pinotwin.loop import LoopModel
     from pinotwin.twin import Twin
 
-_STILL = 2e-3
-"""Modes below this frequency [Hz] are rigid-body motion."""
-_ROUNDS = 20
-_CRITICAL = 0.5
-"""Modes damped more are the servo's own: a stiffness and a damping say little about them."""
-
 
 @dataclass(frozen=True)
 class Mode:
@@ -112,12 +106,20 @@ def modes(
     return Modes(believed.names, q, held, _solve(M, K[cut], np.diag(c)[cut], free))
 
 
-def servo_modes(twin: Twin, posture: Mapping[str, float] | None = None) -> Modes:
+def servo_modes(
+    twin: Twin, posture: Mapping[str, float] | None = None, *, rounds: int = 20, critical: float = 0.5
+) -> Modes:
     """Return the modes of a twin at a posture with its servo loops closed.
 
     A loop answers a displacement of its axis with u = C(s) e, and its transfer functions give
     C = (u/d) / (e/d), whatever the controller. At a mode's s that is a stiffness and a damping,
     C(s) = k + c s with both real; s and the servo are found in turn until they agree, mode by mode.
+
+    Args:
+        twin: with closed loops.
+        posture: axis -> position [m or rad]; others at zero.
+        rounds: in which s and the servo agree.
+        critical: modes damped more are the servo's own: a stiffness and a damping say little about them.
 
     Raises:
         TwinError: the twin has no closed loop.
@@ -128,11 +130,11 @@ def servo_modes(twin: Twin, posture: Mapping[str, float] | None = None) -> Modes
     found = []
     for k in range(len(begin)):
         now = begin
-        for _ in range(_ROUNDS):
+        for _ in range(rounds):
             if k >= len(now):
                 break
             now = _with_servo(twin, posture, _root(now[k]))
-        if k < len(now) and now[k].damping < _CRITICAL:
+        if k < len(now) and now[k].damping < critical:
             found.append(now[k])
     ordered = tuple(sorted(found, key=lambda mode: mode.frequency))
     return Modes(begin.names, begin.q, begin.locked, ordered)
@@ -220,8 +222,8 @@ def _gravity_slope(model: pin.Model, q: Floats) -> Floats:
     return 0.5 * (slope + slope.T)
 
 
-def _solve(M: Floats, K: Floats, C: Floats, free: Ints) -> tuple[Mode, ...]:
-    """Return the vibrations of the free joints; M of all joints."""
+def _solve(M: Floats, K: Floats, C: Floats, free: Ints, still: float = 2e-3) -> tuple[Mode, ...]:
+    """Return the vibrations of the free joints; M of all joints. Below ``still`` [Hz] is rigid-body motion."""
     n = len(free)
     inverse = np.linalg.inv(M[np.ix_(free, free)])
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, -inverse @ C]])
@@ -229,7 +231,7 @@ def _solve(M: Floats, K: Floats, C: Floats, free: Ints) -> tuple[Mode, ...]:
     out = []
     for s, column in zip(values, vectors.T, strict=True):
         wn = abs(s)
-        if s.imag <= 0.0 or wn < 2.0 * np.pi * _STILL:
+        if s.imag <= 0.0 or wn < 2.0 * np.pi * still:
             continue
         shape = np.zeros(len(M), dtype=complex)
         shape[free] = column[:n]

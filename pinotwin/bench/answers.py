@@ -14,7 +14,6 @@ from pinotwin.diagnosis import Diagnosis
 
 Key = tuple[str, str | None]
 """Effect and axis."""
-SET = 0.9
 FLAGS = ("unexplained", "partly_explained")
 """Verdicts that say: there is something that the catalogue does not know."""
 
@@ -109,18 +108,14 @@ def label(key: Key) -> str:
 
 
 def noted(
-    case: Case,
-    found: Diagnosis,
-    made: Produced,
-    seconds: Mapping[str, float],
-    oracle: float | None = None,
+    case: Case, found: Diagnosis, made: Produced, seconds: Mapping[str, float], oracle: float | None = None
 ) -> Answer:
     """Return what a diagnosis said about a case."""
-    return Answer(
-        *_asked(case),
-        made.sizes,
-        made.raw,
-        found.verdict,
+    return dataclasses.replace(
+        failed(case, None),
+        sizes=made.sizes,
+        raw=made.raw,
+        verdict=found.verdict,
         named=tuple((e.effect, e.axis, float(e.confidence)) for e in found.effects),
         stated=_stated(found),
         confusable=tuple(tuple(g) for g in found.confusable),
@@ -131,18 +126,15 @@ def noted(
     )
 
 
-def failed(case: Case, error: BaseException) -> Answer:
+def failed(case: Case, error: BaseException | None) -> Answer:
     """Return the answer of a case whose diagnosis did not come to an end."""
-    return Answer(*_asked(case), (), (), "error", error=f"{type(error).__name__}: {error}")
+    asked = case.number, case.machine, case.situation, case.kind, truth_of(case), case.effects
+    text = "" if error is None else f"{type(error).__name__}: {error}"
+    return Answer(*asked, sizes=(), raw=(), verdict="error", error=text)
 
 
-def _asked(case: Case) -> tuple[int, str, str, str, tuple[Key, ...], tuple[tuple[str, str, float], ...]]:
-    """Return what an answer holds of its case."""
-    return case.number, case.machine, case.situation, case.kind, truth_of(case), case.effects
-
-
-def _stated(found: Diagnosis) -> tuple[Key, ...]:
-    """Return the fewest answers whose stated probabilities reach 90 %."""
+def _stated(found: Diagnosis, level: float = 0.9) -> tuple[Key, ...]:
+    """Return the fewest answers whose stated probabilities reach a level."""
     if not found.effects:
         return ()
     first = found.effects[0]
@@ -153,7 +145,7 @@ def _stated(found: Diagnosis) -> tuple[Key, ...]:
     out: list[Key] = []
     total = 0.0
     for p, key in sorted(options, key=lambda x: -x[0]):
-        if p <= 0.0 or total >= SET:
+        if p <= 0.0 or total >= level:
             break
         out.append(key)
         total += p

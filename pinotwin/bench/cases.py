@@ -27,16 +27,14 @@ MACHINES = ("trunnion", "laser_driller", "emps", "random:29", "random:30", "rand
 """What the bench runs on unless told otherwise. The random ones nothing was tuned on: 1 to 28 were looked
 at while the diagnosis was being built."""
 
-ROUNDS = 4
-"""Rounds of a whole bench: about 104 healthy, 168 single, 40 double, 48 outside, 20 other forms."""
-
 HEALTHY_CASES, DOUBLE_CASES, LEFT_OUT_CASES = 26, 10, 8
+"""Of one round, over both situations. Four rounds make a whole bench."""
+
 FORM_CASES = {
     "structure": ("gms", "gms", "ripple_triangle"),
     # A controller's dead time that was there when it was identified is no fault of the model.
     "change": ("gms", "loop_delay"),
 }
-TWINS = 2
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,9 @@ def draw_cases(
             for machine in (next(turns) for _ in range(2 * len(machines))):
                 effects = _placed(rng, machine, situation, names)
                 if effects is not None:
-                    out.append(_case(len(out), machine, situation, kind, effects, rng))
+                    away = left_out_with(effects[0][0]) if kind == "left_out" else ()
+                    seed, twin = int(rng.integers(1 << 30)), int(rng.integers(2))
+                    out.append(Case(len(out), machine, situation, kind, effects, seed, away, twin))
                     break
     return out
 
@@ -129,20 +129,6 @@ def _two(rng: np.random.Generator, pool: Sequence[str]) -> tuple[str, str]:
         a, b = (str(x) for x in rng.choice(np.array(pool), 2, replace=False))
         if not any({a, b} <= group for group in IMITATORS):
             return a, b
-
-
-def _case(
-    number: int,
-    machine: str,
-    situation: str,
-    kind: str,
-    effects: tuple[tuple[str, str, float], ...],
-    rng: np.random.Generator,
-) -> Case:
-    away = left_out_with(effects[0][0]) if kind == "left_out" else ()
-    return Case(
-        number, machine, situation, kind, effects, int(rng.integers(1 << 30)), away, int(rng.integers(TWINS))
-    )
 
 
 def _turns(rng: np.random.Generator, machines: Sequence[str]) -> Iterator[str]:

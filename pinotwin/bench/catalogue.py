@@ -39,32 +39,6 @@ SIZES: dict[str, tuple[float, float]] = {
 CHANGE_SIZES: dict[str, tuple[float, float]] = {"presliding": (0.004, 0.1)}
 """The same where the effect is there already and grows."""
 
-STRUCTURE = (
-    "viscous",
-    "coulomb",
-    "coulomb_asymmetric",
-    "stribeck",
-    "presliding",
-    "ripple",
-    "ripple_modulated",
-    "position_table",
-    "load_friction",
-    "viscous_thermal",
-    "drive_flexibility",
-    "joint_flexibility",
-    "backlash",
-    "encoder_error",
-    "delay",
-    "geometric_error",
-    "quadratic_drag",
-    "external_force",
-    "saturation",
-)
-"""Effects that a model which is fitted to the log itself can be seen to lack."""
-
-CHANGE = (*STRUCTURE, "payload", "inertial_coupling", "effort_scale", "feedforward")
-"""Effects that can come after a twin was identified; a refit would absorb the last four."""
-
 OUTSIDE = ("ripple_speed", "coulomb_position", "mains", "chatter")
 """Effects that no catalogue entry describes."""
 
@@ -74,6 +48,15 @@ FORMS: dict[str, str] = {
     "loop_delay": "delay",
 }
 """Right effect in another functional form than the catalogue's -> the name that is right."""
+
+AFTERWARDS = ("payload", "inertial_coupling", "effort_scale", "feedforward")
+"""Effects that can only come after a twin was identified: a refit absorbs them."""
+
+STRUCTURE = tuple(name for name in SIZES if name not in (*AFTERWARDS, *OUTSIDE, *FORMS))
+"""Effects that a model which is fitted to the log itself can be seen to lack."""
+
+CHANGE = (*STRUCTURE, *AFTERWARDS)
+"""Effects that can come after a twin was identified."""
 
 LOOP_ONLY = ("feedforward", "saturation", "loop_delay")
 """Effects of the controller: what they change is the tracking error; the plant stays as it was."""

@@ -9,7 +9,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1]
 ONLY_SHOWN = ("report", "viewer", "cli", "files", "imu", "reconstruction")
 """Parts of the package that no answer depends on."""
-ONLY_COUNTED = ("scoring", "table", "confusion", "statistics")
+ONLY_COUNTED = ("scoring", "table", "statistics")
 """Modules of the bench that look at answers which are there already."""
 
 

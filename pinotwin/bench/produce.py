@@ -15,11 +15,8 @@ from pinotwin.machine import Machine
 from pinotwin.virtual import VirtualMachine, random_trajectory
 from pinotwin.virtual.trajectories import Trajectory
 
-SECONDS = 8.0
 DWELL = (0.03, 0.25)
 """Shortest and longest rest between moves [s]: short logs have no time to waste."""
-TRIES = 6
-"""Commands that are drawn for one that moves every axis."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ class Produced:
     courses: tuple[Log, ...] = ()
 
 
-def produce(case: Case, *, seconds: float = SECONDS) -> Produced:
+def produce(case: Case, *, seconds: float = 8.0) -> Produced:
     """Run the machine of a case."""
     fit, check = (path_of(case.machine, seconds, case.seed % 99991 + k) for k in range(2))
     off = case.effects if case.situation == "structure" else ()
@@ -85,13 +82,13 @@ def _form_error(case: Case, machine: Machine, well: VirtualMachine, path: Trajec
     return max(left_of(clean.signals, clean, machine, well, noise, usable=True).values())
 
 
-def path_of(machine: str, seconds: float, seed: int) -> Trajectory:
+def path_of(machine: str, seconds: float, seed: int, tries: int = 6) -> Trajectory:
     """Return the command with a seed: of a few, the one whose laziest axis moves most.
 
     It depends on the limits of the machine alone.
     """
     healthy = virtual(machine)
-    drawn = [random_trajectory(healthy, seconds, seed + 100_003 * k, dwell=DWELL) for k in range(TRIES)]
+    drawn = [random_trajectory(healthy, seconds, seed + 100_003 * k, dwell=DWELL) for k in range(tries)]
     return max(drawn, key=lambda path: _way(healthy, path))
 
 
@@ -118,15 +115,15 @@ def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory,
     well = virtual(case.machine, off=off)
     clean = run(well, path)
     noise = noise_powers(well, path, clean)
-    seen = run(ill, path, noise=_is_noise(case))
-    alone = (
-        [seen]
-        if len(case.effects) == 1
-        else [
-            run(virtual(case.machine, off=off, on=(one,), seed=case.seed + k), path)
+    # An effect made of noise would not be in a clean run.
+    seen = run(ill, path, noise=any(effect == "chatter" for effect, _, _ in case.effects))
+    alone = [seen]
+    if len(case.effects) > 1:
+        every = (
+            virtual(case.machine, off=off, on=(one,), seed=case.seed + k)
             for k, one in enumerate(case.effects)
-        ]
-    )
+        )
+        alone = [run(one, path) for one in every]
     machine = sealed.machine if case.situation == "structure" else None
     pairs = [
         _sizes(one[0], r, clean, noise, (machine, well)) for one, r in zip(case.effects, alone, strict=True)
@@ -141,11 +138,6 @@ def _course(ill: Run, clean: Run) -> Log:
     """Return the run with, for its efforts, what they are more than without the effect."""
     added = {f"{a}.u": of["u"] for a, of in ill.minus(clean).items()}
     return Log({k: np.asarray(x) for k, x in {**ill.log, **added}.items()}, source="course")
-
-
-def _is_noise(case: Case) -> bool:
-    """Whether an effect is made of noise, so that a clean run would not hold it."""
-    return any(effect == "chatter" for effect, _, _ in case.effects)
 
 
 def _sizes(

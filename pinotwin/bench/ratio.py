@@ -27,8 +27,6 @@ from pinotwin.virtual.trajectories import Trajectory
 
 Powers = Mapping[str, Mapping[str, float]]
 """axis -> signal (``u``, ``e``) -> power [SI²]."""
-ROWS = 1200
-"""Samples of a log that the columns of a model are evaluated at: enough for their span."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +92,7 @@ def left_of(
     noise: Powers,
     *,
     usable: bool = False,
+    rows: int = 1200,
 ) -> dict[str, float]:
     """Return the power of an effort that the machine's own columns leave, over the noise, per axis.
 
@@ -104,12 +103,13 @@ def left_of(
         truth: for the shapes of the columns.
         noise: of every axis; the fit weighs its rows by it.
         usable: only the rows that the listing speaks about (Coulomb friction says nothing of rest).
+        rows: samples at which the columns are evaluated: enough for their span.
     """
     # The difference takes the effort's place in the log, so that it goes through the filter of the motion.
     efforts = {f"{a}.u": of["u"] for a, of in gap.items()}
     motion = prepare(machine, Log({**along.log, **efforts}))
     effects = [at_truth(e, truth).fitted_to(motion) for e in machine.effects]
-    pick = np.unique(np.linspace(0, len(motion) - 1, ROWS).astype(int))
+    pick = np.unique(np.linspace(0, len(motion) - 1, rows).astype(int))
     joints = np.array([motion.index(a) for a in gap], dtype=np.intp)
     weight = np.repeat([1.0 / np.sqrt(max(noise[a]["u"], 1e-300)) for a in gap], len(pick))
     if usable:

@@ -21,10 +21,10 @@ from typing import Any
 from pinotwin.arrays import plain
 from pinotwin.bench.answers import Answer, failed, noted, read_answer
 from pinotwin.bench.cases import Case
-from pinotwin.bench.engine import Each, engine
+from pinotwin.bench.engine import engine
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.oracle import evidence
-from pinotwin.bench.produce import SECONDS, Sealed, produce
+from pinotwin.bench.produce import Sealed, produce
 from pinotwin.bench.twins import healthy_twin, make_twin
 from pinotwin.diagnosis import Diagnosis, diagnose
 from pinotwin.system.threads import one_blas_thread
@@ -47,7 +47,7 @@ class Plan:
     """
 
     folder: Path
-    seconds: float = SECONDS
+    seconds: float = 8.0
     workers: int = 2
     minutes: float | None = None
     quick: bool = False
@@ -79,8 +79,7 @@ def answer(case: Case, plan: Plan) -> Answer:
     found = blindly(made.sealed, twin, case, plan.quick)
     said = time.perf_counter()
     best = evidence(made, twin)
-    end = time.perf_counter()
-    spent = {"produce": ready - start, "diagnose": said - ready, "oracle": end - said}
+    spent = {"produce": ready - start, "diagnose": said - ready, "oracle": time.perf_counter() - said}
     return noted(case, found, made, spent, best)
 
 
@@ -146,18 +145,12 @@ def _answers(cases: Sequence[Case], plan: Plan, tell: Report) -> Iterator[tuple[
         return
     end = None if plan.minutes is None else time.monotonic() + 60.0 * plan.minutes
     with engine(plan.workers) as each:
-        _make_twins(cases, plan, each, tell)
+        # The healthy twins come first, so that two processes never make the same one.
+        twins = sorted({(c.machine, c.twin) for c in cases if c.situation == "change"})
+        for count, _ in enumerate(each(functools.partial(_make_twin, plan.twins), twins, None), 1):
+            tell(f"healthy twin {count} of {len(twins)}", 0.0)  # one that fails is an error of its cases
         for case, said in each(functools.partial(answer, plan=plan), cases, end):
             yield case, failed(case, said) if isinstance(said, BaseException) else said
-
-
-def _make_twins(cases: Sequence[Case], plan: Plan, each: Each, tell: Report) -> None:
-    """Identify the healthy twins before the cases, so that two processes never make the same one."""
-    wanted = sorted({(c.machine, c.twin) for c in cases if c.situation == "change"})
-    for count, _ in enumerate(each(functools.partial(_make_twin, plan.twins), wanted, None), 1):
-        tell(
-            f"healthy twin {count} of {len(wanted)}", 0.0
-        )  # one that cannot be made is an error of its cases
 
 
 def _make_twin(folder: Path, pair: tuple[str, int]) -> None:

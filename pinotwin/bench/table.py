@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from pinotwin.bench.answers import Answer
-from pinotwin.bench.confusion import measured
 from pinotwin.bench.scoring import VISIBLE, Bound, Row, confidence, rows
-from pinotwin.bench.statistics import Calibration, Share
+from pinotwin.bench.statistics import Calibration
 
 STATES = {"aim": "aim reached", "must": "must reached", "below": "MISSED", "": ""}
 
@@ -66,6 +66,23 @@ class Bench:
             "errors": [{"case": a.number, "error": a.error} for a in self.answers if a.error],
             "answers": [{**dataclasses.asdict(a), "is_right": a.right()} for a in self.answers],
         }
+
+
+def measured(singles: Sequence[Answer]) -> dict[str, dict[str, float]]:
+    """Return true effect -> answer -> count; an answer that names none is its verdict."""
+    out: dict[str, Counter[str]] = {}
+    for a in singles:
+        out.setdefault(a.truth[0][0], Counter())[said(a)] += 1
+    return {true: dict(row) for true, row in sorted(out.items())}
+
+
+def said(a: Answer) -> str:
+    """Return the first answer as the matrix names it."""
+    if not a.named:
+        return a.verdict
+    effect, axis, _ = a.named[0]
+    true = a.truth[0]
+    return f"{effect} (other axis)" if effect == true[0] and axis != true[1] and not a.right() else effect
 
 
 def _plain_row(row: Row) -> dict[str, Any]:
@@ -131,8 +148,3 @@ def shown_bound(bound: Bound | None, kind: str) -> str:
     if not np.isfinite(bound.low):
         return f"≤ {high}"
     return f"≥ {low}" if not np.isfinite(bound.high) else f"{low} to {high}"
-
-
-def percent(share: Share) -> str:
-    """Return a share with its counts."""
-    return "–" if share.value is None else f"{share.value:.1%} ({share.hits}/{share.of})"

@@ -8,13 +8,10 @@ from pathlib import Path
 from pinotwin.bench.plants import public_machine, virtual
 from pinotwin.bench.produce import path_of
 from pinotwin.errors import DataError
-from pinotwin.log import Log
 from pinotwin.twin import Twin
 
-SECONDS = 12.0
 
-
-def make_twin(folder: Path, machine: str, seed: int) -> Path:
+def make_twin(folder: Path, machine: str, seed: int, seconds: float = 12.0) -> Path:
     """Identify the twin of a healthy machine, unless it is there already; return its folder.
 
     Its closed loops are left out: the law of the servo is held against the logs alone, and simulating the
@@ -24,21 +21,15 @@ def make_twin(folder: Path, machine: str, seed: int) -> Path:
         folder: where twins are kept.
         machine: name.
         seed: of its trajectories and noise.
+        seconds: length of each of its two logs [s].
     """
     from pinotwin.identification import identify
 
     target = folder / f"{machine.replace(':', '-').replace('/', '_')}-{seed}"
     if not (target / "twin.json").is_file():
         well = virtual(machine)
-        logs = [
-            Log(
-                dict(
-                    well.record(path_of(machine, SECONDS, 1000 + 10 * seed + k), seed=500 + 10 * seed + k).log
-                ),
-                source=f"healthy {k}",
-            )
-            for k in range(2)
-        ]
+        seeds = [10 * seed + k for k in range(2)]
+        logs = [well.record(path_of(machine, seconds, 1000 + k), seed=500 + k).to_log() for k in seeds]
         public = public_machine(machine)
         try:
             twin = identify(public, logs, loop=False)

@@ -2,85 +2,66 @@
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated, Literal
 
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.arguments import Answer, Folder, Several
 from pinotwin.cli.progress import progress
-from pinotwin.system.writing import write_text
+from pinotwin.errors import InputError
+from pinotwin.system.writing import write_json, write_text
+
+Situations = Annotated[Sequence[Literal["structure", "change"]], "+"]
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument(
-        "--machines",
-        nargs="+",
-        metavar="NAME",
-        help="bundled machines, random:SEED, or folders with a virtual.yaml",
-    )
-    parser.add_argument(
-        "--seeds",
-        type=int,
-        default=1,
-        metavar="N",
-        help="rounds of about 95 cases each (1); the published table has 4",
-    )
-    parser.add_argument("--cases", type=int, metavar="N", help="only so many of them, evenly spread")
-    parser.add_argument(
-        "--situations",
-        nargs="+",
-        default=["structure", "change"],
-        choices=["structure", "change"],
-        help="which of the two to run",
-    )
-    parser.add_argument("--seconds", type=float, default=8.0, help="length of every log [s] (8)")
-    parser.add_argument("--workers", type=int, default=2, help="processes (2)")
-    parser.add_argument(
-        "--limit-minutes",
-        type=float,
-        metavar="T",
-        help="begin no case after so long; the next run goes on from there",
-    )
-    parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn (0)")
-    parser.add_argument("--quick", action="store_true", help="screen only, in every diagnosis")
-    add_common(parser, out="folder for bench.html, bench.md, bench.json and cases.jsonl", required=True)
+def run(
+    *,
+    machines: Several | None = None,
+    seeds: int = 1,
+    cases: int | None = None,
+    situations: Situations = ("structure", "change"),
+    seconds: float = 8.0,
+    workers: int = 2,
+    limit_minutes: float | None = None,
+    seed: int = 0,
+    quick: bool = False,
+    out: Folder,
+) -> Answer:
+    """Run the bench and write its table.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the bench and write its table."""
+    Args:
+        machines (NAME): bundled machines, random:SEED, or folders with a virtual.yaml
+        seeds (N): rounds of about 95 cases each (1); the published table has 4
+        cases (N): only so many of them, evenly spread
+        situations: which of the two to run
+        seconds: length of every log [s] (8)
+        workers: processes (2)
+        limit_minutes (T): begin no case after so long; the next run goes on from there
+        seed: of everything that is drawn (0)
+        quick: screen only, in every diagnosis
+        out (PATH): folder for bench.html, bench.md, bench.json and cases.jsonl
+    """
     from pinotwin.bench.cases import MACHINES, draw_cases, some
     from pinotwin.bench.run import Plan, run_bench
     from pinotwin.bench.table import Bench, markdown
     from pinotwin.report.blind import bench_page
 
-    _check(args)
-    folder = Path(args.out)
-    drawn = draw_cases(args.machines or MACHINES, args.seeds, situations=args.situations, seed=args.seed)
-    cases = some(drawn, args.cases)
-    plan = Plan(folder, args.seconds, args.workers, args.limit_minutes, args.quick)
+    for name, value in {"seeds": seeds, "workers": workers, "cases": cases}.items():
+        if value is not None and value < 1:
+            raise InputError(f"--{name}: must be at least 1")
+    if not 2.0 <= seconds <= 120.0:
+        raise InputError(f"--seconds: {seconds:g}: expected 2 to 120")
+    if limit_minutes is not None and limit_minutes <= 0.0:
+        raise InputError("--limit-minutes: must be positive")
+    if seed < 0:
+        raise InputError("--seed: must not be negative")
+    folder = Path(out)
+    drawn = some(draw_cases(machines or MACHINES, seeds, situations=situations, seed=seed), cases)
     with progress() as report:
-        answers = run_bench(cases, plan, report)
-    bench = Bench(answers, len(cases))
+        answers = run_bench(drawn, Plan(folder, seconds, workers, limit_minutes, quick), report)
+    bench = Bench(answers, len(drawn))
     content, text = bench.document(), markdown(bench)
     write_json(folder / "bench.json", content)
     write_text(folder / "bench.md", text)
     write_text(folder / "bench.html", bench_page(bench).html())
-    if args.json:
-        write_json(args.json, content)
-    say(text)
-    return 0
-
-
-def _check(args: argparse.Namespace) -> None:
-    from pinotwin.errors import InputError
-
-    for name in ("seeds", "workers", "cases"):
-        value = getattr(args, name)
-        if value is not None and value < 1:
-            raise InputError(f"--{name}: must be at least 1")
-    if not 2.0 <= args.seconds <= 120.0:
-        raise InputError(f"--seconds: {args.seconds:g}: expected 2 to 120")
-    if args.limit_minutes is not None and args.limit_minutes <= 0.0:
-        raise InputError("--limit-minutes: must be positive")
-    if args.seed < 0:
-        raise InputError("--seed: must not be negative")
+    return Answer([text], content)

@@ -2,45 +2,39 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.inputs import add_effects, add_resample, read_logs, resampled
-from pinotwin.cli.output import add_common, say, write_json
-from pinotwin.system.writing import whole_folder, write_text
+from pinotwin.cli.arguments import Answer, Folder
+from pinotwin.cli.inputs import check_there, read_logs, resampled
+from pinotwin.system.writing import whole_folder, write_json, write_text
 
 if TYPE_CHECKING:
     from pinotwin.logs.check import Check
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
-    parser.add_argument("log", nargs="?", help="servo log; a.csv+b.csv joins columns")
-    add_resample(parser)
-    add_effects(parser)
-    add_common(parser, out="folder for check.json and check.txt, what is printed")
+def run(
+    machine: str, log: str | None = None, *, resample: float | None = None, out: Folder | None = None
+) -> Answer:
+    """Examine and say what was found; 1 if something forbids going on.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Examine and say what was found; 1 if something forbids going on."""
+    Args:
+        machine: machine folder, machine.yaml, .urdf, or a bundled name
+        log: servo log; a.csv+b.csv joins columns
+        out (PATH): folder for check.json and check.txt, what is printed
+    """
+    check_there(*filter(None, [log]))
     from pinotwin.logs.check import check
     from pinotwin.machine import Machine
 
-    machine = resampled(Machine.load(args.machine), args.resample)
-    log = None if args.log is None else read_logs([args.log])[0]
-    result = check(machine, log)
+    subject = resampled(Machine.load(machine), resample)
+    result = check(subject, None if log is None else read_logs([log])[0])
     lines = _lines(result)
-    if args.out:
-        with whole_folder(args.out) as folder:
+    if out:
+        with whole_folder(out) as folder:
             write_json(folder / "check.json", result.as_dict())
             write_text(folder / "check.txt", "\n".join(lines) + "\n")
-    if args.json:
-        write_json(args.json, result.as_dict())
-    for line in lines:
-        say(line)
-    return 0 if result.ok else 1
+    return Answer(lines, result.as_dict(), 0 if result.ok else 1)
 
 
 def _lines(result: Check) -> list[str]:

@@ -2,79 +2,46 @@
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pinotwin.cli.inputs import add_effects
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.arguments import Answer, Folder, Several
+from pinotwin.errors import InputError
 
 if TYPE_CHECKING:
-    from pinotwin.analysis.comparison import Compared, Comparison
+    from pinotwin.analysis.comparison import Comparison
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument(
-        "subjects",
-        nargs="+",
-        metavar="TWIN|DIAGNOSIS",
-        help="two folders or more, in the order of time, all of twins or all of diagnoses",
-    )
-    parser.add_argument(
-        "--log", metavar="LOG", help="servo log on which every twin is judged (without one: parameters alone)"
-    )
-    add_effects(parser)
-    add_common(parser, out="folder for compare.html and compare.json", required=True)
+def run(subjects: Several, *, log: str | None = None, out: Folder) -> Answer:
+    """Compare, write the page, and say what moved.
+
+    Args:
+        subjects (TWIN|DIAGNOSIS): two folders or more, in the order of time, all of twins or all of diagnoses
+        log (LOG): servo log on which every twin is judged (without one: parameters alone)
+        out (PATH): folder for compare.html and compare.json
+    """
+    for subject in subjects:
+        _check(subject)
+    from pinotwin.analysis.comparison import Comparison
+    from pinotwin.analysis.diagnoses import compare
+
+    found = compare(*subjects, labels=_labels(subjects), log=log)
+    found.save(out)
+    lines = moved_lines(found) if isinstance(found, Comparison) else [found.sentence]
+    return Answer([*lines, f"written to {out}: compare.html, compare.json"], found.to_dict())
 
 
-def run(args: argparse.Namespace) -> int:
-    """Compare, write the page, and say what moved."""
-    from pinotwin.errors import InputError
-
-    if len(args.subjects) < 2:
-        raise InputError("compare: give two twins or two diagnoses, or more")
-    labels = _labels(args.subjects)
-    kinds = {_kind(subject) for subject in args.subjects}
-    if len(kinds) > 1:
-        raise InputError("compare: give twins or diagnoses, not both")
-    (kind,) = kinds
-    if kind == "diagnosis" and args.log:
-        raise InputError("--log: is for twins; a diagnosis holds its logs already")
-    found: Compared
-    if kind == "twin":
-        from pinotwin.analysis.comparison import compare
-
-        found = compare(*args.subjects, labels=labels, log=args.log)
-        lines = moved_lines(found)
-    else:
-        from pinotwin.analysis.diagnoses import read_diagnoses
-
-        found = read_diagnoses(args.subjects, labels)
-        lines = [found.sentence]
-    found.save(args.out)
-    if args.json:
-        write_json(args.json, found.to_dict())
-    for line in lines:
-        say(line)
-    say(f"written to {args.out}: compare.html, compare.json")
-    return 0
+def _check(subject: str) -> None:
+    """Refuse what is neither a twin nor a diagnosis."""
+    path, names = Path(subject), ("twin.json", "diagnosis.json")
+    if path.name not in names and not any((path / name).is_file() for name in names):
+        raise InputError(
+            f"{subject}: holds neither twin.json nor diagnosis.json; give what identify or diagnose wrote"
+        )
 
 
-def _kind(subject: str) -> str:
-    from pinotwin.errors import InputError
-
-    path = Path(subject)
-    if path.name == "diagnosis.json" or (path / "diagnosis.json").is_file():
-        return "diagnosis"
-    if path.name == "twin.json" or (path / "twin.json").is_file():
-        return "twin"
-    raise InputError(
-        f"{subject}: holds neither twin.json nor diagnosis.json; give what identify or diagnose wrote"
-    )
-
-
-def _labels(subjects: list[str]) -> list[str]:
+def _labels(subjects: Sequence[str]) -> list[str]:
     """Return a short name for each: the folder's, with its parents where two are the same."""
     paths = [Path(s).resolve() for s in subjects]
     paths = [p.parent if p.suffix == ".json" else p for p in paths]

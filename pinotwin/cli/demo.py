@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import multiprocessing
 import os
@@ -11,7 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.arguments import Answer, Folder
+from pinotwin.cli.output import say
 
 CHAIN = (
     ("", "record trunnion --seconds 20 --seed 1 --out {out}/log.csv"),
@@ -33,20 +33,19 @@ PAGES = (
 REAL = "identify emps {emps} --out {out}/emps_twin"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    add_common(parser, out="folder for what the demo writes (out/demo)")
+def run(*, out: Folder = "out/demo") -> Answer:
+    """Run the commands of the chain one after the other, showing each as a user would type it.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the commands of the chain one after the other, showing each as a user would type it."""
+    Args:
+        out (PATH): folder for what the demo writes (out/demo)
+    """
     from pinotwin.cli.main import main
 
-    out = Path(args.out or "out/demo")
-    out.mkdir(parents=True, exist_ok=True)
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
     done: list[dict[str, Any]] = []
     with _compiling():
-        for told, words in _commands(out):
+        for told, words in _commands(folder):
             say("")
             if told:
                 say(f"# {told}")
@@ -54,15 +53,9 @@ def run(args: argparse.Namespace) -> int:
             code = main(words)
             done.append({"command": ["pinotwin", *words], "exit_code": code})
             if code != 0:
-                break
-    if args.json:
-        write_json(args.json, {"commands": done})
-    if done[-1]["exit_code"] == 0:
-        say("")
-        say("open in a browser:")
-        for name, told in PAGES:
-            say(f"  {out / name}  {told}")
-    return int(done[-1]["exit_code"])
+                return Answer([], {"commands": done}, code)
+    pages = [f"  {folder / name}  {told}" for name, told in PAGES]
+    return Answer(["", "open in a browser:", *pages], {"commands": done})
 
 
 def _commands(out: Path) -> list[tuple[str, list[str]]]:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.each import Asked, Fill, run_each
-from pinotwin.cli.inputs import add_effects, add_meshes, add_resample, read_logs, resampled
-from pinotwin.cli.output import add_common, columns, say, stamp, write_json
+from pinotwin.cli.arguments import Answer, Folder, Repeated, Several
+from pinotwin.cli.each import Asked, Fill, each_answered
+from pinotwin.cli.inputs import check_there, read_logs, resampled
+from pinotwin.cli.output import columns
 from pinotwin.cli.progress import Report, progress, silent
 from pinotwin.errors import InputError
+from pinotwin.system.stamps import stamp
 
 if TYPE_CHECKING:
     from pinotwin.diagnosis import Diagnosis
@@ -23,64 +24,57 @@ if TYPE_CHECKING:
 
 
 OTHERWISE = {"none": "chance", "unknown": "a cause in no catalogue"}
-LIKELY = 0.05  # probability from which another cause is worth a line on the terminal
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    subject = "folder of a twin, or a machine folder, machine.yaml, .urdf, bundled name"
-    logs = "servo log(s); those with the same command are repeats: they give the noise floor"
-    parser.add_argument("subject", metavar="TWIN|MACHINE", help=subject)
-    parser.add_argument("logs", nargs="+", metavar="LOG", help=logs)
-    parser.add_argument(
-        "--validate",
-        action="append",
-        default=[],
-        metavar="LOG",
-        help="log of the same state as LOG, not used to fit; the reduction is stated on it (without one: "
-        "cross-validated on LOG)",
-    )
-    add_resample(parser)
-    parser.add_argument("--quick", action="store_true", help="screen only: fewer draws, one effect")
-    parser.add_argument("--fail-on-gap", action="store_true", help="exit 1 unless the verdict is none")
-    parser.add_argument("--seed", type=int, default=0, help="of the healthy draws (0)")
-    parser.add_argument(
-        "--each",
-        action="store_true",
-        help="diagnose every log by itself (a folder stands for the logs in it): a folder each below --out, "
-        "one table of all (each.csv, each.json); run again, it goes on with what is missing or has changed. "
-        "Exit code 2 if a log could not be diagnosed (a line of the table; the others are done all the "
-        "same), else 1 with --fail-on-gap and any verdict but none, else 0",
-    )
-    parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes of --each (default: one for each processor)"
-    )
-    add_meshes(parser)
-    add_effects(parser)
-    add_common(parser, out="folder for diagnosis.json and what goes with it", required=True)
+def run(
+    subject: str,
+    logs: Several,
+    *,
+    validate: Repeated = (),
+    resample: float | None = None,
+    quick: bool = False,
+    fail_on_gap: bool = False,
+    seed: int = 0,
+    each: bool = False,
+    workers: int | None = None,
+    meshes: str | None = None,
+    effects: Repeated = (),
+    out: Folder,
+) -> Answer:
+    """Diagnose, save, and say what was found, the verdict first.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Diagnose, save, and say what was found, the verdict first."""
-    if args.each:
+    Args:
+        subject (TWIN|MACHINE): folder of a twin, or a machine folder, machine.yaml, .urdf, bundled name
+        logs (LOG): servo log(s); those with the same command are repeats: they give the noise floor
+        validate (LOG): log of the same state as LOG, not used to fit; the reduction is stated on it (without one:
+            cross-validated on LOG)
+        quick: screen only: fewer draws, one effect
+        fail_on_gap: exit 1 unless the verdict is none
+        seed: of the healthy draws (0)
+        each: diagnose every log by itself (a folder stands for the logs in it): a folder each below --out, one table
+            of all (each.csv, each.json); run again, it goes on with what is missing or has changed. Exit code 2 if a
+            log could not be diagnosed (a line of the table; the others are done all the same), else 1 with
+            --fail-on-gap and any verdict but none, else 0
+        workers (N): processes of --each (default: one for each processor)
+        out (PATH): folder for diagnosis.json and what goes with it
+    """
+    asked = Asked(subject, tuple(validate), resample, quick, seed, meshes, tuple(effects))
+    if each:
         # what concerns all logs is refused here, in one line, and not in every line of the table
-        resampled(load_subject(args.subject), args.resample)
-        read_logs(args.validate)
-        return run_each(args, diagnose_one)
-    if args.workers is not None:
+        _loaded(asked)
+        read_logs(validate)
+        return each_answered(logs, asked, diagnose_one, Path(out), workers=workers, fail_on_gap=fail_on_gap)
+    if workers is not None:
         raise InputError("--workers: is for many logs; add --each, which diagnoses every log by itself")
-    asked = Asked.of(args)
-    from pinotwin.report.saved import save_diagnosis
-
+    check_there(*logs, *validate)
     with progress() as report:
-        found = _diagnosed(args.logs, asked, report)
-        said = save_diagnosis(found, Path(args.out), args.meshes)
-    if args.json:
-        write_json(args.json, found.to_dict())
-    for line in (*summary(found), *said):
-        say(line)
-    say(f"diagnosis written to {args.out}; open {Path(args.out) / 'report.html'}")
-    return 1 if args.fail_on_gap and found.verdict != "none" else 0
+        found = _diagnosed(logs, asked, report)
+        from pinotwin.report.saved import save_diagnosis
+
+        said = save_diagnosis(found, Path(out), meshes)
+    last = f"diagnosis written to {out}; open {Path(out) / 'report.html'}"
+    code = 1 if fail_on_gap and found.verdict != "none" else 0
+    return Answer([*summary(found), *said, last], found.to_dict(), code)
 
 
 def diagnose_one(log: str, asked: Asked) -> tuple[dict[str, Any], Fill]:
@@ -95,9 +89,9 @@ def diagnose_one(log: str, asked: Asked) -> tuple[dict[str, Any], Fill]:
 
 def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> Diagnosis:
     """Return the diagnosis, with its date and the time that it took."""
+    subject = _loaded(asked)
     from pinotwin.diagnosis import diagnose
 
-    subject = resampled(load_subject(asked.subject), asked.resample)
     began = time.monotonic()
     found = diagnose(
         subject,
@@ -110,15 +104,11 @@ def _diagnosed(names: Sequence[str], asked: Asked, report: Report) -> Diagnosis:
     return replace(found, provenance={**found.provenance, **stamp(began)})
 
 
-def load_subject(path: str) -> Machine | Twin:
-    """Return the twin in a folder that holds one, else the machine."""
-    from pinotwin.machine import Machine
-    from pinotwin.twin import Twin
+def _loaded(asked: Asked) -> Machine | Twin:
+    """Return the twin in a folder that holds one, else the machine, on the clock that was asked for."""
+    from pinotwin.twin.twin import as_subject
 
-    given = Path(path)
-    if (given / "twin.json").is_file() or given.name == "twin.json":
-        return Twin.load(given)
-    return Machine.load(path)
+    return resampled(as_subject(asked.subject), asked.resample)
 
 
 def summary(found: Diagnosis) -> list[str]:
@@ -155,8 +145,13 @@ def _with_unit(x: float, scale: Scale) -> str:
     return f"{x * scale.factor:.3g} {scale.unit}" if x == x else "-"
 
 
-def cause_lines(found: Diagnosis) -> list[str]:
-    """Return every cause, named or possible, with its size, its confidence and what else it could be."""
+def cause_lines(found: Diagnosis, likely: float = 0.05) -> list[str]:
+    """Return every cause, named or possible, with its size, its confidence and what else it could be.
+
+    Args:
+        found: the diagnosis.
+        likely: probability from which another cause is worth a line.
+    """
     from pinotwin.diagnosis.conclusion.sizes import interval_text, size_text, times_text, told
     from pinotwin.diagnosis.phrases import on_axis
 
@@ -170,7 +165,7 @@ def cause_lines(found: Diagnosis) -> list[str]:
         others = ", ".join(
             OTHERWISE.get(a["effect"]) or on_axis(a["effect"], a["axis"])
             for a in e.alternatives
-            if a.get("probability", 0.0) >= LIKELY
+            if a.get("probability", 0.0) >= likely
         )
         if others:
             lines.append(f"        also possible: {others}")

@@ -3,13 +3,12 @@
 Every log has a folder of its own below ``--out``, written whole or not at all, with a record of what it was
 made of (``made_of.json``). A run that was interrupted, or that is given more logs, works on those without
 such a record only; a log that could not be diagnosed has none, is one line of the table, and is tried again.
-The table is brought up to date after every answer. What cannot be written ends the command: a disk that is full
-would cost the work of all that follow.
+Every answer is a line more of the table (:mod:`pinotwin.cli.each_table`). What cannot be written ends the command: a
+disk that is full would cost the work of all that follow.
 """
 
 from __future__ import annotations
 
-import argparse
 import functools
 import hashlib
 import json
@@ -22,21 +21,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pinotwin.cli.each_table import (
-    FAILED,
-    Row,
-    answered,
-    document_of,
-    failed,
-    lines_of,
-    waiting,
-    write_table,
-)
-from pinotwin.cli.output import say, write_json
+from pinotwin.cli.arguments import Answer
+from pinotwin.cli.each_table import FAILED, Row, Table, answered, failed, lines_of
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError, OutputError
 from pinotwin.system.threads import one_blas_thread
-from pinotwin.system.writing import alone_in, check_folder, sweep, whole_folder
+from pinotwin.system.writing import alone_in, check_folder, sweep, whole_folder, write_json
 
 RECORD = "made_of.json"
 ENDINGS = (
@@ -63,12 +53,6 @@ class Asked:
     meshes: str | None
     effects: tuple[str, ...] = ()
 
-    @classmethod
-    def of(cls, args: argparse.Namespace) -> Asked:
-        """Return what the words of a command ask."""
-        own = tuple(getattr(args, "effects", ()))
-        return cls(args.subject, tuple(args.validate), args.resample, args.quick, args.seed, args.meshes, own)
-
 
 @dataclass(frozen=True)
 class Job:
@@ -79,67 +63,66 @@ class Job:
     made_of: str
 
 
-def run_each(args: argparse.Namespace, work: Work) -> int:
-    """Diagnose every log by itself, write the table, and return the exit code.
+def each_answered(
+    logs: Sequence[str],
+    asked: Asked,
+    work: Work,
+    out: Path,
+    *,
+    workers: int | None = None,
+    fail_on_gap: bool = False,
+) -> Answer:
+    """Diagnose every log by itself and write the table.
 
     Args:
-        args: of ``diagnose``.
+        logs: as they were given, folders among them.
+        asked: of each.
         work: the diagnosis of one log.
+        out: folder of all answers.
+        workers: processes; one for each processor when None.
+        fail_on_gap: exit code 1 unless every verdict is none.
+
+    Returns:
+        The table as lines, its content, and the exit code.
     """
-    if args.workers is not None and args.workers < 1:
-        raise InputError(f"--workers: {args.workers}: must be at least 1")
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers: {workers}: must be at least 1")
     started = time.monotonic()
-    out = Path(args.out)
-    asked = Asked.of(args)
-    jobs = jobs_of(args, asked, out)
+    jobs = jobs_of(logs, asked, out)
     for job in jobs:
         check_folder(job.folder)
     with alone_in(out):
         for job in jobs:
             sweep(job.folder)
-        document = _all_done(jobs, functools.partial(do_job, work=work, asked=asked), args, out)
-    if args.json:
-        write_json(args.json, document)
-    table, kept = document["logs"], document["kept_of_an_earlier_run"]
-    for line in lines_of(table, kept, time.monotonic() - started):
-        say(line)
-    say(f"table written to {out / 'each.csv'} and each.json; a folder for every log beside them")
-    return _code(table, args.fail_on_gap, out)
+        kept = {job.log: row for job in jobs if (row := known_answer(job)) is not None}
+        one = functools.partial(do_job, work=work, asked=asked)
+        with Table(out, asked.subject, [job.log for job in jobs], kept) as table:
+            _do([job for job in jobs if job.log not in kept], one, table, workers)
+    document = table.document()
+    lines = lines_of(document, time.monotonic() - started)
+    last = f"table written to {out / 'each.csv'} and each.json; a folder for every log beside them"
+    return Answer([*lines, last], document, _code(document["logs"], fail_on_gap, out))
 
 
-def _all_done(
-    jobs: Sequence[Job], one: Callable[[Job], dict[str, Any]], args: argparse.Namespace, out: Path
-) -> dict[str, Any]:
-    """Do what is left to do, the table up to date at every moment; return the table as JSON has it."""
+def _do(left: Sequence[Job], one: Callable[[Job], dict[str, Any]], table: Table, workers: int | None) -> None:
+    """Do what is left to do, a line of the table for each."""
     from pinotwin.bench.engine import engine
 
-    rows = {job.log: row for job in jobs if (row := known_answer(job)) is not None}
-    kept, left = len(rows), [job for job in jobs if job.log not in rows]
-
-    def tabled() -> dict[str, Any]:
-        table = [rows.get(job.log) or waiting(job.log) for job in jobs]
-        document = document_of(args.subject, table, kept)
-        write_table(out, document)
-        return document
-
-    document = tabled()
     if not left:
-        return document
-    workers = min(args.workers or os.cpu_count() or 1, len(left))
-    with progress() as report, engine(workers, apart=True) as each:
-        report(f"{kept} of {len(jobs)} logs", kept / len(jobs))
+        return
+    count = min(workers or os.cpu_count() or 1, len(left))
+    with progress() as report, engine(count, apart=True) as each:
+        report(*table.progress())
         for job, row in each(one, left, None):
             if isinstance(row, OutputError):
                 raise row
-            rows[job.log] = failed(job.log, row) if isinstance(row, BaseException) else row
-            document = tabled()
-            report(f"{len(rows)} of {len(jobs)} logs", len(rows) / len(jobs))
-    return document
+            table.add(failed(job.log, row) if isinstance(row, BaseException) else row)
+            report(*table.progress())
 
 
-def jobs_of(args: argparse.Namespace, asked: Asked, out: Path) -> list[Job]:
+def jobs_of(given: Sequence[str], asked: Asked, out: Path) -> list[Job]:
     """Return what is to be diagnosed, one job a log, in the order given."""
-    logs = list(dict.fromkeys(log for given in args.logs for log in logs_in(given)))
+    logs = list(dict.fromkeys(log for one in given for log in logs_in(one)))
     common = _made_of(asked)
     return [
         Job(log, out / name, hashlib.sha256(f"{common} {_digest(log)}".encode()).hexdigest())

@@ -1,8 +1,9 @@
 """The table of ``pinotwin diagnose --each``: one row a log, as JSON, as CSV and on the terminal.
 
 A row with a verdict is made of the answer in its log's folder and of nothing else. So that this holds whenever
-the command is killed, a log that is to be worked on says ``waiting`` before the work begins, and gets its verdict
-after its folder is in place.
+the command is killed, both forms are written whole before the work begins, without a verdict of what is to be
+worked on; an answer whose folder is in place is a line more of the CSV. At the end, however it comes but by a kill,
+both are written whole again, in the order given.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ import csv
 import io
 import traceback
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from pinotwin.bench.engine import KilledWorker
-from pinotwin.cli.output import write_json
-from pinotwin.errors import PinotwinError
-from pinotwin.system.writing import write_text
+from pinotwin.errors import OutputError, PinotwinError
+from pinotwin.system.writing import append_text, write_json, write_text
 
 FAILED = "failed"
 WAITING = "waiting"
@@ -28,22 +29,54 @@ COLUMNS = ("log", "verdict", "signal", "gap", "after", "misfit", "causes", "seco
 Row = Mapping[str, Any]
 
 
-def write_table(out: Path, document: Mapping[str, Any]) -> None:
-    """Write the table in its two forms, each whole or not at all."""
-    write_json(out / "each.json", document)
-    write_text(out / "each.csv", _csv(document["logs"]))
+class Table:
+    """The table while it grows."""
 
+    def __init__(self, out: Path, subject: str, logs: Sequence[str], kept: Mapping[str, Row]) -> None:
+        """Remember the rows of an earlier run.
 
-def document_of(subject: str, table: Sequence[Row], kept: int) -> dict[str, Any]:
-    """Return the table as JSON has it.
+        Args:
+            out: folder of each.csv and each.json.
+            subject: the twin or machine, as it was named.
+            logs: in the order given.
+            kept: log -> row of an earlier run.
+        """
+        self.out, self.subject, self.logs = out, subject, logs
+        self.kept, self.rows = len(kept), dict(kept)
 
-    Args:
-        subject: the twin or machine, as it was named.
-        table: a row a log.
-        kept: how many rows are of an earlier run.
-    """
-    counts = dict(Counter(row["verdict"] for row in table))
-    return {"subject": subject, "counts": counts, "kept_of_an_earlier_run": kept, "logs": list(table)}
+    def __enter__(self) -> Table:
+        write_json(self.out / "each.json", self.document())
+        write_text(self.out / "each.csv", _csv([COLUMNS, *map(_cells, self.rows.values())]))
+        return self
+
+    def add(self, row: Row) -> None:
+        """Take the row of an answer that is in its folder."""
+        self.rows[row["log"]] = row
+        append_text(self.out / "each.csv", _csv([_cells(row)]))
+
+    def progress(self) -> tuple[str, float]:
+        """Return how many rows there are, in words and as a share."""
+        return f"{len(self.rows)} of {len(self.logs)} logs", len(self.rows) / len(self.logs)
+
+    def document(self) -> dict[str, Any]:
+        """Return the table as JSON has it."""
+        rows = [self.rows.get(log) or _without_answer(log, WAITING, None) for log in self.logs]
+        counts = dict(Counter(row["verdict"] for row in rows))
+        return {
+            "subject": self.subject,
+            "counts": counts,
+            "kept_of_an_earlier_run": self.kept,
+            "logs": rows,
+        }
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        document = self.document()
+        try:
+            write_json(self.out / "each.json", document)
+            write_text(self.out / "each.csv", _csv([COLUMNS, *map(_cells, document["logs"])]))
+        except OutputError:
+            if error is None:  # else the first trouble is the one to tell
+                raise
 
 
 def answered(log: str, folder: Path, found: Mapping[str, Any], seconds: float) -> dict[str, Any]:
@@ -81,11 +114,6 @@ def _of_signal(gap: Mapping[str, Any], name: str) -> float | None:
     return value * share / rms if value is not None and rms and share else None
 
 
-def waiting(log: str) -> dict[str, Any]:
-    """Return the row of a log that is not answered yet."""
-    return _without_answer(log, WAITING, None)
-
-
 def failed(log: str, error: BaseException) -> dict[str, Any]:
     """Return the row of a log whose diagnosis ended in an error; an unforeseen one keeps its traceback."""
     if isinstance(error, PinotwinError):
@@ -103,22 +131,24 @@ def _without_answer(log: str, verdict: str, error: str | None) -> dict[str, Any]
     return {"log": log, "verdict": verdict, **blank, "causes": [], "gaps": {}, "error": error}
 
 
-def _csv(table: Sequence[Row]) -> str:
+def _csv(rows: Iterable[Sequence[Any]]) -> str:
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for row in table:
-        flat = {**row, "causes": _causes(row)}
-        writer.writerow("" if flat[name] is None else flat[name] for name in COLUMNS)
+    csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
+
+
+def _cells(row: Row) -> list[Any]:
+    flat = {**row, "causes": _causes(row)}
+    return ["" if flat[name] is None else flat[name] for name in COLUMNS]
 
 
 def _causes(row: Row) -> str:
     return "; ".join(f"{c['axis'] or 'machine'}.{c['effect']} {c['confidence']:.0%}" for c in row["causes"])
 
 
-def lines_of(table: Sequence[Row], kept: int, seconds: float) -> list[str]:
+def lines_of(document: Mapping[str, Any], seconds: float) -> list[str]:
     """Return the table as text: one line a log, the counts last."""
+    table, kept = document["logs"], document["kept_of_an_earlier_run"]
     names = [_shown(row["log"]) for row in table]
     wide = max(map(len, [*names, "log"]))
     columns = f"{'residual':>10}{'with causes':>13}{'validation':>12}  causes"
@@ -131,7 +161,7 @@ def lines_of(table: Sequence[Row], kept: int, seconds: float) -> list[str]:
         sizes = ["-" if row[k] is None else f"{row[k]:.1%}" for k in ("gap", "after", "misfit")]
         numbers = "{:>10}{:>13}{:>12}".format(*sizes)
         lines.append(f"{start}{row['signal']:<8}{numbers}  {_causes(row) or '-'}")
-    count = ", ".join(f"{n} {verdict}" for verdict, n in Counter(r["verdict"] for r in table).items())
+    count = ", ".join(f"{n} {verdict}" for verdict, n in document["counts"].items())
     before = f" ({kept} of an earlier run)" if kept else ""
     return [*lines, f"{len(table)} logs{before}: {count}; {seconds:.0f} s"]
 

@@ -2,57 +2,42 @@
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pinotwin.cli.inputs import add_effects
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.arguments import Answer, File, Repeated
+from pinotwin.cli.inputs import check_twin
+from pinotwin.errors import InputError
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("twin", metavar="TWIN", help="folder that `pinotwin identify` wrote")
-    parser.add_argument(
-        "--format",
-        required=True,
-        metavar="FORMAT",
-        help="urdf (inertials, <dynamics damping friction>), mjcf (MuJoCo, with a passive-force function "
-        "in Python beside it), numpy or c (the inverse model in one file)",
-    )
-    parser.add_argument(
-        "--speed",
-        action="append",
-        default=[],
-        metavar="AXIS=V",
-        help="largest speed that curves cover [m/s or rad/s] (the URDF's limit)",
-    )
-    add_effects(parser)
-    add_common(parser, out="file to write (.urdf, .xml, .py or .c)", required=True, file=True)
+if TYPE_CHECKING:
+    from pinotwin.arrays import Floats
 
 
-def run(args: argparse.Namespace) -> int:
-    """Write the files and say what they leave out."""
+def run(twin: str, *, format: str, speed: Repeated = (), out: File) -> Answer:
+    """Write the files and say what they leave out.
+
+    Args:
+        twin (TWIN): folder that `pinotwin identify` wrote
+        format (FORMAT): urdf (inertials, <dynamics damping friction>), mjcf (MuJoCo, with a passive-force function
+            in Python beside it), numpy or c (the inverse model in one file)
+        speed (AXIS=V): largest speed that curves cover [m/s or rad/s] (the URDF's limit)
+        out (PATH): file to write (.urdf, .xml, .py or .c)
+    """
+    check_twin(twin)
     from pinotwin.export import export_twin
     from pinotwin.export.inverse import default_speed
     from pinotwin.twin import Twin
 
-    twin = Twin.load(args.twin)
-    out = Path(args.out)
-    speed = _speeds(args.speed, twin, default_speed(twin.machine))
-    made = export_twin(twin, args.format, out, speed=speed)
-    if args.json:
-        files = [str(out.parent / name) for name in made.files]
-        write_json(args.json, {**made.to_dict(), "files": files})
-    for note in made.notes:
-        say(note)
-    say(f"written: {', '.join(str(out.parent / name) for name in made.files)}")
-    return 0
+    found = Twin.load(twin)
+    speeds = _speeds(speed, found.machine.names, default_speed(found.machine))
+    made = export_twin(found, format, Path(out), speed=speeds)
+    files = [str(Path(out).parent / name) for name in made.files]
+    return Answer([*made.notes, f"written: {', '.join(files)}"], {**made.to_dict(), "files": files})
 
 
-def _speeds(given, twin, usual):  # type: ignore[no-untyped-def]
-    from pinotwin.errors import InputError
-
-    names = twin.machine.names
+def _speeds(given: Sequence[str], names: Sequence[str], usual: Floats) -> Floats:
+    """Return the largest speed of every axis, the usual where none is given."""
     for text in given:
         name, _, value = text.partition("=")
         if name not in names:

@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
-from pinotwin.cli.inputs import add_effects
-from pinotwin.cli.output import add_common, columns, say, write_json
+from pinotwin.cli.arguments import Answer, CsvFile
+from pinotwin.cli.inputs import check_there, check_twin, read_logs
+from pinotwin.cli.output import columns
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("twin", help="folder that `pinotwin identify` wrote")
-    parser.add_argument("log", metavar="LOG", help="servo log of the same machine")
-    parser.add_argument("--link", metavar="NAME", help="also the pure force on this link, in its axes")
-    add_effects(parser)
-    add_common(parser, out="external effort over time to write (.csv)", required=True, file=True)
+def run(twin: str, log: str, *, link: str | None = None, out: CsvFile) -> Answer:
+    """Estimate, write, and say how often the external effort of each axis lies beyond its interval.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Estimate, write, and say how often each axis is pushed beyond what its twin leaves anyway."""
+    Args:
+        twin: folder that `pinotwin identify` wrote
+        log (LOG): servo log of the same machine
+        link (NAME): also the pure force on this link, in its axes
+        out (PATH): external effort over time to write (.csv)
+    """
+    check_twin(twin)
+    check_there(log)
     from pinotwin.analysis.force import force
-    from pinotwin.cli.inputs import read_logs
-    from pinotwin.errors import InputError
 
-    out = Path(args.out)
-    if out.suffix != ".csv":
-        raise InputError(f"--out: {out.name}: the external effort is written as .csv")
-    found = force(args.twin, *read_logs([args.log]), link=args.link)
+    found = force(twin, *read_logs([log]), link=link)
     found.save(out)
     content = found.to_dict()
-    told = [
+    rows = [
         [
             name,
             f"{row['largest']:.4g} {row['unit']}",
@@ -39,12 +32,9 @@ def run(args: argparse.Namespace) -> int:
         ]
         for name, row in content["axes"].items()
     ]
-    for line in columns(("axis", "largest", "90 % interval", "beyond it"), told):
-        say(line)
-    for direction, share in content.get("link", {}).get(args.link, {}).items():
+    lines = columns(("axis", "largest", "90 % interval", "beyond it"), rows)
+    for direction, share in content.get("link", {}).get(link, {}).items():
         how = "not felt by the axes" if share == 0.0 else f"determined for {share:.0%} of the time"
-        say(f"{args.link}.f{direction}: {how}")
-    if args.json:
-        write_json(args.json, content)
-    say(f"external effort written to {out}; beyond it: share of the time, 10 % without any force")
-    return 0
+        lines.append(f"{link}.f{direction}: {how}")
+    told = f"external effort written to {out}; beyond it: share of the time, 10 % without any force"
+    return Answer([*lines, told], content)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinotwin.cli.inputs import add_effects, add_preparation, read_logs, settings
-from pinotwin.cli.output import add_common, columns, made, say, write_json
+from pinotwin.cli.arguments import Answer, Folder, Repeated, Several
+from pinotwin.cli.inputs import above_zero, check_there, read_logs
+from pinotwin.cli.output import columns, say
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
+from pinotwin.system.stamps import made
 from pinotwin.system.writing import whole_folder, write_text
 
 if TYPE_CHECKING:
@@ -21,72 +22,68 @@ if TYPE_CHECKING:
     from pinotwin.twin import Twin
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("machine", help="machine folder, machine.yaml, .urdf, or a bundled name")
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="servo log(s); a.csv+b.csv joins columns")
-    parser.add_argument(
-        "--validate",
-        action="append",
-        default=[],
-        metavar="LOG",
-        help="log to validate on, not used to fit (without one: cross-validated on LOG)",
-    )
-    parser.add_argument("--no-loop", action="store_true", help="identify the open loop only")
-    parser.add_argument(
-        "--inconsistent", action="store_true", help="do not force the inertias to be physically possible"
-    )
-    add_preparation(parser)
-    add_effects(parser)
-    add_common(parser, out="folder for the twin and its report", required=True)
+def run(
+    machine: str,
+    logs: Several,
+    *,
+    validate: Repeated = (),
+    no_loop: bool = False,
+    inconsistent: bool = False,
+    cutoff: float | None = None,
+    decimate: int | None = None,
+    resample: float | None = None,
+    out: Folder,
+) -> Answer:
+    """Identify, save, and say what was found.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Identify, save, and say what was found."""
-    from pinotwin.identification import identify
+    Args:
+        machine: machine folder, machine.yaml, .urdf, or a bundled name
+        logs (LOG): servo log(s); a.csv+b.csv joins columns
+        validate (LOG): log to validate on, not used to fit (without one: cross-validated on LOG)
+        no_loop: identify the open loop only
+        inconsistent: do not force the inertias to be physically possible
+        out (PATH): folder for the twin and its report
+    """
+    check_there(*logs, *validate)
+    options = _preparation(cutoff, decimate, resample)
     from pinotwin.machine import Machine
+
+    believed = Machine.load(machine).require_physical()
+    _spare_the_machine(believed, Path(out))
+    from pinotwin.identification import identify
     from pinotwin.report import identification_report
     from pinotwin.twin.files import write_twin
 
-    options = settings(args)
-    machine = Machine.load(args.machine).require_physical()
-    _spare_the_machine(machine, Path(args.out))
-    logs = read_logs(args.logs)
-    validate = read_logs(args.validate)
-    for line in _doubts(machine, logs):
+    fitted, held = read_logs(logs), read_logs(validate)
+    for line in _doubts(believed, fitted):
         say(line)
     began = time.monotonic()
     with progress() as report:
         twin = identify(
-            machine,
-            logs,
-            validate=validate or None,
-            loop=not args.no_loop,
-            consistent=not args.inconsistent,
+            believed,
+            fitted,
+            validate=held or None,
+            loop=not no_loop,
+            consistent=not inconsistent,
             report=report,
             **options,
         )
-        with whole_folder(args.out) as folder:
+        with whole_folder(out) as folder:
             report("writing the twin", 0.9)
             content = write_twin(twin, folder)
             report("writing the report", 0.95)
-            page = identification_report(twin, logs, validate, made(began, **_asked(args)))
-            write_text(folder / "report.html", page)
-    if args.json:
-        write_json(args.json, content)
-    for line in summary(twin):
-        say(line)
-    say(f"twin and report written to {args.out}")
-    return 0
+            how = made(began, closed_loop=not no_loop, consistent=not inconsistent, **options)
+            write_text(folder / "report.html", identification_report(twin, fitted, held, how))
+    return Answer([*summary(twin), f"twin and report written to {out}"], content)
 
 
-def _asked(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the options that a page states."""
-    return {
-        "closed_loop": not args.no_loop,
-        "consistent": not args.inconsistent,
-        **{name: getattr(args, name) for name in ("cutoff", "decimate", "resample")},
-    }
+def _preparation(cutoff: float | None, decimate: int | None, resample: float | None) -> dict[str, Any]:
+    """Return the options that say how a log is prepared."""
+    if cutoff is not None and not cutoff >= 0:
+        raise InputError(f"--cutoff: {cutoff:g} Hz must not be negative (0: no low-pass)")
+    if decimate is not None and decimate < 1:
+        raise InputError(f"--decimate: {decimate} must be at least 1")
+    return {"cutoff": cutoff, "decimate": decimate, "resample": above_zero("resample", resample)}
 
 
 def _spare_the_machine(machine: Machine, out: Path) -> None:
@@ -97,10 +94,10 @@ def _spare_the_machine(machine: Machine, out: Path) -> None:
 
 def _doubts(machine: Machine, logs: Sequence[Log]) -> Iterator[str]:
     """Yield what makes the logs themselves doubtful (units, clock, sign of efforts), see `check`."""
-    from pinotwin.logs.check import doubts
+    from pinotwin.logs.prepared import Prepared
 
     for log in logs:
-        for finding in doubts(machine, log):
+        for finding in Prepared.of(machine, log).doubts:
             if finding.severity == "warning":
                 yield f"note: {log.source}: {str(finding).removeprefix('warning: ')}"
 

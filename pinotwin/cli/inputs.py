@@ -2,59 +2,23 @@
 
 from __future__ import annotations
 
-import argparse
 import math
+import os
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from pinotwin.cli.progress import progress, silent
+from pinotwin.errors import InputError, TwinError
 
 if TYPE_CHECKING:
     from pinotwin.log import Log
     from pinotwin.machine import Machine
     from pinotwin.twin import Twin
 
-
-LARGE = 30_000_000
-"""Bytes of logs from which reading them is shown: a second or so."""
-
 Subject = TypeVar("Subject", bound="Machine | Twin")
-
-
-def add_preparation(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say how a log is prepared."""
-    parser.add_argument(
-        "--cutoff",
-        type=float,
-        metavar="HZ",
-        help="corner of the zero-phase low-pass; 0 for none (found in the logs)",
-    )
-    parser.add_argument("--decimate", type=int, metavar="N", help="fit one row in N (as the corner allows)")
-    add_resample(parser)
-
-
-def add_effects(parser: argparse.ArgumentParser) -> None:
-    """Add the option that names files with own effects."""
-    parser.add_argument(
-        "--effects",
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="Python file with effects of your own; may be given several times",
-    )
-
-
-def add_resample(parser: argparse.ArgumentParser) -> None:
-    """Add the option that puts logs on another clock."""
-    parser.add_argument(
-        "--resample",
-        type=float,
-        metavar="HZ",
-        help="put the logs on an even clock of that rate (their own clock)",
-    )
 
 
 def resampled(subject: Subject, rate: float | None) -> Subject:
@@ -64,37 +28,57 @@ def resampled(subject: Subject, rate: float | None) -> Subject:
     from pinotwin.twin import Twin
 
     machine = subject.machine if isinstance(subject, Twin) else subject
-    other = replace(machine, data=replace(machine.data, resample=_rate(rate)))
+    other = replace(machine, data=replace(machine.data, resample=above_zero("resample", rate)))
     return replace(subject, machine=other) if isinstance(subject, Twin) else other  # type: ignore[return-value]
 
 
-def _rate(rate: float) -> float:
-    from pinotwin.errors import InputError
+def above_zero(option: str, rate: float | None) -> float | None:
+    """Return a rate [Hz] that was given, or None.
 
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise InputError(f"--resample: {rate:g} Hz must be above 0")
+    Raises:
+        InputError: it is no positive number.
+    """
+    if rate is not None and not (math.isfinite(rate) and rate > 0.0):
+        raise InputError(f"--{option}: {rate:g} Hz must be above 0")
     return rate
 
 
-def settings(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the preparation options that were given."""
-    from pinotwin.errors import InputError
+def check_there(*arguments: str) -> None:
+    """Refuse logs that are not there before anything is loaded for them.
 
-    if args.cutoff is not None and not args.cutoff >= 0:
-        raise InputError(f"--cutoff: {args.cutoff:g} Hz must not be negative (0: no low-pass)")
-    if args.decimate is not None and args.decimate < 1:
-        raise InputError(f"--decimate: {args.decimate} must be at least 1")
-    rate = None if args.resample is None else _rate(args.resample)
-    return {"cutoff": args.cutoff, "decimate": args.decimate, "resample": rate}
+    Raises:
+        LogError: with the logs that lie beside.
+    """
+    for text in arguments:
+        if not any(map(os.path.exists, [text, *map(str.strip, text.split("+"))])):
+            from pinotwin.logs.files import read_argument
+
+            read_argument(text)  # says what is wrong with the name
 
 
-def read_logs(arguments: Sequence[str]) -> list[Log]:
-    """Read every log, with a bar over long ones; ``a.csv+b.csv`` is one log whose columns lie in two files."""
+def check_twin(given: str) -> None:
+    """Refuse the folder of a twin that is not there before anything is loaded for it.
+
+    Raises:
+        TwinError: with what to give.
+    """
+    path = Path(given) / "twin.json" if Path(given).is_dir() else Path(given)
+    if not path.is_file():
+        raise TwinError(f"{path}: no such file; give the folder that `pinotwin identify` wrote")
+
+
+def read_logs(arguments: Sequence[str], large: float = 3e7) -> list[Log]:
+    """Read every log; ``a.csv+b.csv`` is one log whose columns lie in two files.
+
+    Args:
+        arguments: as they were given.
+        large: bytes from which the reading is shown by a bar: a second or so.
+    """
     from pinotwin.logs.files import read_argument
 
     sizes = [_size(text) for text in arguments]
     logs = []
-    with progress() if sum(sizes) > LARGE else nullcontext(silent) as report:
+    with progress() if sum(sizes) > large else nullcontext(silent) as report:
         for k, text in enumerate(arguments):
 
             def seen(share: float, k: int = k, name: str = f"reading {Path(text).name}") -> None:
@@ -109,19 +93,3 @@ def _size(text: str) -> int:
     """Return the bytes of what an argument names; 0 for what is not there, which reading will say."""
     paths = [Path(text)] if Path(text).exists() else [Path(part.strip()) for part in text.split("+")]
     return sum(path.stat().st_size for path in paths if path.is_file())
-
-
-def add_meshes(parser: argparse.ArgumentParser) -> None:
-    """Add the option that says where the meshes of a URDF are."""
-    parser.add_argument(
-        "--meshes", metavar="DIR", help="folder of the URDF's meshes or mesh packages, for pictures"
-    )
-
-
-def with_meshes(machine: Machine, folder: str | None) -> Machine:
-    """Return the machine with its meshes looked for in a folder first.
-
-    Raises:
-        InputError: there is no such folder.
-    """
-    return machine.with_meshes(folder)

@@ -1,14 +1,15 @@
 """Entry point ``pinotwin``: parse, run the command, turn a known error into one line and exit code 2.
 
 Each command lives in its own module of this package, imported only when it is called, and offers
-``add_arguments(parser)`` and ``run(args) -> int``. Any other error is a bug and keeps its traceback.
+a function ``run``, whose signature and docstring are its arguments (:mod:`pinotwin.cli.arguments`). What is slow to
+import it imports once its inputs are known to be there. Any other error is a bug and keeps its traceback.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
+import inspect
 import os
 import signal
 import sys
@@ -16,8 +17,13 @@ import threading
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from textwrap import fill
+from typing import Any
 
+from pinotwin import __version__
+from pinotwin.cli.arguments import Command, add_arguments, check_outputs
+from pinotwin.cli.output import say
 from pinotwin.errors import PinotwinError, nearest
+from pinotwin.system.writing import write_json
 
 COMMANDS: dict[str, str] = {
     "new": "start a machine folder from axes, a URDF or a name; guess the columns of a log",
@@ -59,21 +65,8 @@ EXAMPLES: dict[str, str] = {
 """Command -> an example of its use."""
 
 
-class _Help(argparse.RawDescriptionHelpFormatter):
-    """Help that states every default that is not stated already."""
-
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, max_help_position=26, width=80)
-
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        text, value = action.help, action.default
-        silent = value is None or value is False or value == [] or value is argparse.SUPPRESS
-        if text is None or silent or not action.option_strings:
-            return text
-        shown = " ".join(map(str, value)) if isinstance(value, list) else str(value)
-        short = f"{value:g}" if isinstance(value, float) else shown
-        said = "default" in text or f"({short}" in text
-        return text if said else f"{text} ({short})"
+def _help(prog: str) -> argparse.HelpFormatter:
+    return argparse.RawDescriptionHelpFormatter(prog, max_help_position=26, width=80)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -102,31 +95,42 @@ class _Completion(argparse.Action):
 
 
 def _parser(commands: Sequence[str]) -> argparse.ArgumentParser:
+    """Return the parser of all commands, those named with their arguments."""
     parser = _Parser(
         prog="pinotwin",
         description="From a URDF and a log to a model that says where reality differs, and why.",
         epilog="Each command has its own help with an example: pinotwin identify --help",
-        formatter_class=_Help,
+        formatter_class=_help,
     )
-    from pinotwin import __version__
-
     parser.add_argument("--version", action="version", version=f"pinotwin {__version__}")
     shells = ("bash", "zsh", "tcsh", "fish")
-    told = "print the script for a shell's completion and exit"
-    parser.add_argument("--print-completion", choices=shells, action=_Completion, metavar="SHELL", help=told)
+    text = "print the script for a shell's completion and exit"
+    parser.add_argument(
+        "--print-completion",
+        choices=shells,
+        action=_Completion,
+        metavar="SHELL",
+        help=text,
+        default=argparse.SUPPRESS,
+    )
     sub = parser.add_subparsers(dest="verb", metavar="COMMAND", required=True, title="commands")
     for name, text in COMMANDS.items():
-        if importlib.util.find_spec(f"pinotwin.cli.{name}") is None:
-            continue
-        example = f"example:\n  {EXAMPLES[name]}" if name in EXAMPLES else None
-        told = text[0].upper() + text[1:] + "."
         command = sub.add_parser(
-            name, help=text, description=fill(told, 80), epilog=example, formatter_class=_Help
+            name,
+            help=text,
+            description=fill(text[0].upper() + text[1:] + ".", 80),
+            epilog=f"example:\n  {EXAMPLES[name]}",
+            formatter_class=_help,
         )
         if name in commands:
-            module = importlib.import_module(f"pinotwin.cli.{name}")
-            module.add_arguments(command)
+            add_arguments(command, command_of(name))
     return parser
+
+
+def command_of(name: str) -> Command:
+    """Return the function of a command."""
+    found: Command = importlib.import_module(f"pinotwin.cli.{name}").run
+    return found
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -145,11 +149,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not named and not words[0].startswith("-"):
         return _complain(f"no command {words[0]!r}; {nearest(words[0], COMMANDS)}; see --help")
     try:
-        args = _parser(named).parse_args(words)
-        _check_outputs(args)
-        module = importlib.import_module(f"pinotwin.cli.{args.verb}")
-        with _own_effects(args):
-            code = int(module.run(args))
+        code = _run(vars(_parser(named).parse_args(words)))
         sys.stdout.flush()  # a reader that has gone is noticed here, not at exit
         return code
     except BrokenPipeError:
@@ -173,20 +173,29 @@ def _end_in_order() -> None:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
-def _own_effects(args: argparse.Namespace) -> AbstractContextManager[None]:
+def _run(values: dict[str, Any]) -> int:
+    """Call a command with its arguments, write what ``--json`` names, say the answer and return its exit code."""
+    command = command_of(values.pop("verb"))
+    check_outputs(values, values.pop("written"))
+    file, effects = values.pop("json"), values.get("effects", ())
+    if "effects" not in inspect.signature(command).parameters:
+        values.pop("effects", None)
+    with _known(effects):
+        answer = command(**values)
+        if file:
+            write_json(file, answer.content)
+        for line in answer.lines:
+            say(line)
+    return answer.code
+
+
+def _known(effects: Sequence[str]) -> AbstractContextManager[None]:
     """Return the context in which the effects of ``--effects`` are known."""
-    if not getattr(args, "effects", None):
+    if not effects:
         return nullcontext()
     from pinotwin.effects.known import given_files
 
-    return given_files(args.effects)
-
-
-def _check_outputs(args: argparse.Namespace) -> None:
-    """Refuse results that cannot be written before the work for them is done."""
-    from pinotwin.cli.output import check_outputs  # needs NumPy, which the help does not
-
-    check_outputs(args)
+    return given_files(effects)
 
 
 def _complain(text: str) -> int:

@@ -2,83 +2,63 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.arguments import Answer, Folder, Several
+from pinotwin.cli.inputs import read_logs
+from pinotwin.errors import InputError
 
 if TYPE_CHECKING:
-    from pinotwin.scaffold.chain import Sizes
     from pinotwin.scaffold.start import Start
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    source = (
-        "axes (XYZAC; XYZ-BC: tool side - table side; 0-YAC), a .urdf, a bundled name, a robot's name (ur10)"
-    )
-    parser.add_argument("source", metavar="AXES|URDF|NAME", help=source)
-    parser.add_argument(
-        "log", nargs="?", metavar="LOG", help="a log of it: its columns are guessed, each guess is said"
-    )
-    text = "what rotary axes carry where AXES has no '-' (table)"
-    parser.add_argument("--rotary", choices=("table", "head"), default="table", help=text)
-    parser.add_argument(
-        "--rate", type=float, metavar="HZ", help="sampling rate of a log without a time column"
-    )
-    parser.add_argument(
-        "--mass", nargs="+", default=[], metavar="AXIS=KG", help="mass that the axis alone moves"
-    )
-    text = "effort [N, N·m] of one unit of the axis' effort column: torque constant x gear, e.g. Y=35"
-    parser.add_argument("--factor", nargs="+", default=[], metavar="AXIS=NUMBER", help=text)
-    text = "limits of an axis [m or rad], e.g. X=-0.3,0.3"
-    parser.add_argument("--travel", nargs="+", default=[], metavar="AXIS=LOW,HIGH", help=text)
-    text = "place of its joint in the frame of the one before [m]"
-    parser.add_argument("--offset", nargs="+", default=[], metavar="AXIS=X,Y,Z", help=text)
-    parser.add_argument("--meshes", metavar="DIR", help="folder of the mesh packages of a URDF")
-    add_common(parser, out="machine folder to write", required=True)
+def run(
+    source: str,
+    log: str | None = None,
+    *,
+    rotary: Literal["table", "head"] = "table",
+    rate: float | None = None,
+    mass: Several = (),
+    factor: Several = (),
+    travel: Several = (),
+    offset: Several = (),
+    meshes: str | None = None,
+    out: Folder,
+) -> Answer:
+    """Write the folder and say every assumption and guess.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Write the folder and say every assumption and guess."""
-    from pinotwin.cli.inputs import read_logs
-    from pinotwin.errors import InputError
+    Args:
+        source (AXES|URDF|NAME): axes (XYZAC; XYZ-BC: tool side - table side; 0-YAC), a .urdf, a bundled name, a
+            robot's name (ur10)
+        log (LOG): a log of it: its columns are guessed, each guess is said
+        rotary: what rotary axes carry where AXES has no '-' (table)
+        rate (HZ): sampling rate of a log without a time column
+        mass (AXIS=KG): mass that the axis alone moves
+        factor (AXIS=NUMBER): effort [N, N·m] of one unit of the axis' effort column: torque constant x gear, e.g. Y=35
+        travel (AXIS=LOW,HIGH): limits of an axis [m or rad], e.g. X=-0.3,0.3
+        offset (AXIS=X,Y,Z): place of its joint in the frame of the one before [m]
+        meshes (DIR): folder of the mesh packages of a URDF
+        out (PATH): machine folder to write
+    """
     from pinotwin.scaffold import new
-
-    if args.rate is not None and not args.rate > 0:
-        raise InputError(f"--rate: {args.rate:g} Hz must be positive")
-    log = read_logs([args.log])[0] if args.log else None
-    start = new(
-        args.source,
-        log,
-        out=args.out,
-        rotary=args.rotary,
-        sizes=_sizes(args),
-        rate=args.rate,
-        meshes=args.meshes,
-    )
-    for line in summary(start, log.notes if log else (), args.log or "LOG"):
-        say(line)
-    if args.json:
-        write_json(args.json, as_dict(start))
-    return 0
-
-
-def _sizes(args: argparse.Namespace) -> Sizes:
     from pinotwin.scaffold.chain import Sizes
 
-    mass = {axis: x[0] for axis, x in _numbers(args.mass, "mass", 1).items()}
-    travel = {axis: (x[0], x[1]) for axis, x in _numbers(args.travel, "travel", 2).items()}
-    offset = {axis: (x[0], x[1], x[2]) for axis, x in _numbers(args.offset, "offset", 3).items()}
-    factor = {axis: x[0] for axis, x in _numbers(args.factor, "factor", 1).items()}
-    return Sizes(mass, travel, offset, factor)
+    if rate is not None and not rate > 0:
+        raise InputError(f"--rate: {rate:g} Hz must be positive")
+    sizes = Sizes(
+        {axis: x for axis, (x,) in _numbers(mass, "mass", 1).items()},
+        {axis: (low, high) for axis, (low, high) in _numbers(travel, "travel", 2).items()},
+        {axis: (x, y, z) for axis, (x, y, z) in _numbers(offset, "offset", 3).items()},
+        {axis: x for axis, (x,) in _numbers(factor, "factor", 1).items()},
+    )
+    (given,) = read_logs([log]) if log else (None,)
+    start = new(source, given, out=out, rotary=rotary, sizes=sizes, rate=rate, meshes=meshes)
+    return Answer(summary(start, given.notes if given else (), log or "LOG"), as_dict(start))
 
 
 def _numbers(given: Sequence[str], option: str, count: int) -> dict[str, list[float]]:
     """Return axis -> numbers of an option such as ``--travel X=-0.3,0.3``."""
-    from pinotwin.errors import InputError
-
     out = {}
     for text in given:
         axis, equals, rest = text.partition("=")
@@ -112,28 +92,14 @@ def summary(start: Start, notes: Sequence[str], log: str = "LOG") -> list[str]:
 def as_dict(start: Start) -> dict[str, object]:
     """Return the result in JSON's types."""
     guesses = start.guesses
-    found = (
-        []
-        if guesses is None
-        else [
-            {
-                "channel": g.channel,
-                "column": g.column,
-                "unit": g.unit,
-                "factor": g.factor,
-                "rate": g.rate,
-                "reason": g.reason,
-            }
-            for g in guesses.found
-        ]
-    )
+    keys = ("channel", "column", "unit", "factor", "rate", "reason")
     return {
         "machine": start.machine.name,
         "folder": str(start.folder),
         "axes": list(start.machine.axes),
         "assumed": list(start.said),
-        "columns": found,
-        "named": [] if guesses is None else list(guesses.named),
-        "open": [] if guesses is None else list(guesses.open),
-        "unused": [] if guesses is None else list(guesses.unused),
+        "columns": [{key: getattr(g, key) for key in keys} for g in (guesses.found if guesses else ())],
+        "named": list(guesses.named) if guesses else [],
+        "open": list(guesses.open) if guesses else [],
+        "unused": list(guesses.unused) if guesses else [],
     }

@@ -1,72 +1,14 @@
-"""What the commands share: JSON files, what ``--out`` and ``--json`` name, lines of the result."""
+"""What the commands share: links between files, lines and tables on the terminal."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
 import sys
 import textwrap
-import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
-
-from pinotwin.errors import InputError
-from pinotwin.system.writing import check_file, check_folder, now
-from pinotwin.system.writing import write_json as write_json
-
-
-def add_common(
-    parser: argparse.ArgumentParser, *, out: str | None, required: bool = False, file: bool = False
-) -> None:
-    """Add ``--json`` and, with ``out`` as its help, ``--out``.
-
-    Args:
-        parser: of the command.
-        out: help of ``--out``.
-        required: whether the command cannot do without.
-        file: whether ``--out`` names a file, not a folder.
-    """
-    parser.add_argument("--json", metavar="FILE", help="write the machine-readable result here")
-    if out is not None:
-        parser.add_argument("--out", metavar="PATH", required=required, help=out)
-        parser.set_defaults(out_is_file=file)
-
-
-def check_outputs(args: argparse.Namespace) -> None:
-    """Refuse results that cannot be written before the work for them is done."""
-    for name in ("json", "html", "report", "rrd"):
-        value = getattr(args, name, None)
-        if isinstance(value, str):
-            check_file(value)
-    if isinstance(getattr(args, "out", None), str):
-        (check_file if getattr(args, "out_is_file", False) else check_folder)(args.out)
-
-
-def check_page(path: str | None) -> None:
-    """Refuse a page of another ending than a browser knows."""
-    if path is not None and Path(path).suffix not in (".html", ".htm"):
-        raise InputError(f"--report: {Path(path).name}: a page is written as .html")
-
-
-def made(began: float, **options: Any) -> dict[str, Any]:
-    """Return date, time taken and options of a command, for the foot of its page.
-
-    Args:
-        began: ``time.monotonic()`` at its beginning.
-        options: as they were given; those that were not are left out.
-    """
-    return {**stamp(began), "options": {k: v for k, v in options.items() if v is not None}}
-
-
-def stamp(began: float) -> dict[str, Any]:
-    """Return the date, and the time taken since ``time.monotonic()`` was ``began``."""
-    return {
-        "date": now(),
-        "seconds_taken": round(time.monotonic() - began, 1),
-    }
 
 
 def beside(path: str, page: str) -> str:

@@ -2,97 +2,76 @@
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
+import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pinotwin.cli.inputs import add_effects, read_logs
-from pinotwin.cli.output import add_common, say, write_json
+from pinotwin.cli.arguments import Answer, LogFile, PageFile, Several
+from pinotwin.cli.inputs import check_there, read_logs
 from pinotwin.cli.progress import progress
+from pinotwin.errors import InputError
 from pinotwin.system.writing import write_text
 
 if TYPE_CHECKING:
     from pinotwin.reconstruction import Vibration
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("machine", help="machine or twin folder, machine.yaml, or a bundled name")
-    parser.add_argument(
-        "--servo",
-        nargs="+",
-        required=True,
-        metavar="LOG",
-        help="servo log(s); several are repeats of one command",
-    )
-    parser.add_argument(
-        "--imu",
-        nargs="+",
-        required=True,
-        metavar="LOG",
-        help="IMU log of each of them, in the same order, on its own clock",
-    )
-    parser.add_argument("--imu2", nargs="+", metavar="LOG", help="the same of a second IMU")
-    parser.add_argument("--joint", help="passive joint, where the machine has several")
-    parser.add_argument("--link", help="link that carries the IMU (from machine.yaml)")
-    parser.add_argument("--link2", help="link that carries the second IMU")
-    parser.add_argument(
-        "--imu-cutoff",
-        type=float,
-        default=140.0,
-        metavar="HZ",
-        help="corner of the low-pass inside the IMU (140); 0 for none",
-    )
-    parser.add_argument(
-        "--servo-cutoff",
-        type=float,
-        default=100.0,
-        metavar="HZ",
-        help="corner of the zero-phase low-pass on the encoders (100)",
-    )
-    parser.add_argument("--report", metavar="FILE", help="write an HTML report here")
-    parser.add_argument(
-        "--no-methods", action="store_true", help=argparse.SUPPRESS
-    )  # of scripts: no table any more
-    add_effects(parser)
-    add_common(parser, out="deflection on the servo clock (.csv or .parquet)", required=True, file=True)
+def run(
+    machine: str,
+    *,
+    servo: Several,
+    imu: Several,
+    imu2: Several | None = None,
+    joint: str | None = None,
+    link: str | None = None,
+    link2: str | None = None,
+    imu_cutoff: float = 140.0,
+    servo_cutoff: float = 100.0,
+    report: PageFile | None = None,
+    no_methods: bool = False,
+    out: LogFile,
+) -> Answer:
+    """Reconstruct, write, and say how well it is known.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Reconstruct, write, and say how well it is known."""
-    from pinotwin.errors import InputError
+    Args:
+        machine: machine or twin folder, machine.yaml, or a bundled name
+        servo (LOG): servo log(s); several are repeats of one command
+        imu (LOG): IMU log of each of them, in the same order, on its own clock
+        imu2 (LOG): the same of a second IMU
+        joint: passive joint, where the machine has several
+        link: link that carries the IMU (from machine.yaml)
+        link2: link that carries the second IMU
+        imu_cutoff (HZ): corner of the low-pass inside the IMU (140); 0 for none
+        servo_cutoff (HZ): corner of the zero-phase low-pass on the encoders (100)
+        report (FILE): write an HTML report here
+        out (PATH): deflection on the servo clock (.csv or .parquet)
+    """
+    check_there(*servo, *imu, *(imu2 or ()))
     from pinotwin.machine import Machine
     from pinotwin.reconstruction import Settings, reconstruct_vibration
     from pinotwin.reconstruction.document import document
 
-    if Path(args.out).suffix not in (".csv", ".parquet"):
-        raise InputError(f"--out: {args.out}: a log ends in .csv or .parquet")
-    if args.imu_cutoff < 0 or args.servo_cutoff <= 0:
+    del no_methods  # scripts give it: the page had a table that it left out
+    if imu_cutoff < 0 or servo_cutoff <= 0:
         raise InputError("--imu-cutoff must not be negative, --servo-cutoff must be positive")
-    machine = Machine.load(args.machine)
-    servo, imu = read_logs(args.servo), read_logs(args.imu)
-    imu2 = read_logs(args.imu2) if args.imu2 else None
-    settings = Settings(args.joint, (args.link, args.link2), args.imu_cutoff, args.servo_cutoff)
-    with progress() as report:
-        found = reconstruct_vibration(machine, servo, imu, imu2, settings=settings, report=report)
-        found.save(args.out)
-        if args.report:
+    believed = Machine.load(machine)
+    logs, first, second = (read_logs(names or ()) for names in (servo, imu, imu2))
+    settings = Settings(joint, (link, link2), imu_cutoff, servo_cutoff)
+    with progress() as shown:
+        found = reconstruct_vibration(believed, logs, first, second or None, settings=settings, report=shown)
+        found.save(out)
+        if report:
             from pinotwin.report.vibration import vibration_report
 
-            report("writing the report", 0.95)
-            write_text(Path(args.report), vibration_report(found))
-    if args.json:
-        write_json(args.json, document(found))
-    for line in summary(found):
-        say(line)
-    say(f"{found.joint} on the servo clock written to {args.out}")
-    return 0
+            shown("writing the report", 0.95)
+            write_text(report, vibration_report(found))
+    lines = [*summary(found), f"{found.joint} on the servo clock written to {out}"]
+    return Answer(lines, document(found))
 
 
 def summary(found: Vibration) -> list[str]:
     """Return the lines that a user wants to see first; angles in degrees."""
+    import numpy as np
+
     m = found.motion
     rows = m.known
     size = [np.degrees(np.std(x[rows])) for x in (m.q, m.v, m.a)]
@@ -128,4 +107,4 @@ def summary(found: Vibration) -> list[str]:
 
 
 def _known(x: float) -> str:
-    return f"{x:.4f}" if np.isfinite(x) else "unknown: no rest in the log"
+    return f"{x:.4f}" if math.isfinite(x) else "unknown: no rest in the log"

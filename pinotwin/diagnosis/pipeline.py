@@ -113,7 +113,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
     made = provenance(subject, s.rest.logs, s.rest.validation, **options)
-    return replace(result, provenance=made, logs=logs, validation=unseen)
+    return replace(result, provenance=made, prepared=c.among(logs), sealed=c.validation)
 
 
 def _plant_named(

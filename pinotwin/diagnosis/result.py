@@ -13,6 +13,7 @@ from pinotwin.arrays import Floats, plain
 from pinotwin.diagnosis.grade import Grade, grade, printed
 from pinotwin.effects import Effect
 from pinotwin.log import Log
+from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path
@@ -204,8 +205,8 @@ class Diagnosis(Drawn):
         warnings: what ``check`` says of these logs.
         differs: files that differ from runs of the same command, with which they are not pooled.
         provenance: version, options, seed, and the logs with their fingerprints.
-        logs: those that were diagnosed.
-        validation: those that nothing was fitted to.
+        prepared: logs that were diagnosed, with their motions.
+        sealed: logs that nothing was fitted to, likewise.
     """
 
     verdict: Verdict
@@ -230,8 +231,18 @@ class Diagnosis(Drawn):
     warnings: Sequence[str] = ()
     differs: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    logs: Sequence[Log] = field(default=(), repr=False, compare=False)
-    validation: Sequence[Log] = field(default=(), repr=False, compare=False)
+    prepared: Sequence[Prepared] = field(default=(), repr=False, compare=False)
+    sealed: Sequence[Prepared] = field(default=(), repr=False, compare=False)
+
+    @property
+    def logs(self) -> Sequence[Log]:
+        """The logs that were diagnosed, in the names of the contract."""
+        return [one.log for one in self.prepared]
+
+    @property
+    def validation(self) -> Sequence[Log]:
+        """The logs that nothing was fitted to, likewise."""
+        return [one.log for one in self.sealed]
 
     @property
     def causes(self) -> Sequence[Found]:

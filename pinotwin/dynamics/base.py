@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import solve_triangular
+import scipy
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics.naming import combination, labels
@@ -147,7 +147,7 @@ def _regroup(scaled: Floats, order: Sequence[int], tolerance: float) -> tuple[li
     K = np.zeros((len(kept), scaled.shape[1]))
     K[range(len(kept)), kept] = 1.0
     for k, _ in rejected:
-        K[:, k] = solve_triangular(R, base.T @ scaled[:, k])
+        K[:, k] = scipy.linalg.solve_triangular(R, base.T @ scaled[:, k])
     # Rounded angles in the URDF leave residues of their size; exact ones only those of arithmetic.
     level = max(_CLEAN, min(tolerance, 10.0 * max((size for _, size in rejected), default=0.0)))
     return kept, np.where(np.abs(K) > level, K, 0.0), level

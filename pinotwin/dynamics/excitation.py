@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError
@@ -134,7 +134,9 @@ def _groups(V: Floats, names: Sequence[str]) -> list[Group]:
     """Return the parameters that the subspace V (b, k) couples, as connected groups."""
     projector = V @ V.T
     left: Ints = np.flatnonzero(np.diag(projector) > _MEMBER)
-    count, group = connected_components(np.abs(projector[np.ix_(left, left)]) > _LINK, directed=False)
+    count, group = scipy.sparse.csgraph.connected_components(
+        np.abs(projector[np.ix_(left, left)]) > _LINK, directed=False
+    )
     parts = [left[group == k] for k in range(count)]
     return [
         Group(tuple(names[k] for k in part), max(1, round(float(projector[part, part].sum()))))

@@ -12,29 +12,21 @@ from functools import wraps
 from typing import Any
 
 import numpy as np
-from numba import njit, typeof
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.system.kernels import compiled
 
+leaf = compiled(nogil=True, _nrt=False)
+"""Compiles a function that allocates nothing, without reference counting.
 
-def leaf(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function that allocates nothing, without reference counting.
+numba counts references of every array that it takes out of a tuple. A stepping loop takes some hundred of them out
+per step and creates none; the counting then costs three times the arithmetic (1.8 against 0.55 microseconds a step,
+measured on the trunnion). ``_nrt=False`` leaves it out; the option is numba's own and may go some day. Other threads
+run meanwhile: axes are searched side by side.
+"""
 
-    numba counts references of every array that it takes out of a tuple. A stepping loop takes some
-    hundred of them out per step and creates none; the counting then costs three times the arithmetic
-    (1.8 against 0.55 microseconds a step, measured on the trunnion). ``_nrt=False`` leaves it out; the
-    option is numba's own and may go some day. Other threads run meanwhile: axes are searched side by side.
-    """
-    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
-    try:
-        return njit(**options)(function)  # type: ignore[no-any-return]
-    except (KeyError, TypeError):
-        return njit(cache=True, nogil=True)(function)
-
-
-def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function into those that call it: arrays in tuples cost a call more than most steps do."""
-    return njit(cache=True, nogil=True, inline="always")(function)  # type: ignore[no-any-return]
+inlined = compiled(nogil=True, inline="always")
+"""Compiles a function into those that call it: arrays in tuples cost a call more than most steps do."""
 
 
 def entry(kernel: Callable[..., Any]) -> Callable[..., Any]:
@@ -48,6 +40,8 @@ def entry(kernel: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(kernel)
     def call(*args: Any) -> Any:
         if not kept:
+            from numba import typeof
+
             kept.extend(typeof(x) for x in args)
         return kernel(*args)
 

@@ -5,6 +5,7 @@ How an effect is written and used: :mod:`pinotwin.effects.effect`.
 
 from __future__ import annotations
 
+from pinotwin.effects.coupling import InertialCoupling as InertialCoupling
 from pinotwin.effects.coupling import WristCoupling as WristCoupling
 from pinotwin.effects.effect import AxisEffect as AxisEffect
 from pinotwin.effects.effect import Coefficient as Coefficient
@@ -12,7 +13,6 @@ from pinotwin.effects.effect import Columns as Columns
 from pinotwin.effects.effect import Effect as Effect
 from pinotwin.effects.effect import Shape as Shape
 from pinotwin.effects.family import FAMILIES as FAMILIES
-from pinotwin.effects.family import Family as Family
 from pinotwin.effects.friction import Coulomb as Coulomb
 from pinotwin.effects.friction import CoulombAsymmetric as CoulombAsymmetric
 from pinotwin.effects.friction import LoadFriction as LoadFriction
@@ -22,19 +22,21 @@ from pinotwin.effects.friction import Viscous as Viscous
 from pinotwin.effects.friction import ViscousAsymmetric as ViscousAsymmetric
 from pinotwin.effects.friction import ViscousThermal as ViscousThermal
 from pinotwin.effects.hysteresis import Hysteresis as Hysteresis
+from pinotwin.effects.known import EFFECTS as EFFECTS
+from pinotwin.effects.known import LISTED as LISTED
 from pinotwin.effects.known import check_effect as check_effect
 from pinotwin.effects.known import given as given
 from pinotwin.effects.known import known as known
 from pinotwin.effects.load import ExternalForce as ExternalForce
 from pinotwin.effects.load import GeometricError as GeometricError
-from pinotwin.effects.load import InertialCoupling as InertialCoupling
 from pinotwin.effects.load import Payload as Payload
 from pinotwin.effects.position import Offset as Offset
 from pinotwin.effects.position import PositionTable as PositionTable
-from pinotwin.effects.position import Ripple as Ripple
-from pinotwin.effects.position import RippleModulated as RippleModulated
+from pinotwin.effects.position import Spring as Spring
 from pinotwin.effects.presliding import Presliding as Presliding
 from pinotwin.effects.rigid_body import RigidBody as RigidBody
+from pinotwin.effects.ripple import Ripple as Ripple
+from pinotwin.effects.ripple import RippleModulated as RippleModulated
 from pinotwin.effects.scene import needs_model as needs_model
 from pinotwin.effects.scene import told as told
 from pinotwin.effects.scene import total_effort as total_effort
@@ -45,10 +47,6 @@ from pinotwin.effects.sensing import EncoderError as EncoderError
 from pinotwin.effects.servo import Feedforward as Feedforward
 from pinotwin.effects.servo import LoopGain as LoopGain
 from pinotwin.effects.servo import Saturation as Saturation
-from pinotwin.effects.sight import Sight as Sight
-from pinotwin.effects.spring import Spring as Spring
-from pinotwin.effects.table import EFFECTS as EFFECTS
-from pinotwin.effects.table import LISTED as LISTED
 from pinotwin.effects.transmission import Backlash as Backlash
 from pinotwin.effects.transmission import DriveFlexibility as DriveFlexibility
 from pinotwin.effects.transmission import JointFlexibility as JointFlexibility

@@ -8,14 +8,14 @@ friction. (Eq. 3.9 read to the letter would release it at the sample where v is 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.motion import AxisMotion
+from pinotwin.system.kernels import compiled
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _scan(v: Floats, a: Floats, width: float, d0: float) -> Floats:
     d = np.empty_like(v)
     state = d0

@@ -6,27 +6,14 @@
 column (a Stribeck speed, a ripple pitch) that a bounded search finds. An effect never stores what was
 found: it states the equation. Effects are frozen dataclasses; their fields are what the YAML may set.
 
-Identification, simulation, diagnosis, report and documentation read everything they need from here:
+Identification, simulation, diagnosis, report and documentation read everything they need from here. Effects
+whose column is made of the model's own effort (``needs``) want a motion that holds it: ``motion = told(motion,
+effects, theta)`` of :mod:`pinotwin.effects.scene`, once a model. A search tries the ``candidates`` of an effect;
+each keeps its shapes: ``candidate.shapes()`` bounds a further polish, ``candidate.shape_values()`` is where it
+starts, and ``found.settled()`` is what machine.yaml is to list.
 
-* ``effect.columns(motion)``: the regressor. Effects whose column is made of the model's own effort
-  (``needs`` names the channels: ``model``, ``rigid``, ``mass``) want a motion that holds it:
-  ``motion = told(motion, effects, theta)`` of :mod:`pinotwin.effects.scene`, once a model.
-* ``effect.coefficients()``, ``effect.shapes()``, ``effect.shaped(values)``: names, units, bounds.
-* ``EFFECTS[name].candidates(machine, axis, motion)``: the instances worth trying on one axis of this
-  motion. Empty when the log cannot show the effect (presliding in a coarse log, a Stribeck curve
-  without slow rows). ``machine`` may be a machine or a :class:`pinotwin.effects.tree.Tree` that holds a
-  twin's inertias. Every candidate keeps its shapes: ``candidate.shapes()`` bounds a further polish,
-  ``candidate.shape_values()`` is where it starts. ``EFFECTS[name].searched`` says how many numbers the
-  search has chosen: its price. ``found.settled()`` is what machine.yaml is to list.
-* ``family.acts``: on the effort, on hidden states, on a sensor, or in the controller's loop. An effect
-  of the loop gives columns of the effort that the controller adds; the plant stays what it is.
-* ``contains``: simpler effects that are cases of this one: not asked for beside it. ``imitates``: other
-  effects whose columns can look alike. ``inseparable``: those that the signals of one axis cannot tell
-  apart whatever the motion.
-* ``title``, ``words``, ``remedy``, ``colour``: for people.
-
-A new effect is one small final class. A built-in one is listed once in :mod:`pinotwin.effects.table`; how a user's
-own is named: :mod:`pinotwin.effects.known`.
+A new effect is one small final class. A built-in one is listed once in :mod:`pinotwin.effects.known`, which says
+how a user's own is named as well.
 """
 
 from __future__ import annotations
@@ -36,7 +23,7 @@ import dataclasses
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -118,80 +105,68 @@ class Columns:
 
 
 class Effect(abc.ABC):
-    """One cause of joint effort; see the module's docstring for the equation and for how to use it."""
+    """One cause of joint effort; see the module's docstring for the equation and for how to use it.
+
+    Attributes:
+        name: name in YAML, JSON and reports.
+        family: its family, which says what it acts on; every effect of the table has one of its own.
+        title: name in a heading; made of the name where it is not given.
+        words: what it is on the machine, in one sentence without a capital or a full stop.
+        remedy: what a person can check or do, in one sentence.
+        colour: its colour in every figure.
+        contains: simpler effects that are special cases of this one on the same axis.
+        imitates: effects that look much like it in an ordinary log.
+        inseparable: effects that no motion of the axis can tell from it by the axis' own signals.
+        unlisted: why it cannot be listed under an axis in machine.yaml, and what to write instead; empty if it
+            can.
+        several: whether an axis may list it more than once (ripples of several pitches).
+        needs: channels of the motion that :func:`pinotwin.effects.with_model` must have filled.
+        searched: how many numbers a search over its candidates chooses: the price of finding it.
+        logged_effort: whether it changes the logged effort after everything else: what moves the machine is
+            without it.
+        sharp: whether its effort changes faster than the motion does: its columns then go through the low-pass
+            that the measured effort went through, see :meth:`pinotwin.motion.Motion.passed`.
+        uses_standstill: whether rows at standstill help to identify it (presliding): they are kept for its
+            axis.
+        refined_in_loop: whether the closed loop may refine its coefficients, if it is friction or an effort of
+            position.
+        fades: whether its effort vanishes at speed, as Stribeck's does.
+        held: whether its coefficients are held weakly within the size of the effort: knots that a log hardly
+            passes would run away.
+        local: whether each of its coefficients is told at one place of the travel alone, as a table's knots
+            are.
+        causes: what its effort counts as in the generalised disturbance: one word for all coefficients, or one
+            for each. ``stiffness`` and ``viscous`` say that the column is the axis' own q or v.
+        depends: what its columns are a function of, so that a simulation can tabulate them: ``position``,
+            ``velocity``; ``direction`` (times a function of the speed); ``displacement`` (slip elements times a
+            function of the speed); ``partner`` (inertia, viscous and dry friction between two axes, see
+            :class:`Paired`). An effect of any other kind is still simulated, by repeated passes.
+        axis: axis it belongs to, or None for the whole machine.
+    """
 
     name: ClassVar[str]
-    """Name in YAML, JSON and reports."""
-
     family: ClassVar[Family] = OTHER
-    """Its family, which says what it acts on; every effect of the table has one of its own."""
-
     title: ClassVar[str]
-    """Name in a heading; made of the name where it is not given."""
-
     words: ClassVar[str] = ""
-    """What it is on the machine, in one sentence without a capital or a full stop."""
-
     remedy: ClassVar[str] = ""
-    """What a person can check or do, in one sentence."""
-
     colour: ClassVar[str] = "#7f7f7f"
-    """Its colour in every figure."""
-
     contains: ClassVar[tuple[str, ...]] = ()
-    """Simpler effects that are special cases of this one on the same axis."""
-
     imitates: ClassVar[tuple[str, ...]] = ()
-    """Effects that look much like it in an ordinary log."""
-
     inseparable: ClassVar[tuple[str, ...]] = ()
-    """Effects that no motion of the axis can tell from it by the axis' own signals."""
-
     unlisted: ClassVar[str] = ""
-    """Why it cannot be listed under an axis in machine.yaml, and what to write instead; empty if it can."""
-
     several: ClassVar[bool] = False
-    """Whether an axis may list it more than once (ripples of several pitches)."""
-
     needs: ClassVar[tuple[Need, ...]] = ()
-    """Channels of the motion that :func:`pinotwin.effects.with_model` must have filled."""
-
     searched: ClassVar[int] = 0
-    """How many numbers a search over its candidates chooses: the price of finding it."""
-
     logged_effort: ClassVar[bool] = False
-    """Whether it changes the logged effort after everything else: what moves the machine is without it."""
-
     sharp: ClassVar[bool] = False
-    """Whether its effort changes faster than the motion does: its columns then go through the low-pass
-    that the measured effort went through, see :meth:`pinotwin.motion.Motion.passed`."""
-
     uses_standstill: ClassVar[bool] = False
-    """Whether rows at standstill help to identify it (presliding): they are kept for its axis."""
-
     refined_in_loop: ClassVar[bool] = True
-    """Whether the closed loop may refine its coefficients, if it is friction or an effort of position."""
-
     fades: ClassVar[bool] = False
-    """Whether its effort vanishes at speed, as Stribeck's does."""
     held: ClassVar[bool] = False
-    """Whether its coefficients are held weakly within the size of the effort: knots that a log hardly
-    passes would run away."""
     local: ClassVar[bool] = False
-    """Whether each of its coefficients is told at one place of the travel alone, as a table's knots are."""
-
     causes: ClassVar[tuple[Cause, ...]] = ("other",)
-    """What its effort counts as in the generalised disturbance: one word for all coefficients, or one
-    for each. ``stiffness`` and ``viscous`` say that the column is the axis' own q or v."""
-
     depends: ClassVar[Depends] = "other"
-    """What its columns are a function of, so that a simulation can tabulate them: ``position``,
-    ``velocity``; ``direction`` (times a function of the speed); ``displacement`` (slip elements times
-    a function of the speed); ``partner`` (inertia, viscous and dry friction between two axes, see
-    :class:`Paired`). An effect of any other kind is still simulated, by repeated passes."""
-
     axis: str | None
-    """Axis it belongs to, or None for the whole machine."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -219,7 +194,6 @@ class Effect(abc.ABC):
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
         """Return, for each shape, the values worth trying first on this motion."""
-        del motion
         return tuple(
             np.geomspace(s.lower, s.upper, 15) if s.log else np.linspace(s.lower, s.upper, 15)
             for s in self.shapes()
@@ -227,7 +201,6 @@ class Effect(abc.ABC):
 
     def fitted_to(self, motion: Motion) -> Self:
         """Return the effect with what it takes from the log before a fit (a table's knots)."""
-        del motion
         return self
 
     def known(self, motion: Motion) -> Mask:
@@ -236,7 +209,6 @@ class Effect(abc.ABC):
 
     def bound(self, tree: Tree) -> Self:
         """Return the effect with what it takes from its machine (a body's regressor, an endless joint)."""
-        del tree
         return self
 
     def wider(self) -> tuple[Self, ...]:
@@ -264,6 +236,20 @@ class Effect(abc.ABC):
         changes = {s.name: float(x) for s, x in zip(self.shapes(), values, strict=True)}
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
+    def channel(self, motion: Motion, name: Need) -> Floats:
+        """Return a channel of the motion that holds the model's effort.
+
+        Raises:
+            DataError: the motion holds none.
+        """
+        found: Floats | None = getattr(motion, name)
+        if found is None:
+            raise DataError(
+                f"{self.axis}.{self.name} needs the effort of a model along the motion; "
+                "call told(motion, effects, theta) first"
+            )
+        return found
+
     @classmethod
     def on(cls, machine: HasTree, axis: str) -> Self:
         """Return the effect on an axis with its default settings."""
@@ -287,7 +273,6 @@ class Effect(abc.ABC):
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return this effect at the shapes that a moving axis can show: see :meth:`candidates`."""
-        del motion, sight
         return (self,)
 
     def over(self, *grids: Sequence[float] | Floats) -> tuple[Self, ...]:
@@ -296,12 +281,10 @@ class Effect(abc.ABC):
 
     def possible(self, theta: Floats) -> bool:
         """Whether coefficients, shape (p,), and shapes can belong to one such effect; bounds are judged apart."""
-        del theta
         return True
 
     def turned(self, rotary: bool) -> float:
         """Return the speed from which its dry friction has turned round with the motion [m/s or rad/s]; 0 for none."""
-        del rotary
         return 0.0
 
     def includes(self, name: str) -> bool:
@@ -313,39 +296,74 @@ class Effect(abc.ABC):
         return self
 
 
-class Paired(Effect):
+@dataclass(frozen=True)
+class OneAxis(Effect):
+    """An effect that is listed under one axis.
+
+    Attributes:
+        linear: its coefficients, in the order of the columns; F stands for the unit of the effort, x for that of
+            the position, I for that of an inertia.
+        axis: its name.
+        rotary: whether it is a rotation; a slide otherwise.
+    """
+
+    linear: ClassVar[tuple[Coefficient, ...]]
+    axis: str
+    rotary: bool = False
+
+    def __post_init__(self) -> None:
+        for f in dataclasses.fields(self):
+            if "usual" in f.metadata and getattr(self, f.name) is None:
+                object.__setattr__(self, f.name, f.metadata["usual"][self.rotary])
+
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        return tuple(dataclasses.replace(c, unit=self.unit(c.unit)) for c in self.linear)
+
+    def unit(self, of: str) -> str:
+        """Return a unit in which F, x and I stand for that of effort, position and inertia."""
+        own = ("N·m", "rad", "kg·m²") if self.rotary else ("N", "m", "kg")
+        return of.translate(dict(zip(map(ord, "FxI"), own, strict=True)))
+
+
+def usual(linear: float, rotary: float) -> Any:
+    """Return a field of :class:`OneAxis` that has a usual value of a slide or a rotation where none is given."""
+    return dataclasses.field(default=None, metadata={"usual": (linear, rotary)})
+
+
+@dataclass(frozen=True)
+class Paired(OneAxis):
     """An effect between two axes: inertia and viscous friction of the other's motion, dry friction of both.
 
-    tau_i = Ia a_j + b v_j + c sign(v_i + v_j),      tau_j the same with i and j exchanged
+        tau_i = Ia a_j + b v_j + c sign(v_i + v_j),      tau_j the same with i and j exchanged
+
+    Attributes:
+        partner: the other axis (``with`` in YAML).
     """
 
-    depends: ClassVar[Depends] = "partner"
-    axis: str
-    partner: str
+    depends = "partner"
+    partner: str = dataclasses.field(default="", metadata={"yaml": "with"})
 
-    @abc.abstractmethod
     def terms(self, theta: Floats) -> tuple[float, float, float]:
-        """Return Ia, b and c of coefficients in the order of :meth:`coefficients`."""
+        """Return Ia, b and c of the coefficients, which are the first of these."""
+        inertia, viscous, dry = [*map(float, theta), 0.0, 0.0][:3]
+        return inertia, viscous, dry
+
+    def columns(self, motion: Motion) -> Columns:
+        own, other, count = motion.axis(self.axis), motion.axis(self.partner), len(self.linear)
+        slide = motion.passed(np.sign(own.v + other.v)) if count > 2 else own.v
+        parts = [np.stack([x.a, x.v, slide][:count], axis=-1) for x in (other, own)]
+        return Columns((own.index, other.index), np.stack(parts, axis=1))
+
+    @classmethod
+    def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Self, ...]:
+        """Return the effect with every other axis that moves."""
+        tree = Tree.of(machine)
+        moving = [x for x in tree.names if x != axis and Sight.of(motion, x).moves]
+        return tuple(cls(axis, tree.rotary[tree.index(axis)], partner=x) for x in moving)
 
 
-class Slipping(Effect):
-    """An effect of slip elements and a bristle that bend with the displacement of an axis.
-
-    tau = z g(|v|) + m (y - z) + d y',      dz_i = dq / (x_s yield_i), kept within [-1, 1]
-    """
-
-    depends: ClassVar[Depends] = "displacement"
-    axis: str
-    x_s: float | None
-    play: float | None
-    spread: float
-
-    @abc.abstractmethod
-    def memory(self, theta: Floats) -> tuple[float, float]:
-        """Return m and d of coefficients in the order of :meth:`coefficients`."""
-
-
-class AxisEffect(Effect):
+@dataclass(frozen=True)
+class AxisEffect(OneAxis):
     """An effect of one axis that depends on the motion of that axis alone."""
 
     @abc.abstractmethod
@@ -353,7 +371,6 @@ class AxisEffect(Effect):
         """Return the columns for that axis, shape (n, p)."""
 
     def columns(self, motion: Motion) -> Columns:
-        assert self.axis is not None
         axis = motion.axis(self.axis)
         values = np.asarray(self.axis_columns(axis), dtype=float)
         if values.shape != (expected := (len(motion), len(self.coefficients()))):
@@ -362,18 +379,3 @@ class AxisEffect(Effect):
                 "a row a sample, a column a coefficient"
             )
         return Columns((axis.index,), (motion.passed(values) if self.sharp else values)[:, None, :])
-
-
-def channel(effect: Effect, motion: Motion, name: Need) -> Floats:
-    """Return a channel of the motion that holds the model's effort.
-
-    Raises:
-        DataError: the motion holds none.
-    """
-    found: Floats | None = getattr(motion, name)
-    if found is None:
-        raise DataError(
-            f"{effect.axis}.{effect.name} needs the effort of a model along the motion; "
-            "call told(motion, effects, theta) first"
-        )
-    return found

@@ -12,17 +12,15 @@ it is depends on strokes made long before.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
-import numba
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Effect, Shape
-from pinotwin.effects.family import FRICTION, Family
+from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, usual
+from pinotwin.effects.family import FRICTION
 from pinotwin.effects.sight import Sight
-from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
+from pinotwin.system.kernels import compiled
 
 LONG = np.geomspace(0.005, 0.5, 8)
 """Distances of build-up that are tried, as shares of the travel."""
@@ -32,7 +30,7 @@ BUILT_UP = 1e-10
 """[per distance] What z still gains when it counts as built up."""
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
     """Fill z along a path, by Runge-Kutta steps of a twentieth of the distance at most."""
     z = 0.0
@@ -53,7 +51,7 @@ def _follow(q: Floats, x_h: float, n: float, out: Floats) -> None:
         out[k] = z
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _slope(z: float, h: float, n: float) -> float:
     """Return dz over dx / x_h: full while the drag lets go, less and less while it builds up."""
     if z * h <= 0.0:
@@ -79,45 +77,35 @@ class Hysteresis(AxisEffect):
         n: how sharply it gives way at the end; searched.
     """
 
-    name: ClassVar[str] = "hysteresis"
-    family: ClassVar[Family] = FRICTION
-    title: ClassVar[str] = "Hysteresis"
-    words: ClassVar[str] = "drag that turns round slowly after a reversal, as of cables, hoses or seals"
-    remedy: ClassVar[str] = (
-        "follow the cable carrier by hand: stiff cables, rubbing hoses, seals that roll; record short and long strokes"
-    )
-    colour: ClassVar[str] = "#8c6d31"
-    imitates: ClassVar[tuple[str, ...]] = ("presliding", "coulomb", "backlash", "spring", "position_table")
-    searched: ClassVar[int] = 2
+    name = "hysteresis"
+    family = FRICTION
+    title = "Hysteresis"
+    words = "drag that turns round slowly after a reversal, as of cables, hoses or seals"
+    remedy = "follow the cable carrier by hand: stiff cables, rubbing hoses, rolling seals; record short, long strokes"
+    colour = "#8c6d31"
+    linear = (Coefficient("k", "F", lower=0.0),)
+    imitates = ("presliding", "coulomb", "backlash", "spring", "position_table")
+    searched = 2
     # Slow as it is, an integrating controller answers it with next to no tracking error: the loop would
-    # trade it for dry friction (18 N came out as 9.5 N), which the effort of the open loop tells apart.
-    refined_in_loop: ClassVar[bool] = False
-    sharp: ClassVar[bool] = True
-    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
-    axis: str
-    rotary: bool = False
-    x_h: float | None = None
+    # trade it for dry friction, which the effort of the open loop tells apart.
+    refined_in_loop = False
+    sharp = True
+    causes = ("friction",)
+    x_h: float = usual(0.005, 0.05)
     n: float = 1.0
-
-    def __post_init__(self) -> None:
-        if self.x_h is None:
-            object.__setattr__(self, "x_h", 0.05 if self.rotary else 0.005)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("k", effort(self.rotary), lower=0.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (1e-4, 3.0) if self.rotary else (1e-5, 0.5)
-        return (Shape("x_h", length(self.rotary), low, high), Shape("n", "-", 0.25, 4.0))
+        return (Shape("x_h", self.unit("x"), low, high), Shape("n", "-", 0.25, 4.0))
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """See :meth:`Effect.grid`: shares of the travel."""
+        """Return shares of the travel."""
         (shape, _) = self.shapes()
         travel = max(float(np.ptp(motion.axis(self.axis).q)), 1e3 * shape.lower)
         return np.clip(LONG * travel, shape.lower, shape.upper), np.array(SHARP)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: distances of some rows and of more than the noise, with reversals."""
+        """Return distances of some rows and of more than the noise, where there are reversals."""
         if not sight.both_ways or sight.reversals < 2:
             return ()
         distances, sharp = self.grid(motion)
@@ -125,7 +113,6 @@ class Hysteresis(AxisEffect):
         return self.over([x for x in distances if x >= least], sharp)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        assert self.x_h is not None
         out = np.zeros((len(motion.q), 1))
         for part in motion.segments:
             if part.stop > part.start:

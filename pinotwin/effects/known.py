@@ -7,7 +7,6 @@ An own effect is a class like the built-in ones, in any module. It is named as a
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import importlib
 import importlib.metadata
@@ -21,12 +20,52 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, ParamSpec, Protocol, TypeVar
 
-from pinotwin.effects.effect import Effect
-from pinotwin.effects.table import EFFECTS
+from pinotwin.effects import coupling, friction, load, position, ripple, sensing, servo, transmission
+from pinotwin.effects.effect import Effect, OneAxis
+from pinotwin.effects.hysteresis import Hysteresis
+from pinotwin.effects.presliding import Presliding
+from pinotwin.effects.rigid_body import RigidBody
 from pinotwin.errors import InputError, MachineError, nearest
 
-GROUP = "pinotwin.effects"
-"""Group of entry points by which an installed package offers effects."""
+EFFECTS: dict[str, type[Effect]] = {
+    effect.name: effect
+    for effect in (
+        RigidBody,
+        friction.Viscous,
+        friction.ViscousAsymmetric,
+        friction.Coulomb,
+        friction.CoulombAsymmetric,
+        friction.Stribeck,
+        Presliding,
+        friction.LoadFriction,
+        friction.ViscousThermal,
+        friction.QuadraticDrag,
+        Hysteresis,
+        position.Offset,
+        ripple.Ripple,
+        ripple.RippleModulated,
+        position.PositionTable,
+        position.Spring,
+        coupling.InertialCoupling,
+        coupling.WristCoupling,
+        transmission.DriveFlexibility,
+        transmission.JointFlexibility,
+        transmission.Backlash,
+        sensing.Delay,
+        sensing.EffortScale,
+        sensing.EncoderError,
+        load.Payload,
+        load.ExternalForce,
+        load.GeometricError,
+        servo.Feedforward,
+        servo.LoopGain,
+        servo.Saturation,
+    )
+}
+"""Name -> effect. ``LISTED`` has those that machine.yaml may list under an axis."""
+
+LISTED: tuple[str, ...] = tuple(name for name, effect in EFFECTS.items() if not effect.unlisted)
+"""Names that an axis may list in machine.yaml."""
 
 EffectLike = Effect | type[Effect] | str
 """An effect, its class, ``module:Class``, or the name of a known one."""
@@ -115,9 +154,11 @@ def check_effect(kind: type[Effect]) -> type[Effect]:
     """
     where = f"effect {kind.__module__}:{kind.__qualname__}"
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    if kind.coefficients is OneAxis.coefficients and not hasattr(kind, "linear"):
+        missing.append("coefficients")
     if missing:
         raise InputError(f"{where}: does not define {', '.join(missing)}")
-    if not dataclasses.is_dataclass(kind) or "axis" not in {f.name for f in dataclasses.fields(kind)}:
+    if "axis" not in vars(kind).get("__dataclass_fields__", {}):
         raise InputError(f"{where}: write @dataclass(frozen=True) above it, with the field axis: str")
     name = getattr(kind, "name", "")
     if not isinstance(name, str) or not name.isidentifier():
@@ -208,4 +249,4 @@ def _loaded(file: Path) -> ModuleType:
 @functools.cache
 def _installed() -> tuple[type[Effect], ...]:
     """Return the effects of installed packages."""
-    return tuple(resolve(point.value) for point in importlib.metadata.entry_points(group=GROUP))
+    return tuple(resolve(point.value) for point in importlib.metadata.entry_points(group="pinotwin.effects"))

@@ -21,19 +21,18 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from typing import Self
 
-import numba
 import numpy as np
-from scipy.special import gammaincinv
+import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Cause, Coefficient, Effect, Shape, Slipping
-from pinotwin.effects.family import FRICTION, Family
+from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, usual
+from pinotwin.effects.family import FRICTION
 from pinotwin.effects.sight import Sight
-from pinotwin.effects.symbols import effort, length
 from pinotwin.motion import AxisMotion, Motion
 from pinotwin.signals import roughness
+from pinotwin.system.kernels import compiled
 
 ELEMENTS = 6
 EXPONENTIAL = float(np.sqrt(0.5))
@@ -44,20 +43,20 @@ SPREADS, OTHER_SPREADS, NEARER = (0.1, 1.2), (0.1, 0.25, 0.45, 1.1), (0.3, 0.45,
 Below the least the elements slip as one, within what an encoder tells."""
 DISTANCES = (2.0, 4.0, 8.0, 16.0, 40.0, 100.0)
 """Presliding distances that are tried, times that of an ordinary guide or bearing (5 um, 20 urad)."""
-PAST = 20.0
-"""Samples before a stretch in which the axis is taken to have moved as at its start."""
 
 
 @functools.lru_cache(maxsize=256)
 def yields(spread: float) -> Floats:
     """Return the distances at which the elements slip, over x_s: medians of equal parts of a gamma distribution."""
     k = min(max(spread, SPREADS[0]), SPREADS[1]) ** -2
-    out = np.asarray(2.0 / k * gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float)
+    out = np.asarray(
+        2.0 / k * scipy.special.gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float
+    )
     out.flags.writeable = False
     return out
 
 
-@numba.njit(cache=True)
+@compiled
 def _slip(q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past: float, out: Floats) -> None:
     """Fill ``out`` (n, 3) with z, y and y'; ``width`` is x_s and the play."""
     x_s, play = width
@@ -79,17 +78,19 @@ def _slip(q: Floats, v: Floats, yields: Floats, width: tuple[float, float], past
         out[k, 2] = v[k] * (1.0 - y * np.sign(v[k])) / x_s if step != 0.0 else 0.0
 
 
-def contact(motion: AxisMotion, x_s: float, play: float = 0.0, spread: float = EXPONENTIAL) -> Floats:
+def contact(
+    motion: AxisMotion, x_s: float, play: float = 0.0, spread: float = EXPONENTIAL, past: float = 20.0
+) -> Floats:
     """Return bend z of the elements, y of the bristle (from -1 to 1) and y' [1/s], shape (n, 3).
 
-    A stretch that starts in motion starts bent by the last few samples of it; one that starts at rest
+    A stretch that starts in motion starts bent by ``past`` samples of it; one that starts at rest
     starts unbent, for friction at standstill depends on a past that the log does not hold.
     """
     out = np.zeros((len(motion.q), 3))
     for s in motion.segments:
-        past = PAST * motion.step * float(motion.v[s.start])
+        before = past * motion.step * float(motion.v[s.start])
         q, v = (np.ascontiguousarray(x[s]) for x in (motion.q, motion.v))
-        _slip(q, v, x_s * yields(spread), (x_s, play), past, out[s])
+        _slip(q, v, x_s * yields(spread), (x_s, play), before, out[s])
     return out
 
 
@@ -99,7 +100,7 @@ def encoder_noise(motion: AxisMotion) -> float:
 
 
 @dataclass(frozen=True)
-class Presliding(AxisEffect, Slipping):
+class Presliding(AxisEffect):
     """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'.
 
     Attributes:
@@ -112,23 +113,20 @@ class Presliding(AxisEffect, Slipping):
         play: of the bristle and the elements [m or rad]; the encoder's noise in the log where absent.
     """
 
-    name: ClassVar[str] = "presliding"
-    family: ClassVar[Family] = FRICTION
-    title: ClassVar[str] = "Presliding"
-    words: ClassVar[str] = "the contact gives a little, like a spring, before it slides: seen at reversals"
-    remedy: ClassVar[str] = (
-        "record slow reversals of growing stroke, from a micrometre or millidegree upwards"
-    )
-    colour: ClassVar[str] = "#c7568f"
-    contains: ClassVar[tuple[str, ...]] = ("coulomb", "stribeck")
-    imitates: ClassVar[tuple[str, ...]] = ("hysteresis", "backlash", "stribeck", "coulomb", "encoder_error")
-    searched: ClassVar[int] = 1
-    sharp: ClassVar[bool] = True
-    causes: ClassVar[tuple[Cause, ...]] = ("friction",)
-    uses_standstill: ClassVar[bool] = True
-    axis: str
-    rotary: bool = False
-    x_s: float | None = None
+    name = "presliding"
+    family = FRICTION
+    title = "Presliding"
+    words = "the contact gives a little, like a spring, before it slides: seen at reversals"
+    remedy = "record slow reversals of growing stroke, from a micrometre or millidegree upwards"
+    colour = "#c7568f"
+    contains = ("coulomb", "stribeck")
+    imitates = ("hysteresis", "backlash", "stribeck", "coulomb", "encoder_error")
+    searched = 1
+    sharp = True
+    causes = ("friction",)
+    depends = "displacement"
+    uses_standstill = True
+    x_s: float = usual(1e-5, 5e-5)
     v_s: float = 0.01
     stribeck: int = 1
     exponent: float = 1.0
@@ -138,88 +136,73 @@ class Presliding(AxisEffect, Slipping):
     free_spread: bool = field(default=False, metadata={"internal": True})
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "stribeck", int(self.stribeck))
         object.__setattr__(self, "bristle", int(self.bristle))
-        if self.x_s is None:
-            object.__setattr__(self, "x_s", 5e-5 if self.rotary else 1e-5)
 
     def includes(self, name: str) -> bool:
-        """See :meth:`Effect.includes`: the Stribeck term may be left out."""
+        """Whether the effect includes another; its Stribeck term may be left out."""
         return super().includes(name) and (self.stribeck > 0 or name != "stribeck")
 
     def fitted_to(self, motion: Motion) -> Self:
-        """See :meth:`Effect.fitted_to`: the play is the encoder's noise in this log."""
+        """Return the effect with the encoder's noise in this log as play."""
         if self.play is not None:
             return self
         return replace(self, play=encoder_noise(motion.axis(self.axis)))
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        unit = effort(self.rotary)
-        found = [Coefficient("c", unit, lower=0.0)]
-        if self.stribeck:
-            found.append(Coefficient("s", unit, lower=0.0))
-        if self.bristle:
-            found += [Coefficient("m", unit, lower=0.0), Coefficient("d", f"{unit}·s", lower=0.0)]
-        return tuple(found)
+        names = "c" + "s" * self.stribeck + "m" * self.bristle
+        found = tuple(Coefficient(name, self.unit("F"), lower=0.0) for name in names)
+        return (*found, Coefficient("d", self.unit("F·s"), lower=0.0)) if self.bristle else found
 
     def memory(self, theta: Floats) -> tuple[float, float]:
         """Return m and d of coefficients in the order of :meth:`coefficients`, for a simulation."""
         return (float(theta[-2]), float(theta[-1])) if self.bristle else (0.0, 0.0)
 
     def shapes(self) -> tuple[Shape, ...]:
-        x = length(self.rotary)
-        bend = Shape("x_s", x, *((1e-6, 1e-2) if self.rotary else (1e-7, 1e-3)))
-        fade = Shape("v_s", f"{x}/s", *((1e-3, 3.0) if self.rotary else (5e-4, 0.3)))
+        bend = Shape("x_s", self.unit("x"), *((1e-6, 1e-2) if self.rotary else (1e-7, 1e-3)))
+        fade = Shape("v_s", self.unit("x/s"), *((1e-3, 3.0) if self.rotary else (5e-4, 0.3)))
         found = (bend, fade) if self.stribeck else (bend,)
         return (*found, Shape("spread", "-", *SPREADS)) if self.free_spread else found
 
     def wider(self) -> tuple[Self, ...]:
-        """See :meth:`Effect.wider`: other spreads, at distances near the one found."""
+        """Return other spreads, at distances near the one found."""
         if not self.bristle or self.free_spread:
             return ()
-        assert self.x_s is not None
         near = [(k * self.x_s, spread) for spread in OTHER_SPREADS for k in NEARER]
         return tuple(replace(self, x_s=x_s, spread=spread, free_spread=True) for x_s, spread in near)
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """See :meth:`Effect.grid`: the curves are smooth in all shapes, so few values will do, one of the spread."""
-        del motion
+        """Return few values, one of the spread: the curves are smooth in all shapes."""
         return tuple(
             np.array([self.spread]) if s.name == "spread" else np.geomspace(s.lower, s.upper, 9)
             for s in self.shapes()
         )
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: slip elements alone, over distances that position and rate resolve.
+        """Return slip elements alone, over distances that position and rate resolve.
 
         The distance must be some encoder steps long, and some samples must lie within it after a
         reversal, where x = a t² / 2.
         """
-        del motion
         if not sight.both_ways or sight.reversals < 2:
             return ()
         usual = 2e-5 if self.rotary else 5e-6
-        rise = self._rise(sight)
+        rises, slow = np.abs(np.diff(sight.speed)) / sight.step, sight.speed[:-1] < 0.1 * sight.top
+        rise = float(np.median(rises[slow] if slow.any() else rises))  # acceleration as it turns round
         least = max(4.0 * sight.noise, 0.5 * rise * (2.0 * sight.step) ** 2)
         found = [usual * k for k in DISTANCES if least <= usual * k <= 0.05 * sight.travel]
         return tuple(replace(self, x_s=float(x), stribeck=0, bristle=0) for x in found)
 
-    def _rise(self, sight: Sight) -> float:
-        """Return the acceleration at which the axis turns round, about [m/s² or rad/s²]."""
-        slope = np.abs(np.diff(sight.speed)) / sight.step
-        slow = sight.speed[:-1] < 0.1 * sight.top
-        return float(np.median(slope[slow])) if slow.any() else float(np.median(slope))
-
     def settled(self) -> Self:
-        """See :meth:`Effect.settled`: with the terms that a search leaves out, at the distance it found."""
+        """Return the effect with the terms that a search leaves out, at the distance it found."""
         return replace(self, stribeck=1, bristle=1, play=None)
 
     def other_forms(self) -> tuple[Self, ...]:
-        """See :meth:`Effect.other_forms`: the other usual exponent of its Stribeck term."""
+        """Return the other usual exponent of its Stribeck term."""
         return (replace(self, exponent=1.0 if self.exponent > 1.5 else 2.0),) if self.stribeck else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
-        assert self.x_s is not None
         z, y, rate = contact(motion, self.x_s, self.play or 0.0, self.spread).T
         columns = [z]
         if self.stribeck:

@@ -9,7 +9,6 @@ smallest set that the motion can show (Gautier & Khalil 1990, 10.1109/70.56655).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -18,15 +17,13 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.base import BaseParameters
 from pinotwin.dynamics.batch import inverse
 from pinotwin.dynamics.parameters import parameters, with_parameters
-from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect
-from pinotwin.effects.family import BODY, Family
+from pinotwin.effects.effect import Coefficient, Columns, Effect
+from pinotwin.effects.family import BODY
 from pinotwin.errors import MachineError
 from pinotwin.motion import Motion
 
 CHECKED, SAME = 32, 1e-11
 """Rows on which Newton-Euler is held against the regressor, and the share of the largest by which it may differ."""
-BLOCK = 20_000
-"""Rows of a regressor that are held at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +35,17 @@ class RigidBody(Effect):
         base: its base parameters.
     """
 
-    name: ClassVar[str] = "rigid_body"
-    family: ClassVar[Family] = BODY
-    title: ClassVar[str] = "Rigid bodies"
-    words: ClassVar[str] = "mass, inertia or centre of mass differs from what the model holds"
-    remedy: ClassVar[str] = "compare masses and centres of mass with the drawing; identify again"
-    colour: ClassVar[str] = "#4e79a7"
-    imitates: ClassVar[tuple[str, ...]] = ("payload", "inertial_coupling", "wrist_coupling", "effort_scale")
-    unlisted: ClassVar[str] = "belongs to every machine; leave it out of the list"
-    causes: ClassVar[tuple[Cause, ...]] = ("rigid_body",)
+    name = "rigid_body"
+    family = BODY
+    title = "Rigid bodies"
+    words = "mass, inertia or centre of mass differs from what the model holds"
+    remedy = "compare masses and centres of mass with the drawing; identify again"
+    colour = "#4e79a7"
+    imitates = ("payload", "inertial_coupling", "wrist_coupling", "effort_scale")
+    unlisted = "belongs to every machine; leave it out of the list"
+    causes = ("rigid_body",)
     model: pin.Model
     base: BaseParameters
-
     axis: str | None = None  # it belongs to the whole machine
 
     def coefficients(self) -> tuple[Coefficient, ...]:
@@ -57,29 +53,30 @@ class RigidBody(Effect):
         return tuple(Coefficient(name, unit) for name, unit in pairs)
 
     def labels(self) -> tuple[str, ...]:
-        """See :meth:`Effect.labels`: short ones, whose sums of standard parameters are their meaning."""
+        """Return short ones, whose sums of standard parameters are their meaning."""
         return self.base.labels
 
     def nominal(self) -> Floats:
-        """See :meth:`Effect.nominal`: the base parameters of the description."""
+        """Return the base parameters of the description."""
         return self.base.from_standard(parameters(self.model))
 
     def columns(self, motion: Motion) -> Columns:
         values = self.base.regressor(self.model, motion.q, motion.v, motion.a)
         return Columns(tuple(range(self.model.nv)), values)
 
-    def effort(self, beta: Floats, q: Floats, v: Floats, a: Floats) -> Floats:
+    def effort(self, beta: Floats, q: Floats, v: Floats, a: Floats, block: int = 20_000) -> Floats:
         """Return W_b(q, v, a) beta, shape (n, nv) [N or N·m].
 
         Newton-Euler of a tree with these base parameters costs a fifth of the regressor. Bodies of hardly any mass,
-        whose centre is then far away, lose digits in it: some rows say whether it will do.
+        whose centre is then far away, lose digits in it: some rows say whether it will do. ``block`` rows of
+        a regressor are held at once.
         """
         fast = inverse(self.model_with(beta), q, v, a)
         few = np.linspace(0, max(len(q) - 1, 0), min(len(q), CHECKED)).astype(int)
         exact = self.base.regressor(self.model, q[few], v[few], a[few]) @ beta
         if np.abs(fast[few] - exact).max(initial=0.0) <= SAME * np.abs(exact).max(initial=0.0):
             return fast
-        parts = (slice(k, k + BLOCK) for k in range(0, len(q), BLOCK))
+        parts = (slice(k, k + block) for k in range(0, len(q), block))
         return np.concatenate([self.base.regressor(self.model, q[s], v[s], a[s]) @ beta for s in parts])
 
     def model_with(self, beta: Floats) -> pin.Model:

@@ -16,12 +16,10 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.batch import mass_matrix
-from pinotwin.effects.effect import Effect
+from pinotwin.effects.effect import Columns, Effect
+from pinotwin.effects.layout import effect_slices
 from pinotwin.effects.rigid_body import RigidBody
 from pinotwin.motion import Motion
-
-PASSES = 3
-"""Times that the total is formed where an effect scales with it: each pass gains a factor of its share."""
 
 
 def moves(effect: Effect) -> bool:
@@ -52,13 +50,13 @@ def with_model(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Moti
     return told(motion, effects, theta) if needs_model(effects) else motion
 
 
-def told(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Motion:
-    """Return the motion with the channels of a model, see :func:`with_model`, whether needed or not."""
-    nv = len(motion.names)
-    ends = np.cumsum([0, *(len(e.coefficients()) for e in effects)])
-    parts = [(e, np.asarray(theta)[a:b]) for e, a, b in zip(effects, ends[:-1], ends[1:], strict=True)]
-    shape = (len(motion), nv)
-    rigid, plain = np.zeros(shape), np.zeros(shape)
+def told(motion: Motion, effects: Sequence[Effect], theta: Floats, passes: int = 3) -> Motion:
+    """Return the motion with the channels of a model, see :func:`with_model`, whether needed or not.
+
+    Where an effect scales with the total, that is formed in ``passes``: each gains a factor of its share.
+    """
+    nv, parts = len(motion.names), _with_own(effects, theta)
+    rigid, plain = np.zeros((len(motion), nv)), np.zeros((len(motion), nv))
     mass = None
     for effect, own in parts:
         if effect.needs or not moves(effect):
@@ -70,7 +68,7 @@ def told(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Motion:
             mass = mass_matrix(effect.model_with(own), motion.q)
     motion = replace(motion, model=plain, rigid=rigid, mass=mass)
     scaling = [(e, x) for e, x in parts if e.needs and moves(e)]
-    for _ in range(PASSES if scaling else 0):
+    for _ in range(passes if scaling else 0):
         total = plain + sum(e.columns(motion).effort(x, nv) for e, x in scaling)
         motion = replace(motion, model=total)
     return motion
@@ -79,11 +77,45 @@ def told(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Motion:
 def total_effort(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Floats:
     """Return what the sensors log of a model's effort along a motion, shape (n, nv) [N or N·m]."""
     motion = with_model(motion, effects, theta)
-    nv, at = len(motion.names), 0
-    out = np.zeros((len(motion), nv))
-    for effect in effects:
-        count = len(effect.coefficients())
-        if effect.family.acts != "loop":
-            out += effect.columns(motion).effort(np.asarray(theta)[at : at + count], nv)
-        at += count
-    return out
+    nv = len(motion.names)
+    acting = [(e, own) for e, own in _with_own(effects, theta) if e.family.acts != "loop"]
+    return sum((e.columns(motion).effort(own, nv) for e, own in acting), start=np.zeros((len(motion), nv)))
+
+
+def _with_own(effects: Sequence[Effect], theta: Floats) -> list[tuple[Effect, Floats]]:
+    """Return every effect with its part of the coefficients."""
+    return [(e, np.asarray(theta)[s]) for e, s in zip(effects, effect_slices(effects), strict=True)]
+
+
+def inertia(effect: Effect, motion: Motion, joint: int, lightest: float = 0.05) -> Floats:
+    """Return the inertia of a joint, others at rest, shape (n,), kept above ``lightest`` of its largest.
+
+    An inertia below it is an error of the model (it may be negative), and the contact of a play, stepped at the
+    pace of the mean inertia, would not be stable.
+    """
+    own = effect.channel(motion, "mass")[:, joint, joint]
+    return np.asarray(np.maximum(own, lightest * np.abs(own).max(initial=0.0) + 1e-12))
+
+
+def shaken(
+    effect: Effect, motion: Motion, joint: int, own: Floats, load: float = 1.0, coupled: float = 1e-3
+) -> Columns:
+    """Return columns of a joint with what they do to the others, M_ij (a_load - a_measured).
+
+    Args:
+        effect: whose columns they are; its load moves otherwise than the encoder says.
+        motion: with the model's inertia matrix.
+        joint: whose load moves otherwise.
+        own: columns at that joint, shape (n, p).
+        load: share of its inertia that moves otherwise.
+        coupled: of the geometric mean of two inertias; a coupling below it moves nothing.
+    """
+    mass, mine = effect.channel(motion, "mass"), inertia(effect, motion, joint)
+
+    def feels(k: int) -> bool:
+        ratio = np.abs(mass[:, k, joint]) / np.sqrt(mine * inertia(effect, motion, k))
+        return bool(np.max(ratio, initial=0.0) > coupled)
+
+    others = [k for k in range(mass.shape[1]) if k != joint and feels(k)]
+    parts = [own, *(own * (mass[:, k, joint] / (load * mine))[:, None] for k in others)]
+    return Columns((joint, *others), np.stack(parts, axis=1))

@@ -7,15 +7,13 @@ loop they do not appear: the logged effort is what the motor gave.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import Coefficient, Columns, Effect, Need, channel
-from pinotwin.effects.family import SERVO, Family
+from pinotwin.effects.effect import Coefficient, Columns, Effect, OneAxis
+from pinotwin.effects.family import SERVO
 from pinotwin.effects.sight import Sight
-from pinotwin.effects.symbols import effort, inertia, length
 from pinotwin.errors import DataError
 from pinotwin.motion import Motion
 
@@ -24,77 +22,57 @@ AT_LIMIT = 2e-3
 """Share of rows that a drive must spend at its limit, and how near to it they are."""
 
 
-def _command(effect: Effect, motion: Motion) -> tuple[Floats, Floats, Floats]:
-    """Return command, its velocity and its acceleration on the effect's axis, each (n,)."""
+def _rates(effect: OneAxis, motion: Motion) -> Floats:
+    """Return velocity and acceleration of the command on the effect's axis, shape (n, 2)."""
     if motion.qr is None or motion.vr is None or motion.ar is None:
         raise DataError(f"{effect.axis}.{effect.name}: the log has no command; log {effect.axis}.qr")
-    joint = motion.index(str(effect.axis))
-    return motion.qr[:, joint], motion.vr[:, joint], motion.ar[:, joint]
+    joint = motion.index(effect.axis)
+    return np.stack([motion.vr[:, joint], motion.ar[:, joint]], axis=-1)
 
 
 @dataclass(frozen=True)
-class Feedforward(Effect):
+class Feedforward(OneAxis):
     """Effort that the controller adds from the command: tau = K_v vr + K_a ar."""
 
-    name: ClassVar[str] = "feedforward"
-    family: ClassVar[Family] = SERVO
-    title: ClassVar[str] = "Feed-forward"
-    words: ClassVar[str] = (
-        "the controller's feed-forward of speed or acceleration is not what the model holds"
-    )
-    remedy: ClassVar[str] = (
-        "read the feed-forward gains of the drive, or switch them off, and record once more"
-    )
-    colour: ClassVar[str] = "#6f6fc9"
-    imitates: ClassVar[tuple[str, ...]] = ("loop_gain", "rigid_body", "viscous")
-    unlisted: ClassVar[str] = CONTROLLER
-    axis: str
-    rotary: bool = False
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        f, x = effort(self.rotary), length(self.rotary)
-        return (Coefficient("K_v", f"{f}·s/{x}"), Coefficient("K_a", inertia(self.rotary)))
+    name = "feedforward"
+    family = SERVO
+    title = "Feed-forward"
+    words = "the controller's feed-forward of speed or acceleration is not what the model holds"
+    remedy = "read the feed-forward gains of the drive, or switch them off, and record once more"
+    colour = "#6f6fc9"
+    linear = (Coefficient("K_v", "F·s/x"), Coefficient("K_a", "I"))
+    imitates = ("loop_gain", "rigid_body", "viscous")
+    unlisted = CONTROLLER
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: only a log with a command shows it."""
-        del sight
+        """Return the effect; only a log with a command shows it."""
         return () if motion.vr is None else (self,)
 
     def columns(self, motion: Motion) -> Columns:
-        _, vr, ar = _command(self, motion)
-        return Columns((motion.index(self.axis),), np.stack([vr, ar], axis=-1)[:, None, :])
+        return Columns((motion.index(self.axis),), _rates(self, motion)[:, None, :])
 
 
 @dataclass(frozen=True)
-class LoopGain(Effect):
+class LoopGain(OneAxis):
     """Gains of the controller that have changed: tau = dK_p e + dK_d e' + dK_i int(e), e = qr - q."""
 
-    name: ClassVar[str] = "loop_gain"
-    family: ClassVar[Family] = SERVO
-    title: ClassVar[str] = "Gain of the controller"
-    words: ClassVar[str] = "a gain of the controller is not what it was"
-    remedy: ClassVar[str] = (
-        "compare the drive's parameters with the backup; look for a change of mode or gain set"
-    )
-    colour: ClassVar[str] = "#9467bd"
-    imitates: ClassVar[tuple[str, ...]] = ("feedforward", "saturation")
-    unlisted: ClassVar[str] = CONTROLLER
-    axis: str
-    rotary: bool = False
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        f, x = effort(self.rotary), length(self.rotary)
-        units = {"dK_p": f"{f}/{x}", "dK_d": f"{f}·s/{x}", "dK_i": f"{f}/({x}·s)"}
-        return tuple(Coefficient(name, unit) for name, unit in units.items())
+    name = "loop_gain"
+    family = SERVO
+    title = "Gain of the controller"
+    words = "a gain of the controller is not what it was"
+    remedy = "compare the drive's parameters with the backup; look for a change of mode or gain set"
+    colour = "#9467bd"
+    linear = (Coefficient("dK_p", "F/x"), Coefficient("dK_d", "F·s/x"), Coefficient("dK_i", "F/(x·s)"))
+    imitates = ("feedforward", "saturation")
+    unlisted = CONTROLLER
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: only a log with a command shows it."""
-        del sight
+        """Return the effect; only a log with a command shows it."""
         return () if motion.qr is None else (self,)
 
     def columns(self, motion: Motion) -> Columns:
-        """See :meth:`Effect.columns`; the integral starts at zero in every stretch."""
-        _, vr, _ = _command(self, motion)
+        """Return e, e' and the integral of e, which starts at zero in every stretch."""
+        vr = _rates(self, motion)[:, 0]
         own = motion.axis(self.axis)
         e = motion.error[:, own.index]
         total = np.zeros_like(e)
@@ -105,33 +83,28 @@ class LoopGain(Effect):
 
 
 @dataclass(frozen=True)
-class Saturation(Effect):
-    """A drive at its limit: tau = share [clip(m, -limit, limit) - m], m the effort that the model asks for.
+class Saturation(OneAxis):
+    """A drive at its limit: tau = share [clip(m, -limit, limit) - m], m the effort of the model.
 
     Attributes:
         limit: largest effort of the drive [N or N·m]; the largest of the log when not given.
     """
 
-    name: ClassVar[str] = "saturation"
-    family: ClassVar[Family] = SERVO
-    title: ClassVar[str] = "Drive at its limit"
-    words: ClassVar[str] = "the motor reached its limit"
-    remedy: ClassVar[str] = "lower acceleration or payload, or raise the current limit if the motor allows it"
-    colour: ClassVar[str] = "#b03a3a"
-    imitates: ClassVar[tuple[str, ...]] = ("loop_gain", "external_force", "effort_scale")
-    unlisted: ClassVar[str] = "is stated by `effort_limit` of the axis"
-    needs: ClassVar[tuple[Need, ...]] = ("model",)
-    searched: ClassVar[int] = 1
-    axis: str
-    rotary: bool = False
+    name = "saturation"
+    family = SERVO
+    title = "Drive at its limit"
+    words = "the motor reached its limit"
+    remedy = "lower acceleration or payload, or raise the current limit if the motor allows it"
+    colour = "#b03a3a"
+    linear = (Coefficient("share", "-", lower=0.0),)
+    imitates = ("loop_gain", "external_force", "effort_scale")
+    unlisted = "is stated by `effort_limit` of the axis"
+    needs = ("model",)
+    searched = 1
     limit: float = np.inf
 
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("share", "-", lower=0.0),)
-
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: the largest effort of the log, where it is held for a while."""
-        del sight
+        """Return the largest effort of the log, where it is held for a while."""
         u = np.abs(motion.u[:, motion.index(self.axis)])
         u = u[np.isfinite(u)]
         limit = float(u.max(initial=0.0))
@@ -140,6 +113,6 @@ class Saturation(Effect):
 
     def columns(self, motion: Motion) -> Columns:
         joint = motion.index(self.axis)
-        asked = channel(self, motion, "model")[:, joint]
+        asked = self.channel(motion, "model")[:, joint]
         missing = np.clip(asked, -self.limit, self.limit) - asked
         return Columns((joint,), missing[:, None, None])

@@ -10,11 +10,6 @@ from pinotwin.arrays import Floats
 from pinotwin.motion import Motion
 from pinotwin.signals import roughness
 
-NOISES = 20.0
-"""A travel of fewer standard deviations of the position's noise is not motion."""
-SLOW = 0.05
-"""Of the top speed: rows below it are slow ones."""
-
 
 @dataclass(frozen=True)
 class Sight:
@@ -31,6 +26,8 @@ class Sight:
         rate: rows a second that are fitted [Hz].
         duration: of the longest unbroken stretch [s].
         cutoff: corner of the low-pass that the log went through [Hz].
+        noises: standard deviations of the noise that a travel must have to be motion.
+        slow: of the top speed; rows below it are slow ones.
     """
 
     low: float
@@ -43,6 +40,8 @@ class Sight:
     rate: float
     duration: float
     cutoff: float
+    noises: float = 20.0
+    slow: float = 0.05
 
     @classmethod
     def of(cls, motion: Motion, axis: str) -> Sight:
@@ -76,7 +75,7 @@ class Sight:
     @property
     def moves(self) -> bool:
         """Whether the axis moves by more than its noise."""
-        return bool(np.isfinite(self.travel) and self.travel > max(NOISES * self.noise, 1e-12))
+        return bool(np.isfinite(self.travel) and self.travel > max(self.noises * self.noise, 1e-12))
 
     @property
     def both_ways(self) -> bool:
@@ -91,7 +90,7 @@ class Sight:
     @property
     def pace(self) -> float:
         """Distance between two rows at the median speed of the moving ones [m or rad]."""
-        moving = self.speed[self.speed > SLOW * self.top]
+        moving = self.speed[self.speed > self.slow * self.top]
         return float(np.median(moving)) / self.rate if len(moving) else 0.0
 
     @property

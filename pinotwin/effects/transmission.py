@@ -12,30 +12,22 @@ The difference moves the load, and through the inertia matrix pushes the other a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
-import numba
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import Cause, Coefficient, Columns, Effect, Need, Shape, channel
-from pinotwin.effects.family import TRANSMISSION, Family
-from pinotwin.effects.shaken import inertia, shaken
+from pinotwin.effects.effect import Coefficient, Columns, Effect, OneAxis, Shape, usual
+from pinotwin.effects.family import TRANSMISSION
+from pinotwin.effects.scene import inertia, shaken
 from pinotwin.effects.sight import Sight
-from pinotwin.effects.symbols import length
 from pinotwin.motion import Motion
+from pinotwin.system.kernels import compiled
 
 LOAD = 0.65
 """Share of an axis' inertia behind a spring or a gap that is assumed where others are shaken by it, and where it
 changes with the posture."""
-BEGINNING = 1.0
-"""Of a stretch, in which a spring is taken to be at rest once, and before that to be stiff [s]."""
-LEAST_LOAD = 0.05
-"""[of the mean inertia] What stays behind the spring in every posture."""
-MODES = 15
-"""Frequencies of a mode that are tried."""
 LOWEST_MODE = 8.0
-"""Lowest of them [Hz]."""
+"""Lowest frequency of a mode that is tried [Hz]."""
 DAMPING = (0.03, 0.08, 0.2)
 """Damping ratios that are tried."""
 GAPS = np.geomspace(0.1, 13.0, 13)
@@ -45,17 +37,9 @@ FINE_GAPS = np.geomspace(0.1, 50.0, 36)
 closes next to nothing."""
 FACES = ((40.0, 0.4), (70.0, 0.4), (120.0, 0.35), (220.0, 0.25))
 """Mode [Hz] and damping ratio of a load against the faces of a gap that a search tries."""
-LOADS = (0.65, 0.8)
-"""Shares of a rotary axis' inertia behind the gap that a search tries: its weight moves it through the gap."""
-CONTACTS = ((90.0, 0.35), (150.0, 0.35), (220.0, 0.2), (300.0, 0.2))
-"""Mode [Hz] and damping ratio of a load against the faces of a gap that are tried.
-
-The softer ones are softer than faces are: the path is not known well enough to predict each impact, and
-the mean over unpredictable impacts settles more slowly than one of them.
-"""
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _sprung(load: Floats, ratio: Floats, w: float, zeta: float, step: float) -> Floats:
     """Return the effort that a spring with a damper passes on of a load (n,) that acts if it is stiff.
 
@@ -83,7 +67,7 @@ def _sprung(load: Floats, ratio: Floats, w: float, zeta: float, step: float) -> 
     return out
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _carried(
     q: Floats, extra: Floats, ratio: Floats, gap: float, w: float, zeta: float, step: float
 ) -> Floats:
@@ -116,7 +100,7 @@ def _carried(
     return out
 
 
-def _steadiest(load: Floats, period: float, step: float) -> int:
+def _steadiest(load: Floats, period: float, step: float, beginning: float = 1.0) -> int:
     """Return where a spring may be at rest when a stretch begins: amid the steadiest period of its load there.
 
     How a load swings when a log begins is not known, and a swing that is guessed wrongly rings on for seconds.
@@ -125,9 +109,10 @@ def _steadiest(load: Floats, period: float, step: float) -> int:
         load: that acts on the spring, shape (n,).
         period: of the mode [s].
         step: sampling interval [s].
+        beginning: of a stretch, in which the spring is taken to be at rest once, and before that to be stiff [s].
     """
     width = max(2, round(period / step))
-    first = load[: max(width + 1, min(round(BEGINNING / step), len(load) // 2))]
+    first = load[: max(width + 1, min(round(beginning / step), len(load) // 2))]
     if len(first) <= width:
         return 0
     sums = [np.concatenate([[0.0], np.cumsum((first - first.mean()) ** k)]) for k in (1, 2)]
@@ -135,18 +120,19 @@ def _steadiest(load: Floats, period: float, step: float) -> int:
     return int(np.argmin(square - mean**2)) + width // 2
 
 
-def _posture(own: Floats) -> Floats:
+def _posture(own: Floats, least: float = 0.05) -> Floats:
     """Return the mean inertia behind the spring over that of every row, shape (n,).
 
-    Of an axis' inertia (n,) the motor's part, ahead of the spring, does not change with the posture.
+    Of an axis' inertia (n,) the motor's part, ahead of the spring, does not change with the posture. ``least``
+    of the mean inertia stays behind the spring in every posture.
     """
     mean = float(np.mean(own))
-    behind = np.maximum(own - (1.0 - LOAD) * mean, LEAST_LOAD * mean)
+    behind = np.maximum(own - (1.0 - LOAD) * mean, least * mean)
     return LOAD * mean / behind
 
 
 @dataclass(frozen=True)
-class _Flexible(Effect):
+class _Flexible(OneAxis):
     """A load behind a spring and a damper: tau = share [sprung(load; frequency, damping) - load].
 
     Attributes:
@@ -154,18 +140,13 @@ class _Flexible(Effect):
         damping: its damping ratio; searched.
     """
 
-    family: ClassVar[Family] = TRANSMISSION
-    causes: ClassVar[tuple[Cause, ...]] = ("flexibility",)
-    needs: ClassVar[tuple[Need, ...]] = ("rigid", "mass")
-    searched: ClassVar[int] = 2
-    axis: str
-    rotary: bool = False
+    family = TRANSMISSION
+    causes = ("flexibility",)
+    linear = (Coefficient("share", "-", lower=0.0, upper=1.0),)
+    needs = ("rigid", "mass")
+    searched = 2
     frequency: float = 30.0
     damping: float = 0.05
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        """See :meth:`Effect.coefficients`: the share of the load's effort that the spring carries."""
-        return (Coefficient("share", "-", lower=0.0, upper=1.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
         return (Shape("frequency", "Hz", 2.0, 200.0), Shape("damping", "-", 0.005, 0.7))
@@ -174,22 +155,21 @@ class _Flexible(Effect):
         return self.frequency, self.damping
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """See :meth:`Effect.grid`: modes that the rows resolve."""
+        """Return modes that the rows resolve."""
         top = max(Sight.of(motion, self.axis).fastest_mode, 1.5 * LOWEST_MODE)
-        return np.geomspace(0.5 * LOWEST_MODE, min(top, 200.0), MODES), np.asarray(DAMPING)
+        return np.geomspace(0.5 * LOWEST_MODE, min(top, 200.0), 15), np.asarray(DAMPING)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: none where the rows are too few for a mode."""
-        del motion
+        """Return modes that the rows resolve; none where they are too few for one."""
         if sight.fastest_mode < LOWEST_MODE:
             return ()
-        return self.over(np.geomspace(LOWEST_MODE, max(sight.fastest_mode, 16.0), MODES), DAMPING)
+        return self.over(np.geomspace(LOWEST_MODE, max(sight.fastest_mode, 16.0), 15), DAMPING)
 
     def columns(self, motion: Motion) -> Columns:
         joint = motion.index(self.axis)
         own = inertia(self, motion, joint)
         itself = own * motion.a[:, joint]
-        rest = channel(self, motion, "rigid")[:, joint] - itself
+        rest = self.channel(motion, "rigid")[:, joint] - itself
         load = (
             itself + rest / LOAD
         )  # the spring carries all of gravity and coupling, of the inertia its share
@@ -208,27 +188,15 @@ class DriveFlexibility(_Flexible):
 
     ``sprung`` passes on what a spring and a damper transmit of a load; the share is that of the axis'
     inertia behind the spring.
-
-    Attributes:
-        frequency: mode of the load with the motor held [Hz]; searched.
-        damping: its damping ratio; searched.
     """
 
-    name: ClassVar[str] = "drive_flexibility"
-    title: ClassVar[str] = "Flexible drive"
-    words: ClassVar[str] = "screw, belt or gear gives like a spring: motor and load swing apart"
-    remedy: ClassVar[str] = (
-        "check belt tension, coupling and nut; log a second encoder on the load if there is one"
-    )
-    colour: ClassVar[str] = "#1f9e89"
-    inseparable: ClassVar[tuple[str, ...]] = ("joint_flexibility",)
-    imitates: ClassVar[tuple[str, ...]] = (
-        "joint_flexibility",
-        "delay",
-        "encoder_error",
-        "backlash",
-        "rigid_body",
-    )
+    name = "drive_flexibility"
+    title = "Flexible drive"
+    words = "screw, belt or gear gives like a spring: motor and load swing apart"
+    remedy = "check belt tension, coupling and nut; log a second encoder on the load if there is one"
+    colour = "#1f9e89"
+    inseparable = ("joint_flexibility",)
+    imitates = ("joint_flexibility", "delay", "encoder_error", "backlash", "rigid_body")
 
 
 @dataclass(frozen=True)
@@ -237,25 +205,19 @@ class JointFlexibility(_Flexible):
 
     The equation of a flexible drive: what bends lies behind the guide or the gear, which the signals of
     the motor cannot tell. A joint of its own (``passive`` in machine.yaml) models the bend in full.
-
-    Attributes:
-        frequency: mode of the structure with the motor held [Hz]; searched.
-        damping: its damping ratio; searched.
     """
 
-    name: ClassVar[str] = "joint_flexibility"
-    title: ClassVar[str] = "Flexible structure"
-    words: ClassVar[str] = "the structure gives like a spring"
-    remedy: ClassVar[str] = (
-        "tighten the mounting; put an accelerometer on the load and hit it with the brakes on"
-    )
-    colour: ClassVar[str] = "#35618f"
-    inseparable: ClassVar[tuple[str, ...]] = ("drive_flexibility",)
-    imitates: ClassVar[tuple[str, ...]] = ("drive_flexibility", "delay", "encoder_error")
+    name = "joint_flexibility"
+    title = "Flexible structure"
+    words = "the structure gives like a spring"
+    remedy = "tighten the mounting; put an accelerometer on the load and hit it with the brakes on"
+    colour = "#35618f"
+    inseparable = ("drive_flexibility",)
+    imitates = ("drive_flexibility", "delay", "encoder_error")
 
 
 @dataclass(frozen=True)
-class Backlash(Effect):
+class Backlash(OneAxis):
     """Play between motor and load: tau = share [carried(path; gap, frequency, damping) - load].
 
     The load floats through the gap after a reversal, then meets the other face, on which it settles with
@@ -268,67 +230,54 @@ class Backlash(Effect):
         load: share of the axis' inertia behind the gap.
     """
 
-    name: ClassVar[str] = "backlash"
-    family: ClassVar[Family] = TRANSMISSION
-    causes: ClassVar[tuple[Cause, ...]] = ("flexibility",)
-    title: ClassVar[str] = "Backlash"
-    words: ClassVar[str] = "play: at reversal the motor moves before the load does"
-    remedy: ClassVar[str] = (
-        "hold the load and turn the motor to and fro: measure the lost motion; adjust nut or gear"
-    )
-    colour: ClassVar[str] = "#c44e52"
-    imitates: ClassVar[tuple[str, ...]] = (
-        "presliding",
-        "stribeck",
-        "drive_flexibility",
-        "delay",
-    )
-    needs: ClassVar[tuple[Need, ...]] = ("rigid", "mass")
-    sharp: ClassVar[bool] = True
-    searched: ClassVar[int] = 3
-    axis: str
-    rotary: bool = False
-    gap: float | None = None
+    name = "backlash"
+    family = TRANSMISSION
+    causes = ("flexibility",)
+    title = "Backlash"
+    words = "play: at reversal the motor moves before the load does"
+    remedy = "hold the load and turn the motor to and fro: measure the lost motion; adjust nut or gear"
+    colour = "#c44e52"
+    linear = (Coefficient("share", "-", lower=0.0, upper=1.5),)
+    imitates = ("presliding", "stribeck", "drive_flexibility", "delay")
+    needs = ("rigid", "mass")
+    sharp = True
+    searched = 3
+    gap: float = usual(1e-5, 1e-4)
     frequency: float = 150.0
     damping: float = 0.35
     load: float = LOAD
 
-    def __post_init__(self) -> None:
-        if self.gap is None:
-            object.__setattr__(self, "gap", 1e-4 if self.rotary else 1e-5)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("share", "-", lower=0.0, upper=1.5),)
-
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (5e-6, 5e-2) if self.rotary else (5e-7, 5e-3)
         return (
-            Shape("gap", length(self.rotary), low, high),
+            Shape("gap", self.unit("x"), low, high),
             Shape("frequency", "Hz", 20.0, 400.0),
             Shape("damping", "-", 0.05, 0.9),
         )
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        del motion
-        gaps, faces = self._usual() * GAPS, np.array(sorted({f for f, _ in CONTACTS}))
-        return gaps, faces, np.array(sorted({z for _, z in CONTACTS}))
+        """Return gaps, modes and damping ratios of the contact, some softer than faces are.
+
+        The path is not known well enough to predict each impact, and the mean over unpredictable impacts settles
+        more slowly than one of them.
+        """
+        return self._usual() * GAPS, np.array([90.0, 150.0, 220.0, 300.0]), np.array([0.2, 0.35])
 
     def _usual(self) -> float:
         return 1e-4 if self.rotary else 1e-5
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """See :meth:`Effect.trials`: gaps wider than the noise of the position, where there are reversals."""
-        del motion
+        """Return gaps wider than the noise of the position, where there are reversals."""
         if not sight.both_ways or sight.reversals < 2 or sight.rate < 50.0:
             return ()
         gaps = [g for g in self._usual() * FINE_GAPS if 2.0 * sight.noise < g < 0.05 * sight.travel]
-        bodies = [replace(self, load=x) for x in (LOADS if self.rotary else LOADS[:1])]
+        # the weight of a rotary axis moves it through the gap
+        bodies = [replace(self, load=x) for x in ((0.65, 0.8) if self.rotary else (0.65,))]
         return tuple(e.shaped((g, f, z)) for e in bodies for g in gaps for f, z in FACES)
 
     def columns(self, motion: Motion) -> Columns:
-        assert self.gap is not None
         joint = motion.index(self.axis)
-        rigid = channel(self, motion, "rigid")[:, joint]
+        rigid = self.channel(motion, "rigid")[:, joint]
         own, a = inertia(self, motion, joint), motion.a[:, joint]
         q = np.ascontiguousarray(motion.q[:, joint])
         extra = (rigid / own - a) / self.load

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
 import pinocchio as pin
 
 from pinotwin.errors import MachineError, nearest
 
-ENDLESS = 1e6
-"""A rotation that may go further than this [rad] has no stops: a continuous joint of the URDF."""
+TURN = 2.0 * np.pi
+"""A whole turn [rad]."""
 
 
 class HasTree(Protocol):
@@ -64,19 +64,19 @@ class Tree:
         k = self.index(axis)
         return next(j for j in range(1, self.model.njoints) if self.model.idx_vs[j] == k)
 
-    def endless(self, axis: str) -> bool:
-        """Whether an axis is a rotation without stops, whose position repeats with every turn."""
+    def endless(self, axis: str, beyond: float = 1e6) -> bool:
+        """Whether an axis is a rotation without stops, whose position repeats with every turn.
+
+        Args:
+            axis: its name.
+            beyond: rotations that may go further have no stops [rad], as a continuous joint of the URDF.
+        """
         k = self.index(axis)
         span = float(self.model.upperPositionLimit[k]) - float(self.model.lowerPositionLimit[k])
-        return bool(self.rotary[k] and span > ENDLESS)
+        return bool(self.rotary[k] and span > beyond)
 
     def apart(self, a: str, b: str) -> int | None:
         """Return how many joints one axis is further out than another that carries it; None if neither does."""
         inner, outer = sorted((self.joint(a), self.joint(b)))
         path = list(self.model.supports[outer])
         return len(path) - 1 - path.index(inner) if inner in path else None
-
-
-def others(names: Sequence[str], axis: str) -> tuple[str, ...]:
-    """Return the names but one."""
-    return tuple(name for name in names if name != axis)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import pinotwin
 from pinotwin.export.inverse import Inverse
+from pinotwin.version import __version__
 
 LARGE = 0.01
 """A file that differs from its twin by more than this says so."""
@@ -14,7 +14,7 @@ def header(inverse: Inverse) -> list[str]:
     lines = [
         f"Inverse model of {inverse.name}: motor effort from position, velocity and acceleration.",
         "",
-        f"Written by pinotwin {pinotwin.__version__}. SI: m, rad, N, N·m, s. Positions are the URDF's joint positions.",
+        f"Written by pinotwin {__version__}. SI: m, rad, N, N·m, s. Positions are the URDF's joint positions.",
         "",
         "Joint, its effort, and the range that the curves cover (beyond it their last value holds):",
     ]

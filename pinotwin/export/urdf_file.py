@@ -10,7 +10,7 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.batch import inverse as inverse_dynamics
 from pinotwin.effects import total_effort
 from pinotwin.export.inverse import Inverse, sweep
-from pinotwin.machine.sections import GRAVITY
+from pinotwin.machine.loading import GRAVITY
 from pinotwin.machine.urdf import with_inertias
 from pinotwin.simulation.tables import tabulate
 from pinotwin.twin import Twin

@@ -8,7 +8,7 @@ model holds exactly in the filtered rows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
 from pinotwin.errors import DataError
+from pinotwin.identification.settings import Settings
 from pinotwin.motion import Motion
 from pinotwin.signals import decimate_zero_phase
 from pinotwin.solve.problem import Problem
@@ -37,6 +38,10 @@ class Rows:
     block: Ints
     sample: Ints
 
+    def only(self, joint: int) -> Rows:
+        """Return the rows of one joint."""
+        return replace(self, joints=(joint,), kept=(self.kept[self.joints.index(joint)],))
+
     def slice_of(self, joint: int) -> slice:
         """Return where a joint's rows are when all are stacked."""
         counts = [int(k.sum()) for k in self.kept]
@@ -52,19 +57,38 @@ def choose_rows(motion: Motion) -> Rows:
         DataError: no joint has a usable effort.
     """
     sample, block = _decimated_samples(motion)
-    joints, kept = [], []
-    for joint in range(len(motion.names)):
-        usable = motion.use[:, joint] & np.isfinite(motion.u[:, joint])
-        mask = usable[sample]
-        if mask.any():
-            joints.append(joint)
-            kept.append(mask)
+    usable = (motion.use & np.isfinite(motion.u))[sample]
+    joints = tuple(int(joint) for joint in np.flatnonzero(usable.any(axis=0)))
     if not joints:
         raise DataError(
             f"{motion.source}: no usable row left: no axis has both effort and motion above the "
             "thresholds; record a longer or faster motion, or lower `min_speed`"
         )
-    return Rows(tuple(joints), tuple(kept), block, sample)
+    return Rows(joints, tuple(usable[:, joint] for joint in joints), block, sample)
+
+
+def pieces(motion: Motion, rows: Rows, settings: Settings) -> Motion | None:
+    """Return twelve pieces of a long motion, evenly spread, to search shapes on; None if it is not long.
+
+    A search over all values of a shape costs hundreds of times what the last digits do, and which value it is a
+    minute shows as well as an hour. An axis that moves for a part of the log is among so many pieces; of one
+    with fewer than 100 fitted rows filters and friction at rest leave nothing.
+
+    Args:
+        motion: prepared log(s).
+        rows: what would be fitted.
+        settings: how many rows are long, and how many are left.
+    """
+    if len(rows.sample) <= settings.long:
+        return None
+    width = settings.short * motion.decimation // 12
+    found = []
+    for start in np.linspace(0, len(motion) - width, 12).astype(int):
+        for s in motion.segments:
+            a, b = max(int(start), s.start), min(int(start) + width, s.stop)
+            if b - a > 100 * motion.decimation:
+                found.append(motion.cut(a, b))
+    return Motion.join(found) if found else None
 
 
 def _decimated_samples(motion: Motion) -> tuple[Ints, Ints]:
@@ -107,27 +131,16 @@ def assemble(motion: Motion, effects: Sequence[Effect], rows: Rows | None = None
             if joint in rows.joints:
                 part = thin(motion, columns.values[:, at, :])
                 w[rows.slice_of(joint), where] = part[rows.kept[rows.joints.index(joint)]]
+    u = np.nan_to_num(motion.u if motion.external is None else motion.u + motion.external)
+    pairs = list(zip(rows.joints, rows.kept, strict=True))
     return Problem(
         W=w,
-        y=_stacked_effort(motion, rows),
-        axis=_stack(rows, lambda joint, kept: np.full(int(kept.sum()), joint)),
-        time=_stack(rows, lambda joint, kept: np.flatnonzero(kept)),
-        block=_stack(rows, lambda joint, kept: rows.block[kept]),
+        y=np.concatenate([thin(motion, u[:, joint])[kept] for joint, kept in pairs]),
+        axis=np.concatenate([np.full(int(kept.sum()), joint) for joint, kept in pairs]),
+        time=np.concatenate([np.flatnonzero(kept) for _, kept in pairs]),
+        block=np.concatenate([rows.block[kept] for _, kept in pairs]),
         names=coefficient_names(effects),
     )
-
-
-def _stack(rows: Rows, part) -> Ints:  # type: ignore[no-untyped-def]
-    pairs = zip(rows.joints, rows.kept, strict=True)
-    return np.concatenate([part(joint, kept) for joint, kept in pairs])
-
-
-def _stacked_effort(motion: Motion, rows: Rows) -> Floats:
-    u = motion.u if motion.external is None else motion.u + motion.external
-    parts = []
-    for joint, kept in zip(rows.joints, rows.kept, strict=True):
-        parts.append(thin(motion, np.nan_to_num(u[:, joint]))[kept])
-    return np.concatenate(parts)
 
 
 def coefficient_names(effects: Sequence[Effect]) -> tuple[str, ...]:

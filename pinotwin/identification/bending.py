@@ -4,8 +4,7 @@ The motors' rows show a joint's mode (k / I, c / I) and how strongly it pulls (l
 stays the CAD's. What drives the joint is the same lambda that its acceleration is weighed with. Fitted beside a
 deflection that came of lambda_0 it comes out as lambda² / lambda_0, so that the mean of both is nearly right at once,
 where putting the one in the place of the other would swing for ever. Springs are moved twice, at first beside dry
-friction by sign, then with friction and tables of a first plant taken off the effort: on the virtual rig the
-deflection is 27 % off after the first and 8 % after the second. A twin's own springs bend any
+friction by sign, then with friction and tables of a first plant taken off the effort. A twin's own springs bend any
 later log (:mod:`pinotwin.analysis.deflection`).
 """
 
@@ -15,29 +14,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from pinotwin.analysis.deflection import PassiveSpring, load_of
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameters
-from pinotwin.identification.plant import fit_plant
+from pinotwin.identification.plant import fit_plant, open_loop
+from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.springs import keep_spring
-from pinotwin.identification.table import open_loop
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop
 
-SURE = 0.25
-"""Standard error over size below which a base parameter is taken from the first plant; else the CAD's stays."""
-FELT = 1e-9
-"""Share of the largest column below which a motor does not feel a parameter while the joints stand."""
 STIFFER, DAMPED = (0.4, 2.5), (0.2, 5.0)
 """Factors on the stiffness and damping of machine.yaml within which a spring is looked for."""
-ROWS = 4000
-"""Rows of a log that a spring is moved by."""
 
 
 @dataclass(frozen=True)
@@ -63,17 +55,42 @@ class Bending:
         ]
         return cls(machine, machine.base.from_standard(parameters(machine.model)), tuple(springs))
 
-    def moved(self, motion: Motion) -> Bending:
+    def moved(self, motion: Motion, most: int = 4000) -> Bending:
         """Return the same with the springs where the motors' rows, fitted by all that is linear, leave least.
 
         Args:
             motion: without the joints; its effort may lack what friction and tables take of it.
+            most: rows that are looked at.
         """
-        return replace(self, springs=tuple(_moved(self.machine, self.beta, motion, self.springs)))
+        machine, n = self.machine, len(self.springs)
+        loads = [load_of(machine, self.beta, motion, s.index) for s in self.springs]
+        inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
+        rows = inside[:: max(1, len(inside) // most)]
+        axes = [a.index for a in machine.axes.values() if np.isfinite(motion.u[rows, a.index]).all()]
+        motors = [j for j in axes if np.ptp(motion.u[rows, j]) > 0.0 and np.ptp(motion.v[rows, j]) > 0.0]
+
+        def at(x: Floats) -> Bending:
+            pairs = zip(self.springs, np.exp(x).reshape(2, n).T, strict=True)
+            moved = [replace(s, stiffness=s.stiffness * k, damping=s.damping * c) for s, (k, c) in pairs]
+            return replace(self, springs=tuple(moved))
+
+        def left(x: Floats) -> Floats:
+            q, v, a = (y[rows].copy() for y in (motion.q, motion.v, motion.a))
+            for spring, load in zip(at(x).springs, loads, strict=True):
+                for y, response in zip((q, v, a), load.response(spring), strict=True):
+                    y[:, spring.index] = response[rows]
+            return _unexplained(machine.base.regressor(machine.model, q, v, a), v, motion.u[rows], motors)
+
+        if not motors:
+            return self
+        low, high = np.log([*[STIFFER] * n, *[DAMPED] * n]).T
+        best = scipy.optimize.least_squares(
+            left, np.zeros(2 * n), bounds=(low, high), diff_step=0.02, max_nfev=12
+        )
+        return at(best.x)
 
     def bend(self, log: Log) -> Log:
         """Return a log with the velocity of the joints; one that holds a joint as it is."""
-        log = bind(log, self.machine.columns)
         if any(holds(log, spring.name) for spring in self.springs):
             return log
         motion = _motion(self.machine, log)
@@ -89,11 +106,6 @@ class Bending:
             plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping))
         return plant
 
-    @property
-    def warnings(self) -> list[str]:
-        """What a user must know of joints that nothing measured."""
-        return [_said(self.machine, spring) for spring in self.springs]
-
 
 def holds(log: Log, joint: str) -> bool:
     """Whether a log in the names of the contract holds a passive joint's position or velocity."""
@@ -103,25 +115,27 @@ def holds(log: Log, joint: str) -> bool:
 def bends(machine: Machine, logs: Sequence[Log]) -> bool:
     """Whether springs of machine.yaml must stand for passive joints that no log holds."""
     parts = machine.passive.values()
-    held = any(holds(bind(log, machine.columns), p.name) for p in parts for log in logs)
+    held = any(holds(log, p.name) for p in parts for log in logs)
     return bool(parts) and all(p.stiffness for p in parts) and not held and bool(logs)
 
 
-def find_bending(machine: Machine, logs: Sequence[Log]) -> Bending | None:
+def find_bending(machine: Machine, logs: Sequence[Log], settings: Settings = USUAL) -> Bending | None:
     """Return how passive joints bend that no log of the machine holds; None where there are none.
 
     Args:
         machine: with stiffness and damping of its passive joints in machine.yaml.
         logs: to identify it on.
+        settings: when a base parameter is told by the motors' rows.
     """
     if not bends(machine, logs):
         return None
     motion = _motion(machine, logs[0])
     first = Bending.stated(machine).moved(motion)
     shaken = [first.bend(log) for log in logs]
-    plant = open_loop(machine, fit_plant(machine, prepare(machine, shaken), consistent_inertia=False))
+    fit = fit_plant(machine, prepare(machine, shaken), consistent_inertia=False, settings=settings)
+    plant = open_loop(machine, fit)
     rest = replace(motion, u=motion.u - _friction(plant, _motion(machine, shaken[0])))
-    return replace(first, beta=_beta(plant, first.beta, motion)).moved(rest)
+    return replace(first, beta=_beta(plant, first.beta, motion, settings.sure)).moved(rest)
 
 
 def bend_all(bending: Bending | None, logs: Iterable[Log]) -> list[Log]:
@@ -133,23 +147,23 @@ def _motion(machine: Machine, log: Log) -> Motion:
     return prepare(machine, log, decimate=1)
 
 
-def _beta(plant: OpenLoop, cad: Floats, motion: Motion) -> Floats:
+def _beta(plant: OpenLoop, cad: Floats, motion: Motion, sure: float) -> Floats:
     """Return the base parameters that drive the joints: found where the motors' rows tell them, else the CAD's.
 
-    Those that the motors feel only by what the joints do are the mean of both.
+    Those that the motors feel only by what the joints do (to rounding) are the mean of both.
     """
     machine = plant.machine
     found = plant.coefficients("rigid_body")
     table = {p.name: p for p in plant.parameters}
     rows = [table[f"rigid_body.{label}"] for label in machine.base.labels]
-    sure = np.array([p.determined and p.error < SURE * abs(p.value) for p in rows])
+    told = np.array([p.determined and p.error < sure * abs(p.value) for p in rows])
     motors = [axis.index for axis in machine.axes.values()]
     still = [x.copy() for x in (motion.q, motion.v, motion.a)]
     for x in still:
         x[:, [part.index for part in machine.passive.values()]] = 0.0
     size = np.abs(machine.base.regressor(machine.model, *still)[:, motors]).max(axis=(0, 1))
-    by_joint = size <= FELT * size.max()
-    return np.where(sure, np.where(by_joint, 0.5 * (cad + found), found), cad)
+    by_joint = size <= 1e-9 * size.max()
+    return np.where(told, np.where(by_joint, 0.5 * (cad + found), found), cad)
 
 
 def _friction(plant: OpenLoop, motion: Motion) -> Floats:
@@ -159,54 +173,30 @@ def _friction(plant: OpenLoop, motion: Motion) -> Floats:
     return np.sum([x for key, x in parts.items() if key not in bodies], axis=0) + np.zeros_like(motion.u)
 
 
-def _moved(
-    machine: Machine, beta: Floats, motion: Motion, springs: Sequence[PassiveSpring]
-) -> list[PassiveSpring]:
-    """Return the springs where the motors' rows, fitted by all that is linear, leave least."""
-    loads = [load_of(machine, beta, motion, s.index) for s in springs]
-    inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
-    rows = inside[:: max(1, len(inside) // ROWS)]
-    motors = [a.index for a in machine.axes.values() if np.isfinite(motion.u[rows, a.index]).all()]
-    motors = [j for j in motors if np.ptp(motion.u[rows, j]) > 0.0 and np.ptp(motion.v[rows, j]) > 0.0]
-
-    def at(x: Floats) -> list[PassiveSpring]:
-        k, c = np.exp(x[: len(springs)]), np.exp(x[len(springs) :])
-        return [
-            replace(s, stiffness=s.stiffness * a, damping=s.damping * b)
-            for s, a, b in zip(springs, k, c, strict=True)
-        ]
-
-    def left(x: Floats) -> Floats:
-        q, v, a = (y[rows].copy() for y in (motion.q, motion.v, motion.a))
-        for spring, load in zip(at(x), loads, strict=True):
-            q[:, spring.index], v[:, spring.index], a[:, spring.index] = (
-                y[rows] for y in load.response(spring)
-            )
-        W = machine.base.regressor(machine.model, q, v, a)
-        parts, efforts = [], []
-        for j in motors:
-            own = np.stack([v[:, j], np.sign(v[:, j]), np.ones(len(rows))], axis=1)
-            block = np.zeros((len(rows), 3 * len(motors)))
-            block[:, 3 * motors.index(j) : 3 * motors.index(j) + 3] = own
-            size = float(np.std(motion.u[rows, j]))
-            parts.append(np.hstack([W[:, j], block]) / size)
-            efforts.append(motion.u[rows, j] / size)
-        X, y = np.concatenate(parts), np.concatenate(efforts)
-        scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-        return np.asarray(y - X @ (np.linalg.lstsq(X / scale, y, rcond=1e-9)[0] / scale))
-
-    n = len(springs)
-    bounds = np.log([*[STIFFER] * n, *[DAMPED] * n]).T
-    if not motors:
-        return list(springs)
-    found = least_squares(left, np.zeros(2 * n), bounds=(bounds[0], bounds[1]), diff_step=0.02, max_nfev=12)
-    return at(found.x)
+def _unexplained(W: Floats, v: Floats, u: Floats, motors: Sequence[int]) -> Floats:
+    """Return what bodies, viscous and dry friction and an offset leave of the motors' efforts, each over its size."""
+    parts, efforts = [], []
+    for k, j in enumerate(motors):
+        block = np.zeros((len(u), len(motors), 3))
+        block[:, k] = np.stack([v[:, j], np.sign(v[:, j]), np.ones(len(u))], axis=1)
+        size = float(np.std(u[:, j]))
+        parts.append(np.hstack([W[:, j], block.reshape(len(u), -1)]) / size)
+        efforts.append(u[:, j] / size)
+    X, y = np.concatenate(parts), np.concatenate(efforts)
+    scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    return np.asarray(y - X @ (np.linalg.lstsq(X / scale, y, rcond=1e-9)[0] / scale))
 
 
-def _said(machine: Machine, spring: PassiveSpring) -> str:
-    part = machine.passive[spring.name]
-    unit = "N·m/rad" if part.rotary else "N/m"
-    return (
-        f"{spring.name}: not in the log, so it moves as a spring of {spring.stiffness:.4g} {unit} has it on the CAD's "
-        f"inertia (machine.yaml: {part.stiffness:.4g}); `pinotwin vibration` measures it"
-    )
+def bending_warnings(bending: Bending | None) -> list[str]:
+    """Return what a user must know of joints that nothing measured."""
+    out: list[str] = []
+    if bending is None:
+        return out
+    for spring in bending.springs:
+        part = bending.machine.passive[spring.name]
+        unit = "N·m/rad" if part.rotary else "N/m"
+        out.append(
+            f"{spring.name}: not in the log, so it moves as a spring of {spring.stiffness:.4g} {unit} has it on the "
+            f"CAD's inertia (machine.yaml: {part.stiffness:.4g}); `pinotwin vibration` measures it"
+        )
+    return out

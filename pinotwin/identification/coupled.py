@@ -13,19 +13,10 @@ from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect, Presliding
 from pinotwin.errors import PinotwinError
-from pinotwin.identification.servo import (
-    MISSED,
-    PLANT,
-    AxisProblem,
-    Factors,
-    Found,
-    look,
-    settle,
-    shared,
-)
+from pinotwin.identification.servo import MISSED, PLANT, AxisProblem, Factors, Found, look, settle, shared
 from pinotwin.identification.servo.problem import skipped
+from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.logs.quality import lattice
 from pinotwin.loop import Servo, command_rates
 from pinotwin.motion import Motion
@@ -34,20 +25,6 @@ from pinotwin.simulation.plant import plant_of
 from pinotwin.simulation.state import Lookup
 from pinotwin.system.threads import side_by_side
 from pinotwin.twin import OpenLoop, Parameters, Twin
-
-WINDOW = 6.0
-"""Longest window that is simulated at every evaluation [s]."""
-WINDOWS = 4
-"""Most windows of a log that the controllers are fitted to."""
-LEAST = 20
-"""Rows of a window at least, behind those that are not compared."""
-BETTER = 0.9
-"""Another form than the usual one must bring the held-out error below this share of it."""
-NO_WORSE = 1.01
-"""Refined friction may raise the plant's own error on rows it did not see to this, not beyond."""
-JUDGED, LEAD, BEGINNING = 20.0, 1.0, 60.0
-"""Longest stretch of the log on which the forms are compared, what is run before it, and the longest from the log's
-beginning on which another form than the usual one is not to be worse [s]."""
 
 
 @dataclass
@@ -70,7 +47,12 @@ class Servos:
 
 
 def fit_servos(
-    plant: OpenLoop, motion: Motion, raw: Motion, axes: Sequence[str], tell: Callable[[str, float], None]
+    plant: OpenLoop,
+    motion: Motion,
+    raw: Motion,
+    axes: Sequence[str],
+    tell: Callable[[str, float], None],
+    settings: Settings = USUAL,
 ) -> Servos:
     """Identify the controller of every axis that has a command, an effort and motion.
 
@@ -80,15 +62,38 @@ def fit_servos(
         raw: the same rows with nothing filtered.
         axes: to look at.
         tell: called with the stage and the share of this step done.
+        settings: by which it decides.
     """
-    found = Servos()
-    d = generalised_disturbance(plant, motion, plant.diagonal)
-    told = _looked_at(plant, motion, raw, d, axes, tell)
-    first = {name: look for name, look in told.items() if not isinstance(look, str)}
-    found.notes += [f"no controller of {name}: {why}" for name, why in told.items() if isinstance(why, str)]
-    usual = shared([look for _, look in first.values()])
-    settled = side_by_side(lambda x: settle(*x[0], x[1]), list(zip(first.values(), usual, strict=True)))
-    for name, servo in zip(first, settled, strict=True):
+    assert raw.qr is not None
+    d, vr = generalised_disturbance(plant, motion, plant.diagonal), command_velocity(raw)
+    lookup = plant_of(plant, raw.qr, vr).tables
+
+    def first(name: str) -> tuple[AxisProblem, Found] | str:
+        """Return an axis alone with a first controller, or why it has none."""
+        i = plant.machine.axes[name].index
+        assert raw.qr is not None
+        if np.ptp(raw.qr[:, i]) == 0.0 or not np.isfinite(raw.u[:, i]).any():
+            return "it does not move, or its effort is not logged"
+        dry = _friction_effort(plant, motion, name)
+        problem = axis_problem(plant, motion, raw, vr, dry - d[:, i], lookup, name)
+        refinable = problem and _refinable(plant, motion, problem, dry, name, settings.no_worse)
+        servo = problem and refinable and look(problem, *refinable)
+        if not problem or not servo:
+            return "no law keeps the simulated axis on its command; plant and log do not fit together"
+        return problem, servo
+
+    found, looked = Servos(), {}
+    looks = side_by_side(first, axes)
+    for k, name in enumerate(axes):
+        tell(f"controller of {name}", k / len(axes))
+        one = next(looks)
+        if isinstance(one, str):
+            found.notes.append(f"no controller of {name}: {one}")
+        else:
+            looked[name] = one
+    usual = shared([servo for _, servo in looked.values()])
+    settled = side_by_side(lambda x: settle(*x[0], x[1]), list(zip(looked.values(), usual, strict=True)))
+    for name, servo in zip(looked, settled, strict=True):
         found.servos[name] = servo.servo
         found.trials[name] = servo.trial or servo.servo
         found.factors[name] = servo.factors
@@ -101,37 +106,13 @@ def fit_servos(
     return found
 
 
-def _looked_at(
-    plant: OpenLoop,
-    motion: Motion,
-    raw: Motion,
-    d: Floats,
-    axes: Sequence[str],
-    tell: Callable[[str, float], None],
-) -> dict[str, tuple[AxisProblem, Found] | str]:
-    """Return every axis alone with a first controller, or why it has none."""
-    assert raw.qr is not None
-    vr = command_velocity(raw)
-    lookup = plant_of(plant, raw.qr, vr).tables
-
-    def one(name: str) -> tuple[AxisProblem, Found] | str:
-        i = plant.machine.axes[name].index
-        assert raw.qr is not None
-        if np.ptp(raw.qr[:, i]) == 0.0 or not np.isfinite(raw.u[:, i]).any():
-            return "it does not move, or its effort is not logged"
-        dry = _friction_effort(plant, motion, name)
-        problem = axis_problem(plant, motion, raw, vr, dry - d[:, i], lookup, name)
-        servo = None if problem is None else look(problem, *_refinable(plant, motion, problem, dry, name))
-        if problem is None or servo is None:
-            return "no law keeps the simulated axis on its command; plant and log do not fit together"
-        return problem, servo
-
-    out = {}
-    looks = side_by_side(one, axes)
-    for k, name in enumerate(axes):
-        tell(f"controller of {name}", k / len(axes))
-        out[name] = next(looks)
-    return out
+def _row(found: Found) -> dict[str, Any]:
+    return {
+        "form": found.servo.form,
+        "fit": dict(zip("eu", found.errors, strict=True)),
+        "held_out": dict(zip("eu", found.held_out, strict=True)),
+        "friction": dict(zip(PLANT[1:], found.factors[1:], strict=True)),
+    }
 
 
 def follows_exactly(raw: Motion, joint: int) -> bool:
@@ -153,7 +134,7 @@ def follows_exactly(raw: Motion, joint: int) -> bool:
 
 
 def _refinable(
-    plant: OpenLoop, motion: Motion, problem: AxisProblem, dry: Floats, name: str
+    plant: OpenLoop, motion: Motion, problem: AxisProblem, dry: Floats, name: str, no_worse: float
 ) -> tuple[tuple[str, ...], Callable[[Factors], bool]]:
     """Return which friction of an axis can be refined, and what the plant's own effort says of factors.
 
@@ -176,7 +157,7 @@ def _refinable(
     def allowed(factors: Factors) -> bool:
         moved = _friction_effort(with_factors(plant, {name: factors}), motion, name) - dry
         moved += (factors[1] - 1.0) * problem.viscous * motion.v[:, i]
-        return float(np.sum((left - moved[rows]) ** 2)) <= NO_WORSE**2 * float(np.sum(left**2))
+        return float(np.sum((left - moved[rows]) ** 2)) <= no_worse**2 * float(np.sum(left**2))
 
     return tuple(k for k, x in there.items() if x), allowed
 
@@ -194,13 +175,7 @@ def in_steps(found: Servos, raw: Motion) -> Servos:
 def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
     """Return the plant with friction of its axes multiplied, its table included; see :data:`Factors`."""
     theta, viscous = plant.theta.copy(), np.array(plant.diagonal["viscous"], dtype=float)
-    rows = {row.name: row for row in plant.parameters}
-    effects = list(plant.effects)
-
-    def state(name: str, value: float) -> None:
-        if name in rows:
-            rows[name] = replace(rows[name], value=value)
-
+    effects, changed = list(plant.effects), dict[str, float]()
     for n, (key, effect, s) in enumerate(zip(plant.keys, plant.effects, plant.slices, strict=True)):
         if effect.axis not in factors or effect.axis is None:
             continue
@@ -209,16 +184,15 @@ def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
             share = _share(effect, coefficient.name, by)
             if share != 1.0:
                 theta[s.start + k] *= share
-                state(f"{key}.{coefficient.name}", float(theta[s.start + k]))
-        if isinstance(effect, Presliding) and effect.x_s is not None and by[4] != 1.0:
+                changed[f"{key}.{coefficient.name}"] = float(theta[s.start + k])
+        if isinstance(effect, Presliding) and by[4] != 1.0:
+            changed[f"{key}.x_s"] = by[4] * effect.x_s
             effects[n] = replace(effect, x_s=by[4] * effect.x_s)
-            state(f"{key}.x_s", by[4] * effect.x_s)
     for axis, factor in factors.items():
         viscous[plant.machine.axes[axis].index] *= factor[1]
+    table = Parameters(replace(row, value=changed.get(row.name, row.value)) for row in plant.parameters)
     diagonal = {**plant.diagonal, "viscous": viscous}
-    return replace(
-        plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=Parameters(rows.values())
-    )
+    return replace(plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=table)
 
 
 def _share(effect: Effect, coefficient: str, factors: Factors) -> float:
@@ -229,16 +203,6 @@ def _share(effect: Effect, coefficient: str, factors: Factors) -> float:
     if effect.depends not in ("direction", "displacement") or coefficient in ("m", "d"):
         return 1.0
     return fading if effect.fades or (isinstance(effect, Presliding) and coefficient == "s") else dry
-
-
-def _row(found: Found) -> dict[str, Any]:
-    e, u = found.errors
-    return {
-        "form": found.servo.form,
-        "fit": {"e": e, "u": u},
-        "held_out": dict(zip("eu", found.held_out, strict=True)),
-        "friction": dict(zip(PLANT[1:], found.factors[1:], strict=True)),
-    }
 
 
 def axis_problem(
@@ -278,21 +242,25 @@ def command_velocity(raw: Motion) -> Floats:
     return out
 
 
-def _windows(raw: Motion, vr: Floats) -> tuple[slice, ...]:
-    """Return the windows of a few seconds in which the axis moves most, in order.
+def _windows(
+    raw: Motion, vr: Floats, longest: float = 6.0, most: int = 4, least: int = 20
+) -> tuple[slice, ...]:
+    """Return the windows in which the axis moves most, in order, each ``longest`` [s] long at most.
 
-    Gaps may leave stretches that are over before the rows that count begin.
+    Gaps may leave stretches that are over before the rows that count begin: ``least`` behind those that are not
+    compared.
     """
-    found, least = [], skipped(raw.step) + LEAST
+    found, least = [], skipped(raw.step) + least
     for s in raw.segments:
-        count = max(1, int(np.ceil((s.stop - s.start) * raw.step / WINDOW)))
+        count = max(1, int(np.ceil((s.stop - s.start) * raw.step / longest)))
         if s.stop - s.start > 60:
             count = max(count, min(3, (s.stop - s.start) // 60))
         edges = np.linspace(s.start, s.stop, count + 1).astype(int)
         found += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= least]
     usable = [s for s in found if np.ptp(vr[s]) > 0.0]
-    most = sorted(usable, key=lambda s: -float(np.mean(vr[s] ** 2)))[:WINDOWS]
-    return tuple(sorted(most, key=lambda s: s.start))
+    return tuple(
+        sorted(sorted(usable, key=lambda s: -float(np.mean(vr[s] ** 2)))[:most], key=lambda s: s.start)
+    )
 
 
 def _friction_effort(plant: OpenLoop, motion: Motion, name: str) -> Floats:
@@ -328,47 +296,43 @@ def own_friction(t: Lookup, i: int) -> Lookup:
     )
 
 
-# ------------------------------------------------------------------ which form to simulate with
-def choice(trial: Twin, log: Log, tried: tuple[str, ...]) -> dict[str, Any]:
+def choice(trial: Twin, log: Log, tried: tuple[str, ...], settings: Settings = USUAL) -> dict[str, Any]:
     """Return which form predicts the end of a log best from its command, and the errors of each.
 
     On a machine with passive joints, whose vibration is not compared, the free black box is the usual one: it is
-    what chapter 7 of the source is met with, hammer pulses and the vibration included.
+    what chapter 7 of the source is met with, hammer pulses and the vibration included. Another form must also
+    predict the log from its beginning on as well as the usual one: some drift off within seconds.
 
     Args:
         trial: the plant with controllers and loops that have not seen the end of the log.
-        log: a log of the machine, with commands; raw or in the names of the contract.
+        log: a log of the machine in the names of the contract, with commands.
         tried: the forms.
+        settings: by how much another form must be better, and on how much of the log they are compared.
     """
-    usual = "black" if trial.machine.passive else "coupled"
-    part, start = _end(bind(log, trial.machine.columns))
-    both = {form: forecast_errors(trial, part, start, form) for form in tried}
+    t = log.t
+    length = min((t[-1] - t[0]) / 3.0, settings.judged)
+    end = log.rows(slice(int(np.searchsorted(t, t[-1] - length - 1.0)), None))  # run for a second before it
+    start = int(np.searchsorted(end.t, t[-1] - length))
+    both = {form: forecast_errors(trial, end, start, form) for form in tried}
     errors = {form: 0.5 * (e + u) for form, (e, u) in both.items()}
-    best = min(errors, key=lambda form: errors[form] / (1.0 if form == usual else BETTER))
+    usual = "black" if trial.machine.passive else "coupled"
+    usual = usual if usual in errors else tried[0]
+    best = better(usual, [x for x in tried if x != usual], lambda form: errors[form], settings.pays)
     if not np.isfinite(errors[best]):
         best = "coupled" if "coupled" in errors else best
-    if best != usual and usual in errors and not _bears(trial, log, best, usual):
-        best = usual
+    if best != usual:
+        first = log.rows(slice(0, int(np.searchsorted(t, t[0] + settings.beginning)) + 1))
+        e, other = (sum(forecast_errors(trial, first, 0, form)) for form in (best, usual))
+        best = best if e <= other else usual
     kept = {form: None if not np.isfinite(x) else x for form, x in errors.items()}
     tracking = both[best][0] if np.isfinite(both[best][0]) else None
-    times = {"from": float(part.t[start]), "to": float(part.t[-1])}
-    return {"use": best, "held_out": kept, "tracking": tracking, **times}
-
-
-def _bears(trial: Twin, log: Log, form: str, usual: str) -> bool:
-    """Whether a form predicts a log from its beginning on as well as the usual one: some drift off within seconds."""
-    part = bind(log, trial.machine.columns)
-    part = part.rows(slice(0, int(np.searchsorted(part.t, part.t[0] + BEGINNING)) + 1))
-    return sum(forecast_errors(trial, part, 0, form)) <= sum(forecast_errors(trial, part, 0, usual))
-
-
-def _end(log: Log) -> tuple[Log, int]:
-    """Return the last third of a bound log with some seconds before it, and the row where it begins."""
-    t = log.t
-    length = min((t[-1] - t[0]) / 3.0, JUDGED)
-    first = int(np.searchsorted(t, t[-1] - length - LEAD))
-    part = log.rows(slice(first, None))
-    return part, int(np.searchsorted(part.t, t[-1] - length))
+    return {
+        "use": best,
+        "held_out": kept,
+        "tracking": tracking,
+        "from": float(end.t[start]),
+        "to": float(t[-1]),
+    }
 
 
 def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float, float]:
@@ -377,16 +341,15 @@ def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float,
         said = simulate(twin, log, controller=form)
     except PinotwinError:
         return np.inf, np.inf
-    bound = bind(log, twin.machine.columns)
     ratios: dict[str, list[float]] = {"e": [], "u": []}
     for name in twin.servos:
         for signal, found in ratios.items():
-            error = bound[f"{name}.qr"] - bound[twin.machine.regulated(name)]
-            logged = bound[f"{name}.u"] if signal == "u" else error
+            error = log[f"{name}.qr"] - log[twin.machine.regulated(name)]
+            logged = log[f"{name}.u"] if signal == "u" else error
             good = np.isfinite(logged) & (np.arange(len(logged)) >= start)
             size = float(np.sqrt(np.mean(logged[good] ** 2))) if good.any() else 0.0
             if size > 0.0:
                 left = (logged - said[f"{name}.{signal}"])[good]
                 found.append(float(np.sqrt(np.mean(left**2))) / size)
-    e_error, u_error = (float(np.mean(x)) if x else np.inf for x in ratios.values())
-    return e_error, u_error
+    e, u = (float(np.mean(x)) if x else np.inf for x in ratios.values())
+    return e, u

@@ -20,14 +20,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from pinotwin.analysis.disturbance import generalised_disturbance, reacting
-from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.identification.loop_parts import errors, first_part, loop_data
+from pinotwin.identification.loop_parts import errors, first_part, loop_data, score, searched_poles
+from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.identification.tied import tied, with_lag
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.motion import Motion
@@ -35,12 +36,10 @@ from pinotwin.twin import OpenLoop
 
 KEY = "with_vibration"
 """Where ``quality["loops"][axis]`` keeps the loop."""
-NO_WORSE = 1.05
-"""A tied loop is taken unless its held-out error is above this times the free one's."""
 
 
 def tie_loops(
-    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion
+    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings = USUAL
 ) -> dict[str, tuple[LoopModel, dict[str, Any]]]:
     """Return per axis the loop whose effort follows from the mass, where held-out data allow it, and its row.
 
@@ -52,28 +51,25 @@ def tie_loops(
     for name, free in loops.items():
         i = motion.index(name)
         known = (float(plant.diagonal["inertia"][i]), float(plant.diagonal["viscous"][i]))
-        data = loop_data(motion, d, name)
-        before = errors(
-            data, identify_loop(first_part(data), free.structure, starts=_start(free)), held_out=True
-        )
+        data = loop_data(motion, d, name, settings)
+        before = identify_loop(first_part(data), free.structure, starts=searched_poles(free))
         try:
             trial = tied(first_part(data), with_lag(free), *known)
             model = tied(data, trial, *known)
         except DataError:
             continue
-        after = errors(data, trial, held_out=True)
-        taken = np.mean(list(after.values())) <= NO_WORSE * np.mean(list(before.values()))
-        fit = errors(data, model)
-        row: dict[str, Any] = {
-            "tied": {"free": free.to_dict(), "fit": fit, "held_out": after, "taken": bool(taken)}
-        }
+        taken = better(before, [trial], partial(score, data), settings.no_worse) is trial
+        own = {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
+        row: dict[str, Any] = {"tied": {"free": free.to_dict(), **own, "taken": taken}}
         if taken:
-            row |= {"real_poles": model.structure.real_poles, "fit": fit, "held_out": after}
+            row |= {"real_poles": model.structure.real_poles, **own}
         out[name] = (model if taken else free, row)
     return out
 
 
-def vibration_loops(plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion) -> dict[str, Any]:
+def vibration_loops(
+    plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Motion, settings: Settings = USUAL
+) -> dict[str, Any]:
     """Return the loop with vibration of every axis that sits on a passive joint, or why there is none.
 
     They are kept as ``quality["loops"][axis]["with_vibration"]``: the model, the errors of the fit
@@ -84,9 +80,9 @@ def vibration_loops(plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Mot
         if axis not in loops or np.ptp(motion.v[:, motion.index(passive)]) == 0.0:
             continue
         try:
-            data = vibration_data(plant, motion, axis, passive)
+            data = vibration_data(plant, motion, axis, passive, settings)
             trial = _with_mode(plant, loops[axis], first_part(data), passive)
-            model = identify_loop(data, trial.structure, starts=_start(trial))
+            model = identify_loop(data, trial.structure, starts=searched_poles(trial))
         except DataError as error:
             out[axis] = {"note": str(error)}
             continue
@@ -95,35 +91,21 @@ def vibration_loops(plant: OpenLoop, loops: Mapping[str, LoopModel], motion: Mot
     return out
 
 
-def vibration_data(plant: OpenLoop, motion: Motion, axis: str, passive: str) -> LoopData:
-    """Return inputs and outputs of an axis' loop with the vibration of a passive joint."""
+def vibration_data(
+    plant: OpenLoop, motion: Motion, axis: str, passive: str, settings: Settings = USUAL
+) -> LoopData:
+    """Return inputs and outputs of an axis' loop with the vibration of a passive joint, counted from the ground."""
     i, p = motion.index(axis), motion.index(passive)
-    d = generalised_disturbance(plant, motion, plant.diagonal)
-    plain = loop_data(motion, d, axis)
+    d, M = generalised_disturbance(plant, motion, plant.diagonal), plant.diagonal["inertia"]
+    plain = loop_data(motion, d, axis, settings)
+    more = (M[p] - plant.diagonal["ground"][p]) * motion.a[:, p] - M[i] * motion.a[:, i]
     return replace(
         plain,
-        d=from_ground(d, motion.a, plant.diagonal, i, p)[:, [i, p]],
+        d=np.column_stack([d[:, i] - M[i] * motion.a[:, p], d[:, p] - d[:, i] + more]),
         outputs=np.column_stack([plain.outputs, motion.v[:, p]]),
         output_names=("e", "u", f"{passive}.v"),
         disturbance_names=("d", passive),
     )
-
-
-def from_ground(d: Floats, a: Floats, diagonal: Mapping[str, Floats], i: int, p: int) -> Floats:
-    """Return the generalised disturbances with axis i and passive joint p counted from the ground.
-
-    Args:
-        d: in joint coordinates, shape (n, nv).
-        a: accelerations of the joints, shape (n, nv).
-        diagonal: M_D, and ``ground``, that of passive joints counted from the ground.
-        i: column of the axis.
-        p: column of the passive joint.
-    """
-    M, ground = diagonal["inertia"], diagonal["ground"]
-    out = d.copy()
-    out[:, i] -= M[i] * a[:, p]
-    out[:, p] += (M[p] - ground[p]) * a[:, p] - d[:, i] - M[i] * a[:, i]
-    return out
 
 
 def _with_mode(plant: OpenLoop, alone: LoopModel, data: LoopData, passive: str) -> LoopModel:
@@ -132,12 +114,5 @@ def _with_mode(plant: OpenLoop, alone: LoopModel, data: LoopData, passive: str) 
     k, c, I = (float(plant.diagonal[x][p]) for x in ("stiffness", "viscous", "ground"))
     wn = np.sqrt(k / I)
     mode = [np.log(wn), np.log(np.clip(0.5 * c / (I * wn), 0.006, 0.6))]
-    structure: Structure = replace(
-        alone.structure, pole_pairs=alone.structure.pole_pairs + 1, integrator=False
-    )
-    return identify_loop(data, structure, starts=np.array([[*_start(alone)[0], *mode]]))
-
-
-def _start(model: LoopModel) -> Floats:
-    """Return the logarithms of the searched poles, shape (1, np)."""
-    return np.array([[np.log(x) for part in model.sections if part.free for x in part.values]])
+    structure: Structure = replace(alone.structure, pole_pairs=alone.structure.pole_pairs + 1)
+    return identify_loop(data, structure, starts=np.array([[*searched_poles(alone)[0], *mode]]))

@@ -1,26 +1,72 @@
-"""How good a fit is: errors per axis, in sample and held out, whiteness, condition, bounds."""
+"""How good a fit is: errors per axis, in sample and cross-validated, whiteness, condition, bounds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
 from pinotwin.arrays import Floats
+from pinotwin.effects import Effect, needs_model
 from pinotwin.effects.scene import with_model
-from pinotwin.identification.assemble import assemble
-from pinotwin.identification.parted import FOLDS, Parted
-from pinotwin.identification.plant import Plant
+from pinotwin.errors import DataError
+from pinotwin.identification.assemble import Rows, assemble, choose_rows
+from pinotwin.identification.plant import Plant, fit_options
+from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.urdf import no_urdf_holds
 from pinotwin.motion import Motion
-from pinotwin.solve.consistency import ConsistentFit
+from pinotwin.solve.crossval import HeldOut, held_out
 from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop
 
-CONDITION_LIMIT = 1e4
-"""Scaled condition number above which parameters trade off against each other."""
+
+@dataclass(frozen=True, eq=False)
+class Parted:
+    """A linear problem of a machine's effects, cross-validated: its rows predicted part by part from the others.
+
+    Attributes:
+        machine: whose effects these are.
+        effects: with fixed shapes.
+        length: rows of the motion.
+        rows: which of them the problem holds.
+        problem: rows and columns.
+        folds: parts of the log.
+        held: what the parts predict of one another; None where there are too few rows.
+    """
+
+    machine: Machine
+    effects: tuple[Effect, ...]
+    length: int
+    rows: Rows
+    problem: Problem
+    folds: int
+    held: HeldOut | None
+
+    @classmethod
+    def of(
+        cls,
+        machine: Machine,
+        effects: Sequence[Effect],
+        motion: Motion,
+        known: tuple[Rows, Problem] | None = None,
+        folds: int = USUAL.folds,
+    ) -> Self:
+        """Cross-validate the problem of some effects, assembled already or of a motion's rows."""
+        rows = known[0] if known else choose_rows(motion)
+        problem = known[1] if known else assemble(motion, effects, rows)
+        try:
+            held = held_out(problem, folds=folds, options=fit_options(machine, effects, motion))
+        except DataError:
+            held = None
+        return cls(machine, tuple(effects), len(motion), rows, problem, folds, held)
+
+    def serves(self, machine: Machine, effects: Sequence[Effect], motion: Motion) -> bool:
+        """Whether that of these effects on a motion would be the same; not where columns follow theta."""
+        same = list(map(id, effects)) == list(map(id, self.effects))
+        return same and machine is self.machine and len(motion) == self.length and not needs_model(effects)
 
 
 def error_row(y: Floats, error: Floats) -> dict[str, float]:
@@ -37,12 +83,6 @@ def error_row(y: Floats, error: Floats) -> dict[str, float]:
     }
 
 
-def prediction_rows(problem: Problem, theta: Floats, names: Sequence[str]) -> dict[str, Any]:
-    """Return the error of a given theta on the rows of a problem, per axis."""
-    error = problem.y - problem.W @ theta
-    return {names[joint]: error_row(problem.y[rows], error[rows]) for joint, rows in problem.slices.items()}
-
-
 def whiteness_row(residual: Floats) -> dict[str, float]:
     """Return lag-one correlation and Durbin-Watson statistic of one axis' residual."""
     e = residual - residual.mean()
@@ -55,7 +95,9 @@ def whiteness_row(residual: Floats) -> dict[str, float]:
     }
 
 
-def warnings(quality: Mapping[str, Any], plant: OpenLoop, motion: Motion) -> list[str]:
+def warnings(
+    quality: Mapping[str, Any], plant: OpenLoop, motion: Motion, settings: Settings = USUAL
+) -> list[str]:
     """Return what the reader should know before trusting the numbers."""
     machine = plant.machine
     rotary = dict(zip(machine.names, machine.rotary, strict=True))
@@ -70,7 +112,7 @@ def warnings(quality: Mapping[str, Any], plant: OpenLoop, motion: Motion) -> lis
             "the inertias that were found are impossible (a mass or a moment of inertia is negative): the URDF of a "
             "saved twin keeps those of the description; identify with physical consistency for a URDF of what was found"
         )
-    if quality["condition"] > CONDITION_LIMIT:
+    if quality["condition"] > settings.condition:
         out.append(
             f"condition number {quality['condition']:.1e}: some parameters trade off against each "
             "other; more varied motion would part them"
@@ -95,17 +137,20 @@ def warnings(quality: Mapping[str, Any], plant: OpenLoop, motion: Motion) -> lis
     return out
 
 
-def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None = None) -> dict[str, Any]:
-    """Return the figures of a fitted plant, per axis and together.
+def judge(
+    machine: Machine, plant: Plant, found: OpenLoop, later: Motion | None, settings: Settings
+) -> tuple[dict[str, Any], Parted]:
+    """Return the figures of a fitted plant, per axis and together, and its rows predicted part by part.
 
     Args:
         machine: whose plant it is.
         plant: the fit.
-        parted: its rows predicted part by part.
+        found: the same as a twin holds it.
         later: what was not fitted; adds ``validation`` to every axis.
+        settings: by which it decides.
     """
-    fit = plant.fit
-    problem = fit.problem
+    fit, problem = plant.fit, plant.fit.problem
+    parted = Parted.of(machine, plant.effects, plant.motion, (plant.rows, problem), settings.folds)
     error = problem.y - problem.W @ plant.theta
     held = np.full(len(problem.y), np.nan) if parted.held is None else parted.held.error
     axes = {}
@@ -119,6 +164,8 @@ def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None =
             **whiteness_row(error[rows]),
             "rows": int(rows.stop - rows.start),
         }
+    met = plant.consistency  # what physical consistency cost; None where it was not asked for
+    ratio = met.cost_ratio if met is not None and np.isfinite(met.cost_ratio) else None
     out = {
         "axes": axes,
         "relative_error": float(np.linalg.norm(error) / np.linalg.norm(problem.y)),
@@ -126,21 +173,17 @@ def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None =
         "rank": int(fit.rank),
         "parameters": len(plant.theta),
         "not_separable": [list(group) for group in fit.group_names()],
-        "consistency": _constraint(plant.consistency),
-        "folds": FOLDS,
+        "consistency": None if met is None else {"moved": met.moved, "cost_ratio": ratio},
+        "folds": parted.folds,
+        "at_bound": [row.name for row in found.parameters if row.verdict == "at its bound"],
         "preparation": list(plant.motion.notes),
     }
     if later is not None:
         later = with_model(later, plant.effects, plant.theta)
-        rows_later = prediction_rows(assemble(later, plant.effects), plant.theta, machine.names)
-        for name in axes.keys() & rows_later.keys():
-            axes[name]["validation"] = rows_later[name]
+        problem = assemble(later, plant.effects)
+        error = problem.y - problem.W @ plant.theta
+        for joint, rows in problem.slices.items():
+            if machine.names[joint] in axes:
+                axes[machine.names[joint]]["validation"] = error_row(problem.y[rows], error[rows])
         out["validation_source"] = later.source
-    return out
-
-
-def _constraint(found: ConsistentFit | None) -> dict[str, Any] | None:
-    """Return what physical consistency cost; None where it was not asked for."""
-    if found is None:
-        return None
-    return {"moved": found.moved, "cost_ratio": found.cost_ratio if np.isfinite(found.cost_ratio) else None}
+    return out, parted

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,13 @@ from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import DataError
 from pinotwin.identification.refine import AxisEffects
+from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.loop import LoopModel
 from pinotwin.loop.data import LoopData
 from pinotwin.motion import Motion
+from pinotwin.twin import OpenLoop, Parameters
+from pinotwin.twin.parameters import verdict
 
-LONG, SHORT, PIECES, LEAST = 50_000, 24_000, 12, 400
-"""Rows beyond which loops are fitted to pieces of a log, how many rows then, how many pieces, and the shortest."""
 TRAINED = 2.0 / 3.0
 """Share of the log on which the orders are compared; the rest judges them."""
 
@@ -41,9 +42,22 @@ class Loops:
     quality: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
+    def table(self, plant: OpenLoop) -> Parameters:
+        """Return the table of a plant with the rows that the loops refined."""
+        rows = {row.name: row for row in plant.parameters}
+        keys = dict(zip(map(id, self.effects), plant.keys, strict=True))
+        for axis in self.refined.values():
+            for effect, name, value, error in axis.numbers():
+                row = rows[f"{keys[id(effect)]}.{name}"]
+                known = row.determined and bool(np.isfinite(error)) and error > 0.0
+                word = verdict(value, error, at_bound=value == 0.0) if known else row.verdict
+                error = error if known else np.nan
+                rows[row.name] = replace(row, value=value, error=error, determined=known, verdict=word)
+        return Parameters(rows.values())
 
-def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
-    """Return inputs and outputs of one axis' loop.
+
+def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings = USUAL) -> LoopData:
+    """Return inputs and outputs of one axis' loop; of a long log twelve pieces in which the axis moves.
 
     Raises:
         DataError: the axis has no effort, or does not move.
@@ -55,29 +69,22 @@ def loop_data(motion: Motion, disturbance: Floats, name: str) -> LoopData:
         raise DataError(f"{motion.source}: no effort of axis {name}")
     data = LoopData.of_axis(motion, i, disturbance[:, i])
     data.require_motion()
-    return data if data.rows <= LONG else data.within(_pieces(data))
-
-
-def _pieces(data: LoopData) -> list[slice]:
-    """Return pieces of long data in which the axis moves, evenly spread: ten poles need no hour of it."""
-    width = SHORT // PIECES
+    if data.rows <= settings.long:
+        return data
+    width = settings.short // 12
     every = [slice(a, min(a + width, s.stop)) for s in data.segments for a in range(s.start, s.stop, width)]
-    moving = [s for s in every if s.stop - s.start > LEAST and np.ptp(data.qr[s]) > 0.0]
-    return [moving[k] for k in np.unique(np.linspace(0, len(moving) - 1, PIECES).astype(int))]
+    moving = [s for s in every if s.stop - s.start > width // 5 and np.ptp(data.qr[s]) > 0.0]
+    return data.within([moving[k] for k in np.unique(np.linspace(0, len(moving) - 1, 12).astype(int))])
 
 
 def first_part(data: LoopData) -> LoopData:
     """Return the part of the data on which orders are compared."""
-    return data.within([s for s in (_clip(s, 0, _cut(data)) for s in data.segments) if s is not None])
+    parts = [slice(s.start, min(s.stop, _cut(data))) for s in data.segments]
+    return data.within([s for s in parts if s.stop - s.start > 32])
 
 
 def _cut(data: LoopData) -> int:
     return int(TRAINED * len(data.qr))
-
-
-def _clip(s: slice, start: int, stop: int) -> slice | None:
-    low, high = max(s.start, start), min(s.stop, stop)
-    return slice(low, high) if high - low > 32 else None
 
 
 def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[str, float]:
@@ -92,3 +99,13 @@ def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[
         size += np.sum(truth**2, axis=0)
     ratio = np.sqrt(total / np.maximum(size, 1e-300))
     return dict(zip(model.outputs, ratio.tolist(), strict=True))
+
+
+def score(data: LoopData, model: LoopModel) -> float:
+    """Return the mean error of the outputs on held-out rows, each over its RMS."""
+    return float(np.mean(list(errors(data, model, held_out=True).values())))
+
+
+def searched_poles(model: LoopModel) -> Floats:
+    """Return the logarithms of the searched poles, in the order of the search, shape (1, np)."""
+    return np.array([[np.log(x) for part in model.sections if part.free for x in part.values]])

@@ -7,6 +7,7 @@ gain can be changed afterwards.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,10 +15,8 @@ from typing import Any
 import numpy as np
 
 from pinotwin.analysis.disturbance import generalised_disturbance
-from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.identification.coupled import (
-    BETTER,
     Servos,
     choice,
     fit_servos,
@@ -26,45 +25,21 @@ from pinotwin.identification.coupled import (
     with_factors,
 )
 from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
-from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_data
+from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_data, score, searched_poles
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
-from pinotwin.identification.table import refined_table
+from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.log import Log
-from pinotwin.logs.prepare import prepare
-from pinotwin.loop import (
-    LoopData,
-    LoopModel,
-    Servo,
-    Structure,
-    close,
-    identify_loop,
-)
+from pinotwin.logs.prepare import EvenLogs
+from pinotwin.loop import LoopData, LoopModel, Servo, Structure, close, identify_loop
 from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
-from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop, Twin
 
-SLOWEST = 1.0 / 50.0
-"""Longest sampling interval at which a closed loop is identified [s]."""
-POOR = 0.05
-"""Held-out tracking error of the coupled form, as a share of its RMS, above which the free black box is
-identified as well: an effort that is missed otherwise is the plant's, whatever the form of the loop."""
-PAYS = 0.95
-"""A larger order is taken if it brings the held-out error below this share of the smaller one's."""
-MOST_PAIRS = 3
 MODES = ((8.0, 0.3), (25.0, 0.05), (60.0, 0.2))
-"""Frequencies [Hz] and damping ratios from which a further pair is searched."""
-NO_WORSE = 1.01
-"""Refined effects have as many numbers as before: they are kept unless held-out data speak against."""
+"""Frequencies [Hz] and damping ratios from which a further pair of poles is searched."""
 BEGINNINGS, FRESH = 4, 2
 """Usual places from which the poles are searched at first, and once more beside refined friction."""
-MISSED = 0.1
-"""Mean held-out error of a loop, each signal over its RMS, from which its last search also starts afresh."""
-MUCH_WORSE = 1.1
-"""No signal may lose more than this for the others' gain."""
-ROUNDS, EXPLORED, ENOUGH = 4, 2, 1.03
-"""Most turns of loop and effects, of which the first explore; they end when one gains less than 3 %."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +66,11 @@ class ClosedLoops:
 
 
 def close_loops(
-    plant: OpenLoop, motion: Motion, logs: Sequence[Log], tell: Callable[[str, float], None]
+    plant: OpenLoop,
+    motion: Motion,
+    even: EvenLogs,
+    tell: Callable[[str, float], None],
+    settings: Settings = USUAL,
 ) -> ClosedLoops:
     """Return the closed loops of a plant's axes, and the form to simulate them in.
 
@@ -103,16 +82,16 @@ def close_loops(
     Args:
         plant: with its diagonal.
         motion: prepared log(s) with commands.
-        logs: the same, as they came.
-        tell: called with the stage and the share of this step done.
+        even: the same, unfiltered.
+        tell: called with the stage and the share of the identification done.
+        settings: by which it decides.
     """
-    if motion.step > SLOWEST:
-        note = (
-            f"no closed loop: the log has {1.0 / motion.step:.3g} Hz, at least {1.0 / SLOWEST:.0f} are needed"
-        )
+    if motion.step > settings.slowest:
+        rate, least = 1.0 / motion.step, 1.0 / settings.slowest
+        note = f"no closed loop: the log has {rate:.3g} Hz, at least {least:.0f} are needed"
         return ClosedLoops(plant, warnings=(note,))
     machine = plant.machine
-    raw = prepare(machine, logs, cutoff=0.0, decimate=1)
+    raw = even.motion(machine, cutoff=0.0, decimate=1)
     exact = [name for name, axis in machine.axes.items() if follows_exactly(raw, axis.index)]
     axes = [name for name in machine.axes if name not in exact]
     said = [
@@ -122,19 +101,24 @@ def close_loops(
     ]
     if not axes:
         return ClosedLoops(plant, warnings=tuple(said))
-    found = fit_servos(plant, motion, raw, axes, lambda stage, done: tell(stage, 0.5 * done))
+    found = fit_servos(
+        plant, motion, raw, axes, lambda stage, done: tell(stage, 0.45 + 0.25 * done), settings
+    )
     plant = with_factors(plant, found.factors)
-    found, judged = _by_encoders(plant, found, in_steps(found, raw), logs[-1])
+    found, judged = _by_encoders(plant, found, in_steps(found, raw), even.logs[-1], settings)
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
-    asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(axes))
-    if error is not None and tracking is not None and tracking < POOR and not asked:
-        closed = _linearised(plant, found.servos, motion)
+    stated = any(shape.stated for shape in machine.loop.values())  # machine.yaml states the order
+    asked = bool(machine.passive or stated or len(found.servos) < len(axes))
+    if error is not None and tracking is not None and tracking < settings.good_tracking and not asked:
+        closed = _linearised(plant, found.servos, motion, settings)
     else:
-        closed = _black_boxes(plant, motion, axes, lambda stage, done: tell(stage, 0.5 + 0.5 * done))
-        judged = choice(closed.twin(servos=found.trials), logs[-1], ("coupled", "black"))
+        closed = _black_boxes(
+            plant, motion, axes, lambda stage, done: tell(stage, 0.7 + 0.25 * done), settings
+        )
+        judged = choice(closed.twin(servos=found.trials), even.logs[-1], ("coupled", "black"), settings)
         if judged["use"] == "coupled" and error is not None and not asked:
             refined = judged["held_out"]["coupled"] < error
-            closed = _linearised(closed.plant if refined else plant, found.servos, motion)
+            closed = _linearised(closed.plant if refined else plant, found.servos, motion, settings)
     return replace(
         closed,
         servos=found.servos,
@@ -143,30 +127,29 @@ def close_loops(
     )
 
 
-def _by_encoders(plant: OpenLoop, plain: Servos, stepped: Servos, log: Log) -> tuple[Servos, dict[str, Any]]:
+def _by_encoders(
+    plant: OpenLoop, plain: Servos, stepped: Servos, log: Log, settings: Settings
+) -> tuple[Servos, dict[str, Any]]:
     """Return the controllers closed on encoder steps, unless others predict held-out rows better, and their errors.
 
     A log that was rounded when it was written has steps that no controller saw.
     """
     steps = any(servo.encoder[0] for servo in stepped.servos.values())
     tried = [
-        (s, choice(Twin.of(plant, servos=s.trials), log, ("coupled",)), usual)
-        for s, usual in ((plain, BETTER), *([(stepped, 1.0)] if steps else []))
+        (s, choice(Twin.of(plant, servos=s.trials), log, ("coupled",), settings))
+        for s in (*([stepped] if steps else []), plain)
     ]
 
-    def error(told: dict[str, Any]) -> float:
-        found = told["held_out"]["coupled"]
+    def error(one: tuple[Servos, dict[str, Any]]) -> float:
+        found = one[1]["held_out"]["coupled"]
         return np.inf if found is None else float(found)
 
-    return min(tried, key=lambda x: error(x[1]) / x[2])[:2]
+    return better(tried[0], tried[1:], error, settings.pays)
 
 
-def _stated(machine: Machine) -> bool:
-    """Whether machine.yaml states the order of a loop."""
-    return any(shape.stated for shape in machine.loop.values())
-
-
-def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) -> ClosedLoops:
+def _linearised(
+    plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion, settings: Settings
+) -> ClosedLoops:
     """Return the loops that coupled axes make."""
     M, C = plant.diagonal["inertia"], plant.diagonal["viscous"]
     disturbance = generalised_disturbance(plant, motion, plant.diagonal)
@@ -183,7 +166,7 @@ def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) ->
         rows[name] = {"real_poles": loop.structure.real_poles, "pole_pairs": loop.structure.pole_pairs}
         rows[name]["refined"] = False
         try:
-            data = loop_data(motion, disturbance, name)
+            data = loop_data(motion, disturbance, name, settings)
             rows[name] |= {"fit": errors(data, loop), "held_out": errors(data, loop, held_out=True)}
         except DataError as error:  # a log of a few seconds with a hole has no rows for it
             notes.append(f"no held-out error of the loop of {name}: {error}")
@@ -191,69 +174,90 @@ def _linearised(plant: OpenLoop, servos: Mapping[str, Servo], motion: Motion) ->
 
 
 def _black_boxes(
-    plant: OpenLoop, motion: Motion, axes: Sequence[str], tell: Callable[[str, float], None]
+    plant: OpenLoop,
+    motion: Motion,
+    axes: Sequence[str],
+    tell: Callable[[str, float], None],
+    settings: Settings,
 ) -> ClosedLoops:
     """Return the free loops, with the vibration of passive joints and tied to the mass where there are such."""
-    found = fit_loops(plant, motion, axes, tell)
-    refined = replace(plant, effects=found.effects, theta=found.theta, parameters=refined_table(plant, found))
-    models, rows = dict(found.models), dict(found.quality)
-    if plant.machine.passive:
-        for axis, row in vibration_loops(refined, found.models, motion).items():
-            rows[axis] = {**rows[axis], KEY: row}
-        for axis, (model, row) in tie_loops(refined, found.models, motion).items():
-            models[axis], rows[axis] = model, {**rows[axis], **row}
-    return ClosedLoops(refined, models, quality={"loops": rows}, warnings=tuple(found.notes))
-
-
-def fit_loops(
-    plant: OpenLoop, motion: Motion, axes: Sequence[str], tell: Callable[[str, float], None]
-) -> Loops:
-    """Identify the loop of every axis that has a command, an effort and motion.
-
-    Args:
-        plant: with its diagonal.
-        motion: prepared log(s) with commands.
-        axes: to look at.
-        tell: called with the stage and the share of this step done.
-    """
     found = Loops(plant.effects, plant.theta.copy())
     disturbance = generalised_disturbance(plant, motion, plant.diagonal, modes=False)
     for k, name in enumerate(axes):
         tell(f"closed loop of {name}", k / len(axes))
-        fit = _fit_loop(plant, motion, disturbance, name)
-        found.notes += fit.notes
-        if fit.model is not None:
-            found.models[name], found.quality[name] = fit.model, fit.quality
-        if fit.refined is not None:
-            _keep(found, *fit.refined)
-    return found
+        try:
+            _fit_loop(found, plant, motion, loop_data(motion, disturbance, name, settings), settings)
+        except DataError as error:
+            found.notes.append(f"no closed loop of {name}: {error}")
+    refined = replace(plant, effects=found.effects, theta=found.theta, parameters=found.table(plant))
+    models, rows = dict(found.models), dict(found.quality)
+    if plant.machine.passive:
+        for axis, row in vibration_loops(refined, found.models, motion, settings).items():
+            rows[axis] = {**rows[axis], KEY: row}
+        for axis, (model, row) in tie_loops(refined, found.models, motion, settings).items():
+            models[axis], rows[axis] = model, {**rows[axis], **row}
+    return ClosedLoops(refined, models, quality={"loops": rows}, warnings=tuple(found.notes))
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """What was found of one axis: its loop and its judgement, its effects before and after refinement."""
+def _fit_loop(found: Loops, plant: OpenLoop, motion: Motion, data: LoopData, settings: Settings) -> None:
+    """Add the loop of one axis to what was found, its judgement, and its effects where they were refined.
 
-    model: LoopModel | None = None
-    quality: dict[str, Any] = field(default_factory=dict)
-    refined: tuple[AxisEffects, AxisEffects] | None = None
-    notes: tuple[str, ...] = ()
+    Raises:
+        DataError: there is none.
+    """
+    given = plant.machine.loop.get(data.axis)
+    bounds = (given.bounds or None) if given is not None else None
+    if given is not None and given.stated:
+        structure = Structure(given.real_poles, given.pole_pairs, given.feedforward_poles, given.numerators)
+        trial = _first_loop(data, structure, given.bounds)
+    else:
+        trial = _choose(data, settings)
+    data, trial, refined = _refined(plant, motion, data, trial, bounds, settings)
+    doubted = score(data, trial) > settings.poor_loop
+    model = _refit(data, trial, bounds, afresh=doubted, judged=True)
+    found.models[data.axis] = model
+    found.quality[data.axis] = {
+        "real_poles": model.structure.real_poles,
+        "pole_pairs": model.structure.pole_pairs,
+        "fit": errors(data, model),
+        "held_out": errors(data, trial, held_out=True),
+        "refined": refined is not None,
+    }
+    if refined is not None:
+        old, new = refined
+        found.theta[list(new.where)] = new.theta
+        swap = {id(a): b for a, b in zip(old.effects, new.effects, strict=True)}
+        found.effects = tuple(swap.get(id(effect), effect) for effect in found.effects)
+        found.refined[new.axis] = new
 
 
-def _fit_loop(plant: OpenLoop, motion: Motion, disturbance: Floats, name: str) -> _Fit:
-    """Return the loop of one axis; a note where there is none."""
-    try:
-        data = loop_data(motion, disturbance, name)
-        trial = _choose(plant, data, name)
-        data, trial, refined = _refined(plant, motion, data, trial)
-        doubted = _score(data, trial) > MISSED
-        model = _refit(data, trial, _bounds(plant.machine, name), afresh=doubted, judged=True)
-    except DataError as error:
-        return _Fit(notes=(f"no closed loop of {name}: {error}",))
-    return _Fit(model, _judged(data, model, trial) | {"refined": refined is not None}, refined)
+def _choose(data: LoopData, settings: Settings) -> LoopModel:
+    """Return the loop of the order that pays, fitted to the first part."""
+    trial = _first_loop(data, Structure())
+    for pairs in range(2, settings.most_pairs + 1):
+        poles = searched_poles(trial)[0]
+        starts = np.array([[*poles, np.log(2.0 * np.pi * f), np.log(zeta)] for f, zeta in MODES])
+        more = identify_loop(first_part(data), Structure(pole_pairs=pairs), starts=starts, judged=False)
+        if better(trial, [more], functools.partial(score, data), settings.pays) is trial:
+            break
+        trial = more
+    return trial
+
+
+def _first_loop(data: LoopData, structure: Structure, bounds: Bounds | None = None) -> LoopModel:
+    """Return a loop fitted to the first part; few starts will do, for its friction is still to be refined."""
+    layout = lay_out(structure, data.step, (data.d.shape[1], data.outputs.shape[1]), bounds)
+    starts = starting_points(layout, BEGINNINGS)
+    return identify_loop(first_part(data), structure, bounds=bounds, starts=starts, judged=False)
 
 
 def _refined(
-    plant: OpenLoop, motion: Motion, data: LoopData, trial: LoopModel
+    plant: OpenLoop,
+    motion: Motion,
+    data: LoopData,
+    trial: LoopModel,
+    bounds: Bounds | None,
+    settings: Settings,
 ) -> tuple[LoopData, LoopModel, tuple[AxisEffects, AxisEffects] | None]:
     """Refine an axis' friction and position effects through its loop, unless held-out data object.
 
@@ -269,42 +273,22 @@ def _refined(
     if mine is None:
         return data, trial, None
     kept, before = mine, errors(data, trial, held_out=True)
-    for turn in range(ROUNDS):
+    for turn in range(settings.turns):
         near = replace(kept, error=mine.error)
-        better = refine(first_part(data), trial, motion, near, explore=turn < EXPLORED)
-        change = better.columns(motion) @ better.theta - kept.columns(motion) @ kept.theta
+        refined = refine(first_part(data), trial, motion, near, explore=turn < 2)
+        change = refined.columns(motion) @ refined.theta - kept.columns(motion) @ kept.theta
         renewed = replace(data, d=data.d + change[:, None])
-        bounds = _bounds(plant.machine, data.axis)
-        retried = _refit(first_part(renewed), trial, bounds, afresh=turn == EXPLORED - 1)
+        retried = _refit(first_part(renewed), trial, bounds, afresh=turn == 1)
         after = errors(renewed, retried, held_out=True)
-        gain = _gain(before, after)
-        if gain < 1.0 / NO_WORSE:
+        # every signal counts against itself: an error of e of 10 % would drown one of u of 2 %
+        falls = np.array([before[name] / max(after[name], 1e-300) for name in before])
+        gain = float(np.exp(np.mean(np.log(falls))))
+        if falls.min() < 1.0 / settings.much_worse or gain < 1.0 / settings.no_worse:
             break
-        kept, data, trial, before = better, renewed, retried, after
-        if gain < ENOUGH:
+        kept, data, trial, before = refined, renewed, retried, after
+        if gain * settings.pays < 1.0:
             break
     return data, trial, None if kept is mine else (mine, kept)
-
-
-def _gain(before: dict[str, float], after: dict[str, float]) -> float:
-    """Return by how much the errors fall, geometric mean; 0 if one of them rises much for it.
-
-    Every signal counts against itself: an error of e of 10 % would drown one of u of 2 %.
-    """
-    ratios = np.array([before[name] / max(after[name], 1e-300) for name in before])
-    return 0.0 if ratios.min() < 1.0 / MUCH_WORSE else float(np.exp(np.mean(np.log(ratios))))
-
-
-def _keep(found: Loops, old: AxisEffects, new: AxisEffects) -> None:
-    found.theta[list(new.where)] = new.theta
-    swap = {id(a): b for a, b in zip(old.effects, new.effects, strict=True)}
-    found.effects = tuple(swap.get(id(effect), effect) for effect in found.effects)
-    found.refined[new.axis] = new
-
-
-def _bounds(machine: Machine, name: str) -> Bounds | None:
-    """Return the bounds of the search that machine.yaml states for an axis."""
-    return machine.loop[name].bounds or None if name in machine.loop else None
 
 
 def _refit(
@@ -315,57 +299,7 @@ def _refit(
     Poles that were found beside wrong friction can sit in the wrong basin: ``afresh`` also starts from
     a few usual places.
     """
-    starts = np.array([_theta(near)])
+    starts = searched_poles(near)
     if afresh:
         starts = np.concatenate([starts, starting_points(near.layout, FRESH)])
     return identify_loop(data, near.structure, bounds=bounds, starts=starts, judged=judged)
-
-
-def _theta(model: LoopModel) -> list[float]:
-    """Return the logarithms of the searched poles, in the order of the search."""
-    return [float(np.log(x)) for part in model.sections if part.free for x in part.values]
-
-
-def _beside(model: LoopModel) -> Floats:
-    """Return starts for one more pair beside the poles of a model: light modes over the band."""
-    return np.array([[*_theta(model), np.log(2.0 * np.pi * f), np.log(zeta)] for f, zeta in MODES])
-
-
-def _choose(plant: OpenLoop, data: LoopData, name: str) -> LoopModel:
-    """Return the loop, of the stated order or of the order that pays, fitted to the first part."""
-    given = plant.machine.loop.get(name)
-    if given is not None and given.stated:
-        structure = Structure(given.real_poles, given.pole_pairs, given.feedforward_poles, given.numerators)
-        return _found(first_part(data), structure, given.bounds)
-    trial = _found(first_part(data), Structure())
-    error = _score(data, trial)
-    for pairs in range(2, MOST_PAIRS + 1):
-        other = identify_loop(
-            first_part(data), Structure(pole_pairs=pairs), starts=_beside(trial), judged=False
-        )
-        score = _score(data, other)
-        if score > PAYS * error:
-            break
-        trial, error = other, score
-    return trial
-
-
-def _found(data: LoopData, structure: Structure, bounds: Bounds | None = None) -> LoopModel:
-    """Return a first loop; few starts will do, for its friction is still to be refined."""
-    layout = lay_out(structure, data.step, (data.d.shape[1], data.outputs.shape[1]), bounds)
-    starts = starting_points(layout, BEGINNINGS)
-    return identify_loop(data, structure, bounds=bounds, starts=starts, judged=False)
-
-
-def _score(data: LoopData, model: LoopModel) -> float:
-    """Return the mean held-out error of the outputs, each over its RMS."""
-    return float(np.mean(list(errors(data, model, held_out=True).values())))
-
-
-def _judged(data: LoopData, model: LoopModel, trial: LoopModel) -> dict[str, Any]:
-    return {
-        "real_poles": model.structure.real_poles,
-        "pole_pairs": model.structure.pole_pairs,
-        "fit": errors(data, model),
-        "held_out": errors(data, trial, held_out=True),
-    }

@@ -11,26 +11,18 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects.scene import without_model
 from pinotwin.errors import DataError
-from pinotwin.identification.assemble import Rows, assemble, choose_rows
-from pinotwin.identification.parted import FOLDS, Parted
+from pinotwin.identification.judge import Parted
+from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation, rms
 from pinotwin.solve.crossval import HeldOut, fold_order
-from pinotwin.solve.problem import Problem
 from pinotwin.twin import OpenLoop, Twin
 from pinotwin.twin.misfit import Misfit
 
-MOST_ROWS = 60_000
-"""Rows of the own logs that are kept: two minutes at 500 Hz say what a twin leaves."""
-UNSURE = 1.0
-"""[of the noise's variance] Variance of a prediction from which a held-out row tells nothing of the model."""
-LEAST = 0.1
-"""[of a joint's rows] That must be left once those are out."""
-_PIECES = 12
 _BANDS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 
 
-def misfit_of(plant: OpenLoop, motion: Motion, known: Parted) -> Misfit | None:
+def misfit_of(plant: OpenLoop, motion: Motion, known: Parted, settings: Settings = USUAL) -> Misfit | None:
     """Return what a plant leaves of the logs it was identified from; None where they are too short.
 
     The parts are predicted by least squares on the others, moved by what physical consistency and the
@@ -40,35 +32,38 @@ def misfit_of(plant: OpenLoop, motion: Motion, known: Parted) -> Misfit | None:
         plant: with its final effects and coefficients.
         motion: the logs it was identified from, prepared.
         known: its rows as they were fitted, part by part; found anew where loops changed its effects.
+        settings: how many rows are kept, as pieces spread evenly over the whole.
     """
-    motion = _shortened(without_model(motion))
+    motion = without_model(motion)
+    if len(motion) > settings.kept:
+        starts = np.linspace(0, len(motion) - (size := settings.kept // 12), 12).astype(int)
+        motion = Motion.join([motion.cut(int(s), int(s) + size) for s in starts])
     if not known.serves(plant.machine, plant.effects, motion):
-        rows = choose_rows(motion)
-        problem = assemble(plant.scene(motion), plant.effects, rows)
-        known = Parted.of(plant.machine, plant.effects, motion, rows, problem)
-    rows, problem, held = known.rows, known.problem, known.held
-    if held is None:
+        known = Parted.of(plant.machine, plant.effects, plant.scene(motion), folds=settings.folds)
+    if known.held is None:
         return None
-    moved = plant.theta - held.whole
-    theta = held.theta + moved
-    fold = _fold_of_rows(problem, rows, len(motion))
-    foreseen = _foreseen(motion, problem, rows, held)
+    theta = known.held.theta + plant.theta - known.held.whole
+    fold = _fold_of_rows(known, len(motion))
+    foreseen = _foreseen(motion, known, known.held)
     residual = _residual(plant, motion, theta, fold)
     return Misfit(foreseen, fold, theta, _summary(foreseen, residual, ~motion.use))
 
 
-def _foreseen(motion: Motion, problem: Problem, rows: Rows, held: HeldOut) -> Motion:
+def _foreseen(
+    motion: Motion, known: Parted, held: HeldOut, unsure: float = 1.0, least: float = 0.1
+) -> Motion:
     """Return the motion without the rows of a joint that the other parts of the logs say nothing of.
 
     Where one part alone goes to a place that a table knows by its own knots, what the others predict there is no
-    misfit. A joint of which little else is left keeps its rows.
+    validation error. A joint of which little else is left keeps its rows: ``least`` is the share that must be left,
+    ``unsure`` the variance of a prediction, over that of the noise, from which its row tells nothing of the model.
     """
-    unsure, use = held.unsure(problem) > UNSURE, motion.use.copy()
-    sample = _samples(problem, rows)
-    for joint, part in problem.slices.items():
-        if np.mean(unsure[part]) > 1.0 - LEAST:
+    blind, use = held.unsure(known.problem) > unsure, motion.use.copy()
+    sample = known.rows.sample[known.problem.time]
+    for joint, part in known.problem.slices.items():
+        if np.mean(blind[part]) > 1.0 - least:
             continue
-        for k in sample[part][unsure[part]]:
+        for k in sample[part][blind[part]]:
             use[max(k - motion.decimation + 1, 0) : k + 1, joint] = False
     return replace(motion, use=use)
 
@@ -95,29 +90,16 @@ def _residual(plant: OpenLoop, motion: Motion, theta: Floats, fold: Ints) -> Flo
     return motion.u - effort
 
 
-def _fold_of_rows(problem: Problem, rows: Rows, length: int) -> Ints:
+def _fold_of_rows(known: Parted, length: int) -> Ints:
     """Return the part each row of the motion belongs to: that of the fitted row before it."""
-    order, times = fold_order(problem)
-    edges = np.linspace(0, times, FOLDS + 1).astype(int)
-    fold = np.clip(np.searchsorted(edges, order, side="right") - 1, 0, FOLDS - 1)
-    sample = _samples(problem, rows)
+    order, times = fold_order(known.problem)
+    edges = np.linspace(0, times, known.folds + 1).astype(int)
     out = np.full(length, -1)
-    out[sample] = fold
-    known = np.flatnonzero(out >= 0)
-    return out[known[np.clip(np.searchsorted(known, np.arange(length), side="right") - 1, 0, None)]]
-
-
-def _samples(problem: Problem, rows: Rows) -> Ints:
-    return rows.sample[problem.time]
-
-
-def _shortened(motion: Motion) -> Motion:
-    """Return a motion of at most so many rows: pieces spread evenly over the whole."""
-    if len(motion) <= MOST_ROWS:
-        return motion
-    size = MOST_ROWS // _PIECES
-    starts = np.linspace(0, len(motion) - size, _PIECES).astype(int)
-    return Motion.join([motion.cut(int(s), int(s) + size) for s in starts])
+    out[known.rows.sample[known.problem.time]] = np.clip(
+        np.searchsorted(edges, order, side="right") - 1, 0, known.folds - 1
+    )
+    there = np.flatnonzero(out >= 0)
+    return out[there[np.clip(np.searchsorted(there, np.arange(length), side="right") - 1, 0, None)]]
 
 
 def _summary(motion: Motion, residual: Floats, resting: Mask) -> dict[str, Any]:

@@ -11,19 +11,18 @@ import numpy as np
 
 from pinotwin.analysis.disturbance import diagonal
 from pinotwin.errors import DataError
-from pinotwin.identification.bending import Bending, bend_all, bends, find_bending, holds
+from pinotwin.identification.bending import Bending, bend_all, bending_warnings, bends, find_bending, holds
 from pinotwin.identification.judge import judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
-from pinotwin.identification.parted import Parted
-from pinotwin.identification.plant import Plant, fit_plant
+from pinotwin.identification.plant import Plant, fit_plant, open_loop
+from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.springs import find_springs
-from pinotwin.identification.table import at_bounds, open_loop
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_logs
-from pinotwin.logs.prepare import prepare
+from pinotwin.logs.prepare import EvenLogs, prepare
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
@@ -45,6 +44,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     report: Callable[[str, float], None] | None = None,
     springs: bool = True,
     effects: Iterable[Any] | Mapping[str, Iterable[Any]] = (),
+    settings: Settings = USUAL,
 ) -> Twin:
     """Find the model of a machine in its logs: all axes in one problem, what two axes share once.
 
@@ -60,99 +60,114 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         report: called with the stage and the share done.
         springs: also find those of passive joints; not where their vibration was predicted from springs.
         effects: what is fitted beside what the machine lists, see :meth:`pinotwin.Machine.listing`.
+        settings: the numbers by which it decides.
 
     Raises:
         LogError: a channel is missing or unusable.
         DataError: the logs hold too little to identify anything.
     """
-    tell = report or _silent
+    tell = report or (lambda stage, done: None)
     tell("preparing the log", 0.02)
-    machine = _as_logged(as_machine(machine).listing(effects), logs := as_logs(log), resample)
+    machine, given, logs = _as_logged(as_machine(machine).listing(effects), as_logs(log), resample)
     tell("fitting the plant", 0.1)
-    bending = find_bending(machine, logs)
-    bent = bend_all(bending, logs)
-    prepared = functools.partial(prepare, log=bent, cutoff=cutoff, decimate=decimate)
-    machine, motion, fit, leads = _with_leads(machine, prepared, consistent and not machine.passive, loop)
+    bending = find_bending(machine, logs, settings)
+    even = EvenLogs.of(machine, bend_all(bending, logs), machine.data)
+    prepared = functools.partial(even.motion, cutoff=cutoff, decimate=decimate)
+    fitted = functools.partial(_plant, prepared=prepared, consistent=consistent, settings=settings)
+    machine, fit, leads = _with_leads(machine, fitted, loop)
     tell("judging the plant", 0.4)
-    settings = _settings(machine, motion)
-    unseen = [] if validate is None else bend_all(bending, as_logs(validate, "validate"))
-    later = prepare(machine, unseen, **settings) if unseen else None
+    later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
     plant = open_loop(machine, fit)
-    parted = Parted.of(machine, fit.effects, motion, fit.rows, fit.fit.problem)
-    quality = judge(machine, fit, parted, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
-    plant, springs_found = _completed(plant, motion, springs, bending)
-    closed = ClosedLoops(plant)
-    if loop and motion.qr is not None:
-        closed = close_loops(plant, motion, bent, lambda stage, done: tell(stage, 0.45 + 0.5 * done))
-    said = [*(bending.warnings if bending else []), *warnings(quality, plant, motion), *closed.warnings]
+    quality, parted = judge(machine, fit, plant, later, settings)
+    quality["leads"] = leads
+    plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
+    loop = loop and fit.motion.qr is not None
+    closed = close_loops(plant, fit.motion, even, tell, settings) if loop else ClosedLoops(plant)
+    said = [*warnings(quality, plant, fit.motion, settings), *closed.warnings]
     return closed.twin(
-        quality={**quality, "warnings": said, "springs": springs_found, **closed.quality},
-        data=[_provenance(item, motion) for item in logs],
-        settings=settings,
+        quality={**quality, "warnings": [*bending_warnings(bending), *said], **closed.quality},
+        data=[_provenance(item, fit.motion) for item in given],
+        settings=preparation,
         groups=fit.fit.group_names(),
-        misfit=misfit_of(closed.plant, motion, parted),
+        misfit=misfit_of(closed.plant, fit.motion, parted, settings),
     )
 
 
-def _completed(
-    plant: OpenLoop, motion: Motion, springs: bool, bending: Bending | None
-) -> tuple[OpenLoop, dict[str, Any]]:
-    """Return the plant with the springs of its passive joints, if asked for, and its diagonal; and their fit.
+def _unseen(
+    machine: Machine, validate: Any, bending: Bending | None, settings: Mapping[str, Any]
+) -> Motion | None:
+    """Return the motion of the logs to judge on; None where there are none."""
+    logs = [] if validate is None else [bind(log, machine.columns) for log in as_logs(validate, "validate")]
+    return prepare(machine, bend_all(bending, logs), **settings) if logs else None
 
-    The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
-    is why the plant is not asked for consistent inertias before.
+
+def _as_logged(
+    machine: Machine, given: list[Log], resample: float | None
+) -> tuple[Machine, list[Log], list[Log]]:
+    """Return the machine as its logs show it, these, and the same in the names of the contract.
+
+    It is on the clock asked for, and joints without spring or measurement of their vibration are locked.
     """
-    rows: dict[str, Any] = {}
-    if bending is not None:
-        plant = bending.completed(plant)
-    else:
-        plant, rows = find_springs(plant, motion) if springs else (plant, {})
-    return replace(plant, diagonal=diagonal(plant, motion)), rows
-
-
-def _as_logged(machine: Machine, logs: Sequence[Log], resample: float | None) -> Machine:
-    """Return the machine as its logs show it: on the clock asked for, joints without spring or measurement locked."""
     machine = machine.require_physical()
     if resample is not None:
         machine = replace(machine, data=replace(machine.data, resample=resample))
-    seen = bends(machine, logs) or all(_sees_passive(machine, bind(log, machine.columns)) for log in logs)
-    return machine if seen else machine.with_rigid_joints()
+    logs = [bind(log, machine.columns) for log in given]
+    seen = bends(machine, logs) or all(holds(log, name) for log in logs for name in machine.passive)
+    return machine if seen else machine.with_rigid_joints(), given, logs
+
+
+def _completed(
+    plant: OpenLoop, motion: Motion, springs: bool, bending: Bending | None, settings: Settings
+) -> tuple[OpenLoop, dict[str, Any]]:
+    """Return the plant with the springs of its passive joints, if asked for, and its diagonal; and their fit."""
+    rows: dict[str, Any] = {}
+    if bending is not None:
+        plant = bending.completed(plant)
+    elif springs:
+        plant, rows = find_springs(plant, motion, settings)
+    return replace(plant, diagonal=diagonal(plant, motion)), rows
 
 
 def _with_leads(
-    machine: Machine, prepared: Callable[[Machine], Motion], consistent: bool, loop: bool
-) -> tuple[Machine, Motion, Plant, dict[str, Any]]:
-    """Return machine, motion and plant with the leads of the efforts that are significant, and all leads.
+    machine: Machine, fitted: Callable[[Machine], Plant], loop: bool
+) -> tuple[Machine, Plant, dict[str, Any]]:
+    """Return machine and plant with the leads of the efforts that are significant, and all leads.
 
     A lead that machine.yaml gives is believed, and an axis that lists a delay has it there; a passive joint's
     vibration is no place to look for others. Where a closed loop is identified as well, leads are told but left
-    in: the loop goes round by the channels as they were logged, and the black box did not bear it otherwise
-    (measured on EMPS).
+    in: the loop goes round by the channels as they were logged.
     """
-    motion = prepared(machine)
-    plant = _plant(machine, motion, consistent)
+    plant = fitted(machine)
     given = {name: axis.lead for name, axis in machine.axes.items() if axis.lead is not None}
     found = {} if machine.passive else find_leads(machine, plant.motion, plant)
     listed = {name for name, axis in machine.axes.items() if any(e.logged_effort for e in axis.effects)}
     found = {name: lead for name, lead in found.items() if name not in given and name not in listed}
-    closed = loop and motion.qr is not None
+    closed = loop and plant.motion.qr is not None
     applied = {name: lead.seconds for name, lead in found.items() if lead.significant and not closed}
     if applied:
         axes = {name: replace(axis, lead=applied.get(name, axis.lead)) for name, axis in machine.axes.items()}
         machine = replace(machine, axes=axes)
-        motion = prepared(machine)
-        plant = _plant(machine, motion, consistent)
+        plant = fitted(machine)
     said: dict[str, Any] = {name: {"lead": lead, "given": True} for name, lead in given.items()}
     for name, lead in found.items():
         said[name] = {"lead": lead.seconds, "standard_error": lead.error, "significant": lead.significant}
         said[name]["applied"] = name in applied
-    return machine, plant.motion, plant, said
+    return machine, plant, said
 
 
-def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
-    """Return the plant; a failure after repairs of the clock names these first."""
+def _plant(
+    machine: Machine, prepared: Callable[[Machine], Motion], consistent: bool, settings: Settings
+) -> Plant:
+    """Return the plant; a failure after repairs of the clock names these first.
+
+    The motors' rows leave open what moves on a passive joint: that joint's own row completes them, which
+    is why the plant is not asked for consistent inertias before.
+    """
+    motion = prepared(machine)
     try:
-        return fit_plant(machine, motion, consistent_inertia=consistent)
+        return fit_plant(
+            machine, motion, consistent_inertia=consistent and not machine.passive, settings=settings
+        )
     except DataError as error:
         clock = [note for note in motion.notes if ": t: " in note]
         if not clock:
@@ -160,16 +175,7 @@ def _plant(machine: Machine, motion: Motion, consistent: bool) -> Plant:
         raise DataError(f"{clock[0]}; check the clock before anything else ({error})") from None
 
 
-def _sees_passive(machine: Machine, log: Log) -> bool:
-    """Whether the vibration of every passive joint was measured (see ``pinotwin vibration``)."""
-    return all(holds(log, name) for name in machine.passive)
-
-
-def _silent(stage: str, done: float) -> None:
-    del stage, done
-
-
-def _settings(machine: Machine, motion: Motion) -> dict[str, Any]:
+def _preparation(machine: Machine, motion: Motion) -> dict[str, Any]:
     """Return the options of :func:`pinotwin.prepare` that prepare any log as these were."""
     return {
         "cutoff": float(motion.cutoff) if np.isfinite(motion.cutoff) else 0.0,

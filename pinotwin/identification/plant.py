@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,22 +10,17 @@ import numpy as np
 from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.parameters import body_count, parameters
 from pinotwin.effects import Effect, needs_model, told
-from pinotwin.effects.layout import effect_slices, rigid_body_of
-from pinotwin.identification.abridged import abridged
-from pinotwin.identification.assemble import Rows, assemble, choose_rows
-from pinotwin.identification.shapes import search_shapes, widened
+from pinotwin.effects.layout import effect_keys, effect_slices, rigid_body_of
+from pinotwin.identification.assemble import Rows, assemble, choose_rows, pieces
+from pinotwin.identification.settings import USUAL, Settings
+from pinotwin.identification.shapes import Found, search_shapes, widened
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.consistency import Bodies, ConsistentFit, Evidence, consistent
 from pinotwin.solve.linear import Options, Prior, linear
 from pinotwin.solve.result import LinearFit
-
-PASSES = 12
-"""Most solutions where an effect scales with the effort of the model."""
-SAME = 1e-6
-"""Relative change of that effort at which it has settled."""
-
-Solved = tuple[LinearFit, tuple[Effect, ...], Floats, Mask]
+from pinotwin.twin import OpenLoop
+from pinotwin.twin.parameters import Parameter, Parameters, verdict
 
 
 @dataclass(frozen=True)
@@ -55,52 +50,51 @@ class Plant:
     motion: Motion
 
 
-def fit_plant(machine: Machine, motion: Motion, *, consistent_inertia: bool = True) -> Plant:
+def fit_plant(
+    machine: Machine, motion: Motion, *, consistent_inertia: bool = True, settings: Settings = USUAL
+) -> Plant:
     """Identify the open-loop dynamics of a machine from one motion.
 
     Args:
         machine: what is believed.
         motion: prepared log(s).
         consistent_inertia: require inertias that a real body could have.
+        settings: by which it decides.
     """
     effects = tuple(effect.fitted_to(motion) for effect in machine.effects)
     rows = choose_rows(motion)
-    motion, (fit, effects, errors, bounds) = _settled(machine, motion, effects, rows)
-    pi0 = parameters(machine.model)
+    motion, (fit, effects, errors, bounds) = _settled(machine, motion, effects, rows, settings)
     if consistent_inertia:
-        found = _consistent(machine, fit, effects, pi0)
-        theta, pi = found.theta, found.pi
-    else:
-        found = None
-        theta = fit.theta
-        base = machine.base
-        pi = pi0 + np.linalg.pinv(base.P) @ (theta[_beta(effects)] - base.P @ pi0)
-    return Plant(effects, rows, fit, theta, pi, errors, bounds, found, motion)
+        found = _consistent(machine, fit, effects)
+        return Plant(effects, rows, fit, found.theta, found.pi, errors, bounds, found, motion)
+    base, pi0 = machine.base, parameters(machine.model)
+    pi = pi0 + np.linalg.pinv(base.P) @ (fit.theta[_beta(effects)] - base.P @ pi0)
+    return Plant(effects, rows, fit, fit.theta, pi, errors, bounds, None, motion)
 
 
 def _settled(
-    machine: Machine, motion: Motion, effects: tuple[Effect, ...], rows: Rows
-) -> tuple[Motion, Solved]:
+    machine: Machine, motion: Motion, effects: tuple[Effect, ...], rows: Rows, settings: Settings
+) -> tuple[Motion, Found]:
     """Solve, again and again where an effect scales with the effort of the model that is being found.
 
     The first effort is that of the other effects alone, whose shapes are then only polished.
     """
     if not needs_model(effects):
-        return motion, _solve(motion, effects, rows, fit_options(machine, effects, motion))
+        return motion, _solve(motion, effects, rows, fit_options(machine, effects, motion), settings)
     plain = tuple(effect for effect in effects if not effect.needs)
-    first = _solve(motion, plain, rows, fit_options(machine, plain, motion))
+    first = _solve(motion, plain, rows, fit_options(machine, plain, motion), settings)
     motion = told(motion, first[1], first[0].theta)
     options = fit_options(machine, effects, motion)
     known = iter(first[1])
     effects = tuple(effect if effect.needs else next(known) for effect in effects)
     unknown = [k for k, effect in enumerate(effects) if effect.needs]
-    for _ in range(PASSES):
-        solved = _solve(motion, effects, rows, options, unknown)
+    for _ in range(12):
+        solved = _solve(motion, effects, rows, options, settings, unknown)
         effects, unknown = solved[1], []
-        assert motion.model is not None
         before, motion = motion.model, told(motion, solved[1], solved[0].theta)
+        assert before is not None
         assert motion.model is not None
-        if np.linalg.norm(motion.model - before) <= SAME * np.linalg.norm(motion.model):
+        if np.linalg.norm(motion.model - before) <= 1e-6 * np.linalg.norm(motion.model):
             break
     return motion, solved
 
@@ -142,62 +136,110 @@ def _solve(
     effects: tuple[Effect, ...],
     rows: Rows,
     options: Options,
+    settings: Settings,
     unknown: Sequence[int] | None = None,
-) -> Solved:
+) -> Found:
     """Solve for coefficients and shapes; of the shapes only those of some effects are unknown, of None all."""
-    searched = _with_shapes(motion, effects, rows)
+    searched = _shaped(motion, effects, rows)
     if not searched:
         count = sum(len(effect.shapes()) for effect in effects)
         fit = linear(assemble(motion, effects, rows), options)
         return fit, effects, np.full(count, np.nan), np.zeros(count, bool)
+
+    def search(m: Motion, effects: tuple[Effect, ...], r: Rows, places: list[int], wide: list[int]) -> Found:
+        """Search the shapes at some places, a part of them all over; then further ones where these pay."""
+        found = search_shapes(m, effects, r, places, options, wide)
+        wider = widened(m, found[1], r, settings.pays) if wide else {}
+        if not wider:
+            return found
+        effects = tuple(wider.get(k, effect) for k, effect in enumerate(found[1]))
+        again = [k for k in places if effects[k].axis in {effect.axis for effect in wider.values()}]
+        return search_shapes(m, effects, r, places, options, again)
+
     if unknown is not None:
-        known = search_shapes(motion, effects, rows, searched, options, [k for k in searched if k in unknown])
-        return _wider(motion, known, rows, searched, options) if unknown else known
-    short = abridged(motion, rows)
+        return search(motion, effects, rows, searched, [k for k in searched if k in unknown])
+    short = pieces(motion, rows, settings)
     if short is None:
-        return _searched(motion, effects, rows, searched, options)
-    told: list[int] = []
-    if short.use.any() and (told := _with_shapes(short, effects, few := choose_rows(short))):
-        effects = _searched(short, effects, few, told, options)[1]
-    return search_shapes(motion, effects, rows, searched, options, [k for k in searched if k not in told])
+        return search(motion, effects, rows, searched, searched)
+    seen: list[int] = []
+    if short.use.any() and (seen := _shaped(short, effects, few := choose_rows(short))):
+        effects = search(short, effects, few, seen, seen)[1]
+    return search_shapes(motion, effects, rows, searched, options, [k for k in searched if k not in seen])
 
 
-def _searched(
-    motion: Motion, effects: tuple[Effect, ...], rows: Rows, searched: Sequence[int], options: Options
-) -> Solved:
-    """Search the shapes all over, then further ones on the axes where these pay."""
-    return _wider(motion, search_shapes(motion, effects, rows, searched, options), rows, searched, options)
-
-
-def _wider(motion: Motion, found: Solved, rows: Rows, searched: Sequence[int], options: Options) -> Solved:
-    """Search further shapes on the axes where these pay."""
-    wider = widened(motion, found[1], rows)
-    if not wider:
-        return found
-    effects = tuple(wider.get(k, effect) for k, effect in enumerate(found[1]))
-    again = [k for k in searched if effects[k].axis in {effect.axis for effect in wider.values()}]
-    return search_shapes(motion, effects, rows, searched, options, again)
-
-
-def _with_shapes(motion: Motion, effects: Sequence[Effect], rows: Rows) -> list[int]:
+def _shaped(motion: Motion, effects: Sequence[Effect], rows: Rows) -> list[int]:
     """Return the places of the effects whose shapes the rows can tell."""
-    shaped = [k for k, effect in enumerate(effects) if effect.shapes()]
-    return [k for k in shaped if _joint(motion, effects[k]) in rows.joints]
+    return [k for k, e in enumerate(effects) if e.axis and e.shapes() and motion.index(e.axis) in rows.joints]
 
 
-def _consistent(machine: Machine, fit: LinearFit, effects: Sequence[Effect], pi0: Floats) -> ConsistentFit:
-    count = body_count(machine.model)
-    bodies = Bodies(
-        P=machine.base.P,
-        pi0=pi0,
-        bodies=tuple(np.arange(10 * k, 10 * k + 10) for k in range(count)),
-        rotors=np.arange(10 * count, len(pi0)),
-    )
+def _consistent(machine: Machine, fit: LinearFit, effects: Sequence[Effect]) -> ConsistentFit:
     span = _beta(effects)
-    evidence = Evidence.of(fit, np.arange(span.start, span.stop))
-    return consistent(evidence, bodies)
+    return consistent(Evidence.of(fit, np.arange(span.start, span.stop)), bodies_of(machine))
 
 
-def _joint(motion: Motion, effect: Effect) -> int:
-    assert effect.axis is not None
-    return motion.index(effect.axis)
+def bodies_of(machine: Machine) -> Bodies:
+    """Return the bodies and rotors of a machine, with the CAD's values."""
+    count, pi0 = body_count(machine.model), parameters(machine.model)
+    bodies = tuple(np.arange(10 * k, 10 * k + 10) for k in range(count))
+    return Bodies(machine.base.P, pi0, bodies, np.arange(10 * count, len(pi0)))
+
+
+def open_loop(machine: Machine, fit: Plant) -> OpenLoop:
+    """Return what a fit found of a machine."""
+    return OpenLoop(
+        machine=machine,
+        effects=fit.effects,
+        theta=fit.theta,
+        covariance=fit.fit.covariance,
+        parameters=parameter_table(fit),
+        pi=fit.pi,
+    )
+
+
+def parameter_table(plant: Plant) -> Parameters:
+    """Return one row per coefficient and per searched shape."""
+    rows: list[Parameter] = []
+    keys, shapes = (
+        effect_keys(plant.effects),
+        iter(zip(plant.shape_errors, plant.shape_at_bound, strict=True)),
+    )
+    for key, effect, where in zip(keys, plant.effects, effect_slices(plant.effects), strict=True):
+        rows += _linear_rows(key, effect, where, plant)
+        seen = bool(np.any(np.abs(plant.theta[where]) > 0))
+        for shape, value in zip(effect.shapes(), effect.shape_values(), strict=True):
+            error, at_bound = next(shapes)
+            known = bool(np.isfinite(error)) and seen and not at_bound
+            word = verdict(value, float(error), at_bound=bool(at_bound))
+            word = word if seen else "not determined: its coefficients are zero"
+            error, name = float(error) if known else np.nan, f"{key}.{shape.name}"
+            rows.append(Parameter(name, key, "shape", value, shape.unit, error, known, word))
+    return Parameters(rows)
+
+
+def _linear_rows(key: str, effect: Effect, where: slice, plant: Plant) -> Iterator[Parameter]:
+    fit, prior = plant.fit, effect.nominal()
+    for k, (coefficient, name) in enumerate(zip(effect.coefficients(), effect.labels(), strict=True)):
+        at = where.start + k
+        known, value, error = bool(fit.determined[at]), float(plant.theta[at]), float(fit.standard_errors[at])
+        yield Parameter(
+            name=f"{key}.{name}",
+            effect=key,
+            kind="linear",
+            value=value,
+            unit=coefficient.unit,
+            error=error if known else np.nan,
+            determined=known,
+            verdict=_verdict(fit, at, value, error),
+            prior=None if prior is None else float(prior[k]),
+            meaning=coefficient.name if name != coefficient.name else "",
+        )
+
+
+def _verdict(fit: LinearFit, at: int, value: float, error: float) -> str:
+    if at in fit.unexcited:
+        return "not determined: nothing in this log excites it"
+    if not fit.determined[at]:
+        group = next((g for g in fit.groups if at in g), ())
+        others = ", ".join(fit.names[i] for i in group if i != at)
+        return f"not determined: not separable from {others}" if others else "not determined"
+    return verdict(value, error, at_bound=bool(fit.active[at]))

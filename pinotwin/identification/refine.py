@@ -13,24 +13,17 @@ that it did not see.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import Effect
+from pinotwin.effects import Effect, Shape
 from pinotwin.loop import LoopData, LoopModel
 from pinotwin.motion import Motion
 from pinotwin.solve.sandwich import block_covariance
-
-TRUST = 10.0
-"""How many of its standard errors a coefficient may move before the open-loop fit holds it back."""
-STEPS = 4
-"""Gauss-Newton steps on the shapes: they start close."""
-MOST_COLUMNS = 60
-"""Effects with more columns than this (tables) stay as they are: each trial would filter them all."""
 
 
 @dataclass(frozen=True)
@@ -63,38 +56,42 @@ class AxisEffects:
 
     def shape_values(self) -> Floats:
         """Return all shapes, log where they are searched so."""
-        out = []
-        for effect in self.effects:
-            for shape, value in zip(effect.shapes(), effect.shape_values(), strict=True):
-                out.append(np.log(value) if shape.log else value)
-        return np.array(out)
+        return np.array([np.log(value) if shape.log else value for _, shape, value in self._shapes()])
 
     def shape_scales(self, motion: Motion) -> Floats:
         """Return a modest step of each shape: a tenth of a wave over the travel for a pitch."""
         travel = float(np.ptp(motion.axis(self.axis).q))
-        out = []
-        for effect in self.effects:
-            for shape, value in zip(effect.shapes(), effect.shape_values(), strict=True):
-                pitch = shape.name == "period"
-                out.append(0.1 * value / max(travel, value) if pitch else 0.3)
-        return np.array(out)
+        pairs = [(shape.name == "period", value) for _, shape, value in self._shapes()]
+        return np.array([0.1 * value / max(travel, value) if pitch else 0.3 for pitch, value in pairs])
 
     def shaped(self, x: Floats) -> AxisEffects:
         """Return the effects at other shapes, kept within their bounds."""
-        rest = list(x)
-        effects = []
-        for effect in self.effects:
-            values = []
-            for shape in effect.shapes():
-                raw = rest.pop(0)
-                value = float(np.exp(raw)) if shape.log else float(raw)
-                values.append(min(max(value, shape.lower), shape.upper))
-            effects.append(effect.shaped(values))
+        pairs = [(s, np.exp(raw) if s.log else raw) for (_, s, _), raw in zip(self._shapes(), x, strict=True)]
+        kept = [float(np.clip(value, s.lower, s.upper)) for s, value in pairs]
+        effects = [effect.shaped([kept.pop(0) for _ in effect.shapes()]) for effect in self.effects]
         return replace(self, effects=tuple(effects))
+
+    def numbers(self) -> Iterator[tuple[Effect, str, float, float]]:
+        """Yield effect, name, value and standard error of every coefficient and shape, in plain units."""
+        names = [(effect, c.name) for effect in self.effects for c in effect.coefficients()]
+        for (effect, name), value, error in zip(names, self.theta, self.error, strict=True):
+            yield effect, name, float(value), float(error)
+        errors = np.full(len(self._shapes()), np.nan) if self.shape_error is None else self.shape_error
+        for (effect, shape, value), error in zip(self._shapes(), errors, strict=True):
+            yield effect, shape.name, value, float(value * error if shape.log else error)
+
+    def _shapes(self) -> list[tuple[Effect, Shape, float]]:
+        return [(e, *one) for e in self.effects for one in zip(e.shapes(), e.shape_values(), strict=True)]
 
 
 def refine(
-    data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects, *, explore: bool = False
+    data: LoopData,
+    model: LoopModel,
+    motion: Motion,
+    found: AxisEffects,
+    *,
+    explore: bool = False,
+    steps: int = 4,
 ) -> AxisEffects:
     """Return the effects with shapes and coefficients that explain e and u best through a loop.
 
@@ -104,121 +101,106 @@ def refine(
         motion: the motion behind ``data``.
         found: what to refine.
         explore: also try friction that falls with speed by the other exponent.
+        steps: Gauss-Newton steps on the shapes: they start close.
     """
-    rest = data.d[:, 0] - found.columns(motion) @ found.theta
-    weight = 1.0 / np.maximum(_size(data, data.outputs), 1e-300)
-    target = (data.outputs - _through(model, data, rest, command=True)) * weight
-    forms = [found, *_others(found)] if explore else [found]
-    shaped = [_shaped(data, model, motion, form, target, weight) for form in forms]
-    best = min(shaped, key=lambda pair: pair[1])[0]
-    return _finished(data, model, motion, best, target, weight)
+    problem = _Through(data, model, motion, found)
+    forms = [found]
+    if explore:
+        swapped = tuple((e.other_forms() or (e,))[0] for e in found.effects)
+        forms += [] if swapped == found.effects else [replace(found, effects=swapped)]
+    best = min((problem.shaped(form, steps) for form in forms), key=lambda pair: pair[1])[0]
+    return problem.finished(best)
 
 
-def _others(found: AxisEffects) -> list[AxisEffects]:
-    """Return the effects with the other usual exponent of Stribeck's curve, 1 or 2, if they have one."""
-    swapped = tuple((e.other_forms() or (e,))[0] for e in found.effects)
-    return [] if swapped == found.effects else [replace(found, effects=swapped)]
+class _Through:
+    """The outputs of a loop to an axis' effects, each weighted by its RMS, as a least-squares problem."""
 
+    def __init__(self, data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects) -> None:
+        self.data, self.model, self.motion = data, model, motion
+        self.inside = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+        size = np.sqrt(np.mean(data.outputs[self.inside] ** 2, axis=0))
+        self.weight = 1.0 / np.maximum(size, 1e-300)
+        rest = data.d[:, 0] - found.columns(motion) @ found.theta
+        self.y = (data.outputs - self._outputs(rest, command=True))[self.inside] * self.weight
 
-def _shaped(
-    data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects, y: Floats, weight: Floats
-) -> tuple[AxisEffects, float]:
-    """Return the effects with their shapes polished, and half the sum of squares there."""
+    def columns(self, trial: AxisEffects) -> Floats:
+        """Return the weighted outputs of the loop to every column, shape (rows * outputs, p)."""
+        columns = trial.columns(self.motion).T
+        parts = [(self._outputs(c, command=False)[self.inside] * self.weight).ravel() for c in columns]
+        return np.stack(parts, axis=1)
 
-    def misfit(trial: AxisEffects) -> Floats:
-        return _solve(data, model, trial, trial.columns(motion), y, weight)[1]
+    def solve(self, trial: AxisEffects, trust: float = 10.0) -> tuple[Floats, Floats]:
+        """Return coefficients and residual of one set of shapes.
 
-    start = found.shape_values()
-    if len(start) == 0:
-        return found, 0.0
-    scale = found.shape_scales(motion)
-    best = least_squares(
-        lambda k: misfit(found.shaped(start + scale * (k - 1.0))),
-        np.ones(len(start)),
-        diff_step=0.05,
-        max_nfev=STEPS,
-        ftol=1e-4,
-        xtol=1e-3,
-    )
-    return found.shaped(start + scale * (best.x - 1.0)), float(best.cost)
+        A coefficient may move ``trust`` of its standard errors before the open-loop fit holds it back.
+        """
+        A, b = self.columns(trial), self.y.ravel()
+        noise = max(float(np.std(b - A @ trial.theta)), 1e-12)
+        held = trust * np.where(np.isfinite(trial.error), trial.error, np.abs(trial.theta) + 1e-9)
+        prior = np.diag(noise / np.maximum(held, 1e-12))
+        both = np.concatenate([np.column_stack([A, b]), np.column_stack([prior, prior @ trial.theta])])
+        small: Floats = np.asarray(np.linalg.qr(both, mode="r"))
+        theta = scipy.optimize.lsq_linear(small[:, :-1], small[:, -1], bounds=(trial.lower, np.inf)).x
+        return theta, b - A @ theta
 
+    def shaped(self, found: AxisEffects, steps: int) -> tuple[AxisEffects, float]:
+        """Return the effects with their shapes polished, and half the sum of squares there."""
+        start = found.shape_values()
+        if len(start) == 0:
+            return found, 0.0
+        scale = found.shape_scales(self.motion)
+        best = scipy.optimize.least_squares(
+            lambda k: self.solve(found.shaped(start + scale * (k - 1.0)))[1],
+            np.ones(len(start)),
+            diff_step=0.05,
+            max_nfev=steps,
+            ftol=1e-4,
+            xtol=1e-3,
+        )
+        return found.shaped(start + scale * (best.x - 1.0)), float(best.cost)
 
-def _finished(
-    data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects, y: Floats, weight: Floats
-) -> AxisEffects:
-    """Return the effects with their coefficients and the standard errors of all that was found."""
+    def finished(self, found: AxisEffects) -> AxisEffects:
+        """Return the effects with their coefficients and the standard errors of all that was found."""
+        theta, left = self.solve(found)
+        x = found.shape_values()
+        J = [self.columns(found)]
+        for h in np.diag(0.05 * found.shape_scales(self.motion)):
+            less, more = (self.columns(found.shaped(x + side * h)) @ theta for side in (-1.0, 1.0))
+            J.append((more - less)[:, None] / (2.0 * float(h.sum())))
+        spread = block_covariance(np.concatenate(J, axis=1), left)
+        errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
+        count = len(theta)
+        return replace(found, theta=theta, error=errors[:count], shape_error=errors[count:])
 
-    def residual(x: Floats) -> Floats:
-        trial = found.shaped(x)
-        return y - (_filtered(data, model, trial.columns(motion), weight) @ theta).reshape(y.shape)
-
-    columns = found.columns(motion)
-    theta, _ = _solve(data, model, found, columns, y, weight)
-    inside = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
-    A = _filtered(data, model, columns, weight).reshape(len(y), y.shape[1], -1)[inside]
-    x = found.shape_values()
-    steps = 0.05 * found.shape_scales(motion)
-    slopes = [(residual(x - h) - residual(x + h))[inside] / (2.0 * float(h.sum())) for h in np.diag(steps)]
-    J = np.concatenate([A, np.stack(slopes, axis=-1)], axis=-1) if slopes else A
-    rows = J.reshape(-1, J.shape[-1])
-    spread = block_covariance(rows, residual(x)[inside].ravel())
-    errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    count = len(theta)
-    return replace(found, theta=theta, error=errors[:count], shape_error=errors[count:])
-
-
-def _solve(
-    data: LoopData, model: LoopModel, trial: AxisEffects, columns: Floats, y: Floats, weight: Floats
-) -> tuple[Floats, Floats]:
-    """Return coefficients and residual of one set of shapes."""
-    inside = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
-    A = _filtered(data, model, columns, weight).reshape(len(y), y.shape[1], -1)[inside]
-    A = A.reshape(-1, A.shape[-1])
-    b = y[inside].ravel()
-    noise = max(float(np.std(b - A @ trial.theta)), 1e-12)
-    held = TRUST * np.where(np.isfinite(trial.error), trial.error, np.abs(trial.theta) + 1e-9)
-    prior = np.diag(noise / np.maximum(held, 1e-12))
-    both = np.concatenate([np.column_stack([A, b]), np.column_stack([prior, prior @ trial.theta])])
-    small: Floats = np.asarray(np.linalg.qr(both, mode="r"))
-    theta = lsq_linear(small[:, :-1], small[:, -1], bounds=(trial.lower, np.inf)).x
-    return theta, b - A @ theta
-
-
-def _filtered(data: LoopData, model: LoopModel, columns: Floats, weight: Floats) -> Floats:
-    """Return the weighted outputs of the loop to every column, shape (n * ny, p)."""
-    parts = [(_through(model, data, c, command=False) * weight).ravel() for c in columns.T]
-    return np.stack(parts, axis=1)
-
-
-def _through(model: LoopModel, data: LoopData, d: Floats, *, command: bool) -> Floats:
-    """Return the outputs of the loop to a disturbance, with or without the command, shape (n, ny)."""
-    out = np.zeros_like(data.outputs)
-    still = np.zeros(1)
-    for s in data.segments:
-        if command:
-            out[s] = model.simulate(data.qr[s], d[s], vr=data.velocity[s], ar=data.acceleration[s])
-        else:
-            still = np.zeros(s.stop - s.start)
-            out[s] = model.simulate(still, d[s], vr=still, ar=still)
-    return out
-
-
-def _size(data: LoopData, values: Floats) -> Floats:
-    inside = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
-    return np.sqrt(np.mean(values[inside] ** 2, axis=0))
+    def _outputs(self, d: Floats, *, command: bool) -> Floats:
+        """Return the outputs of the loop to a disturbance, with or without the command, shape (n, ny)."""
+        data, out = self.data, np.zeros_like(self.data.outputs)
+        for s in data.segments:
+            parts = (data.qr[s], data.velocity[s], data.acceleration[s])
+            qr, vr, ar = parts if command else (np.zeros(s.stop - s.start),) * 3
+            out[s] = self.model.simulate(qr, d[s], vr=vr, ar=ar)
+        return out
 
 
 def axis_effects(
-    effects: Sequence[Effect], slices: Sequence[slice], theta: Floats, errors: Floats, axis: str
+    effects: Sequence[Effect],
+    slices: Sequence[slice],
+    theta: Floats,
+    errors: Floats,
+    axis: str,
+    most: int = 60,
 ) -> AxisEffects | None:
-    """Return what can be refined on one axis, or None if there is nothing."""
+    """Return what can be refined on one axis, or None if there is nothing.
+
+    Effects of more columns than ``most`` (tables) stay as they are: each trial would filter them all.
+    """
     mine = [
         (effect, where)
         for effect, where in zip(effects, slices, strict=True)
         if effect.axis == axis
         and set(effect.causes) <= {"friction", "position"}
         and effect.refined_in_loop
-        and 0 < len(effect.coefficients()) <= MOST_COLUMNS
+        and 0 < len(effect.coefficients()) <= most
     ]
     if not mine:
         return None

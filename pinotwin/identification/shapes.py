@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import effect_keys, effect_slices
-from pinotwin.identification.assemble import Rows, assemble, coefficient_names, joint_columns, thin
+from pinotwin.identification.assemble import Rows, assemble, coefficient_names, thin
+from pinotwin.identification.settings import better
 from pinotwin.motion import Motion
 from pinotwin.solve.linear import Options, Prior
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.result import LinearFit
 from pinotwin.solve.separable import separable
-
-PAYS = 0.95
-"""A further shape is searched where some value of it brings what an axis leaves below this share."""
+from pinotwin.solve.shapes import ShapeFit
 
 Found = tuple[LinearFit, tuple[Effect, ...], Floats, Mask]
 
@@ -60,13 +60,14 @@ def search_shapes(
     return _restored(found.fit, np.argsort(order)), shaped, errors, bounds
 
 
-def widened(motion: Motion, effects: Sequence[Effect], rows: Rows) -> dict[int, Effect]:
+def widened(motion: Motion, effects: Sequence[Effect], rows: Rows, pays: float) -> dict[int, Effect]:
     """Return which effects are worth a further shape, with it, by their place: each axis by itself.
 
     Args:
         motion: prepared log.
         effects: all effects, at the shapes found.
         rows: rows to fit.
+        pays: share of what an axis leaves below which some value of the shape must bring it.
     """
     found = {}
     for k, effect in enumerate(effects):
@@ -74,35 +75,19 @@ def widened(motion: Motion, effects: Sequence[Effect], rows: Rows) -> dict[int, 
         forms = effect.wider() if joint in rows.joints else ()
         if joint is None or not forms:
             continue
-        y, others = _alone(motion, [e for e in effects if e is not effect], rows, joint)
-        basis = np.linalg.qr(others)[0]
+        own = rows.only(joint)
+        rest = assemble(motion, [e for e in effects if e is not effect], own)
+        basis = np.linalg.qr(rest.W[:, rest.W.any(axis=0)])[0]
+        y = rest.y - basis @ (basis.T @ rest.y)
 
-        def left(form: Effect, joint: int = joint, y: Floats = y, basis: Floats = basis) -> float:
-            W = _rows_of(motion, form, rows, joint)
-            assert W is not None
+        def left(form: Effect, own: Rows = own, y: Floats = y, basis: Floats = basis) -> float:
+            W = assemble(motion, [form], own).W
             W = W - basis @ (basis.T @ W)
-            theta = np.linalg.lstsq(W, y, rcond=1e-9)[0]
-            return float(np.linalg.norm(y - W @ theta))
+            return float(np.linalg.norm(y - W @ np.linalg.lstsq(W, y, rcond=1e-9)[0]))
 
-        y -= basis @ (basis.T @ y)
-        best = min(forms, key=left)
-        if left(best) < PAYS * left(effect):
+        if (best := better(effect, forms, left, pays)) is not effect:
             found[k] = best
     return found
-
-
-def _alone(motion: Motion, effects: Sequence[Effect], rows: Rows, joint: int) -> tuple[Floats, Floats]:
-    """Return effort and columns of one joint on the rows to fit, shapes (m,) and (m, p)."""
-    parts = [_rows_of(motion, effect, rows, joint) for effect in effects]
-    u = motion.u if motion.external is None else motion.u + motion.external
-    kept = rows.kept[rows.joints.index(joint)]
-    y = thin(motion, np.nan_to_num(u[:, joint]))[kept]
-    return y, np.concatenate([x for x in parts if x is not None], axis=1)
-
-
-def _rows_of(motion: Motion, effect: Effect, rows: Rows, joint: int) -> Floats | None:
-    columns = joint_columns(motion, effect, joint)
-    return None if columns is None else columns[rows.kept[rows.joints.index(joint)]]
 
 
 def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], rows: Rows) -> Moving:
@@ -138,14 +123,9 @@ def _permuted(options: Options, order: Ints) -> Options:
 
     prior = options.prior
     if prior is not None:
-        prior = Prior(prior.mean[order], pick(prior.std), prior.soft)
-    return replace(
-        options,
-        prior=prior,
-        ridge=pick(options.ridge),
-        lower=pick(options.lower),
-        upper=pick(options.upper),
-    )
+        prior = Prior(prior.mean[order], pick(prior.std))
+    kept: dict[str, Any] = {name: pick(getattr(options, name)) for name in ("ridge", "lower", "upper")}
+    return replace(options, prior=prior, **kept)
 
 
 def _restored(fit: LinearFit, back: Ints) -> LinearFit:
@@ -167,14 +147,15 @@ def _restored(fit: LinearFit, back: Ints) -> LinearFit:
     )
 
 
-def _with_shapes(effects, searched, shapes):  # type: ignore[no-untyped-def]
-    out = list(effects)
+def _with_shapes(
+    effects: Sequence[Effect], searched: Sequence[int], shapes: Sequence[ShapeFit]
+) -> tuple[tuple[Effect, ...], Floats, Mask]:
+    """Return the effects at the shapes found, and error and bound of every shape of every effect."""
+    out, left = list(effects), list(shapes)
     errors = [np.full(len(e.shapes()), np.nan) for e in effects]
     bounds = [np.zeros(len(e.shapes()), bool) for e in effects]
-    at = 0
     for i in searched:
-        mine = shapes[at : at + len(effects[i].shapes())]
-        at += len(mine)
+        mine = [left.pop(0) for _ in effects[i].shapes()]
         out[i] = effects[i].shaped([s.value for s in mine])
         errors[i] = np.array([s.standard_error for s in mine])
         bounds[i] = np.array([s.bound is not None for s in mine])

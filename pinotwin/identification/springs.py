@@ -12,27 +12,27 @@ link's own inertia about the joint, has a wide prior around the CAD value and is
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.dynamics.parameters import body_count, parameters
+from pinotwin.dynamics.parameters import parameters
+from pinotwin.identification.plant import bodies_of
+from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.motion import Motion
 from pinotwin.signals.band import vibration_band
-from pinotwin.solve.consistency import Bodies, Evidence, consistent
+from pinotwin.solve.consistency import Evidence, consistent
 from pinotwin.solve.sandwich import long_run
 from pinotwin.twin import OpenLoop
-from pinotwin.twin.parameters import Parameter, Parameters, verdict
-
-_DOUBT = 0.5  # a CAD value that the motors do not see may be off by this share of itself,
-_LEAST = 0.02  # and by this share of the largest of its unit
-_LAG = 0.25  # correlation time of the residuals [s]
+from pinotwin.twin.parameters import Parameters, verdict
 
 
-def find_springs(plant: OpenLoop, motion: Motion) -> tuple[OpenLoop, dict[str, Any]]:
+def find_springs(
+    plant: OpenLoop, motion: Motion, settings: Settings = USUAL
+) -> tuple[OpenLoop, dict[str, Any]]:
     """Return the plant with stiffness and damping of every passive joint that moves, and how well they fit.
 
     The latter tells, per joint, the RMS of what its row leaves and of its spring's torque [N·m or N].
@@ -40,15 +40,18 @@ def find_springs(plant: OpenLoop, motion: Motion) -> tuple[OpenLoop, dict[str, A
     Args:
         plant: the motors' rows fitted with the vibration.
         motion: prepared log(s) with the vibration.
+        settings: how doubtful the CAD is.
     """
     rows: dict[str, Any] = {}
     for joint in plant.machine.passive:
         if f"{joint}.spring" in plant.keys and np.ptp(motion.v[:, motion.index(joint)]) > 0.0:
-            plant, rows[joint] = _find_spring(plant, motion, joint)
+            plant, rows[joint] = _find_spring(plant, motion, joint, settings.cad_doubt)
     return plant, rows
 
 
-def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float]) -> OpenLoop:
+def keep_spring(
+    plant: OpenLoop, joint: str, spring: tuple[float, float], doubt: float = USUAL.cad_doubt
+) -> OpenLoop:
     """Return the plant with a spring that was not found in a joint's own row, and CAD for what no motor sees.
 
     Its mode is that of the motors' rows; its stiffness is as doubtful as the CAD's inertia.
@@ -57,40 +60,23 @@ def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float]) -> Ope
         plant: the motors' rows fitted with the vibration.
         joint: the passive one.
         spring: stiffness and damping [N·m/rad or N/m, N·m·s/rad or N·s/m].
+        doubt: share of itself by which a CAD value may be off.
     """
-    mean, precision = _prior(plant)
+    mean, precision = _prior(plant, doubt)
     k = len(mean) - 2
     cov = np.zeros_like(precision)
     cov[:k, :k] = np.linalg.inv(precision[:k, :k])
-    cov[k:, k:] = np.diag((_DOUBT * np.array(spring)) ** 2)
+    cov[k:, k:] = np.diag((doubt * np.array(spring)) ** 2)
     return _updated(plant, joint, np.append(mean[:k], spring), cov)
 
 
-@dataclass(frozen=True)
-class _Row:
-    """The joint's own row, band-passed: columns (n, b + 2), and the prior."""
+def _find_spring(
+    plant: OpenLoop, motion: Motion, joint: str, doubt: float, memory: float = 0.25
+) -> tuple[OpenLoop, dict[str, float]]:
+    """Return the plant with one joint's spring, and the RMS of what its row leaves and of the spring's torque.
 
-    X: Floats
-    mean: Floats
-    precision: Floats
-
-    def solve(self, lag: int) -> tuple[Floats, Floats, float]:
-        """Return coefficients, their covariance, and the RMS of what is left."""
-        sigma = 1.0
-        x: Floats = self.mean
-        for _ in range(4):
-            A = self.X.T @ self.X / sigma**2 + self.precision
-            x = np.asarray(np.linalg.solve(A, self.precision @ self.mean), dtype=float)
-            e = self.X @ x
-            # independent noise is worth fewer samples when it is correlated
-            sigma = float(np.sqrt(np.mean(e**2) * min(lag, len(e) // 20)))
-        scores = self.X * e[:, None] / sigma**2
-        inverse = np.linalg.inv(A)
-        cov = inverse @ (long_run(scores, lag) + self.precision) @ inverse
-        return x, cov, float(np.sqrt(np.mean(e**2)))
-
-
-def _find_spring(plant: OpenLoop, motion: Motion, joint: str) -> tuple[OpenLoop, dict[str, float]]:
+    The residuals are correlated for about ``memory`` [s].
+    """
     machine = plant.machine
     index, base = machine.passive[joint].index, machine.base
     W = base.regressor(machine.model, motion.q, motion.v, motion.a)[:, index]
@@ -99,9 +85,18 @@ def _find_spring(plant: OpenLoop, motion: Motion, joint: str) -> tuple[OpenLoop,
         spring = np.stack([_angle(motion, part, index), motion.v[part, index]], axis=1)
         rows.append(vibration_band(np.hstack([W[part], spring]), 1.0 / motion.step))
     X = np.concatenate(rows)
-    mean, precision = _prior(plant)
-    theta, cov, left = _Row(X, mean, precision).solve(max(1, round(_LAG / motion.step)))
+    mean, precision = _prior(plant, doubt)
+    lag, sigma = max(1, round(memory / motion.step)), 1.0
+    for _ in range(4):
+        A = X.T @ X / sigma**2 + precision
+        theta = np.asarray(np.linalg.solve(A, precision @ mean), dtype=float)
+        e = X @ theta
+        # independent noise is worth fewer samples when it is correlated
+        sigma = float(np.sqrt(np.mean(e**2) * min(lag, len(e) // 20)))
+    inverse = np.linalg.inv(A)
+    cov = inverse @ (long_run(X * e[:, None] / sigma**2, lag) + precision) @ inverse
     load = float(np.sqrt(np.mean((X[:, -2] * theta[-2]) ** 2)))
+    left = float(np.sqrt(np.mean(e**2)))
     return _updated(plant, joint, theta, cov), {"residual": left, "load": load}
 
 
@@ -110,18 +105,21 @@ def _angle(motion: Motion, part: slice, index: int) -> Floats:
     q: Floats = motion.q[part, index]
     if np.ptp(q) > 0.0:
         return q
-    spline = CubicSpline(motion.step * np.arange(len(q)), motion.v[part, index])
+    spline = scipy.interpolate.CubicSpline(motion.step * np.arange(len(q)), motion.v[part, index])
     return np.asarray(spline.antiderivative()(spline.x), dtype=float)
 
 
-def _prior(plant: OpenLoop) -> tuple[Floats, Floats]:
-    """Return mean and precision of (beta, k, c): the motors' rows, and CAD for what they leave open."""
+def _prior(plant: OpenLoop, doubt: float, least: float = 0.02) -> tuple[Floats, Floats]:
+    """Return mean and precision of (beta, k, c): the motors' rows, and CAD for what they leave open.
+
+    A CAD value may be off by ``doubt`` of itself, and by ``least`` of that of the largest of its unit.
+    """
     machine = plant.machine
     at = plant.slices[plant.keys.index("rigid_body")]
     cad = machine.base.from_standard(parameters(machine.model))
     units = np.array(machine.base.units)
     size = np.array([np.abs(cad[units == u]).max() for u in units])
-    wide = (_DOUBT * np.maximum(np.abs(cad), np.maximum(_LEAST * size, 1e-6))) ** -2.0
+    wide = (doubt * np.maximum(np.abs(cad), np.maximum(least * size, 1e-6))) ** -2.0
     table = {p.name: p for p in plant.parameters}
     seen = np.array([table[f"rigid_body.{label}"].determined for label in machine.base.labels])
     precision = np.diag(np.append(wide, [1e-12, 1e-12]))
@@ -146,10 +144,7 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoo
     correlation = cov[:b, :b] / np.outer(scale, scale)
     factor = np.linalg.cholesky(np.linalg.inv(correlation)).T / scale
     evidence = Evidence(factor, factor @ theta[:b], theta[:b], np.arange(b), np.full(b, -np.inf), float(b))
-    count = body_count(machine.model)
-    pi0 = parameters(machine.model)
-    bodies = tuple(np.arange(10 * i, 10 * i + 10) for i in range(count))
-    found = consistent(evidence, Bodies(base.P, pi0, bodies, np.arange(10 * count, len(pi0))))
+    found = consistent(evidence, bodies_of(machine))
     whole, full = plant.theta.copy(), plant.covariance.copy()
     whole[rigid], whole[spring] = found.theta, np.maximum(theta[b:], 0.0)
     for at, own in ((rigid, slice(0, b)), (spring, slice(b, b + 2))):
@@ -159,13 +154,9 @@ def _updated(plant: OpenLoop, joint: str, theta: Floats, cov: Floats) -> OpenLoo
     numbers = dict(zip([f"rigid_body.{n}" for n in base.labels], range(b), strict=True))
     numbers |= {f"{joint}.spring.k": b, f"{joint}.spring.c": b + 1}
     values = np.concatenate([whole[rigid], whole[spring]])
-    table = Parameters(
-        _row(p, values[numbers[p.name]], errors[numbers[p.name]]) if p.name in numbers else p
-        for p in plant.parameters
-    )
-    return replace(plant, theta=whole, covariance=full, parameters=table, pi=found.pi)
-
-
-def _row(p: Parameter, value: Any, error: Any) -> Parameter:
-    word = verdict(float(value), float(error), at_bound=False)
-    return replace(p, value=float(value), error=float(error), determined=True, verdict=word)
+    rows = {p.name: p for p in plant.parameters}
+    for name, k in numbers.items():
+        value, error = float(values[k]), float(errors[k])
+        word = verdict(value, error, at_bound=False)
+        rows[name] = replace(rows[name], value=value, error=error, determined=True, verdict=word)
+    return replace(plant, theta=whole, covariance=full, parameters=Parameters(rows.values()), pi=found.pi)

@@ -16,41 +16,35 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, ParameterFit, Section, kernels
-from pinotwin.loop.layout import Parameter, lay_out
+from pinotwin.loop import LoopData, LoopFit, LoopModel, ModalStep, Section, kernels
+from pinotwin.loop.identify import on_bound, pole_fit
+from pinotwin.loop.layout import lay_out
 from pinotwin.solve.sandwich import block_covariance
 
-POLISH = 25
-"""Most evaluations of the search for the poles: they start at those of the free fit."""
-LAG = 150.0
-"""Where the search for the drive's own lag starts [Hz], unless the log's sampling is too slow for it."""
 
+def with_lag(model: LoopModel, start: float = 150.0) -> LoopModel:
+    """Return a loop with one real pole more, for the lag of drive and filters; residues zero.
 
-def with_lag(model: LoopModel) -> LoopModel:
-    """Return a loop with one real pole more, for the lag of drive and filters; residues zero."""
+    Args:
+        model: without it.
+        start: where its search is to start [Hz], unless the log's sampling is too slow for it.
+    """
     structure = replace(model.structure, real_poles=model.structure.real_poles + 1)
     count = sum(s.order == 1 and not s.feedforward for s in model.sections)
     shape = (len(model.disturbances), len(model.outputs))
     layout = lay_out(structure, model.step, shape)
     name = f"p{count + 1}"
     (bound,) = (p for p in layout.parameters if p.name == name)
-    lag = 2.0 * np.pi * min(LAG, 0.9 * bound.upper)
+    lag = 2.0 * np.pi * min(start, 0.9 * bound.upper)
     sections = (*model.sections[:count], Section(name, 1, (lag,)), *model.sections[count:])
-    return LoopModel(
-        model.axis,
-        model.disturbances,
-        model.outputs,
-        model.step,
-        structure,
-        sections,
-        np.zeros((shape[1], layout.residues)),
-    )
+    residues = np.zeros((shape[1], layout.residues))
+    return replace(model, structure=structure, sections=sections, residues=residues, fit=None)
 
 
-def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float) -> LoopModel:
+def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float, most: int = 25) -> LoopModel:
     """Return the loop with its two rows tied; as it is where its form does not allow that.
 
     Args:
@@ -58,6 +52,7 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float) -> Lo
         model: a loop with the outputs e and u and one disturbance.
         inertia: M_D [kg or kg·m²].
         viscous: C [N·s/m or N·m·s/rad].
+        most: evaluations of the search for the poles: they start at those of the free fit.
     """
     s = model.structure
     if len(model.outputs) != 2 or len(model.disturbances) != 1 or s.direct or s.numerators != "exact":
@@ -65,54 +60,38 @@ def tied(data: LoopData, model: LoopModel, inertia: float, viscous: float) -> Lo
     problem = _Problem(data, model, inertia, viscous)
     low, high = model.layout.box
     start = np.clip(problem.start, low + 1e-9, high - 1e-9)
-    best = least_squares(
+    best = scipy.optimize.least_squares(
         lambda x: problem.solve(x)[1],
         start,
         bounds=(low, high),
         diff_step=1e-4,
-        max_nfev=POLISH,
+        max_nfev=most,
         xtol=1e-4,
         ftol=1e-6,
     )
-    return replace(problem.model_at(best.x), fit=_account(problem, best.x, best.jac, best.fun))
+    return replace(problem.model_at(best.x), fit=_account(problem, best.x, best.jac, best.fun, most))
 
 
-def _account(problem: _Problem, theta: Floats, J: Floats, residual: Floats) -> LoopFit:
+def _account(problem: _Problem, theta: Floats, J: Floats, residual: Floats, most: int) -> LoopFit:
     """Return the poles with their intervals and the errors of the fit."""
     data, layout = problem.data, problem.model.layout
-    errors = np.sqrt(np.maximum(np.diag(block_covariance(J, residual)), 0.0))
-    numbers = zip(layout.parameters, theta, errors, strict=True)
-    parameters = tuple(_parameter(p, x, error) for p, x, error in numbers)
+    variances = np.diag(block_covariance(J, residual))
+    numbers = zip(layout.parameters, theta, on_bound(layout, theta), variances, strict=True)
     at, squares = 0, np.zeros(2)
     for s in data.segments:
         part = residual[at : at + 2 * (s.stop - s.start)]
         squares += np.sum(part.reshape(2, -1) ** 2, axis=1)
         at += len(part)
     nrmse = np.sqrt(squares / data.rows)
-    size = problem.size
     return LoopFit(
-        parameters=parameters,
+        parameters=tuple(pole_fit(p, x, int(side), variance, 1.96) for p, x, side, variance in numbers),
         numerator_errors={},
         nrmse=dict(zip(data.output_names, nrmse.tolist(), strict=True)),
-        rms=dict(zip(data.output_names, (nrmse * size).tolist(), strict=True)),
+        rms=dict(zip(data.output_names, (nrmse * problem.size).tolist(), strict=True)),
         samples=data.rows,
         blocks=len(data.segments),
-        evaluations=POLISH,
+        evaluations=most,
         ends=(1.0,),
-        notes=(),
-    )
-
-
-def _parameter(p: Parameter, x: float, error: float) -> ParameterFit:
-    value = float(np.exp(x) / p.scale)
-    low, high = np.log(p.lower * p.scale), np.log(p.upper * p.scale)
-    near = 1e-3 * (high - low)
-    side = "lower" if x < low + near else "upper" if x > high - near else None
-    half = min(1.96 * error, 50.0)
-    interval = None if side else (value * float(np.exp(-half)), value * float(np.exp(half)))
-    unit = "-" if p.name.startswith("zeta") else "Hz"
-    return ParameterFit(
-        p.name, value, unit, (p.lower, p.upper), None if side else float(error), interval, side
     )
 
 
@@ -143,15 +122,9 @@ class _Problem:
         places = [(b, i) for b, slot in enumerate(self.model.layout.slots) for i in range(slot.order)]
         N, g = self._ties(modal, places)
         rows = [self._rows(modal, places, s) for s in self.data.segments]
-        count = len(places) + sum(r[1].shape[1] for r in rows)
-        W = np.zeros((sum(len(r[2]) for r in rows), count))
-        at, free = 0, len(places)
-        for forced, own, y in rows:
-            W[at : at + len(y), : len(places)] = forced
-            W[at : at + len(y), free : free + own.shape[1]] = own
-            at, free = at + len(y), free + own.shape[1]
+        W = np.hstack([np.concatenate([r[0] for r in rows]), scipy.linalg.block_diag(*(r[1] for r in rows))])
         y = np.concatenate([r[2] for r in rows])
-        Q, R = np.linalg.qr(np.vstack([N, np.zeros((count - len(places), 4))]), mode="complete")
+        Q, R = np.linalg.qr(np.vstack([N, np.zeros((W.shape[1] - len(places), 4))]), mode="complete")
         fixed = Q[:, :4] @ np.linalg.solve(R[:4].T, g)
         Z = Q[:, 4:]
         A = W @ Z

@@ -1,11 +1,10 @@
 """How an IMU sits: proper rotations between frames, with standard errors, for any chain.
 
 Inertial alignment R_G/M (thesis Eq. 6.12-6.19): the link's angular velocity in the machine frame
-against the IMU's in its own earth frame. Mounting R_S/T (Eq. 6.20-6.25): from orientations, or
-directly from rates in the link frame, which needs no integration. As in the thesis ``R_S/T`` turns
-a vector of the table (link) frame into the sensor frame, ``R_G/M`` one of the machine into the
-IMU's earth frame. All use Kabsch's determinant correction: Eq. 6.19 and 6.25 can return a
-reflection.
+against the IMU's in its own earth frame. Mounting R_S/T from rates in the link frame, which needs no
+integration. As in the thesis ``R_S/T`` turns a vector of the table (link) frame into the sensor frame,
+``R_G/M`` one of the machine into the IMU's earth frame. Both use Kabsch's determinant correction:
+Eq. 6.19 and 6.25 can return a reflection.
 
 Two directions fix a rotation. Rates give them if at least two axes that are not parallel turn; else
 gravity is the second one. If it is parallel too, nothing is known about the turn around it.
@@ -21,15 +20,6 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
 from pinotwin.solve.sandwich import sandwich
-
-LAG = 100
-"""Samples over which residuals are correlated, for the standard errors."""
-MINIMUM = 0.02
-"""RMS of the vectors that counts as excitation."""
-SPREAD = 0.05
-"""Least ratio of the second to the first singular value of the vectors."""
-SCALE, BIAS = 5e-3, 0.02
-"""Prior standard deviations of a gyro's scale errors [-] and biases [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +50,10 @@ def fit_rotation(
     x: Floats,
     y: Floats,
     gravity: tuple[Floats, Floats] | None = None,
+    *,
+    minimum: float = 0.02,
+    spread: float = 0.05,
+    lag: int = 100,
 ) -> RotationFit:
     """Return the proper rotation with y = R x in the least-squares sense (Wahba's problem).
 
@@ -67,6 +61,9 @@ def fit_rotation(
         x: vectors in the first frame, e.g. rates [rad/s], (n, 3).
         y: the same vectors in the second frame, (n, 3).
         gravity: a direction in both frames, (n, 3) or (3,) each, used where ``x`` spans only one.
+        minimum: RMS of the vectors that counts as excitation, in their unit.
+        spread: least ratio of the second to the first singular value of the vectors.
+        lag: samples over which residuals are correlated, for the standard errors.
 
     Raises:
         DataError: nothing turns, or one axis only and gravity does not help.
@@ -75,25 +72,27 @@ def fit_rotation(
     if x.shape != y.shape or x.ndim != 2 or x.shape[1] != 3:
         raise DataError(f"an alignment needs vectors of equal shape (n, 3), not {x.shape}, {y.shape}")
     values = np.linalg.svd(x, compute_uv=False) / np.sqrt(len(x))
-    if values[0] < MINIMUM:
+    if values[0] < minimum:
         raise DataError(
             f"the link turns with {np.degrees(values[0]):.2g} deg/s RMS only: too little to align "
             "an IMU; move a rotary axis in the log"
         )
     ratio, helped = float(values[1] / values[0]), False
-    if ratio < SPREAD:
-        x, y = _with_gravity(x, y, gravity)
+    if ratio < spread:
+        x, y = _with_gravity(x, y, gravity, spread)
         helped = True
     R = rot.nearest_rotation(y.T @ x)
     turned = x @ R.T
     e = y - turned
     J = rot.skew(turned)  # d y / d e = -[R x]; rows of every sample
     information = np.einsum("nki,nkj->ij", J, J)
-    cov = sandwich(-np.einsum("nki,nk->ni", J, e), information, LAG)
+    cov = sandwich(-np.einsum("nki,nk->ni", J, e), information, lag)
     return RotationFit(R, cov, float(np.sqrt(np.mean(np.sum(e**2, axis=1)))), ratio, helped)
 
 
-def _with_gravity(x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
+def _with_gravity(
+    x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None, spread: float
+) -> tuple[Floats, Floats]:
     """Return the vectors with gravity, as strong as the rates, appended."""
     message = "only one rotation axis (or parallel ones) turns in this log"
     if gravity is None:
@@ -103,7 +102,7 @@ def _with_gravity(x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None) -
     gx, gy = (size * g / np.linalg.norm(g, axis=1, keepdims=True) for g in (gx, gy))
     both = np.vstack([x, gx])
     values = np.linalg.svd(both, compute_uv=False)
-    if values[1] < SPREAD * values[0]:
+    if values[1] < spread * values[0]:
         raise DataError(
             f"{message} and gravity is parallel to it, so the turn around it cannot be found; "
             "move a second, non-parallel axis"
@@ -111,26 +110,13 @@ def _with_gravity(x: Floats, y: Floats, gravity: tuple[Floats, Floats] | None) -
     return both, np.vstack([y, gy])
 
 
-def mounting(q: Floats, R_GM: Floats, R_link: Floats) -> RotationFit:
-    """Return R_S/T (Eq. 6.20-6.25) as the mean over the samples.
-
-    Args:
-        q: the IMU's orientation, sensor to earth, (n, 4).
-        R_GM: inertial alignment, machine to the IMU's earth frame, (3, 3).
-        R_link: orientation of the link from the encoders, columns are its axes in the machine frame
-            (the transpose of the thesis' R_T/M), (n, 3, 3).
-    """
-    each = np.swapaxes(rot.to_matrix(q), 1, 2) @ R_GM @ R_link
-    mean = rot.nearest_rotation(each.mean(axis=0))
-    e = rot.log(rot.from_matrix(each @ mean.T))
-    cov = sandwich(e, len(e) * np.eye(3), LAG)
-    return RotationFit(mean, cov, float(np.sqrt(np.mean(np.sum(e**2, axis=1)))), 1.0)
-
-
 def mounting_from_rates(
     w_link: Floats,
     gyr: Floats,
     gravity: tuple[Floats, Floats] | None = None,
+    *,
+    scale: float = 5e-3,
+    bias: float = 0.02,
 ) -> RotationFit:
     """Return R_S/T from rates in the link frame, the gyro's scale and bias estimated beside it.
 
@@ -142,12 +128,11 @@ def mounting_from_rates(
         w_link: the link's angular velocity from the encoders in the link frame [rad/s], (n, 3).
         gyr: the gyro on the same clock [rad/s], (n, 3).
         gravity: the upward direction in the link and specific force in the sensor, for one axis.
+        scale: prior standard deviation of the gyro's scale errors [-].
+        bias: of its biases [rad/s].
     """
-    centred = (
-        gyr - np.median(gyr[np.linalg.norm(w_link, axis=1) < 1e-3], axis=0, keepdims=True)
-        if np.any(np.linalg.norm(w_link, axis=1) < 1e-3)
-        else gyr
-    )
+    still = np.linalg.norm(w_link, axis=1) < 1e-3
+    centred = gyr - np.median(gyr[still], axis=0) if still.any() else gyr
     fit = fit_rotation(w_link, centred, gravity)
     if fit.gravity:
         return fit
@@ -155,18 +140,12 @@ def mounting_from_rates(
     for _ in range(4):
         turned = w_link @ R.T
         e = gyr - (1.0 + s) * turned - b
-        J = np.concatenate(
-            [
-                -(1.0 + s)[:, None] * rot.skew(turned),
-                turned[:, :, None] * np.eye(3),
-                np.broadcast_to(np.eye(3), (len(e), 3, 3)),
-            ],
-            axis=2,
-        )
+        turn, stretch = -(1.0 + s)[:, None] * rot.skew(turned), turned[:, :, None] * np.eye(3)
+        J = np.concatenate([turn, stretch, np.broadcast_to(np.eye(3), stretch.shape)], axis=2)
         noise = np.mean(e**2)
-        prior = noise * np.repeat([0.0, SCALE**-2, BIAS**-2], 3)
+        prior = noise * np.repeat([0.0, scale**-2, bias**-2], 3)
         A = np.einsum("nki,nkj->ij", J, J) + np.diag(prior)
         dx = np.linalg.solve(A, np.einsum("nki,nk->i", J, e) - prior * np.r_[np.zeros(3), s, b])
         R, s, b = rot.to_matrix(rot.exp(dx[:3])) @ R, s + dx[3:6], b + dx[6:]
-    cov = sandwich(np.einsum("nki,nk->ni", J, e), A, LAG)[:3, :3]
+    cov = sandwich(np.einsum("nki,nk->ni", J, e), A, 100)[:3, :3]
     return RotationFit(R, cov, float(np.sqrt(3.0 * np.mean(e**2))), fit.spread)

@@ -12,7 +12,7 @@ errors come from leaving out stretches of each run in turn. What the mode does n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,15 +28,6 @@ from pinotwin.imu.result import BatchResult, RunResult, run_result
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun
 from pinotwin.imu.whiten import Whitener
 from pinotwin.solve.sandwich import at_least, left_out
-
-ITERATIONS = 12
-"""Most rounds of Gauss-Newton."""
-
-BLOCK = 1.0
-"""Length of the stretches that are left out for the standard errors [s]: several decay times."""
-
-FARTHEST = 5.0
-"""How far the mode may go from its prior [standard deviations] before the fit counts as lost."""
 
 _REMEDY = (
     "move the axes that shake it with more acceleration, or check the stiffness of the passive "
@@ -196,21 +187,17 @@ def _tune_mode(problem: _Problem, p: Priors) -> _Problem:
     mean = problem.mean.copy()
     if np.isfinite(best[0]):
         mean[lay["mode"]] = np.log([2 * np.pi * best[1], best[2]])
-    return _Problem(problem.models, lay, problem.R_ST, mean, problem.sd, problem.whiteners)
+    return replace(problem, mean=mean)
 
 
-def _solve(problem: _Problem) -> tuple[Floats, Floats]:
-    """Return the parameters of all runs and their covariance.
-
-    Raises:
-        DataError: the mode runs away from its prior.
-    """
+def _solve(problem: _Problem, iterations: int = 12) -> tuple[Floats, Floats]:
+    """Return the parameters of all runs and their covariance, by rounds of Gauss-Newton."""
     lay, runs = problem.lay, len(problem.models)
     mean = np.concatenate([problem.mean] + [problem.mean[lay.shared :]] * (runs - 1))
     sd = np.concatenate([problem.sd] + [problem.sd[lay.shared :]] * (runs - 1))
     theta, last = mean.copy(), np.inf
     whiteners = list(problem.whiteners)
-    for k in range(ITERATIONS):
+    for k in range(iterations):
         A = np.eye(len(theta))
         g = -(theta - mean) / sd
         for r, m in enumerate(problem.models):
@@ -233,16 +220,17 @@ def _solve(problem: _Problem) -> tuple[Floats, Floats]:
     return theta, _covariance(problem, theta, A, sd, whiteners)
 
 
-def _check(theta: Floats, mean: Floats, sd: Floats, problem: _Problem) -> None:
+def _check(theta: Floats, mean: Floats, sd: Floats, problem: _Problem, farthest: float = 5.0) -> None:
+    """Raise an error where the mode is further from its prior than so many standard deviations."""
     at = problem.lay["mode"]
     away = np.abs(theta[at] - mean[at]) / sd[at]
     overdamped = theta[at][1] >= 0.0
-    if overdamped or not np.isfinite(theta).all() or away.max() > FARTHEST:
+    if overdamped or not np.isfinite(theta).all() or away.max() > farthest:
         raise _lost(problem.models[0].priors)
 
 
 def _covariance(problem: _Problem, theta: Floats, A: Floats, sd: Floats, whiteners: list[Whitener]) -> Floats:
-    """Return the covariance of all parameters: A^-1 S A^-1, S by leaving out stretches.
+    """Return the covariance of all parameters: A^-1 S A^-1, S by leaving out stretches of 1 s, several decay times.
 
     What only one stretch knows (the start) leaves no residual there; the noise sets its variance.
     """
@@ -251,7 +239,7 @@ def _covariance(problem: _Problem, theta: Floats, A: Floats, sd: Floats, whitene
     for r, m in enumerate(problem.models):
         at = problem.columns(r)
         e, J = _whitened(m, theta[at], problem, whiteners[r], sd[at])
-        S[np.ix_(at, at)] += left_out(J, e, inverse[np.ix_(at, at)], round(BLOCK / m.interval))
+        S[np.ix_(at, at)] += left_out(J, e, inverse[np.ix_(at, at)], round(1.0 / m.interval))
     return at_least(inverse @ S @ inverse, inverse) * np.outer(sd, sd)
 
 

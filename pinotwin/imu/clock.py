@@ -15,7 +15,7 @@ clock that jumps back was restarted: each stretch has its own offset, all share 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -26,9 +26,6 @@ from pinotwin.errors import DataError
 from pinotwin.imu.correlate import best_lag
 from pinotwin.signals import joined
 from pinotwin.solve.sandwich import sandwich
-
-LEAST = 50
-"""Samples between two restarts of a clock that can be matched."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +83,7 @@ class SyncSettings:
         skew: prior standard deviation of the skew [-].
         minimum: RMS variation of rate that counts as a rotation [rad/s].
         agreement: least correlation coefficient of the coarse step.
+        least: samples between two restarts of a clock that can be matched.
     """
 
     delay: float = 0.0
@@ -94,6 +92,7 @@ class SyncSettings:
     skew: float = 2e-4
     minimum: float = 0.01
     agreement: float = 0.6
+    least: int = 50
 
 
 def sync(
@@ -121,7 +120,7 @@ def sync(
     vector = r.shape[1] == 3 and y.shape[1] == 3
     placed = []
     for rows in joined(t_imu):
-        if rows.stop - rows.start < LEAST:
+        if rows.stop - rows.start < s.least:
             continue
         found = _coarse(t_ref, r, t_imu[rows], y[rows], step, s)
         if found is not None:
@@ -134,12 +133,8 @@ def sync(
     if not vector:
         r, y = (np.linalg.norm(x, axis=1, keepdims=True) for x in (r, y))
     full = _fine(t_ref, r, t_imu, y, placed, s)
-    wider = _fine(t_ref, r, t_imu, y, placed, _smoother(s))
+    wider = _fine(t_ref, r, t_imu, y, placed, replace(s, smoothing=1.5 * s.smoothing))
     return _with_systematics(full, wider, s)
-
-
-def _smoother(s: SyncSettings) -> SyncSettings:
-    return SyncSettings(s.delay, s.delay_sd, 1.5 * s.smoothing, s.skew, s.minimum, s.agreement)
 
 
 def _checked(
@@ -149,8 +144,8 @@ def _checked(
     t_ref, r, t_imu, y = arrays
     if any(not np.isfinite(x).all() for x in arrays):
         raise DataError("times or angular rates hold NaN or infinity; drop those samples first")
-    if len(t_ref) != len(r) or len(t_imu) != len(y) or min(len(r), len(y)) < 50:
-        raise DataError("a clock fit needs at least 50 samples each, as many times as rates")
+    if len(t_ref) != len(r) or len(t_imu) != len(y) or min(len(r), len(y)) < s.least:
+        raise DataError(f"a clock fit needs at least {s.least} samples each, as many times as rates")
     if np.any(np.diff(t_ref) <= 0.0):
         raise DataError("the reference clock does not increase; sort or split that log first")
     r, y = (x[:, None] if x.ndim == 1 else x for x in (r, y))

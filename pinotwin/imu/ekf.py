@@ -17,11 +17,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.imu import rotation as rot
+from pinotwin.system.kernels import compiled
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class OrientationTrack:
     used: float
 
 
-@njit(cache=True)
+@compiled
 def transition(x, gyr, h):  # type: ignore[no-untyped-def]
     """Return the next state (10,) and its Jacobian (10, 10): rate ``gyr`` [rad/s] over h [s]."""
     F = np.eye(10)
@@ -99,7 +99,7 @@ def transition(x, gyr, h):  # type: ignore[no-untyped-def]
     return y, F
 
 
-@njit(cache=True)
+@compiled
 def gravity_rows(x, g):  # type: ignore[no-untyped-def]
     """Return the predicted specific force (3,) at rest and its Jacobian (3, 10)."""
     w, a, b, c = x[0], x[1], x[2], x[3]
@@ -113,7 +113,7 @@ def gravity_rows(x, g):  # type: ignore[no-untyped-def]
     return g * z + x[7:10], H
 
 
-@njit(cache=True)
+@compiled
 def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
     """Return predicted and filtered states and how many samples passed the gate.
 
@@ -149,7 +149,7 @@ def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
     return xp, Pp, xf, Pf, used
 
 
-@njit(cache=True)
+@compiled
 def _smooth(turn, h, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
     n = len(xf)
     x = xf.copy()

@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from pinotwin.arrays import Floats
+from pinotwin.system.kernels import compiled
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class LinearModel:
         return found
 
 
-@njit(cache=True)
+@compiled
 def _update(x, P, h, z, r):  # type: ignore[no-untyped-def]
     d = len(x)
     Ph = P @ h
@@ -83,7 +83,7 @@ def _update(x, P, h, z, r):  # type: ignore[no-untyped-def]
     return -0.5 * (e * e / s + np.log(2.0 * np.pi * s))
 
 
-@njit(cache=True)
+@compiled
 def _filter(F, u, Q, H, z, r, x0, P0):  # type: ignore[no-untyped-def]  # noqa: PLR0913
     n, m = z.shape
     d = len(x0)
@@ -105,7 +105,7 @@ def _filter(F, u, Q, H, z, r, x0, P0):  # type: ignore[no-untyped-def]  # noqa: 
     return xp, Pp, xf, Pf, likelihood
 
 
-@njit(cache=True)
+@compiled
 def _backward(F, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
     n, d = xf.shape
     x, P = xf.copy(), Pf.copy()

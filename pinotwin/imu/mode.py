@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.linalg import expm
 
 from pinotwin.arrays import Floats
+from pinotwin.system.kernels import compiled
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def decay(n: int, step: float, wn: float, zeta: float) -> Response:
     return Response(x, v, -2.0 * zeta * wn * v - wn**2 * x)
 
 
-@njit(cache=True)
+@compiled
 def _run(load, Phi, G0, G1, start):  # type: ignore[no-untyped-def]
     n, k = load.shape
     x, v = np.empty((n, k)), np.empty((n, k))

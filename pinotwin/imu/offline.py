@@ -17,6 +17,7 @@ tau. All are smoothed together, in blocks, about a strapdown solution, and relin
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -28,16 +29,9 @@ from pinotwin.imu.ekf import ekf
 from pinotwin.imu.kalman import LinearModel, Smoothed
 
 _E, _V, _P, _B, _K, _A, _G = (
-    slice(0, 3),
-    slice(3, 6),
-    slice(6, 9),
-    slice(9, 12),
-    slice(12, 21),
-    slice(21, 24),
-    slice(24, 25),
-)
+    slice(*x) for x in pairwise((0, 3, 6, 9, 12, 21, 24, 25))
+)  # places of the states
 _SIZE = 25
-_G0 = 9.81
 
 
 @dataclass(frozen=True)
@@ -55,7 +49,7 @@ class Bounds:
         gyro_matrix: scale and misalignment of the gyro [-].
         accel_bias: accelerometer bias [m/s²]; kept small, for it cannot be told from a tilt unless
             the sensor turns.
-        gravity: deviation of g [m/s²].
+        g: gravity [m/s²]. gravity: its deviation.
         block: length of the blocks that the smoother steps over [s].
         iterations: rounds of relinearisation.
     """
@@ -69,6 +63,7 @@ class Bounds:
     bias_walk: float = 2e-4
     gyro_matrix: float = 3e-3
     accel_bias: float = 5e-3
+    g: float = 9.81
     gravity: float = 0.05
     block: float = 0.03
     iterations: int = 4
@@ -111,7 +106,7 @@ def offline_orientation(
     first = ekf(gyr, acc, rate, smooth=True, rule=rule)
     turn = rot.increments(gyr, 1.0 / rate, rule)
     force = 0.5 * (acc[1:] + acc[:-1])
-    nominal = _Nominal(first.q, first.bias, np.zeros((3, 3)), np.zeros(3), _G0)
+    nominal = _Nominal(first.q, first.bias, np.zeros((3, 3)), np.zeros(3), b.g)
     for _ in range(b.iterations):
         nominal = _correct(nominal, _smooth(turn, force, rate, nominal, b, m), m)
     return nominal.q[:n]
@@ -138,7 +133,7 @@ def _smooth(turn: Floats, acc: Floats, rate: float, nom: _Nominal, b: Bounds, m:
     sd[2] = 1e-4  # heading is free: keep the start's
     x0 = np.zeros(_SIZE)  # the priors are on the whole, the states on what is left of it
     x0[_B], x0[_K], x0[_A] = -nom.bias[0], -nom.K.ravel(), -nom.accel_bias
-    x0[_G] = _G0 - nom.g
+    x0[_G] = b.g - nom.g
     model = LinearModel(F, u, Q, H, x0, np.diag(sd**2))
     return model.smooth(np.zeros((n + 1, 6)), np.broadcast_to(variance, (n + 1, 6)))
 

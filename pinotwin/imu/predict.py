@@ -21,7 +21,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.imu import rotation as rot
-from pinotwin.imu.lowpass import low_pass
+from pinotwin.imu.filters import low_pass
 from pinotwin.imu.mode import Response, decay, respond
 from pinotwin.imu.runs import FineRun, ImuRun, Priors, ServoRun, interpolate
 from pinotwin.signals import hats

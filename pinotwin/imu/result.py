@@ -11,9 +11,9 @@ from scipy.signal import butter, sosfiltfilt
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, nearest
 from pinotwin.imu.clock import ClockFit
+from pinotwin.imu.filters import high_passed
 from pinotwin.imu.latent import Remainder
 from pinotwin.imu.predict import Layout, RunModel
-from pinotwin.imu.reconstruct import high_passed, joint_frame
 from pinotwin.imu.runs import ImuRun, Priors, ServoRun, interpolate
 
 CORNER = 0.5  # Hz: above it lies the dynamic band
@@ -181,6 +181,15 @@ def _parasitic(m: RunModel, t: Floats, left: Remainder) -> Floats:
     values = np.stack([np.interp(t, left.seen_t, c) for c in across.T], axis=1)
     sos = butter(2, 50.0, fs=1.0 / float(t[1] - t[0]), output="sos")
     return sosfiltfilt(sos, values, axis=0)
+
+
+def joint_frame(axis: Floats) -> Floats:
+    """Return a right-handed frame (columns) whose first axis is ``axis``."""
+    x = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    helper = np.eye(3)[int(np.argmin(np.abs(x)))]
+    y = np.cross(helper, x)
+    y /= np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
 def _on_clock(t: Floats, left: Remainder) -> tuple[Floats, Floats]:

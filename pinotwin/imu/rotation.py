@@ -19,12 +19,12 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
+from pinotwin.system.kernels import compiled
 
-Rule = Literal["mean", "hold", "trapezoid", "coning"]
+Rule = Literal["mean", "coning"]
 
 
 def to_matrix(q: Floats) -> Floats:
@@ -53,16 +53,12 @@ def conjugate(q: Floats) -> Floats:
 
 def rotate(q: Floats, v: Floats) -> Floats:
     """Return vectors (..., 3) turned by quaternions (..., 4): from the sensor to the earth."""
-    q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
-    t = 2.0 * np.cross(q[..., 1:], v)
-    return v + q[..., :1] * t + np.cross(q[..., 1:], t)
+    return Rotation.from_quat(q, scalar_first=True).apply(v)
 
 
 def exp(phi: Floats) -> Floats:
     """Return the quaternions of rotation vectors [rad], shape (..., 3) -> (..., 4)."""
-    phi = np.asarray(phi, dtype=float)
-    half = 0.5 * np.linalg.norm(phi, axis=-1, keepdims=True)
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * phi], axis=-1)
+    return Rotation.from_rotvec(phi).as_quat(scalar_first=True)
 
 
 def log(q: Floats) -> Floats:
@@ -114,19 +110,14 @@ def increments(gyr: Floats, step: Floats | float, rule: Rule = "coning") -> Floa
         gyr: angular rate at the samples [rad/s], shape (n, 3).
         step: sampling intervals [s], one for all or shape (n - 1,).
         rule: what the samples are. "mean": averages over the interval that ends at the stamp, as
-            strapdown sensors deliver them (two-sample coning term). Else instantaneous rates, and
-            the first "hold"s over the step, or "trapezoid", or "coning": fourth order (the cubic
-            needs one step for all; else trapezoid with the coning term).
+            strapdown sensors deliver them (two-sample coning term). "coning": instantaneous rates,
+            fourth order (the cubic needs one step for all; else trapezoid with the coning term).
     """
     a, b = gyr[:-1], gyr[1:]
     h = np.broadcast_to(np.asarray(step, dtype=float), (len(a),))[:, None]
-    if rule == "hold":
-        return a * h
     if rule == "mean":
         return b * h + h**2 / 12.0 * np.cross(a, b)
     phi = 0.5 * h * (a + b)
-    if rule == "trapezoid":
-        return phi
     if np.ndim(step) == 0 and len(gyr) > 3:
         phi[1:-1] += h[1:-1] / 24.0 * (a[1:-1] + b[1:-1] - a[:-2] - b[2:])
         ends = np.array([9.0, 19.0, -5.0, 1.0]) / 24.0
@@ -140,7 +131,7 @@ def chain(phi: Floats, start: Floats | None = None) -> Floats:
     return _chain(first / np.linalg.norm(first), exp(phi))
 
 
-@njit(cache=True)
+@compiled
 def _chain(first, steps):  # type: ignore[no-untyped-def]
     n = len(steps)
     q = np.empty((n + 1, 4))

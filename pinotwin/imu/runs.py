@@ -120,16 +120,13 @@ class Priors:
     sag: float = 5e-5
 
 
-FINE = 1500.0
-"""Least rate of the fine clock [Hz]."""
-
-
 class FineRun:
     """A servo run on a fine uniform clock, with what the sensors' low-pass makes of it."""
 
-    def __init__(self, run: ServoRun) -> None:
+    def __init__(self, run: ServoRun, rate: float = 1500.0) -> None:
+        """Interpolate; ``rate`` is the least of the fine clock [Hz]."""
         h = float(np.mean(np.diff(run.t)))
-        factor = max(1, int(np.ceil(FINE * h)))
+        factor = max(1, int(np.ceil(rate * h)))
         self.factor = factor
         self.step = h / factor
         self.t = run.t[0] + self.step * np.arange((len(run.t) - 1) * factor + 1)

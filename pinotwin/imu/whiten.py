@@ -12,8 +12,6 @@ from pinotwin.arrays import Floats
 from pinotwin.imu.noise import rest, white_level
 from pinotwin.signals import runs
 
-ORDER = 3
-
 
 @dataclass(frozen=True)
 class Whitener:
@@ -28,20 +26,20 @@ class Whitener:
     sigma: Floats
 
     @classmethod
-    def from_rest(cls, x: Floats, rate: float) -> Whitener:
+    def from_rest(cls, x: Floats, rate: float, order: int = 3) -> Whitener:
         """Fit to the stretches of readings (m, 6), gyro and accelerometer, that are at rest.
 
         By Yule and Walker, whose filter is the same forwards and backwards and gentler on short rests than
         Burg's (:mod:`pinotwin.signals.autoregression`): with that one a scale came out 0.03 % off, not 0.02 %.
         """
         still = rest(x[:, :3], x[:, 3:], rate)
-        pieces = [x[s] for s in runs(still) if s.stop - s.start > 40 * ORDER]
+        pieces = [x[s] for s in runs(still) if s.stop - s.start > 40 * order]
         if sum(len(p) for p in pieces) < 0.3 * rate:
-            taps = np.tile(np.eye(ORDER + 1)[:1], (x.shape[1], 1))
+            taps = np.tile(np.eye(order + 1)[:1], (x.shape[1], 1))
             return cls(taps, white_level(x))
         share = np.array([len(p) for p in pieces]) / sum(len(p) for p in pieces)
-        r = np.einsum("p,pkc->kc", share, np.stack([_autocovariance(p) for p in pieces]))
-        taps, sigma = np.ones((x.shape[1], ORDER + 1)), np.empty(x.shape[1])
+        r = np.einsum("p,pkc->kc", share, np.stack([_autocovariance(p, order) for p in pieces]))
+        taps, sigma = np.ones((x.shape[1], order + 1)), np.empty(x.shape[1])
         for c in range(x.shape[1]):
             a = solve_toeplitz(r[:-1, c], r[1:, c])
             taps[c, 1:], sigma[c] = -a, np.sqrt(max(r[0, c] - a @ r[1:, c], 1e-30))
@@ -60,6 +58,6 @@ class Whitener:
         return out
 
 
-def _autocovariance(x: Floats) -> Floats:
+def _autocovariance(x: Floats, order: int) -> Floats:
     x = x - x.mean(axis=0)
-    return np.stack([np.sum(x[k:] * x[: len(x) - k], axis=0) / len(x) for k in range(ORDER + 1)])
+    return np.stack([np.sum(x[k:] * x[: len(x) - k], axis=0) / len(x) for k in range(order + 1)])

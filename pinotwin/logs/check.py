@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,19 +12,16 @@ from pinotwin.arrays import Floats
 from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import InputError, MachineError
-from pinotwin.log import Log
-from pinotwin.logs.channels import finite
-from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.logs.plausible import examined, unit_findings, unseen
-from pinotwin.logs.prepare import prepare, without
-from pinotwin.logs.quality import Finding, Limits, Quality, inspect
+from pinotwin.logs.plausible import unseen
+from pinotwin.logs.prepared import Prepared
+from pinotwin.logs.quality import Finding, Quality
 from pinotwin.logs.quality.phrases import finding
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
-from pinotwin.machine.urdf_check import mimics, read_tree
+from pinotwin.machine.urdf_check import incomplete, mimics, read_tree
 from pinotwin.motion import Motion
 from pinotwin.notebook import Card, Shown
 
@@ -117,15 +113,21 @@ def check(machine: MachineLike, log: LogLike | None = None, *, settings: Setting
     findings = machine_findings(machine)
     if log is None:
         return Check(machine, tuple(findings))
-    quality, excited, found = _examined(machine, as_log(log), settings, thorough=True)
-    findings += found
-    if excited is not None:
-        findings += _excitation_findings(machine, excited)
+    one = Prepared.of(machine, as_log(log), settings=settings)
+    findings += one.findings
+    excited = None
+    if one.quality.ok and not any(f.code == "unusable" for f in one.findings):
+        findings += unseen(machine, one.motion, one.efforts) if one.efforts else []
+        try:
+            excited = _excitation(machine, one.motion)
+            findings += _excitation_findings(machine, excited)
+        except InputError as error:
+            findings.append(finding("unusable", why=str(error)))
     known = set() if excited is None else set(excited.determined)
     determined = {} if excited is None else {label: label in known for label in machine.base.labels}
     order = {"error": 0, "warning": 1, "info": 2}
     findings = sorted(_causes(findings), key=lambda f: order[f.severity])
-    return Check(machine, tuple(findings), quality, excited, determined)
+    return Check(machine, tuple(findings), one.quality, excited, determined)
 
 
 def _causes(findings: Sequence[Finding]) -> list[Finding]:
@@ -139,63 +141,12 @@ def _causes(findings: Sequence[Finding]) -> list[Finding]:
     return [f for f in findings if not all((axis, f.code) in told for axis in f.axis.split(", "))]
 
 
-def doubts(machine: Machine, log: Log, settings: Settings = USUAL) -> tuple[Finding, ...]:
-    """Return what makes a log doubtful, errors and warnings, before anything is fitted to it."""
-    _, _, findings = _examined(machine, log, settings, thorough=False)
-    return tuple(f for f in findings if f.severity != "info")
-
-
-def _examined(
-    machine: Machine, log: Log, settings: Settings, *, thorough: bool
-) -> tuple[Quality, Excitation | None, list[Finding]]:
-    """Return what a log is worth, what it excites, and what is said of it; if ``thorough``, what could not be too."""
-    quality = inspect_log(machine, log, settings)
-    findings, excited = list(quality.findings), None
-    if not quality.ok:
-        return quality, None, findings
-    try:
-        motion = prepare(machine, log, settings=settings)
-        excited = _excitation(machine, motion) if thorough else None
-    except InputError as error:
-        return quality, None, [*findings, Finding("error", "", str(error), "unusable")]
-    bound = bind(log, machine.columns)
-    efforts = examined(machine, motion, bound, settings)
-    if efforts is not None:
-        findings += [*efforts.findings, *(unseen(machine, motion, efforts) if thorough else ())]
-    return quality, excited, findings + unit_findings(bound)
-
-
-def inspect_log(machine: Machine, log: Log, settings: Settings = USUAL) -> Quality:
-    """Return what a log of a machine is worth, before anything is fitted."""
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    bound = without(bind(log, machine.columns), machine.data.leave_out)
-    return inspect(finite(bound), rotary, _limits(machine), settings)
-
-
-def _limits(machine: Machine) -> dict[str, Limits]:
-    model = machine.model
-    out = {}
-    for name, axis in machine.axes.items():
-        i = axis.index
-        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-        speed, effort = float(model.upperVelocityLimit[i]), axis.effort_limit
-        # A transmission scales and mixes what is logged: a joint's limits do not fit its motor.
-        plain = machine.transmission is None
-        out[name] = Limits(
-            position=(low, high) if plain and high - low < 1e8 else None,
-            velocity=speed if plain and 0 < speed < 1e8 else None,
-            effort=effort if plain and np.isfinite(effort) else None,
-            lead=axis.lead or 0.0,
-        )
-    return out
-
-
 def machine_findings(machine: Machine) -> list[Finding]:
-    """Return what a second reader of URDFs (yourdfpy) and the tree itself say."""
-    out = _second_reader(machine.urdf)
+    """Return what the tree of a machine, and its URDF, say."""
+    root = read_tree(machine.urdf)
+    out = [finding("urdf_invalid", part, problems=text) for part, text in incomplete(root).items()]
     for joint, problem in impossible_bodies(machine.model).items():
         out.append(finding("body_impossible", joint, problem=problem))
-    root = read_tree(machine.urdf)
     for joint, leader in mimics(root).items():
         if joint not in machine.model.names:
             out.append(finding("joint_mimics", joint, leader=repr(leader)))
@@ -214,29 +165,6 @@ def _is_child_of_moving(root: Any, link: str) -> bool:
         if joint.find("child").get("link") == link:
             return joint.get("type") in ("revolute", "continuous", "prismatic")
     return False
-
-
-def _second_reader(urdf: Path) -> list[Finding]:
-    import logging
-
-    import yourdfpy
-
-    logger = logging.getLogger("yourdfpy")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        robot = yourdfpy.URDF.load(
-            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-        )
-        valid = bool(robot.validate())
-    except (ValueError, KeyError, AttributeError, TypeError) as error:
-        raise MachineError(f"{urdf}: yourdfpy cannot read it: {error}") from None
-    finally:
-        logger.setLevel(level)
-    if valid:
-        return []
-    problems = "; ".join(str(e) for e in robot.errors) or "yourdfpy finds it invalid"
-    return [finding("urdf_invalid", problems=problems)]
 
 
 def _excitation(machine: Machine, motion: Motion, most: int = 20_000) -> Excitation:

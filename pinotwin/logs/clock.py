@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -174,7 +173,7 @@ def _advance(at: Floats, q: Floats, part: slice, stamped: Floats) -> Floats:
     """
     if part.stop - part.start <= _WINDOW:
         return np.zeros(0)
-    slope = savgol_filter(np.column_stack([q[part], at[part]]), _WINDOW, 3, deriv=1, axis=0)
+    slope = scipy.signal.savgol_filter(np.column_stack([q[part], at[part]]), _WINDOW, 3, deriv=1, axis=0)
     v = slope[:, :-1] / np.maximum(slope[:, -1:], 0.1)
     v = 0.5 * (v[1:] + v[:-1])
     power = np.sum(v**2, axis=1)
@@ -238,7 +237,11 @@ def _between(at: Floats, x: Floats, grid: Floats, smooth: bool) -> Floats:
     good = np.isfinite(x)
     if good.sum() < 4:
         return np.full(len(grid), np.nan) if not good.any() else np.interp(grid, at[good], x[good])
-    new = CubicSpline(at[good], x[good])(grid) if smooth else np.interp(grid, at[good], x[good])
+    new = (
+        scipy.interpolate.CubicSpline(at[good], x[good])(grid)
+        if smooth
+        else np.interp(grid, at[good], x[good])
+    )
     if not good.all():
         hole: Mask = np.interp(grid, at, (~good).astype(float)) > 0.0
         new[hole] = np.nan

@@ -75,23 +75,61 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
         DataError: too little of the log can be used.
     """
     machine, logs = as_machine(machine), as_logs(log)
-    if not logs:
-        raise DataError(f"{machine.name}: no log given; give at least one")
     how = replace(
         machine.data,
         order=order or machine.data.order,
-        decimate=decimate or machine.data.decimate,
         resample=resample or machine.data.resample,
         leave_out=machine.data.leave_out if leave_out is None else tuple(leave_out),
     )
-    leads = {name: axis.lead or 0.0 for name, axis in machine.axes.items()} | dict(lead or {})
-    bound = _at_one_rate(machine, [_regular(machine, item, how, settings) for item in logs], settings)
-    corner = cutoff if cutoff is not None else how.cutoff
-    if corner is None:
-        corner = min(_corner(machine, item) for item in bound)
-    how = replace(how, cutoff=corner)
-    parts = [_prepare_one(machine, item, how, leads, settings) for item in bound]
-    return Motion.join(parts) if len(parts) > 1 else parts[0]
+    even = EvenLogs.of(machine, logs, how, settings)
+    return even.motion(machine, cutoff=cutoff, decimate=decimate, lead=lead)
+
+
+@dataclass(frozen=True, eq=False)
+class EvenLogs:
+    """Logs of one machine on one even clock, before any filter: motions of several corners are made of them.
+
+    Attributes:
+        logs: in the names of the contract.
+        how: how they were made, and are filtered where nothing else is asked for.
+        settings: what is decided by.
+    """
+
+    logs: tuple[Log, ...]
+    how: DataSettings
+    settings: Settings = USUAL
+
+    @classmethod
+    def of(
+        cls, machine: Machine, logs: Sequence[Log], how: DataSettings, settings: Settings = USUAL
+    ) -> EvenLogs:
+        """Return logs, raw or in the names of the contract, on the clock of the slowest of them.
+
+        Raises:
+            LogError: a channel is missing or unusable; the message names it.
+            DataError: too little of the log can be used.
+        """
+        if not logs:
+            raise DataError(f"{machine.name}: no log given; give at least one")
+        even = [_regular(machine, item, how, settings) for item in logs]
+        return cls(tuple(_at_one_rate(machine, even, settings)), how, settings)
+
+    def motion(
+        self,
+        machine: Machine,
+        *,
+        cutoff: float | None = None,
+        decimate: int | None = None,
+        lead: Mapping[str, float] | None = None,
+    ) -> Motion:
+        """Return the logs filtered, as :func:`prepare` does it; the options are its own."""
+        leads = {name: axis.lead or 0.0 for name, axis in machine.axes.items()} | dict(lead or {})
+        corner = cutoff if cutoff is not None else self.how.cutoff
+        if corner is None:
+            corner = min(_corner(machine, item) for item in self.logs)
+        how = replace(self.how, cutoff=corner, decimate=decimate or self.how.decimate)
+        parts = [_prepare_one(machine, item, how, leads, self.settings) for item in self.logs]
+        return Motion.join(parts) if len(parts) > 1 else parts[0]
 
 
 def _regular(machine: Machine, log: Log, how: DataSettings, settings: Settings) -> Log:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
@@ -159,7 +159,7 @@ def command_rates(qr: Floats, step: float) -> tuple[Floats, Floats]:
         velocity = np.gradient(qr, step) if len(qr) > 1 else np.zeros(len(qr))
         return velocity, np.zeros(len(qr))
     t = step * np.arange(len(qr))
-    spline = CubicSpline(t, qr)
+    spline = scipy.interpolate.CubicSpline(t, qr)
     return spline(t, 1), spline(t, 2)
 
 

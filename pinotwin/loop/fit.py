@@ -75,24 +75,15 @@ class LoopFit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        values = asdict(self)
-        values["parameters"] = [asdict(p) for p in self.parameters]
-        values["numerator_errors"] = {k: list(v) for k, v in self.numerator_errors.items()}
-        return values
+        return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the fit that :meth:`to_dict` wrote."""
-        parameters = [
-            ParameterFit(
-                **{
-                    **p,
-                    "bounds": tuple(p["bounds"]),
-                    "interval": None if p["interval"] is None else tuple(p["interval"]),
-                }
-            )
-            for p in values["parameters"]
+        lists: dict[str, Any] = {k: tuple(values[k]) for k in ("ends", "notes")}
+        rows: list[dict[str, Any]] = [
+            {k: tuple(x) if isinstance(x, list) else x for k, x in p.items()} for p in values["parameters"]
         ]
+        lists["parameters"] = tuple(ParameterFit(**row) for row in rows)
         errors = {k: tuple(v) for k, v in values["numerator_errors"].items()}
-        lists = {k: tuple(values[k]) for k in ("ends", "notes")}
-        return cls(**{**values, "parameters": tuple(parameters), "numerator_errors": errors, **lists})
+        return cls(**{**values, **lists, "numerator_errors": errors})

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 from threadpoolctl import threadpool_limits
 
 from pinotwin.arrays import Floats
@@ -60,7 +60,7 @@ def identify_loop(
         model = _model(data, layout, found.theta, residues)
         if not judged:
             return model
-        held = _on_bound(layout, found.theta) != 0
+        held = on_bound(layout, found.theta) != 0
         spread = covariance(projection, found.theta, held)
     fit = _judge(data, projection, found, misfit, spread, model)
     return replace(model, fit=fit)
@@ -87,7 +87,7 @@ def _model(data: LoopData, layout: Layout, theta: Floats, residues: Floats) -> L
     )
 
 
-def _on_bound(layout: Layout, theta: Floats) -> Floats:
+def on_bound(layout: Layout, theta: Floats) -> Floats:
     """Return -1, 0 or 1 per parameter: on its lower bound, inside, on its upper bound."""
     low, high = layout.box
     near = AT_BOUND * (high - low)
@@ -103,10 +103,10 @@ def _judge(
     model: LoopModel,
 ) -> LoopFit:
     layout = projection.layout
-    sides = _on_bound(layout, found.theta)
-    quantile = float(student.ppf(0.975, max(spread.blocks - 1, 1)))
+    sides = on_bound(layout, found.theta)
+    quantile = float(scipy.stats.t.ppf(0.975, max(spread.blocks - 1, 1)))
     parameters = [
-        _parameter(p, x, int(side), spread.poles[i, i], quantile)
+        pole_fit(p, x, int(side), spread.poles[i, i], quantile)
         for i, (p, x, side) in enumerate(zip(layout.parameters, found.theta, sides, strict=True))
     ]
     parts = misfit.residual.reshape(layout.outputs, -1)
@@ -126,7 +126,8 @@ def _judge(
     )
 
 
-def _parameter(p: Parameter, x: float, side: int, variance: float, quantile: float) -> ParameterFit:
+def pole_fit(p: Parameter, x: float, side: int, variance: float, quantile: float) -> ParameterFit:
+    """Return one searched pole at its logarithm x, with the interval of so many standard errors."""
     value = math.exp(x) / p.scale
     error = None if side else math.sqrt(max(variance, 0.0))
     interval = None

@@ -6,19 +6,17 @@ denormal numbers, which are a hundred times slower.
 
 from __future__ import annotations
 
-from numba import njit
-
 from pinotwin.arrays import Floats, Ints
-
-TINY = 1e-200
-
-
-@njit(cache=True, nogil=True)
-def _flush(x: float) -> float:
-    return 0.0 if abs(x) < TINY else x
+from pinotwin.system.kernels import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
+def flush(x: float) -> float:
+    """Return x, or zero where it is as good as none."""
+    return 0.0 if abs(x) < 1e-200 else x
+
+
+@compiled(nogil=True)
 def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a first-order section and by its derivative with respect to log p.
 
@@ -36,13 +34,13 @@ def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: F
             if k == first and blocks[m, 2] == 1:
                 x, dx = w[k] + start_state[0], 0.0
             else:
-                dx = _flush(c[0] * dx + c[3] * x + c[4] * w[k - 1] + c[5] * w[k])
-                x = _flush(c[0] * x + c[1] * w[k - 1] + c[2] * w[k])
+                dx = flush(c[0] * dx + c[3] * x + c[4] * w[k - 1] + c[5] * w[k])
+                x = flush(c[0] * x + c[1] * w[k - 1] + c[2] * w[k])
             out[m, 0, k - first] = x
             out[m, 1, k - first] = dx
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
     """Filter by a second-order section and by its derivatives with respect to log wn, log zeta.
 
@@ -71,17 +69,17 @@ def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Fl
                 s = A[2, 1, 0] * x + A[2, 1, 1] * y + B[0, 2, 1] * v + B[1, 2, 1] * z
                 p, q = p + A[0, 0, 0] * dx + A[0, 0, 1] * dy, q + A[0, 1, 0] * dx + A[0, 1, 1] * dy
                 r, s = r + A[0, 0, 0] * ex + A[0, 0, 1] * ey, s + A[0, 1, 0] * ex + A[0, 1, 1] * ey
-                dx, dy, ex, ey = _flush(p), _flush(q), _flush(r), _flush(s)
+                dx, dy, ex, ey = flush(p), flush(q), flush(r), flush(s)
                 p = A[0, 0, 0] * x + A[0, 0, 1] * y + B[0, 0, 0] * v + B[1, 0, 0] * z
                 q = A[0, 1, 0] * x + A[0, 1, 1] * y + B[0, 0, 1] * v + B[1, 0, 1] * z
-                x, y = _flush(p), _flush(q)
+                x, y = flush(p), flush(q)
             i = k - first
             out[m, 0, i], out[m, 1, i] = x, y
             out[m, 2, i], out[m, 3, i] = dx, dy
             out[m, 4, i], out[m, 5, i] = ex, ey
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
     A: Floats, B: Floats, C: Floats, w: Floats, x: Floats, start: int, stop: int, out: Floats
 ) -> None:
@@ -105,7 +103,7 @@ def simulate(  # noqa: PLR0913, a compiled kernel takes its arrays one by one
                 v, z = w[b, k - 1], w[b, k]
                 r = A[b, 0, 0] * p + A[b, 0, 1] * q + B[b, 0, 0] * v + B[b, 1, 0] * z
                 q = A[b, 1, 0] * p + A[b, 1, 1] * q + B[b, 0, 1] * v + B[b, 1, 1] * z
-                p, q = _flush(r), _flush(q)
+                p, q = flush(r), flush(q)
             for j in range(len(C)):
                 out[k, j] += C[j, b, 0] * p + C[j, b, 1] * q
         x[b, 0], x[b, 1] = p, q

@@ -180,7 +180,7 @@ class Layout:
         self, sections: Sequence[Section], index: int, form: Channel, unit: float
     ) -> tuple[Floats, Floats, Floats]:
         """Return N, g and dN of one transfer function."""
-        count = form.degree - 1 + (form.leading is not None)
+        count = form.degree - 1
         m = count + (form.gain is not None)
         N, dN = np.zeros((self.residues, m)), np.zeros((len(self.parameters), self.residues, m))
         for slot in self.slots:
@@ -197,8 +197,6 @@ class Layout:
         if form.gain is not None and index == self.disturbances:
             N[self.states, -1] = 1.0
         g = np.zeros(m)
-        if form.leading is not None:
-            g[count - 1] = form.leading * unit / 100.0**form.degree
         if form.gain is not None:
             g[-1] = form.gain * unit
         return N, g, dN
@@ -245,10 +243,10 @@ def lay_out(
 
 
 def usual_bounds(name: str, step: float) -> tuple[float, float]:
-    """Return the usual bounds of a parameter [Hz] or [-]: thesis Tables 4-4 and 7-3, widened."""
+    """Return the usual bounds of a parameter [Hz] or [-]: thesis Tables 4-4 and 7-3, widened, below Nyquist."""
     fast = min(0.4 / step, 400.0)
     if name == "pff":
-        return 0.1 / step, 5.0 / step
+        return 0.1 / step, 0.5 / step
     if name.startswith("p") or name == "wn1":
         return min(0.5, 0.01 / step), fast
     if name == "zeta1":

@@ -4,10 +4,8 @@
     y[k]   = C x[k] + D w[k] + Da ar[k]            ar = acceleration of the command
 
 Each input drives its own copy of the sections (every block belongs to one input), so that the
-states carry physical meaning: the first state of a block is its filtered input. With hold "foh" the
-input runs straight between samples and B1 is what the next sample already does within the interval;
-with "zoh" the input is held and B1 is zero, which makes a feedback of d through the states
-explicit.
+states carry physical meaning: the first state of a block is its filtered input. The
+input runs straight between samples; B1 is what the next sample already does within the interval.
 
 The derivatives of the outputs are exact, without numerical differentiation (thesis Eq. 4.12):
 
@@ -21,13 +19,10 @@ disturbance), so that q' = vr - e' is free of the unknown slope of d.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints
-
-Hold = Literal["foh", "zoh"]
 
 
 @dataclass(frozen=True)
@@ -68,21 +63,6 @@ class ModalStep:
         x = np.zeros((len(self.A), 2))
         x[:, 0] = np.asarray(w, dtype=float)[self.input]
         return x
-
-    def advance(self, x: Floats, now: Floats, then: Floats) -> Floats:
-        """Return the states one interval later, shape (k, 2).
-
-        Args:
-            x: states now, shape (k, 2).
-            now: inputs now, shape (m,).
-            then: inputs one interval later, shape (m,).
-        """
-        moved = np.einsum("kij,kj->ki", self.A, x)
-        return moved + self.B0 * now[self.input, None] + self.B1 * then[self.input, None]
-
-    def output(self, x: Floats, w: Floats) -> Floats:
-        """Return the outputs at states ``x`` without the command's acceleration, shape (ny,)."""
-        return np.einsum("yki,ki->y", self.C, x) + self.D @ w
 
     def derivative(self, order: int = 1) -> tuple[Floats, Floats, Floats, Floats]:
         """Return C, D, E and F of the outputs' first or second derivative.

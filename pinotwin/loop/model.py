@@ -16,7 +16,7 @@ from pinotwin.loop import kernels
 from pinotwin.loop.data import command_rates
 from pinotwin.loop.fit import LoopFit
 from pinotwin.loop.layout import Layout, lay_out
-from pinotwin.loop.modal import Hold, ModalStep
+from pinotwin.loop.modal import ModalStep
 from pinotwin.loop.sections import continuous, discretise
 from pinotwin.loop.structure import Section, Structure
 
@@ -100,12 +100,13 @@ class LoopModel:
         num, den = self.numerator(output, input)
         return control.TransferFunction(num, den, inputs=[input], outputs=[output])
 
-    def to_control(self, input: str = COMMAND, output: str = "e") -> control.StateSpace:
-        """Return the loop from one input to one output as a python-control system.
+    def to_control(self, input: str | None = COMMAND, output: str | None = "e") -> control.StateSpace:
+        """Return the loop as a python-control system with named signals.
 
         Args:
-            input: a disturbance [N or N·m], the command ``qr`` [m or rad], its velocity ``vr`` or acceleration ``ar``.
-            output: e, u, or the position ``q`` = qr - e, which answers ``qr`` and disturbances.
+            input: a disturbance [N or N·m], the command ``qr`` [m or rad], its velocity ``vr`` or acceleration ``ar``;
+                None: all disturbances, ``vr`` and ``ar``.
+            output: e, u, or the position ``q`` = qr - e, which answers ``qr`` and disturbances; None: all but ``q``.
 
         Raises:
             DataError: a name that the loop does not have, or an effort that differentiates its input.
@@ -114,57 +115,46 @@ class LoopModel:
 
         inputs, outputs = (*self.inputs, "vr", "ar"), (*self.outputs, "q")
         for name, known in ((input, inputs), (output, outputs)):
-            if name not in known:
+            if name is not None and name not in known:
                 lists = f"inputs {', '.join(inputs)}; outputs {', '.join(outputs)}"
                 raise DataError(f"{self.axis}: no signal {name!r} there; {nearest(name, known)}; {lists}")
-        if output == "q" and input in ("vr", "ar"):
+        if output == "q" and input in (None, "vr", "ar"):
             raise DataError(
                 f"{self.axis}: q is asked from qr or from {', '.join(self.disturbances)}, not from {input}"
             )
         A, B, C, D = _parallel(self)
-        row = self.outputs.index("e" if output == "q" else output)
-        c, d = C[[row]], D[row]
+        if output is not None:
+            row = self.outputs.index("e" if output == "q" else output)
+            C, D = C[[row]], D[[row]]
+        every = [*self.disturbances, "vr", "ar"]
         if input == COMMAND:
-            if np.any(d[-2:]):
+            if np.any(D[:, -2:]):
                 raise DataError(
                     f"{self.axis}: feed-forward differentiates {input}, so that {output} has no state space from it; "
                     "ask for input 'vr' or 'ar'"
                 )
-            b, through = A @ B[:, [-2]], float(c[0] @ B[:, -2])
-        else:
-            at = [*self.disturbances, "vr", "ar"].index(input)
-            b, through = B[:, [at]], float(d[at])
+            # x' = A x + b s qr becomes z' = A z + A b qr with x = z + b qr.
+            b = B[:, [-2]]
+            B, D = A @ b, C @ b
+        elif input is not None:
+            at = every.index(input)
+            B, D = B[:, [at]], D[:, [at]]
         if output == "q":
-            c, through = -c, float(input == COMMAND) - through
-        return control.StateSpace(A, b, c, [[through]], inputs=[input], outputs=[output])
+            C, D = -C, float(input == COMMAND) - D
+        names = {"inputs": every if input is None else [input]}
+        names["outputs"] = list(self.outputs) if output is None else [output]
+        return control.StateSpace(A, B, C, D, **names)
 
-    def state_space(self, command: str | None = None) -> control.StateSpace:
-        """Return the loop as a python-control system with named signals.
-
-        Args:
-            command: ``"qr"``: the position command is the last input; ``"vr"``: velocity and
-                acceleration of the command are the last two, which any structure allows. The first where absent,
-                of a loop whose feed-forward has no poles the second.
-
-        Raises:
-            DataError: a structure whose feed-forward has no poles cannot take ``qr`` as input.
-        """
-        import control
-
-        A, B, C, D, inputs = _matrices(self, command)
-        return control.StateSpace(A, B, C, D, inputs=inputs, outputs=list(self.outputs))
-
-    def modal(self, step: float | None = None, hold: Hold = "foh") -> ModalStep:
+    def modal(self, step: float | None = None) -> ModalStep:
         """Return the stepping form at a sampling interval [s]; not to be changed."""
-        own = hold == "foh" and step in (None, self.step)
-        return self._own_modal if own else self._modal(step or self.step, hold)
+        return self._own_modal if step in (None, self.step) else self._modal(step or self.step)
 
     @cached_property
     def _own_modal(self) -> ModalStep:
         """That at the log's interval: friction is refined by a hundred responses of one loop."""
-        return self._modal(self.step, "foh")
+        return self._modal(self.step)
 
-    def _modal(self, h: float, hold: Hold) -> ModalStep:
+    def _modal(self, h: float) -> ModalStep:
         layout = self.layout
         parts = discretise(self.sections, h)
         index = [slot.section for slot in layout.slots]
@@ -175,11 +165,19 @@ class LoopModel:
             rate[b], drive[b] = continuous(self.sections[slot.section])
         D = np.zeros((ny, len(self.disturbances) + 1))
         D[:, -1] = self.residues[:, -2]
-        B0, B1 = parts.B0[index], parts.B1[index]
-        if hold == "zoh":
-            B0, B1 = B0 + B1, np.zeros_like(B1)
         driven = np.array([slot.input for slot in layout.slots], dtype=np.intp)
-        return ModalStep(h, driven, parts.A[index], B0, B1, C, D, self.residues[:, -1].copy(), rate, drive)
+        return ModalStep(
+            h,
+            driven,
+            parts.A[index],
+            parts.B0[index],
+            parts.B1[index],
+            C,
+            D,
+            self.residues[:, -1].copy(),
+            rate,
+            drive,
+        )
 
     def simulate(
         self,
@@ -377,21 +375,3 @@ def _parallel(model: LoopModel) -> tuple[Floats, Floats, Floats, Floats]:
     C = modal.C.reshape(len(modal.C), -1)
     D = np.column_stack([modal.D, modal.Da])
     return A[np.ix_(keep, keep)], B[keep], C[:, keep], D
-
-
-def _matrices(model: LoopModel, command: str | None) -> tuple[Floats, Floats, Floats, Floats, list[str]]:
-    A, B, C, D = _parallel(model)
-    if command == "vr" or (command is None and np.any(D)):
-        return A, B, C, D, [*model.disturbances, "vr", "ar"]
-    if command not in (None, "qr"):
-        raise DataError(f"command: {command!r}, expected 'qr' or 'vr'")
-    if np.any(D):
-        raise DataError(
-            f"{model.axis}: feed-forward without poles takes velocity and acceleration of the "
-            "command; ask for command='vr', or identify with feedforward_poles"
-        )
-    # x' = A x + b s qr becomes z' = A z + A b qr with x = z + b qr.
-    b = B[:, -2]
-    B = np.column_stack([B[:, :-2], A @ b])
-    D = np.column_stack([D[:, :-2], C @ b])
-    return A, B, C, D, list(model.inputs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import lapack
+import scipy
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.loop import kernels
@@ -104,7 +104,7 @@ def _factor(rows: Floats) -> Floats:
     LAPACK itself, since numpy copies and transposes every block twice on the way; and the routine that works off a
     few columns at a time: dgeqrf takes blocks this narrow column by column, three times as long.
     """
-    reflected, *_ = lapack.dgeqrt(min(PANEL, *rows.shape), rows, overwrite_a=True)
+    reflected, *_ = scipy.linalg.lapack.dgeqrt(min(PANEL, *rows.shape), rows, overwrite_a=True)
     return np.triu(reflected[: rows.shape[1]])
 
 

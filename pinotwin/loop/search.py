@@ -3,8 +3,7 @@
 The starts are a Halton sequence over the logarithmic box, narrowed to where servo loops live,
 beside a plain guess. All run a few steps on the liveliest short piece of the log, the best four of
 them to their ends there, and the best two different ends are polished on all of it, the second only
-while it may still win; each by the trust-region reflective method (Branch, Coleman and Li 1999,
-doi:10.1137/S1064827595289108). Poles live in logarithms of p, wn and zeta, so that every point of
+while it may still win. Poles live in logarithms of p, wn and zeta, so that every point of
 the search, and hence every result, is stable.
 """
 
@@ -13,20 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import qmc
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.layout import Layout
-from pinotwin.loop.projection import Misfit, Projection, Scales
+from pinotwin.loop.projection import Projection, Scales
+from pinotwin.solve.descent import Remembered, trust_region
 
-STARTS = 12
-FURTHER = 4
-PIECE = 5000
-PIECE_SECONDS = 2.5
-SAME = 0.02
-"""Starts that end closer to one another than this found the same."""
 GLANCE, NEAR = 4, 1.1
 """Evaluations on all rows after which a second end is given up, unless its cost is below this many times the best
 one's by then: the search converges quadratically, so that little is left to fall."""
@@ -49,50 +42,28 @@ class Found:
     ends: tuple[float, ...] = ()
 
 
-class _Remembered:
-    """The misfit at the last point: value and gradient are asked for one after the other."""
-
-    def __init__(self, projection: Projection) -> None:
-        self.projection = projection
-        self.count = 0
-        self._theta: Floats | None = None
-        self._misfit: Misfit | None = None
-
-    def __call__(self, theta: Floats) -> Misfit:
-        if self._misfit is None or self._theta is None or not np.array_equal(theta, self._theta):
-            self._theta, self._misfit = theta.copy(), self.projection.evaluate(theta)
-            self.count += 1
-        return self._misfit
-
-
 def polish(projection: Projection, theta: Floats, tolerance: float = 1e-7, most: int = 40) -> Found:
     """Return the end of one bounded search from ``theta``."""
-    misfit = _Remembered(projection)
-    low, high = projection.layout.box
+    misfit = Remembered(projection.evaluate)
+
+    def evaluate(x: Floats) -> tuple[Floats, Floats]:
+        return misfit(x).residual, misfit(x).jacobian
+
     if not len(theta):
-        return Found(theta, 0.5 * float(np.sum(misfit(theta).residual ** 2)), 1)
-    inside = np.clip(theta, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
-    found = least_squares(
-        lambda x: misfit(x).residual,
-        inside,
-        jac=lambda x: misfit(x).jacobian,
-        bounds=(low, high),
-        method="trf",
-        x_scale=0.5,
-        xtol=tolerance,
-        ftol=tolerance,
-        gtol=1e-12,
-        max_nfev=most,
+        return Found(theta, 0.5 * float(np.sum(evaluate(theta)[0] ** 2)), 1)
+    tolerances = {"xtol": tolerance, "ftol": tolerance}
+    found = trust_region(
+        evaluate, theta, projection.layout.box, 1e-6, x_scale=0.5, max_nfev=most, **tolerances
     )
     return Found(found.x, float(found.cost), misfit.count, (1.0,))
 
 
-def starting_points(layout: Layout, count: int = STARTS) -> Floats:
+def starting_points(layout: Layout, count: int = 12) -> Floats:
     """Return starts for theta, shape (count, np)."""
     low, high = layout.box
     if not len(low):
         return np.zeros((1, 0))
-    points = qmc.Halton(len(low), scramble=False).random(count + 1)[1:]
+    points = scipy.stats.qmc.Halton(len(low), scramble=False).random(count + 1)[1:]
     narrow_low, narrow_high = low.copy(), high.copy()
     plain = np.empty(len(low))
     for i, p in enumerate(layout.parameters):
@@ -124,13 +95,14 @@ def _usual(name: str, pairs: int = 2) -> tuple[float, float, float]:
     return 8.0, 8.0 * (80.0 / 8.0) ** place, 90.0
 
 
-def search(data: LoopData, layout: Layout, starts: Floats | None = None) -> Found:
+def search(data: LoopData, layout: Layout, starts: Floats | None = None, further: int = 4) -> Found:
     """Return the best poles on all data.
 
     Args:
         data: inputs and outputs.
         layout: parameters and their bounds.
         starts: starting points, shape (k, np); spread ones where absent.
+        further: short searches that go on to their ends.
     """
     scales = Scales.of(data)
     whole = Projection(data, layout, scales)
@@ -141,8 +113,8 @@ def search(data: LoopData, layout: Layout, starts: Floats | None = None) -> Foun
     short = whole if piece is None else Projection(data.within((piece,)), layout, scales)
     tried = [polish(short, x, 1e-4, 10) for x in begin]
     first = _different(tried)
-    further = [polish(short, f.theta, 1e-5) for f in first[:FURTHER]]
-    ends = _different([*further, *first[FURTHER:]])
+    ended = [polish(short, f.theta, 1e-5) for f in first[:further]]
+    ends = _different([*ended, *first[further:]])
     best = polish(whole, ends[0].theta)
     finals = [best, *([] if short is whole else _rival(whole, ends[1:], best.cost))]
     best = min(finals, key=lambda f: f.cost)
@@ -150,16 +122,16 @@ def search(data: LoopData, layout: Layout, starts: Floats | None = None) -> Foun
     return Found(
         best.theta,
         best.cost,
-        sum(f.evaluations for f in (*tried, *further, *finals)),
+        sum(f.evaluations for f in (*tried, *ended, *finals)),
         tuple(e.cost / lowest for e in ends),
     )
 
 
-def _different(ends: list[Found]) -> list[Found]:
-    """Return ends, the best first, without those at a point that a better one has found."""
+def _different(ends: list[Found], same: float = 0.02) -> list[Found]:
+    """Return ends, the best first, without those as near as ``same`` to one that a better one has found."""
     out: list[Found] = []
     for end in sorted(ends, key=lambda f: f.cost):
-        if all(np.max(np.abs(end.theta - other.theta), initial=0.0) > SAME for other in out):
+        if all(np.max(np.abs(end.theta - other.theta), initial=0.0) > same for other in out):
             out.append(end)
     return out
 
@@ -172,9 +144,9 @@ def _rival(projection: Projection, others: list[Found], cost: float) -> list[Fou
     return [glance] if glance.cost > NEAR * cost else [glance, polish(projection, glance.theta)]
 
 
-def liveliest(data: LoopData) -> slice | None:
+def liveliest(data: LoopData, rows: int = 5000, seconds: float = 2.5) -> slice | None:
     """Return the short piece with most change of the command's velocity, None if all is short."""
-    length = max(PIECE, int(PIECE_SECONDS / data.step))
+    length = max(rows, int(seconds / data.step))
     if data.rows <= 1.5 * length:
         return None
     best, found = -1.0, None

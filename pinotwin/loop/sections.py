@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.loop.structure import Section
@@ -87,7 +87,7 @@ def discretise(sections: Sequence[Section], step: float) -> Discrete:
     for j in range(3):
         big[:, 4 * j : 4 * j + 4, 4 * j : 4 * j + 4] = M
     big[:, :4, 4:8], big[:, :4, 8:] = dM[:, 0], dM[:, 1]
-    E = expm(big)
+    E = scipy.linalg.expm(big)
     parts = np.stack([E[:, :2, 4 * j : 4 * j + 4] for j in range(3)], axis=1)  # (k, 3, 2, 4)
     A, slope = parts[..., :2], parts[..., 3]
     start = parts[..., 2] - slope

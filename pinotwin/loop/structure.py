@@ -46,12 +46,10 @@ class Channel:
     Attributes:
         degree: relative degree.
         gain: gain at frequency zero, None where it is free.
-        leading: limit of s**degree times the function at high frequency, None where it is free.
     """
 
     degree: int
     gain: float | None = None
-    leading: float | None = None
 
 
 @dataclass(frozen=True)
@@ -82,16 +80,12 @@ class Structure:
         pole_pairs: complex pairs (an overdamped pair is two real poles).
         feedforward_poles: see the module's docstring [Hz].
         numerators: ``"exact"`` or ``"source"`` (disturbance numerators without Dff).
-        integrator: G_ed has a zero at the origin: the loop holds a position under constant load.
-        inertia: M of the axis [kg or kg·m²], if G_ed is to tend to 1 / (M s²) as physics says.
     """
 
     real_poles: int = 3
     pole_pairs: int = 1
     feedforward_poles: tuple[float, ...] | Literal["search"] | None = None
     numerators: Numerators = "exact"
-    integrator: bool = False
-    inertia: float | None = None
 
     def __post_init__(self) -> None:
         poles = self.feedforward_poles
@@ -108,8 +102,6 @@ class Structure:
                 f"loop structure with {self.real_poles} real poles and {self.pole_pairs} pairs "
                 f"leaves order {self.feedback_order} for plant and feedback; at least 2 is needed"
             )
-        if self.integrator and self.feedback_order < 3:
-            raise InputError("loop structure with an integrator needs order 3 for plant and feedback")
 
     @property
     def feedforward_count(self) -> int:
@@ -159,9 +151,7 @@ class Structure:
         if disturbance > 0:
             return Channel((2 if output == 0 else 1) + extra, 0.0)
         if output == 0:
-            free = self.inertia is None or extra > 0
-            leading = None if free else 1.0 / self.inertia  # type: ignore[operator]
-            return Channel(2 + extra, 0.0 if self.integrator else None, leading)
+            return Channel(2 + extra)
         return Channel(1 + extra, 1.0) if output == 1 else Channel(2 + extra, 0.0)
 
     def command(self, output: int) -> Channel:
@@ -181,10 +171,7 @@ class Structure:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        values = asdict(self)
-        if isinstance(self.feedforward_poles, tuple):
-            values["feedforward_poles"] = list(self.feedforward_poles)
-        return values
+        return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
@@ -194,10 +181,8 @@ class Structure:
             InputError: an unknown key.
         """
         known = cls.__dataclass_fields__
-        for key in values:
+        given = {k: x for k, x in values.items() if k not in ("integrator", "inertia")}  # of former twins
+        for key in given:
             if key not in known:
                 raise InputError(f"loop: unknown key {key!r}; {nearest(key, known)}")
-        poles = values.get("feedforward_poles")
-        if isinstance(poles, list | tuple):
-            return cls(**{**values, "feedforward_poles": tuple(float(f) for f in poles)})
-        return cls(**values)
+        return cls(**given)

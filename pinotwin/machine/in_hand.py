@@ -22,12 +22,11 @@ from lxml import etree
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
 from pinotwin.errors import MachineError, nearest
+from pinotwin.machine.effect_list import make_effects
 from pinotwin.machine.loading import build
 from pinotwin.machine.machine import Machine
 from pinotwin.machine.urdf import inertial_element, load_model, with_inertias
-from pinotwin.machine.yaml_file import make_effects
 
-_WIDE = 1e9
 _COUNT = itertools.count(1)
 _TURNING, _ENDLESS, _SLIDING = "JointModelR", "JointModelRUB", "JointModelP"
 
@@ -209,15 +208,15 @@ def _joint(root: etree._Element, name: str, kind: str, place: pin.SE3) -> etree.
     return element
 
 
-def _limits(model: pin.Model, joint: int) -> dict[str, str]:
+def _limits(model: pin.Model, joint: int, wide_open: float = 1e9) -> dict[str, str]:
     """Return effort, velocity and range; an end that is not finite, or only a placeholder, is left wide open."""
     at = model.idx_vs[joint]
     wide = {"effort": model.upperEffortLimit[at], "velocity": model.upperVelocityLimit[at]}
-    out = {key: repr(min(float(x), _WIDE)) for key, x in wide.items()}
+    out = {key: repr(min(float(x), wide_open)) for key, x in wide.items()}
     if _kind(model, joint) != "continuous":
         q = model.idx_qs[joint]
         ends = (float(model.lowerPositionLimit[q]), float(model.upperPositionLimit[q]))
-        out["lower"], out["upper"] = (repr(float(np.clip(x, -_WIDE, _WIDE))) for x in ends)
+        out["lower"], out["upper"] = (repr(float(np.clip(x, -wide_open, wide_open))) for x in ends)
     return out
 
 

@@ -1,17 +1,39 @@
-"""What a machine is made of: axes, passive joints, sensors, loop orders and how its logs are prepared."""
+"""What a machine is made of: axes, passive joints, sensors, loop orders and how its logs are prepared.
+
+The types are those of machine.yaml, too: see :mod:`pinotwin.machine.reading`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from pinotwin.effects import Effect
+from pinotwin.machine.reading import Count, NotNegative, Number, Positive, from_file
 
 LeftOut = tuple[str, str | float, float]
 """Rows that are no measurement: (file, from, to) [s], or (file, channel, value); no file name: every log."""
+
+EffectList = Annotated[list[Any], Meta(description="a list such as [viscous, coulomb]")]
+_Poles = Annotated[int, Meta(ge=0, le=20, description="a whole number from 0 to 20")]
+_Ends = Annotated[tuple[Positive, Positive], Meta(description="[lower, upper]")]
+_Feedforward = Annotated[
+    Literal["search"] | list[Positive], Meta(description="search, or a list of frequencies [Hz]")
+]
+_Drop = Annotated[Count | list[Count], Meta(description="samples at the start and the end")]
+_Time = Annotated[Number | str, Meta(description="a time such as 3.5 ms")]
+_Row = (
+    Annotated[list[Number], Meta(min_length=2, max_length=2, description="[from, to] in s")]
+    | dict[str, Number | list[Number]]
+)
+_Rows = Annotated[
+    list[_Row] | dict[str, list[_Row]],
+    Meta(description="a list such as [[1.5, 2.0]] in s or [{feedrate: 50}]"),
+]
 
 
 @dataclass(frozen=True)
@@ -32,17 +54,17 @@ class Axis:
         lead: time by which its logged effort is ahead of its position [s]; None leaves it to `identify`.
     """
 
-    name: str
+    name: str = field(metadata=from_file())
     joint: str
-    index: int
-    rotary: bool
-    effects: tuple[Effect, ...]
-    rotor_inertia: float = 0.0
-    effort_limit: float = np.inf
-    zero: float = 0.0
-    min_speed: float | None = None
-    min_acceleration: float = np.inf
-    lead: float | None = None
+    index: int = field(metadata=from_file())
+    rotary: bool = field(metadata=from_file())
+    effects: tuple[Effect, ...] = field(metadata=from_file(EffectList))
+    rotor_inertia: NotNegative = 0.0
+    effort_limit: Positive = np.inf
+    zero: Number = 0.0
+    min_speed: NotNegative | None = None
+    min_acceleration: Positive = np.inf
+    lead: float | None = field(default=None, metadata=from_file(_Time))
 
 
 @dataclass(frozen=True)
@@ -58,19 +80,19 @@ class Passive:
         damping: nominal damping [N·s/m or N·m·s/rad], None when unknown.
     """
 
-    name: str
+    name: str = field(metadata=from_file())
     joint: str
-    index: int
-    rotary: bool
-    stiffness: float | None = None
-    damping: float | None = None
+    index: int = field(metadata=from_file())
+    rotary: bool = field(metadata=from_file())
+    stiffness: NotNegative | None = None
+    damping: NotNegative | None = None
 
 
 @dataclass(frozen=True)
 class Imu:
     """An inertial sensor fixed to a link."""
 
-    name: str
+    name: str = field(metadata=from_file())
     link: str
 
 
@@ -90,13 +112,17 @@ class LoopShape:
         stated: whether anything of the black box was given.
     """
 
-    real_poles: int = 3
-    pole_pairs: int = 1
-    feedforward_poles: tuple[float, ...] | Literal["search"] | None = None
+    real_poles: _Poles = 3
+    pole_pairs: _Poles = 1
+    feedforward_poles: tuple[float, ...] | Literal["search"] | None = field(
+        default=None, metadata=from_file(_Feedforward)
+    )
     numerators: Literal["exact", "source"] = "exact"
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    closed_on: str = "motor"
-    stated: bool = True
+    bounds: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict, metadata=from_file(dict[str, _Ends])
+    )
+    closed_on: Literal["motor", "load"] = "motor"
+    stated: bool = field(default=True, metadata=from_file())
 
 
 @dataclass(frozen=True)
@@ -113,10 +139,29 @@ class DataSettings:
         leave_out: rows that are no measurement, by time or by the value of a channel such as a feed rate.
     """
 
-    cutoff: float | None = None
-    order: int = 4
-    decimate: int | None = None
+    cutoff: Positive | None = None
+    order: Annotated[int, Meta(ge=1, le=10, description="a whole number from 1 to 10")] = 4
+    decimate: Annotated[int, Meta(ge=1, description="a whole number from 1")] | None = None
     filter_effort: bool = True
-    drop: tuple[int, int] | None = None
-    resample: float | None = None
-    leave_out: tuple[LeftOut, ...] = ()
+    drop: tuple[int, int] | None = field(default=None, metadata=from_file(_Drop))
+    resample: Positive | None = None
+    leave_out: tuple[LeftOut, ...] = field(default=(), metadata=from_file(_Rows))
+
+
+@dataclass(frozen=True)
+class MachineFile:
+    """The keys of machine.yaml; see docs/machine.md."""
+
+    name: str
+    urdf: str
+    axes: dict[str, Axis]
+    passive: dict[str, Passive] = field(default_factory=dict)
+    gravity: Annotated[
+        tuple[Number, Number, Number], Meta(description="[x, y, z] in m/s² along the axes of the URDF's root")
+    ] = (0.0, 0.0, -9.81)
+    imus: dict[str, Imu] = field(default_factory=dict)
+    loop: dict[str, LoopShape] = field(default_factory=dict)
+    columns: dict[str, Any] = field(default_factory=dict)
+    transmission: dict[str, dict[str, Number]] = field(default_factory=dict)
+    data: DataSettings = field(default_factory=DataSettings)
+    meshes: Annotated[str | list[str], Meta(description="a folder or a list of folders")] = ""

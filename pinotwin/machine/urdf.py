@@ -7,7 +7,8 @@ So the checked XML is rewritten here, and the joints that are no axis are locked
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
 
@@ -71,18 +72,17 @@ def load_model(path: Path, joints: Sequence[str]) -> pin.Model:
     return pin.buildReducedModel(full, locked, pin.neutral(full)) if locked else full
 
 
-class _quiet:
+@contextmanager
+def _quiet() -> Iterator[None]:
     """Silence urdfdom, which writes its warnings straight to the process' standard error."""
-
-    def __enter__(self) -> None:
-        self._saved = os.dup(2)
-        sink = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(sink, 2)
-        os.close(sink)
-
-    def __exit__(self, *_: object) -> None:
-        os.dup2(self._saved, 2)
-        os.close(self._saved)
+    saved = os.dup(2)
+    with open(os.devnull, "w") as sink:
+        os.dup2(sink.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
 
 
 def idle_joints(model: pin.Model) -> list[str]:
@@ -140,7 +140,7 @@ def package_dirs(path: Path, meshes: Sequence[Path] = ()) -> list[str]:
     """Return folders in which ``package://`` meshes of a URDF may be found: given ones first."""
     extra = [p for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     parents = [str(p) for p in path.resolve().parents][:6]
-    return _unique([*map(str, meshes), *parents, *extra])
+    return list(dict.fromkeys([*map(str, meshes), *parents, *extra]))
 
 
 def resolve_meshes(root: etree._Element, path: Path, meshes: Sequence[Path] = ()) -> bool:
@@ -197,10 +197,6 @@ def _mesh_file(name: str, path: Path, meshes: Sequence[Path] = ()) -> Path | Non
     return next((place.resolve() for place in places if place.is_file()), None)
 
 
-def _unique(items: Iterable[str]) -> list[str]:
-    return list(dict.fromkeys(items))
-
-
 def with_inertias(path: Path, model: pin.Model) -> bytes:
     """Return the URDF text with the moving links' inertials replaced by those of ``model``.
 
@@ -210,42 +206,22 @@ def with_inertias(path: Path, model: pin.Model) -> bytes:
     """
     root = read_tree(path)
     resolve_meshes(root, path)
-    owner = _owners(root, set(model.names))
-    for link in root.findall("link"):
-        joint = owner.get(str(link.get("name")))
-        if joint is None:
-            continue
-        inertial = link.find("inertial")
-        if inertial is not None:
-            link.remove(inertial)
-        child = _child(root, joint)
-        if link.get("name") == child:
-            link.insert(0, inertial_element(model.inertias[model.getJointId(joint)]))
-    return etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
-
-
-def _child(root: etree._Element, joint: str) -> str:
-    for j in root.findall("joint"):
-        if j.get("name") == joint:
-            return str(j.find("child").get("link"))  # type: ignore[union-attr]
-    raise MachineError(f"no joint {joint!r} in the URDF")
-
-
-def _owners(root: etree._Element, kept: set[str]) -> dict[str, str]:
-    """Return, for each link, the kept joint that moves it (links fixed to the base are absent)."""
-    parent = {
-        str(j.find("child").get("link")): (str(j.get("name")), str(j.find("parent").get("link")))  # type: ignore[union-attr]
-        for j in root.findall("joint")
+    joint_above = {
+        str(joint.find("child").get("link")): joint  # type: ignore[union-attr]
+        for joint in root.findall("joint")
     }
-    owner: dict[str, str] = {}
     for link in root.findall("link"):
-        name = at = str(link.get("name"))
-        while at in parent:
-            joint, at = parent[at]
-            if joint in kept:
-                owner[name] = joint
-                break
-    return owner
+        joint = first = joint_above.get(str(link.get("name")))
+        while joint is not None and joint.get("name") not in model.names:
+            joint = joint_above.get(str(joint.find("parent").get("link")))  # type: ignore[union-attr]
+        if joint is None or first is None:  # fixed to the base
+            continue
+        body = model.inertias[model.getJointId(joint.get("name"))]
+        for inertial in link.findall("inertial"):
+            link.remove(inertial)
+        if joint is first:
+            link.insert(0, inertial_element(body))
+    return etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
 
 
 def inertial_element(inertia: pin.Inertia) -> etree._Element:

@@ -17,14 +17,15 @@ from pinotwin.errors import MachineError, nearest
 MOVING = ("revolute", "continuous", "prismatic")
 """Joint types with one degree of freedom, which may be axes."""
 
-MOST_BYTES = 50_000_000
-MOST_ELEMENTS = 2000
+SHAPES = ("box", "cylinder", "sphere", "mesh")
+"""What the geometry of a visual or a collision may be."""
+
 
 _TYPES = (*MOVING, "fixed", "floating", "planar")
 
 
-def read_tree(path: Path) -> etree._Element:
-    """Parse a URDF file and return its ``<robot>`` element.
+def read_tree(path: Path, most: int = 2000) -> etree._Element:
+    """Parse a URDF file of at most so many links and joints and return its ``<robot>`` element.
 
     Raises:
         MachineError: no such file, not XML, not a URDF, or a link or joint that cannot be.
@@ -32,22 +33,22 @@ def read_tree(path: Path) -> etree._Element:
     if not path.is_file():
         raise MachineError(f"{path}: no such URDF file; check `urdf` in machine.yaml")
     root = _parsed(path)
-    _check_root(path, root)
-    if len(root) > MOST_ELEMENTS:
-        raise MachineError(
-            f"{path}: has {len(root)} links and joints; no machine has more than {MOST_ELEMENTS}"
-        )
-    _check_links(path, root)
-    parents = _check_joints(path, root)
-    _check_is_tree(path, [str(link.get("name")) for link in root.findall("link")], parents)
+    try:
+        _check_root(root, path.stem)
+        if len(root) > most:
+            raise MachineError(f"has {len(root)} links and joints; no machine has more than {most}")
+        _check_links(root)
+        _check_is_tree([str(link.get("name")) for link in root.findall("link")], _check_joints(root))
+    except MachineError as error:
+        raise MachineError(f"{path}: {error}") from None
     return root
 
 
-def _parsed(path: Path) -> etree._Element:
+def _parsed(path: Path, most: int = 50_000_000) -> etree._Element:
     """Return the root of an XML file; no entity of it is looked up, in the file or elsewhere."""
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise MachineError(f"{path}: is larger than {MOST_BYTES:.0e} bytes; a URDF names its meshes")
+        if path.stat().st_size > most:
+            raise MachineError(f"{path}: is larger than {most:.0e} bytes; a URDF names its meshes")
         content = path.read_bytes()
     except OSError as error:
         raise MachineError(f"{path}: cannot be read: {error.strerror}; check its access") from None
@@ -92,134 +93,151 @@ def mimics(root: etree._Element) -> dict[str, str]:
     }
 
 
-def _check_root(path: Path, root: etree._Element) -> None:
+def incomplete(root: etree._Element) -> dict[str, str]:
+    """Return what other readers of URDFs stumble over, and Pinocchio does not: joint or link -> what is missing."""
+    out = {}
+    for joint in root.findall("joint"):
+        limit, ends = joint.find("limit"), joint.get("type") in ("revolute", "prismatic")
+        if limit is None and ends:
+            out[str(joint.get("name"))] = f"a {joint.get('type')} joint needs a <limit>"
+        elif limit is not None:
+            needed = ("effort", "velocity", *(("lower", "upper") if ends else ()))
+            lacking = ", ".join(key for key in needed if limit.get(key) is None)
+            if lacking:
+                out[str(joint.get("name"))] = f"its <limit> lacks {lacking}"
+    for link in root.findall("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            if sum(len(shape.findall(f"geometry/{kind}")) for kind in SHAPES) != 1:
+                one = ", ".join(f"<{kind}>" for kind in SHAPES)
+                out[str(link.get("name"))] = f"the <geometry> of a <{shape.tag}> needs one of {one}"
+    return out
+
+
+def _check_root(root: etree._Element, name: str) -> None:
     if etree.QName(root).localname == "robot" and etree.QName(root).namespace:
-        raise MachineError(f"{path}: <robot> has an XML namespace; remove its xmlns attribute")
+        raise MachineError("<robot> has an XML namespace; remove its xmlns attribute")
     if root.tag != "robot":
-        raise MachineError(f"{path}: root element is <{root.tag}>; a URDF starts with <robot>")
+        raise MachineError(f"root element is <{root.tag}>; a URDF starts with <robot>")
     if any(element.prefix == "xacro" for element in root.iter()):
-        raise MachineError(f"{path}: is a xacro file; expand it first: `xacro FILE > robot.urdf`")
+        raise MachineError("is a xacro file; expand it first: `xacro FILE > robot.urdf`")
     if not root.get("name"):
-        root.set("name", path.stem)  # urdfdom refuses a robot without name
+        root.set("name", name)  # urdfdom refuses a robot without name
 
 
-def _number(path: Path, where: str, text: str | None) -> float:
+def _number(where: str, text: str | None) -> float:
     try:
         value = float(text if text is not None else "")
     except ValueError:
-        raise MachineError(f"{path}: {where}: {text!r} is not a number") from None
+        raise MachineError(f"{where}: {text!r} is not a number") from None
     if not np.isfinite(value):
-        raise MachineError(f"{path}: {where}: {text!r} is not a finite number")
+        raise MachineError(f"{where}: {text!r} is not a finite number")
     return value
 
 
-def _triple(path: Path, where: str, text: str) -> Floats:
+def _triple(where: str, text: str) -> Floats:
     words = text.split()
     if len(words) != 3:
-        raise MachineError(f"{path}: {where}: {text!r} are {len(words)} numbers, expected 3")
-    return np.array([_number(path, where, word) for word in words])
+        raise MachineError(f"{where}: {text!r} are {len(words)} numbers, expected 3")
+    return np.array([_number(where, word) for word in words])
 
 
-def _check_origin(path: Path, where: str, element: etree._Element) -> None:
+def _check_origin(where: str, element: etree._Element) -> None:
     origin = element.find("origin")
     for key in ("xyz", "rpy"):
         if origin is not None and origin.get(key) is not None:
-            _triple(path, f"{where} origin {key}", str(origin.get(key)))
+            _triple(f"{where} origin {key}", str(origin.get(key)))
 
 
-def _check_names(path: Path, root: etree._Element, kind: str) -> None:
+def _check_names(root: etree._Element, kind: str) -> None:
     seen: set[str] = set()
     for element in root.findall(kind):
         name = element.get("name")
         if not name:
-            raise MachineError(f"{path}: line {element.sourceline}: a <{kind}> has no name; give it one")
+            raise MachineError(f"line {element.sourceline}: a <{kind}> has no name; give it one")
         if name in seen:
-            raise MachineError(f"{path}: {kind} {name!r} is defined twice; rename one of them")
+            raise MachineError(f"{kind} {name!r} is defined twice; rename one of them")
         seen.add(name)
 
 
-def _check_links(path: Path, root: etree._Element) -> None:
+def _check_links(root: etree._Element) -> None:
     if root.find("link") is None:
-        raise MachineError(f"{path}: no <link>; this is not a machine")
-    _check_names(path, root, "link")
+        raise MachineError("no <link>; this is not a machine")
+    _check_names(root, "link")
     for link in root.findall("link"):
         inertial = link.find("inertial")
         if inertial is not None:
             where = f"link {link.get('name')!r}"
-            _check_origin(path, where, inertial)
-            _check_inertial(path, where, inertial)
+            _check_origin(where, inertial)
+            _check_inertial(where, inertial)
 
 
-def _check_inertial(path: Path, where: str, inertial: etree._Element) -> None:
+def _check_inertial(where: str, inertial: etree._Element) -> None:
     mass_tag, tag = inertial.find("mass"), inertial.find("inertia")
     if mass_tag is None or tag is None:
-        raise MachineError(f"{path}: {where}: <inertial> needs <mass> and <inertia>")
-    mass = _number(path, f"{where} mass", mass_tag.get("value"))
+        raise MachineError(f"{where}: <inertial> needs <mass> and <inertia>")
+    mass = _number(f"{where} mass", mass_tag.get("value"))
     if mass < 0.0:
-        raise MachineError(f"{path}: {where}: mass {mass:g} kg is negative; correct it")
+        raise MachineError(f"{where}: mass {mass:g} kg is negative; correct it")
     for key in tag.attrib:
-        _number(path, f"{where} {key}", tag.get(key))
+        _number(f"{where} {key}", tag.get(key))
 
 
-def _check_joints(path: Path, root: etree._Element) -> dict[str, tuple[str, str]]:
+def _check_joints(root: etree._Element) -> dict[str, tuple[str, str]]:
     """Check every joint by itself and return child link -> (joint, parent link)."""
-    _check_names(path, root, "joint")
+    _check_names(root, "joint")
     links = [str(link.get("name")) for link in root.findall("link")]
     parents: dict[str, tuple[str, str]] = {}
     for joint in root.findall("joint"):
         name = str(joint.get("name"))
         where = f"joint {name!r}"
-        parent, child = (_end(path, where, joint, end, links) for end in ("parent", "child"))
+        parent, child = (_end(where, joint, end, links) for end in ("parent", "child"))
         if child in parents:
             raise MachineError(
-                f"{path}: link {child!r} is the child of both {parents[child][0]!r} and {name!r}; "
-                "a URDF is a tree"
+                f"link {child!r} is the child of both {parents[child][0]!r} and {name!r}; a URDF is a tree"
             )
         parents[child] = (name, parent)
-        _check_origin(path, where, joint)
-        _check_axis(path, where, joint)
-        _check_limit(path, where, joint)
+        _check_origin(where, joint)
+        _check_axis(where, joint)
+        _check_limit(where, joint)
     return parents
 
 
-def _end(path: Path, where: str, joint: etree._Element, end: str, links: list[str]) -> str:
+def _end(where: str, joint: etree._Element, end: str, links: list[str]) -> str:
     tag = joint.find(end)
     link = None if tag is None else tag.get("link")
     if link is None:
-        raise MachineError(f"{path}: {where}: has no <{end} link=...>; add it")
+        raise MachineError(f"{where}: has no <{end} link=...>; add it")
     if link not in links:
-        raise MachineError(f"{path}: {where}: {end} link {link!r} not found; {nearest(link, links)}")
+        raise MachineError(f"{where}: {end} link {link!r} not found; {nearest(link, links)}")
     return str(link)
 
 
-def _check_axis(path: Path, where: str, joint: etree._Element) -> None:
+def _check_axis(where: str, joint: etree._Element) -> None:
     kind = joint.get("type")
     if kind not in _TYPES:
-        raise MachineError(f"{path}: {where}: unknown type {kind!r}; {nearest(str(kind), _TYPES)}")
+        raise MachineError(f"{where}: unknown type {kind!r}; {nearest(str(kind), _TYPES)}")
     axis = joint.find("axis")
     if kind in MOVING and axis is not None and axis.get("xyz") is not None:
-        direction = _triple(path, f"{where} axis", str(axis.get("xyz")))
+        direction = _triple(f"{where} axis", str(axis.get("xyz")))
         if not direction.any():
-            raise MachineError(
-                f"{path}: {where}: axis {axis.get('xyz')!r} is no direction; give one, such as 0 0 1"
-            )
+            raise MachineError(f"{where}: axis {axis.get('xyz')!r} is no direction; give one, such as 0 0 1")
 
 
-def _check_limit(path: Path, where: str, joint: etree._Element) -> None:
+def _check_limit(where: str, joint: etree._Element) -> None:
     limit = joint.find("limit")
     if limit is None or joint.get("type") not in MOVING:
         return
     keys = ("lower", "upper", "effort", "velocity")
-    given = {k: _number(path, f"{where} limit {k}", limit.get(k)) for k in keys if limit.get(k)}
+    given = {k: _number(f"{where} limit {k}", limit.get(k)) for k in keys if limit.get(k)}
     for key in ("effort", "velocity"):
         if given.get(key, 0.0) < 0.0:
-            raise MachineError(f"{path}: {where}: {key} limit {given[key]:g} is negative; correct it")
+            raise MachineError(f"{where}: {key} limit {given[key]:g} is negative; correct it")
     low, high = given.get("lower", 0.0), given.get("upper", 0.0)
     if joint.get("type") != "continuous" and low > high:
-        raise MachineError(f"{path}: {where}: lower limit {low:g} is above the upper {high:g}; swap them")
+        raise MachineError(f"{where}: lower limit {low:g} is above the upper {high:g}; swap them")
 
 
-def _check_is_tree(path: Path, links: list[str], parents: dict[str, tuple[str, str]]) -> None:
+def _check_is_tree(links: list[str], parents: dict[str, tuple[str, str]]) -> None:
     """Refuse loops, and links that hang on nothing."""
     for link in links:
         at, way = link, [link]
@@ -228,13 +246,11 @@ def _check_is_tree(path: Path, links: list[str], parents: dict[str, tuple[str, s
             if at in way:
                 ring = way[way.index(at) :]
                 joints = ", ".join(sorted(parents[x][0] for x in ring))
-                raise MachineError(
-                    f"{path}: joints {joints} form a loop; a URDF is a tree: cut the loop at one"
-                )
+                raise MachineError(f"joints {joints} form a loop; a URDF is a tree: cut the loop at one")
             way.append(at)
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
         raise MachineError(
-            f"{path}: {len(roots)} root links ({', '.join(roots)}); a URDF has exactly one: join or "
+            f"{len(roots)} root links ({', '.join(roots)}); a URDF has exactly one: join or "
             "remove the dangling links"
         )

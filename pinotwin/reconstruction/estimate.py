@@ -32,12 +32,6 @@ from pinotwin.system.threads import one_blas_thread
 Report = Callable[[str, float], None]
 Logs = LogLike | Sequence[LogLike]
 
-FAINT = 6.0
-"""Size of the deflection's velocity over its standard deviation below which the mode is doubtful."""
-
-LOOSE = 0.1
-"""Standard deviation of the mounting above which a note says so [deg]."""
-
 
 @one_blas_thread
 def reconstruct_vibration(
@@ -153,17 +147,27 @@ class _Job:
         return out
 
 
-def _notes(sensors: Sequence[Sensor], runs: Sequence[Motion3]) -> tuple[str, ...]:
+def _notes(
+    sensors: Sequence[Sensor], runs: Sequence[Motion3], *, faint: float = 6.0, loose: float = 0.1
+) -> tuple[str, ...]:
+    """Return what a user should know.
+
+    Args:
+        sensors: the IMUs.
+        runs: all runs.
+        faint: size of the deflection's velocity over its standard deviation below which the mode is doubtful.
+        loose: standard deviation of the mounting above which a note says so [deg].
+    """
     out = []
     for sensor in sensors:
         speed, sd = sensor.batch.seen
-        if speed < FAINT * sd:
+        if speed < faint * sd:
             out.append(
                 f"{sensor.name}: the joint deflects little, {np.degrees(speed):.2g} deg/s RMS known "
                 f"to +-{np.degrees(sd):.2g} deg/s; its frequency and damping are not to be trusted"
             )
         turn = float(np.degrees(np.sqrt(np.diag(sensor.batch.R_ST_cov).max())))
-        if turn > LOOSE:
+        if turn > loose:
             out.append(
                 f"{sensor.name}: its mounting is known to +-{2.0 * turn:.2g} deg only, because "
                 "one axis turns (almost) alone; move a second, non-parallel axis too"

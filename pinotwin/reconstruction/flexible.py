@@ -19,18 +19,7 @@ from pinotwin.machine import Machine
 from pinotwin.reconstruction.merge import with_vibration
 from pinotwin.reconstruction.result import Vibration
 from pinotwin.twin import Twin
-
-
-@dataclass(frozen=True)
-class Found:
-    """A number with its standard error, SI."""
-
-    value: float
-    error: float
-
-    def interval(self, z: float = 1.959964) -> tuple[float, float]:
-        """Return the interval ``value ± z error``; 95 % by default."""
-        return self.value - z * self.error, self.value + z * self.error
+from pinotwin.twin.parameters import Parameter
 
 
 @dataclass(frozen=True)
@@ -45,8 +34,8 @@ class Flexible:
     """
 
     twin: Twin
-    stiffness: Found
-    damping: Found
+    stiffness: Parameter
+    damping: Parameter
     residual: float
     load: float
 
@@ -93,7 +82,7 @@ def identify_flexible(
     joint = next(iter(machine.passive))
     k, c = (twin.parameter(f"{joint}.spring.{n}") for n in "kc")
     row = twin.quality["springs"][joint]
-    found = Flexible(twin, Found(k.value, k.error), Found(c.value, c.error), row["residual"], row["load"])
+    found = Flexible(twin, k, c, row["residual"], row["load"])
     return _with_mode_errors(found, [v for v in given if isinstance(v, Vibration)])
 
 

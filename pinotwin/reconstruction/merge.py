@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.log import Log
+from pinotwin.reconstruction.combine import at_stamps
 from pinotwin.reconstruction.result import Vibration
-
-_LONGEST = 3.5  # steps between two known rows that the spline may bridge
 
 
 def with_vibration(
@@ -45,7 +42,7 @@ def with_vibration(
                 f"{vibration.source}: no channel {name or '<joint>'}.{kind}; give the file that "
                 "`pinotwin vibration` wrote"
             )
-        channels[f"{name}.{kind}"] = _at(log.t, vibration.t, vibration[f"{name}.{kind}"])
+        channels[f"{name}.{kind}"] = at_stamps(log.t, vibration.t, vibration[f"{name}.{kind}"], bridged=3.5)
         units.pop(f"{name}.{kind}", None)
     known = np.isfinite(channels[f"{name}.v"]).mean() if len(log) else 0.0
     if known < 0.5:
@@ -55,17 +52,3 @@ def with_vibration(
         )
     scale = {**log.scale, **{f"{name}.{k}": (1.0, 0.0) for k in kinds}} if log.scale else {}
     return replace(log, channels=channels, units=units, scale=scale)
-
-
-def _at(t: Floats, source: Floats, x: Floats) -> Floats:
-    """Return x at other stamps; NaN outside and in holes."""
-    if len(t) == len(source) and np.array_equal(t, source):
-        return x
-    good = np.isfinite(x) & np.isfinite(source)
-    if good.sum() < 4:
-        return np.full(len(t), np.nan)
-    stamps = source[good]
-    after = np.clip(np.searchsorted(stamps, t), 1, len(stamps) - 1)
-    gap = stamps[after] - stamps[after - 1]
-    inside = (t >= stamps[0]) & (t <= stamps[-1]) & (gap <= _LONGEST * np.median(np.diff(stamps)))
-    return np.where(inside, CubicSpline(stamps, x[good])(t), np.nan)

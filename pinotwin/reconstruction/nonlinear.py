@@ -17,40 +17,39 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
 from pinotwin.arrays import Floats
 from pinotwin.imu.result import BatchResult, RunResult
 from pinotwin.imu.runs import ServoRun
 from pinotwin.machine import Machine
 from pinotwin.reconstruction.servo import Piece, posture_column
+from pinotwin.system.kernels import compiled
 
 WIDTHS = (0.1, 0.2, 0.4)
 """Widths of the stop operators, as shares of the largest deflection."""
 
-UNEXPLAINED = 0.01
-"""Share of the dynamic angle that a linear mode may leave before the joint is taken as nonlinear."""
 
-_NEGLIGIBLE = 1e-3
-
-
-def needed(runs: Sequence[RunResult]) -> bool:
-    """Return whether a linear mode leaves too much of the deflection."""
+def needed(runs: Sequence[RunResult], unexplained: float = 0.01) -> bool:
+    """Return whether a linear mode leaves more of the dynamic angle than a share of it."""
     left = np.sqrt(np.mean([r.remainder**2 for r in runs]))
-    return bool(left > UNEXPLAINED * np.sqrt(np.mean([np.var(r.dynamic) for r in runs])))
+    return bool(left > unexplained * np.sqrt(np.mean([np.var(r.dynamic) for r in runs])))
 
 
 def with_posture(
-    machine: Machine, joint: str, pieces: Sequence[Piece], found: Sequence[RunResult]
+    machine: Machine,
+    joint: str,
+    pieces: Sequence[Piece],
+    found: Sequence[RunResult],
+    negligible: float = 1e-3,
 ) -> list[ServoRun]:
-    """Return the runs with the posture's column beside their load; as they are if it is nothing."""
+    """Return the runs with the posture's column beside their load, unless it is a negligible share of that."""
     columns = []
     for piece, result in zip(pieces, found, strict=True):
         delta = np.stack([result.angle, result.velocity, result.acceleration], axis=1)
         columns.append(posture_column(machine, piece.joints, joint, delta))
     runs = [piece.run for piece in pieces]
     size = float(np.sqrt(np.mean([np.var(c) for c in columns])))
-    if size < _NEGLIGIBLE * _load_size(runs):
+    if size < negligible * _load_size(runs):
         return runs
     return [replace(run, load=np.column_stack([run.load, c])) for run, c in zip(runs, columns, strict=True)]
 
@@ -95,7 +94,7 @@ def _columns(q: Floats, peak: float) -> Floats:
     return np.stack([-((q / peak) ** 3), *stops], axis=1)
 
 
-@njit(cache=True)
+@compiled
 def _stop(x, width):  # type: ignore[no-untyped-def]
     """Elastic up to ``width``, then it slips."""
     z = np.zeros(len(x))

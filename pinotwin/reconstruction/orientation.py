@@ -13,8 +13,6 @@ from pinotwin.imu.orientation import Method, orientation
 from pinotwin.log import Log
 from pinotwin.reconstruction.sensor_log import imu_run
 
-_HOLE = 3.5  # sampling intervals: beyond, samples are missing
-
 
 @dataclass(frozen=True)
 class Orientation:
@@ -44,7 +42,7 @@ class Orientation:
         return {"t": self.t, **dict(zip(names, self.q.T, strict=True)), "inclination": self.inclination}
 
 
-def orientation_of_log(log: Log, method: Method = "vqf") -> Orientation:
+def orientation_of_log(log: Log, method: Method = "vqf", *, hole: float = 3.5) -> Orientation:
     """Return the orientation over an IMU's log.
 
     A log on an even clock is taken as the sensor's own means; one with jitter or holes is interpolated to
@@ -53,6 +51,7 @@ def orientation_of_log(log: Log, method: Method = "vqf") -> Orientation:
     Args:
         log: ``t, gx, gy, gz, ax, ay, az``.
         method: see :func:`pinotwin.imu.orientation.orientation`.
+        hole: sampling intervals beyond which samples are missing.
 
     Raises:
         LogError: a channel is missing, the clock runs backwards, or a hole is longer than a second.
@@ -65,7 +64,7 @@ def orientation_of_log(log: Log, method: Method = "vqf") -> Orientation:
         raise LogError(
             f"{log.source}: t does not increase after {at:g} s; cut the log where its clock restarts"
         )
-    if gaps.max() > max(1.0, _HOLE * step):
+    if gaps.max() > max(1.0, hole * step):
         at = float(run.t[int(np.argmax(gaps))])
         raise LogError(f"{log.source}: a hole of {gaps.max():.3g} s after {at:g} s; cut the log there")
     remade = bool(np.ptp(gaps) >= 0.01 * step)
@@ -76,7 +75,7 @@ def orientation_of_log(log: Log, method: Method = "vqf") -> Orientation:
         t = np.arange(run.t[0], run.t[-1], step)
         gyr, acc = (np.stack([np.interp(t, run.t, c) for c in x.T], axis=1) for x in (run.gyr, run.acc))
         k = np.clip(np.searchsorted(run.t, t), 1, len(run.t) - 1)
-        missing = float(np.mean(gaps[k - 1] > _HOLE * step))
+        missing = float(np.mean(gaps[k - 1] > hole * step))
         q = orientation(gyr, acc, 1.0 / step, method, rule="coning")
     up = rot.to_matrix(q)[:, 2, 2]
     return Orientation(t, q, np.arccos(np.clip(up, -1.0, 1.0)), 1.0 / step, missing, acc, remade)

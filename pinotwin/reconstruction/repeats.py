@@ -11,17 +11,15 @@ from pinotwin.imu.correlate import best_lag
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 
-SAME = 0.02
-"""Two logs are repeats if their positions differ by less than this share of the motion."""
 
-
-def delay(machine: Machine, reference: Log, other: Log) -> float:
+def delay(machine: Machine, reference: Log, other: Log, same: float = 0.02) -> float:
     """Return the time that passes in ``other`` before it shows what ``reference`` shows [s].
 
     Args:
         machine: whose bound logs they are.
         reference: the first log.
         other: another one.
+        same: share of the motion by which the positions of repeats may differ.
 
     Raises:
         DataError: they are not runs of one command.
@@ -46,7 +44,7 @@ def delay(machine: Machine, reference: Log, other: Log) -> float:
     gap = np.inf
     if len(t) >= 0.5 * len(grids[0]):
         gap = float(np.sqrt(np.mean((early(t) - late(t + shift)) ** 2)))
-    if gap > SAME:
+    if gap > same:
         raise DataError(
             f"{other.source} is not a repeat of {reference.source} (their commands differ by "
             f"{min(gap, 9.99):.0%} of the motion); reconstruct them one by one"

@@ -10,12 +10,15 @@ from pinotwin.log import Log
 from pinotwin.units import si_factor
 
 CHANNELS = ("gx", "gy", "gz", "ax", "ay", "az")
-_FASTEST = 70.0  # rad/s: no axis that carries an IMU turns faster than 4000 deg/s
-_GRAVITY = (5.0, 30.0)  # m/s²: median specific force that can be on this planet
 
 
-def imu_run(log: Log) -> ImuRun:
+def imu_run(log: Log, *, fastest: float = 70.0, gravity: tuple[float, float] = (5.0, 30.0)) -> ImuRun:
     """Return the readings of an IMU's log in SI; rows that lack a number are left out.
+
+    Args:
+        log: of the IMU.
+        fastest: rate that no axis with an IMU reaches, 4000 deg/s [rad/s].
+        gravity: median specific force that can be on this planet [m/s²].
 
     Raises:
         LogError: a channel is missing, or its unit cannot be the one expected.
@@ -31,13 +34,13 @@ def imu_run(log: Log) -> ImuRun:
     if len(x) < 50:
         raise LogError(f"{log.source}: only {len(x)} rows hold numbers; record longer")
     run = ImuRun(x[:, 0], x[:, 1:4], x[:, 4:])
-    if float(np.abs(run.gyr).max()) > _FASTEST:
+    if float(np.abs(run.gyr).max()) > fastest:
         raise LogError(
             f"{log.source}: gx, gy, gz reach {np.abs(run.gyr).max():.3g}, too fast for rad/s; "
             "convert them, or write the unit in the header, e.g. gx [deg/s]"
         )
     force = float(np.median(np.linalg.norm(run.acc, axis=1)))
-    if not _GRAVITY[0] < force < _GRAVITY[1]:
+    if not gravity[0] < force < gravity[1]:
         raise LogError(
             f"{log.source}: ax, ay, az have a median size of {force:.3g}, not gravity in m/s²; "
             "convert them, or write the unit in the header, e.g. ax [g] (gravity must not be "

@@ -30,14 +30,6 @@ from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine
 from pinotwin.signals import low_pass
 
-BRIDGED = 8.5
-"""Samples that a hole may have for the spline to bridge it."""
-
-SHORTEST = 5.0
-"""Length of a piece that is of use [s]: some periods of 0.5 Hz, where the dynamic band begins."""
-
-_SMALL = 1e-3  # share of the whole load below which a column is left out
-
 
 @dataclass(frozen=True)
 class Joints:
@@ -71,7 +63,16 @@ def bound(machine: Machine, log: Log) -> Log:
     return usable(machine, bind(log, machine.columns))
 
 
-def pieces(machine: Machine, log: Log, joint: str, link: str, cutoff: float) -> list[Piece]:
+def pieces(
+    machine: Machine,
+    log: Log,
+    joint: str,
+    link: str,
+    cutoff: float,
+    *,
+    bridged: float = 8.5,
+    shortest: float = 5.0,
+) -> list[Piece]:
     """Return the stretches of a bound log that are long enough to be of use.
 
     Args:
@@ -80,6 +81,8 @@ def pieces(machine: Machine, log: Log, joint: str, link: str, cutoff: float) -> 
         joint: the passive joint.
         link: the link that carries the IMU.
         cutoff: corner of the low-pass on the positions [Hz].
+        bridged: samples that a hole may have for the spline to bridge it.
+        shortest: length of a stretch that is of use [s]: some periods of 0.5 Hz, where the dynamic band begins.
 
     Raises:
         DataError: no stretch of the log is long enough.
@@ -93,10 +96,10 @@ def pieces(machine: Machine, log: Log, joint: str, link: str, cutoff: float) -> 
     for part in machine.passive.values():
         q[:, part.index] = 0.0
     step = float(np.median(np.diff(log.t[rows])))
-    cuts = np.flatnonzero(np.diff(log.t[rows]) > BRIDGED * step) + 1
+    cuts = np.flatnonzero(np.diff(log.t[rows]) > bridged * step) + 1
     out = []
     for some in np.split(rows, cuts):
-        if log.t[some[-1]] - log.t[some[0]] >= SHORTEST:
+        if log.t[some[-1]] - log.t[some[0]] >= shortest:
             motion = _uniform(log.t[some], q[some], step, cutoff)
             run = servo_run(machine, motion, joint, link)
             out.append(Piece(some, log.t[some], motion, run))
@@ -104,7 +107,7 @@ def pieces(machine: Machine, log: Log, joint: str, link: str, cutoff: float) -> 
         length = max(float(log.t[s[-1]] - log.t[s[0]]) for s in np.split(rows, cuts))
         raise DataError(
             f"{log.source}: the longest stretch without a hole is {length:.3g} s, at least "
-            f"{SHORTEST:g} s are needed to tell a vibration from a drift; record longer"
+            f"{shortest:g} s are needed to tell a vibration from a drift; record longer"
         )
     return out
 
@@ -137,11 +140,12 @@ def servo_run(machine: Machine, motion: Joints, joint: str, link: str) -> ServoR
     )
 
 
-def load_columns(machine: Machine, motion: Joints, joint: str) -> Floats:
+def load_columns(machine: Machine, motion: Joints, joint: str, least: float = 1e-3) -> Floats:
     """Return minus the rigid-body torque at the joint, one column per base parameter, (n, k).
 
     CAD inertias are 10 to 20 % off, so each column has its own gain. The dynamic part of a column
-    fixes its gain, and with it its static part: the sag by gravity.
+    fixes its gain, and with it its static part: the sag by gravity. Columns below the share ``least`` of
+    the whole are left out.
 
     Raises:
         DataError: the machine has no inertia, or nothing in the motion loads the joint.
@@ -157,7 +161,7 @@ def load_columns(machine: Machine, motion: Joints, joint: str) -> Floats:
             f"{machine.name}: nothing in this log loads the passive joint {joint!r} (or the URDF "
             "has no inertias); move an axis that shakes it"
         )
-    return columns[:, size > _SMALL * total]
+    return columns[:, size > least * total]
 
 
 def posture_column(machine: Machine, motion: Joints, joint: str, delta: Floats) -> Floats:

@@ -11,9 +11,6 @@ from pinotwin.errors import DataError, MachineError, nearest
 from pinotwin.imu.runs import Priors
 from pinotwin.machine import Machine
 
-TOLERANCE = 2e-3
-"""Relative uncertainty of the delay of the IMU's low-pass; it goes into the clock's error."""
-
 
 @dataclass(frozen=True)
 class Settings:
@@ -25,12 +22,14 @@ class Settings:
         imu_cutoff: corner of the low-pass inside the IMUs [Hz], second order; 0 for none. A wrong
             corner only shifts the clock offset: the delays add up.
         servo_cutoff: corner of the zero-phase low-pass on the encoders [Hz].
+        delay_tolerance: relative uncertainty of the delay of the IMU's low-pass; it goes into the clock's error.
     """
 
     joint: str | None = None
     links: tuple[str | None, ...] = (None, None)
     imu_cutoff: float = 140.0
     servo_cutoff: float = 100.0
+    delay_tolerance: float = 2e-3
 
 
 def passive_joint(machine: Machine, name: str | None) -> str:
@@ -94,5 +93,5 @@ def priors(machine: Machine, joint: str, settings: Settings) -> Priors:
         gravity=np.array(machine.model.gravity.linear),
         gyro_cutoff=corner,
         accel_cutoff=corner,
-        gyro_delay_sd=TOLERANCE * delay,
+        gyro_delay_sd=settings.delay_tolerance * delay,
     )

@@ -18,8 +18,6 @@ from pinotwin.imu.result import predict_readings
 from pinotwin.imu.runs import Priors
 from pinotwin.reconstruction.result import Sensor, SensorRun, Unused
 
-_WINDOW = 40  # samples
-
 
 def unused(sensors: Sequence[Sensor], prior: Priors) -> tuple[Unused, ...]:
     """Return the test for every ordered pair of IMUs on one link; none for a single IMU."""
@@ -41,19 +39,11 @@ def _pair(fitted: Sensor, other: Sensor, prior: Priors) -> Unused:
 def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> list[float]:
     """Return gyro (left, rigid, noise) and accelerometer (left, rigid, noise)."""
     shared = other.batch.shared
-    own = replace(prior, gravity=shared("gravity")[0])
+    own, place = replace(prior, gravity=shared("gravity")[0]), shared("position")[0]
     none = 0.0 * mine.found.t
     still = replace(mine.found, angle=none, velocity=none, acceleration=none)
     predicted = [
-        predict_readings(
-            mine.piece.run,
-            theirs.imu,
-            found,
-            other.batch.R_ST,
-            shared("position")[0],
-            theirs.found.clock,
-            own,
-        )
+        predict_readings(mine.piece.run, theirs.imu, found, other.batch.R_ST, place, theirs.found.clock, own)
         for found in (mine.found, still)
     ]
     inside = _inside(theirs, mine)
@@ -66,14 +56,14 @@ def _one(mine: SensorRun, theirs: SensorRun, other: Sensor, prior: Priors) -> li
     return out
 
 
-def _noise(y: Floats, quiet: Mask) -> float:
+def _noise(y: Floats, quiet: Mask, window: int = 40) -> float:
     """Return the standard deviation per axis in the quieter windows at rest; NaN without a rest.
 
     A rest on a machine still rings down, so the lower quartile of short windows is taken.
     """
-    count = len(y) // _WINDOW
-    windows = y[: count * _WINDOW].reshape(count, _WINDOW, -1)
-    still = quiet[: count * _WINDOW].reshape(count, _WINDOW).all(axis=1)
+    count = len(y) // window
+    windows = y[: count * window].reshape(count, window, -1)
+    still = quiet[: count * window].reshape(count, window).all(axis=1)
     if not still.any():
         return float("nan")
     return float(np.sqrt(np.quantile(np.var(windows[still], axis=1).mean(axis=1), 0.25)))

@@ -6,6 +6,7 @@ Written for the engineer at the machine: the answer first, every technical word 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 
 from pinotwin.diagnosis.conclusion.sizes import (
     before_text,
@@ -39,11 +40,10 @@ from pinotwin.report.blocks import (
     Tabs,
     bullets,
     chip,
-    escape,
     heading,
+    macro,
     notes,
     paragraph,
-    share_bar,
     table,
 )
 from pinotwin.report.diagnosis_evidence import evidence_panels
@@ -57,8 +57,7 @@ from pinotwin.report.diagnosis_verdict import (
     rotary_axes,
     source_names,
 )
-from pinotwin.report.page import Page
-from pinotwin.report.provenance import files_block, provenance_blocks
+from pinotwin.report.page import Page, files_block, provenance_blocks
 
 OTHERWISE = {"none": "chance: no cause", "unknown": "a cause that is in no catalogue"}
 MANY = 12
@@ -188,7 +187,7 @@ def where_blocks(d: Diagnosis) -> list[Block]:
             Html(f"<b>{escape(signal_name(r.axis, r.signal))}</b>"),
             KINDS.get(r.kind, r.kind),
             region_words(r),
-            share_bar(r.share, r.time_share),
+            macro("share_bar", r.share, r.time_share),
             f"{density(r):.0f} ×" if density(r) >= 9.95 else f"{density(r):.2g} ×",
             "–" if r.p_value is None else f"{100 * r.p_value:.2g} %",
         ]

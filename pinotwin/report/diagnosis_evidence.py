@@ -9,13 +9,11 @@ import numpy as np
 from pinotwin.diagnosis.result import Diagnosis, Traces
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
-from pinotwin.logs.prepare import prepare
 from pinotwin.motion import Motion
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Group, Plot
 from pinotwin.report.diagnosis_plots import against_figure, gap_figure, spectrum_figure
-from pinotwin.report.diagnosis_verdict import SERIOUS, grade_of, machine_of, rotary_axes
-from pinotwin.twin import Twin
+from pinotwin.report.diagnosis_verdict import SERIOUS, grade_of, rotary_axes
 
 
 def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Block]]:
@@ -32,7 +30,7 @@ def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Blo
         if len(given.t) < 2:
             continue
         if given.log not in motions:
-            motions[given.log] = _motion(d, logs, given.log)
+            motions[given.log] = _motion(d, given.log)
         turns = rotary.get(axis, False)
         name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
         plot = Plot(
@@ -64,14 +62,9 @@ def _against(given: Traces, motion: Motion | None, rotary: bool) -> list[Block]:
     return [Group(tuple(plots))]
 
 
-def _motion(d: Diagnosis, logs: Sequence[Log], k: int) -> Motion | None:
+def _motion(d: Diagnosis, k: int) -> Motion | None:
     """Return the motion of a log; None where log or machine are not at hand."""
-    machine = machine_of(d)
-    if machine is None or k >= len(logs):
-        return None
     try:
-        if isinstance(d.subject, Twin):
-            return d.subject.motion(logs[k])
-        return prepare(machine, logs[k], decimate=1)
+        return d.prepared[k].motion if k < len(d.prepared) else None
     except PinotwinError:
         return None  # the plots against speed and position are left out, the rest stands

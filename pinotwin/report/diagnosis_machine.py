@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.report.blocks import Html, escape
+from pinotwin.report.blocks import Html
 from pinotwin.report.diagnosis_verdict import grade_of, machine_of
 
 if TYPE_CHECKING:

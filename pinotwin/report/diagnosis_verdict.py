@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 
 from pinotwin.diagnosis.conclusion.sizes import first_text, times_text, told
@@ -12,7 +13,7 @@ from pinotwin.diagnosis.result import Diagnosis, Found, Shrink
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
-from pinotwin.report.blocks import Html, chip, escape
+from pinotwin.report.blocks import Html, chip
 from pinotwin.report.diagnosis_plots import signal_scale
 from pinotwin.twin import Twin
 

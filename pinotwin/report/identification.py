@@ -33,9 +33,8 @@ from pinotwin.report.effort_plots import (
     spectrum_figure,
 )
 from pinotwin.report.flexible import flexible_blocks
-from pinotwin.report.page import Page
+from pinotwin.report.page import Page, provenance_blocks
 from pinotwin.report.parameter_table import parameter_table
-from pinotwin.report.provenance import provenance_blocks
 from pinotwin.report.study_plots import overlay_figure
 from pinotwin.report.verdict import axis_tiles, cautions, headline, known
 from pinotwin.studies.evidence import Evidence, evidence, split_rigid_body

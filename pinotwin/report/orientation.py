@@ -22,8 +22,7 @@ from pinotwin.reconstruction.orientation import Orientation
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Plot, Tile, paragraph, table, tiles
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, line, style, visible_rows
-from pinotwin.report.page import Page
-from pinotwin.report.provenance import files_block, provenance_blocks
+from pinotwin.report.page import Page, files_block, provenance_blocks
 
 METHODS = {
     "offline": "smoother over the whole record",

@@ -2,6 +2,7 @@
 
     Page("Trunnion").section("Verdict", "All is well.").section("Effort", Plot(figure)).html()
 
+A page with much prose has a template of its own below ``templates``, which gets what ``given`` holds.
 plotly's script is packed into the page once (a third of its size; the browser unpacks it), and only
 if the page has a plot. A figure may use the colours of the style sheet, written ``var(--accent)``.
 """
@@ -11,12 +12,20 @@ from __future__ import annotations
 import base64
 import re
 import zlib
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Self
+from importlib.resources import files
+from typing import Any, Self
+from urllib.parse import quote
 
-from pinotwin.report.assets import CSS, SCRIPT
-from pinotwin.report.blocks import Block, Group, Html, Plot, Tabs, escape, paragraph
+from pinotwin.report.blocks import Block, Html, Plot, macro, paragraph, table, templates
+from pinotwin.report.display import seconds
+
+
+def asset(name: str) -> str:
+    """Return the text of a file of this package."""
+    return (files("pinotwin.report") / name).read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -33,11 +42,6 @@ class Section:
     blocks: tuple[Block, ...]
     intro: str = ""
 
-    @property
-    def anchor(self) -> str:
-        """Where the page's navigation jumps to."""
-        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
-
 
 @dataclass(frozen=True)
 class Page:
@@ -46,12 +50,20 @@ class Page:
     Attributes:
         title: heading of the page.
         subtitle: line below it.
-        sections: what it holds.
+        sections: what it holds, below what its template says.
+        template: of its own, without ``.html``.
+        given: what that template is given.
+        files: name, relative to the page, and content of what lies beside it.
+        made: where it comes from: version, date, options, logs; see :func:`made_of`.
     """
 
     title: str
     subtitle: str = ""
     sections: tuple[Section, ...] = ()
+    template: str = "page"
+    given: Mapping[str, Any] = field(default_factory=dict)
+    files: Sequence[tuple[str, str]] = ()
+    made: Mapping[str, Any] = field(default_factory=dict)
 
     def section(self, title: str, *blocks: Block, intro: str = "") -> Self:
         """Return the page with one more section; a section without blocks is left out."""
@@ -61,41 +73,57 @@ class Page:
 
     def html(self) -> str:
         """Return the page as one text."""
-        writer = _Writer([])
-        body = "".join(writer.section(section) for section in self.sections)
-        links = "".join(f'<a href="#{s.anchor}">{escape(s.title)}</a>' for s in self.sections if s.title)
-        size, packed = _plotly()
-        script = f'<script type="text/plain" id="plotly-packed" data-size="{size}">{packed}</script>'
-        return _SHELL.format(
-            title=escape(self.title),
-            subtitle=escape(self.subtitle),
-            css=CSS,
-            links=links,
-            body=body,
-            figures="".join(writer.figures),
-            script=SCRIPT,
-            plotly=script if writer.figures else "",
-        )
+        writer = _Writer()
+        tools = {f.__name__: f for f in (writer.show, writer.plot, writer.section, plotly)}
+        own = {k: getattr(self, k) for k in ("title", "subtitle", "sections")}
+        own |= {"beside": files_block(self.files), "provenance": provenance_blocks(self.made)}
+        looks = {"css": asset("page.css"), "script": asset("page.js")}
+        lists = {"figures": writer.figures, "links": writer.links}
+        template = templates().get_template(f"{self.template}.html")
+        return template.render(**self.given, **own, **looks, **lists, **tools)
 
 
-_SHELL = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta name="viewport" content="width=device-width,initial-scale=1">
-<meta name="generator" content="pinotwin"><title>{title}</title>
-<link rel="icon" href="data:,"><style>{css}</style></head>
-<body><div class="bar"><nav><b>{title}</b>{links}
-<button id="theme">light / dark</button></nav></div>
-<main><header><h1>{title}</h1><p>{subtitle}</p></header>
-<noscript><p>The plots need JavaScript; the tables are complete without it.</p></noscript>
-{body}
-<footer>Made by pinotwin. The page holds everything it shows and loads nothing.</footer></main>
-{figures}{plotly}
-<script>{script}</script></body></html>
-"""
+def provenance_blocks(given: Mapping[str, Any]) -> list[Block]:
+    """Return the provenance of a result: facts and a table of the logs; nothing where none is known."""
+    if not given:
+        return []
+    facts = {"pinotwin": given.get("version", ""), "machine": given.get("machine", "")}
+    if given.get("date"):
+        facts["made"] = given["date"]
+    if given.get("seconds_taken") is not None:
+        facts["took"] = seconds(float(given["seconds_taken"]))
+    facts |= {str(k).replace("_", " "): _said(v) for k, v in dict(given.get("options", {})).items()}
+    if given.get("twin_from"):
+        facts["twin identified from"] = ", ".join(str(row.get("source", "")) for row in given["twin_from"])
+    rows = [
+        [
+            *(row.get(key, "") for key in ("source", "role", "rows")),
+            "" if row.get("seconds") is None else seconds(float(row["seconds"])),
+            macro(
+                "mono",
+                f"{row['sha256'][:16]}…" if row.get("sha256") else f"numbers: {row.get('fingerprint', '')}",
+            ),
+        ]
+        for row in given.get("logs", ())
+    ]
+    header = ("log", "used as", "rows", "length", "SHA-256 of the file")
+    return [macro("facts", facts), *([table(header, rows, numeric=(2, 3))] if rows else [])]
+
+
+def _said(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return (", ".join(map(str, value)) or "none") if isinstance(value, list | tuple) else str(value)
+
+
+def files_block(files: Sequence[tuple[str, str]]) -> list[Block]:
+    """Return links to what lies beside a page, by name and content; none where nothing does."""
+    rows = [(macro("link", quote(name), name), what) for name, what in files]
+    return [table(("file", "what it holds"), rows)] if rows else []
 
 
 @cache
-def _plotly() -> tuple[int, str]:
+def plotly() -> tuple[int, str]:
     """Return the size of plotly's script, and the script deflated and as base64."""
     from plotly.offline import get_plotlyjs
 
@@ -106,52 +134,25 @@ def _plotly() -> tuple[int, str]:
 
 @dataclass(frozen=True)
 class _Writer:
-    """Writes blocks; collects the figures' data, which go to the end of the page."""
+    """Writes blocks; collects the figures' data, which go to the end of the page, and the navigation."""
 
-    figures: list[str]
+    figures: list[str] = field(default_factory=list)
+    links: list[tuple[str, str]] = field(default_factory=list)
 
-    def section(self, section: Section) -> str:
-        intro = paragraph(section.intro, "lead").text if section.intro else ""
-        body = "".join(self.block(block) for block in section.blocks)
-        title = f"<h2>{escape(section.title)}</h2>" if section.title else ""
-        return f'<section id="{section.anchor}">{title}{intro}{body}</section>'
+    def show(self, *blocks: Block) -> Html:
+        """Return blocks as markup."""
+        return Html("".join(macro("show", block, self.figures).text for block in blocks))
 
-    def block(self, block: Block) -> str:
-        if isinstance(block, Html):
-            return block.text
-        if isinstance(block, Plot):
-            return self._plot(block)
-        if isinstance(block, Group):
-            inner = "".join(self.block(item) for item in block.blocks)
-            return f'<div class="pair">{inner}</div>'
-        if isinstance(block, Tabs):
-            return self._tabs(block)
-        return paragraph(block).text
+    def plot(self, figure: Any, title: str = "", note: str = "") -> Html:
+        """Return a figure with its caption."""
+        return self.show(Plot(figure, title, note))
 
-    def _plot(self, plot: Plot) -> str:
-        name = f"figure-{len(self.figures) + 1}"
-        # "</" would end the script element that holds the data.
-        data = plot.figure.to_json(validate=False).replace("</", "<\\/")
-        self.figures.append(f'<script type="application/json" id="{name}">{data}</script>')
-        height = int(plot.figure.layout.height or 320)
-        note = f"<span>{escape(plot.note)}</span>" if plot.note else ""
-        caption = f"<figcaption>{escape(plot.title)}{note}</figcaption>" if plot.title else ""
-        return (
-            f'<figure>{caption}<div class="plot" data-figure="{name}" '
-            f'style="height:{height}px"></div></figure>'
-        )
-
-    def _tabs(self, tabs: Tabs) -> str:
-        heads, panels = [], []
-        for k, (title, blocks) in enumerate(tabs.panels.items()):
-            chosen = "true" if k == 0 else "false"
-            heads.append(f'<button role="tab" aria-selected="{chosen}">{escape(title)}</button>')
-            inner = "".join(self.block(block) for block in blocks)
-            hidden = "" if k == 0 else " hidden"
-            panels.append(f'<div class="panel" role="tabpanel"{hidden}>{inner}</div>')
-        if len(panels) == 1:
-            return panels[0]
-        return (
-            f'<div class="tabs"><div class="heads" role="tablist">{"".join(heads)}</div>'
-            f"{''.join(panels)}</div>"
-        )
+    def section(self, title: str, intro: str = "", *, caller: Callable[[], str]) -> str:
+        """Return a section around what the template holds between its tags, nothing where that is empty."""
+        body = str(caller()).strip()
+        if not body:
+            return ""
+        anchor = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+        if title:
+            self.links.append((anchor, title))
+        return macro("section", anchor, title, paragraph(intro, "lead") if intro else "", Html(body)).text

@@ -3,44 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-from pinotwin.report.blocks import Html, chip, escape
+from pinotwin.report.blocks import Html, macro
 from pinotwin.report.display import rounded
 from pinotwin.twin import Parameter
 
-_FOLD = 12
-"""Effects with more coefficients than this (position tables) are folded away."""
-_COLUMNS = (
-    ("parameter", "text", ""),
-    ("value", "number", "num"),
-    ("unit", "", ""),
-    ("95 % interval", "number", "num"),
-    ("± relative", "number", "num"),
-    ("before", "number", "num"),
-    ("verdict", "text", ""),
-)
 
+def parameter_table(rows: Sequence[Parameter], axes: Sequence[str], fold: int = 12) -> Html:
+    """Return the table of all parameters, grouped by axis, sortable by column.
 
-def verdict_kind(row: Parameter) -> str:
-    """Return the colour of a parameter's verdict: ``good``, ``fair``, ``bad`` or grey."""
-    if not row.determined:
-        return ""
-    word = row.verdict.split(":")[0]
-    return {"good": "good", "fair": "fair"}.get(word, "bad")
-
-
-def parameter_table(rows: Sequence[Parameter], axes: Sequence[str]) -> Html:
-    """Return the table of all parameters, grouped by axis, sortable by column."""
-    head = "".join(
-        f'<th class="{kind}"{f" data-sort={sort}" if sort else ""}>{escape(title)}</th>'
-        for title, sort, kind in _COLUMNS
-    )
-    bodies = "".join(_bodies(title, part) for title, part in _groups(rows, axes).items())
-    return Html(
-        f'<div class="card scroll"><table class="parameters"><thead><tr>{head}</tr></thead>'
-        f"{bodies}</table></div>"
-    )
+    Args:
+        rows: the parameters.
+        axes: in the order of the table.
+        fold: effects with more coefficients than this (position tables) are folded away.
+    """
+    return macro("parameters", [(title, *_parts(part, fold)) for title, part in _groups(rows, axes).items()])
 
 
 def _groups(rows: Sequence[Parameter], axes: Sequence[str]) -> Mapping[str, list[Parameter]]:
@@ -61,79 +39,42 @@ def _owner(row: Parameter, axes: Sequence[str]) -> str:
     return last if last in axes else "Rigid body"
 
 
-def _bodies(title: str, rows: Sequence[Parameter]) -> str:
-    """Return a table body for an axis, and one of its own for each long effect."""
+_Shown = list[tuple[Parameter, list[tuple[str, str]]]]
+
+
+def _parts(rows: Sequence[Parameter], fold: int) -> tuple[_Shown, list[tuple[str, str, _Shown]]]:
+    """Return the rows that stand open, and those of each long effect with a line about them."""
     effects: dict[str, list[Parameter]] = {}
     for row in rows:
         effects.setdefault(row.effect, []).append(row)
-    long = {
-        key: part for key, part in effects.items() if len(part) > _FOLD and not key.startswith("rigid_body")
-    }
-    short = [row for row in rows if row.effect not in long]
-    group = f'<tr class="group"><td colspan="{len(_COLUMNS)}">{escape(title)}</td></tr>'
-    body = f"<tbody>{group}{''.join(_row(row) for row in short)}</tbody>"
-    for key, part in long.items():
-        inner = "".join(_row(row) for row in part)
-        body += f'<tbody class="folded">{_summary(key, part)}{inner}</tbody>'
-    return body
+    long = {k: part for k, part in effects.items() if len(part) > fold and not k.startswith("rigid_body")}
+    short = [(row, _numbers(row)) for row in rows if row.effect not in long]
+    return short, [
+        (key, _summary(part), [(row, _numbers(row)) for row in part]) for key, part in long.items()
+    ]
 
 
-def _summary(key: str, rows: Sequence[Parameter]) -> str:
+def _summary(rows: Sequence[Parameter]) -> str:
     known = [row.value for row in rows if row.determined]
     span = f"{min(known):.3g} to {max(known):.3g} {rows[0].unit}" if known else "none determined"
-    text = f"{len(rows)} coefficients, {len(known)} determined: {span}"
-    return (
-        f'<tr class="summary"><td class="mono">{escape(key)}</td>'
-        f'<td colspan="{len(_COLUMNS) - 2}">{escape(text)}</td>'
-        '<td><button class="fold">show all</button></td></tr>'
-    )
+    return f"{len(rows)} coefficients, {len(known)} determined: {span}"
 
 
-def _row(row: Parameter) -> str:
-    name = f'<span class="mono">{escape(row.name)}</span>'
-    if row.meaning:
-        name += f'<div class="sub">{escape(row.meaning)}</div>'
-    if row.kind == "shape":
-        name += '<div class="sub">searched</div>'
-    value, interval, relative, before = _numbers(row)
-    cells = [("", name, row.name), value, ("", escape(row.unit), ""), interval, relative, before]
-    cells.append(("", _verdict(row), row.verdict))
-    kinds = [kind for _, _, kind in _COLUMNS]
-    return "<tr>" + "".join(_cell(c, k) for c, k in zip(cells, kinds, strict=True)) + "</tr>"
-
-
-def _verdict(row: Parameter) -> str:
-    word, _, why = row.verdict.partition(":")
-    label = "not determined" if not row.determined else word
-    if row.determined:
-        return chip(label, verdict_kind(row), hint=why.strip()).text
-    detail = why.strip() if word == label else row.verdict
-    sub = f'<div class="sub">{escape(detail)}</div>' if detail and detail != label else ""
-    return chip(label).text + sub
-
-
-def _cell(cell: tuple[str, str, str], kind: str) -> str:
-    style, text, key = cell
-    classes = " ".join(x for x in (kind, style) if x)
-    return f'<td class="{classes}" data-key="{escape(key)}">{text}</td>'
-
-
-def _numbers(row: Parameter) -> Iterable[tuple[str, str, str]]:
-    """Return value, interval, relative error and prior; no number at all where none is known."""
+def _numbers(row: Parameter) -> list[tuple[str, str]]:
+    """Return value, interval, relative error and prior with their sort keys; no number where none is known."""
     if not row.determined:
-        return (("open", "not determined", ""), ("", "–", ""), ("", "–", ""), ("", "–", ""))
+        return [("not determined", ""), ("–", ""), ("–", ""), ("–", "")]
     known = math.isfinite(row.error) and row.error > 0.0
     low, high = row.interval()
     value = rounded(row.value, row.error)[0]
     ends = [rounded(x, row.error)[0] for x in (low, high)] if known else []
     share = row.error / abs(row.value) if known and row.value else math.nan
-    before = "–" if row.prior is None else f"{row.prior:.4g}"
-    return (
-        ("", value, repr(row.value)),
-        ("", f"{ends[0]} … {ends[1]}" if known else "–", repr(high - low) if known else ""),
-        ("", _share(1.96 * share), repr(share) if math.isfinite(share) else ""),
-        ("", before, "" if row.prior is None else repr(row.prior)),
-    )
+    return [
+        (value, repr(row.value)),
+        (f"{ends[0]} … {ends[1]}", repr(high - low)) if known else ("–", ""),
+        (_share(1.96 * share), repr(share) if math.isfinite(share) else ""),
+        ("–", "") if row.prior is None else (f"{row.prior:.4g}", repr(row.prior)),
+    ]
 
 
 def _share(x: float) -> str:

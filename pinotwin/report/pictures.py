@@ -19,13 +19,13 @@ from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.reconstruction import Vibration
-from pinotwin.report.assets import CSS
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.comparison import comparison_report, diagnoses_report
 from pinotwin.report.diagnosis_plots import bars, gap_figure, shrink_figure
 from pinotwin.report.diagnosis_verdict import rotary_axes
 from pinotwin.report.effort_plots import effort_figure
 from pinotwin.report.identification import identification_report
+from pinotwin.report.page import asset
 from pinotwin.report.saved import diagnosis_html, save_diagnosis
 from pinotwin.report.simulation import simulation_report
 from pinotwin.report.still import still
@@ -35,7 +35,7 @@ from pinotwin.studies.evidence import evidence, evidence_of
 from pinotwin.system.writing import write_text
 from pinotwin.twin import Twin
 
-THEME = dict(re.findall(r"--(\w+):(#\w+)", CSS.partition("}")[0]))
+THEME = dict(re.findall(r"--(\w+):(#\w+)", asset("page.css").partition("}")[0]))
 """Colours of the light style sheet, for figures outside a page."""
 
 

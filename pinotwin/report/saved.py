@@ -11,11 +11,10 @@ import numpy as np
 from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.effects import Effect, given
 from pinotwin.errors import PinotwinError
-from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import machine_of
-from pinotwin.system.writing import now, whole_folder, write_json, write_text
+from pinotwin.system.stamps import now
+from pinotwin.system.writing import whole_folder, write_json, write_text
 
 REPLACES = ("machine", "advice_*.csv")
 """What of an earlier result goes, if the new one has none of it."""
@@ -60,18 +59,12 @@ def save_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = N
 def diagnosis_html(found: Diagnosis, files: Iterable[tuple[str, str]] = ()) -> str:
     """Return the page of a diagnosis, its own logs and effects at hand."""
     with given(type(e) for e in own_effects(found)):
-        logs, validation = (_bound(found, part) for part in (found.logs, found.validation))
-        return diagnosis_report(found, logs, validation, files=tuple(files))
+        return diagnosis_report(found, found.logs, found.validation, files=tuple(files))
 
 
 def own_effects(found: Diagnosis) -> list[Effect]:
     """Return the effects that a diagnosis names, whoever wrote them."""
     return [e.listed for e in (*found.effects, *found.possible) if e.listed is not None]
-
-
-def _bound(found: Diagnosis, logs: Iterable[Log]) -> list[Log]:
-    machine = machine_of(found)
-    return [log if machine is None else bind(log, machine.columns) for log in logs]
 
 
 def dated(found: Diagnosis) -> Diagnosis:
@@ -98,8 +91,7 @@ def write_view(found: Diagnosis, folder: Path, meshes: str | Path | None) -> lis
         return []
     machine = machine.with_meshes(meshes)
     try:
-        (log,) = _bound(found, found.logs[:1])
-        write_text(folder / "machine.html", gap_page(found, machine, log))
+        write_text(folder / "machine.html", gap_page(found, machine, found.logs[0]))
     except (PinotwinError, ValueError, RuntimeError, KeyError, IndexError, OSError) as error:
         return [f"machine.html was not written: {' '.join(str(error).split())[:200]}"]
     missing = missing_meshes(machine.urdf, machine.meshes)

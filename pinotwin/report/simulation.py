@@ -20,8 +20,7 @@ from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Html, Plot, bullets, chip, notes, paragraph, table
 from pinotwin.report.closed_loop_plots import measured_signals, response_figure, scale_of
-from pinotwin.report.page import Page
-from pinotwin.report.provenance import files_block, provenance_blocks
+from pinotwin.report.page import Page, files_block, provenance_blocks
 from pinotwin.simulation.score import bound, compare
 from pinotwin.twin import Twin
 

@@ -1,4 +1,4 @@
-"""Figures of the thesis' studies (Fig. 3-6, 3-7, 3-9, 3-10, 4-10, 4-11) and the ripple search."""
+"""Figures of the thesis' studies (Fig. 3-6, 3-7, 3-9, 3-10, 4-10, 4-11)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from pinotwin.studies.amount import ErrorAgainstData
 from pinotwin.studies.coupling import CoupledAgainstDecoupled
 from pinotwin.studies.overlay import Overlay
 from pinotwin.studies.removal import WithAndWithout
-from pinotwin.studies.ripple_orders import RippleOrders
 
 
 @singledispatch
@@ -147,37 +146,4 @@ def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> 
     figure.update_yaxes(title_text="RMS error / standard deviation [%]", row=1, col=1)
     figure.update_xaxes(title_text="time [s]", row=1, col=2)
     figure.update_yaxes(title_text=f"[{scale.unit}]", row=1, col=2)
-    return figure
-
-
-@figure_of.register
-def orders_figure(given: RippleOrders) -> go.Figure:
-    """Return the spectrum over the orders with those found named."""
-    figure = go.Figure()
-    figure.add_trace(
-        go.Bar(
-            x=given.searched,
-            y=given.spectrum,
-            name="all orders",
-            marker_color=MEASURED,
-            hovertemplate="order %{x:.4g}: %{y:.3g}<extra></extra>",
-        )
-    )
-    figure.add_trace(
-        go.Scatter(
-            x=given.orders,
-            y=given.amplitude,
-            mode="markers+text",
-            name="found",
-            text=[f"{order:.4g}" for order in given.orders],
-            textposition="top center",
-            marker={"color": ACCENT, "size": 8},
-        )
-    )
-    figure.add_trace(line(given.searched, given.threshold, "threshold", RESIDUAL).update(line_dash="dot"))
-    style(figure, 340)
-    unit = "revolution" if given.rotary else "metre"
-    figure.update_xaxes(title_text=f"order [1/{unit}]")
-    top = 1.18 * float(max(given.spectrum.max(initial=0.0), given.amplitude.max(initial=0.0)))
-    figure.update_yaxes(title_text="amplitude", range=[0, top])
     return figure

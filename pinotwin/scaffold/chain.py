@@ -32,8 +32,6 @@ MASS = {"linear": 100.0, "rotary": 40.0}
 """Starting mass of a carriage and of a rotary body [kg]."""
 TRAVEL = {"linear": (-0.25, 0.25), "tilt": (-2.0, 2.0), "turn": (-ENDLESS, ENDLESS)}
 """Limits where neither an option nor a log gives them [m or rad]."""
-LIFT = 0.15
-"""Distance from one joint to the next along z [m]."""
 COLOURS = ((0.62, 0.65, 0.68), (0.21, 0.44, 0.60), (0.80, 0.62, 0.24), (0.36, 0.55, 0.40), (0.55, 0.40, 0.55))
 
 
@@ -45,6 +43,7 @@ class Sizes:
         mass: axis -> mass that its joint moves alone [kg].
         travel: axis -> lower and upper limit [m or rad].
         offset: axis -> its joint's place in the frame of the joint before it [m], shape (3,).
+        apart: distance from one joint to the next along z where no offset is given [m].
         factor: axis -> effort of one unit of its column in the log [N or N·m]: torque constant x gear.
     """
 
@@ -52,6 +51,7 @@ class Sizes:
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     offset: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     factor: Mapping[str, float] = field(default_factory=dict)
+    apart: float = 0.15
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ def write_urdf(name: str, chain: Chain, sizes: Sizes) -> bytes:
     for axes, sign in ((chain.tool, 1.0), (chain.work, -1.0)):
         parent = "base_link"
         for depth, axis in enumerate(axes):
-            start = 0.6 if sign > 0 and depth == 0 and chain.work else LIFT  # the tool stands above
-            offset = sizes.offset.get(axis, (0.0, 0.0, start if sign < 0 or depth == 0 else -LIFT))
+            start = 0.6 if sign > 0 and depth == 0 and chain.work else sizes.apart  # the tool stands above
+            offset = sizes.offset.get(axis, (0.0, 0.0, start if sign < 0 or depth == 0 else -sizes.apart))
             robot.joints.append(_joint(axis, parent, offset, sign, sizes))
             robot.links.append(_link(axis, len(robot.links), sizes))
             parent = f"{axis}_link"

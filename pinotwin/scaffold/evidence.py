@@ -9,10 +9,6 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.signals import autocorrelation
 
-_LONGEST = 60_000
-FOLLOWS = 0.02
-"""A column follows another when they differ by less than this share of its own motion."""
-
 
 @dataclass(frozen=True)
 class Push:
@@ -30,7 +26,13 @@ class Push:
 def moves(x: Floats) -> bool:
     """Whether a column is a motion: it varies, and its neighbours are alike."""
     good = x[np.isfinite(x)]
-    return len(good) > 20 and float(np.ptp(good)) > 0.0 and float(autocorrelation(good, 1)[1]) > 0.9
+    return len(good) > 20 and varies(good) and float(autocorrelation(good, 1)[1]) > 0.9
+
+
+def varies(x: Floats) -> bool:
+    """Whether a column holds more than one number."""
+    good = x[np.isfinite(x)]
+    return len(good) > 0 and float(np.ptp(good)) > 0.0
 
 
 def is_counter(x: Floats) -> bool:
@@ -66,15 +68,16 @@ def lead(x: Floats, y: Floats) -> tuple[float, float]:
     return (ahead / float(speed @ speed), ahead**2 / power) if power > 0.0 else (0.0, 0.0)
 
 
-def push(q: Floats, u: Floats, step: float) -> Push:
+def push(q: Floats, u: Floats, step: float, longest: int = 60_000) -> Push:
     """Return how much of ``u`` an axis that moves as ``q`` would need.
 
     Args:
         q: position in any unit, shape (n,).
         u: the column, shape (n,).
         step: time of a sample [s].
+        longest: samples that are looked at.
     """
-    keep = slice(0, _LONGEST)
+    keep = slice(0, longest)
     position, effort = q[keep].astype(float), u[keep].astype(float)
     good = np.isfinite(position) & np.isfinite(effort)
     if good.sum() < 50 or np.ptp(effort[good]) == 0.0:

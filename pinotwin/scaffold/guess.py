@@ -9,23 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+import yaml
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind, is_contract_name
 from pinotwin.logs.files.cells import is_clock
-from pinotwin.scaffold.evidence import FOLLOWS, distance, is_counter, lead, moves, push, smoothness
+from pinotwin.scaffold.evidence import distance, is_counter, lead, moves, push, smoothness, varies
 from pinotwin.scaffold.names import family, is_set_value, read_label
 from pinotwin.units import COUNTS, SI_FACTOR
 
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "min", "sec", "Sek", "msec")
 _ELECTRIC = ("A", "Arms", "Apk", "mA", "kA", "V", "mV", "%", "‰", "permille", "0.1%")
 _SI_OF_TURN = {True: "rad", False: "m"}
-_EXPLAINED = 0.5
-"""Share of a nameless column that an axis' motion must explain before it is taken for its effort."""
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,25 @@ class Guess:
     rate: float | None = None
 
     @property
-    def yaml(self) -> str:
-        """The entry under ``columns`` of a machine.yaml, its reason as comment."""
+    def entry(self) -> dict[str, Any]:
+        """What a machine.yaml says of the channel under ``columns``."""
         if self.rate is not None:
-            entry = f"{{rate: {self.rate:g}}}"
-        else:
-            parts = [f"column: {quoted(self.column or '')}"]
-            parts += [f"unit: {quoted(self.unit)}"] if self.unit else []
-            parts += [f"factor: {self.factor:g}"] if self.factor != 1.0 else []
-            entry = "{" + ", ".join(parts) + "}"
-        return f"{quoted(self.channel)}: {entry}  # {self.reason}"
+            return {"rate": self.rate}
+        stated = {"column": self.column, "unit": self.unit, "factor": self.factor}
+        return {key: value for key, value in stated.items() if value not in ("", 1.0)}
+
+    @property
+    def yaml(self) -> str:
+        """The line under ``columns`` of a machine.yaml, its reason as comment."""
+        return f"{in_one_line({self.channel: self.entry})}  # {self.reason}"
+
+
+def in_one_line(entry: Mapping[str, Any]) -> str:
+    """Return an entry of a mapping as YAML has it in one line."""
+    text = yaml.safe_dump(
+        dict(entry), default_flow_style=True, sort_keys=False, allow_unicode=True, width=np.inf
+    )
+    return str(text).strip()[1:-1]
 
 
 @dataclass(frozen=True)
@@ -83,21 +92,25 @@ class Guesses:
 
 @dataclass
 class _Table:
-    """The log's columns while they are given away."""
+    """The log's columns while they are given away; an effort must be explained to a share by its axis' motion."""
 
     log: Log
-    axes: list[str]
-    joints: list[str]
-    rotary: list[bool]
+    axes: Mapping[str, tuple[str, bool]]
     step: float
+    named: Sequence[str]
     taken: dict[str, Guess] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
-    named: list[str] = field(default_factory=list)
+    explained: float = 0.5
 
     def give(self, channel: str, column: str, reason: str) -> None:
         if channel not in self.taken and channel not in self.named:
             self.taken[channel] = Guess(channel, column, reason)
             self.used.add(column)
+
+    def values(self, channel: str) -> Floats | None:
+        """Return the numbers of a channel that is given or named."""
+        guess = self.taken.get(channel)
+        return self.log.channels.get(channel if guess is None else guess.column or "")
 
     def free(self) -> list[str]:
         return [c for c in self.log.channels if c not in self.used]
@@ -111,10 +124,12 @@ def guess_columns(log: Log, axes: Mapping[str, tuple[str, bool]], rate: float | 
         axes: axis -> its joint in the URDF, and whether it turns.
         rate: sampling rate [Hz], for a log without a time column.
     """
-    named = _already_named(log)
+    try:
+        named = tuple(bind(log, {}).channels)  # they need no mapping, ROS' joint names among them
+    except LogError:
+        named = ()
     clock, step, questions = _clock(log, rate, "t" in named)
-    table = _Table(log, list(axes), [j for j, _ in axes.values()], [r for _, r in axes.values()], step)
-    table.named = named
+    table = _Table(log, axes, step, named)
     if clock is not None:
         table.taken["t"] = clock
         table.used.add(clock.column or "")
@@ -127,15 +142,7 @@ def guess_columns(log: Log, axes: Mapping[str, tuple[str, bool]], rate: float | 
     questions += _units(table) + _efforts(table) + _missing(table)
     order = ["t", *(f"{axis}.{s}" for axis in axes for s in ("qr", "q", "v", "u", "e"))]
     found = sorted(table.taken.values(), key=lambda g: order.index(g.channel) if g.channel in order else 999)
-    return Guesses(tuple(found), tuple(questions), tuple(named), tuple(table.free()))
-
-
-def _already_named(log: Log) -> list[str]:
-    """Return the channels that need no mapping, ROS' joint names among them."""
-    try:
-        return list(bind(log, {}).channels)
-    except LogError:
-        return []
+    return Guesses(tuple(found), tuple(questions), named, tuple(table.free()))
 
 
 def _clock(log: Log, rate: float | None, named: bool) -> tuple[Guess | None, float, list[str]]:
@@ -170,12 +177,13 @@ def _rises(x: Floats) -> bool:
 
 def _by_name(table: _Table) -> None:
     """Give columns whose name says axis and signal; measured efforts and speeds before commanded ones."""
+    joints = [joint for joint, _ in table.axes.values()]
     labels = {
-        c: read_label(c, table.log.units.get(c), table.axes, table.joints)
+        c: read_label(c, table.log.units.get(c), list(table.axes), joints)
         for c in table.free()
         if not is_contract_name(c)
     }
-    only = table.axes[0] if len(table.axes) == 1 else None
+    only = next(iter(table.axes)) if len(table.axes) == 1 else None
     for column, label in sorted(labels.items(), key=lambda item: is_set_value(item[0])):
         axis = label.axis or only
         if axis and label.signal and np.isfinite(table.log[column]).any():
@@ -194,21 +202,13 @@ def _by_number(table: _Table) -> None:
         if label.signal is None or len(members) < 2:
             continue
         for axis, (number, column) in zip(table.axes, sorted(members), strict=False):
-            table.give(
-                f"{axis}.{label.signal}",
-                column,
-                f"{label.why}, number {number} taken as {axis}: order guessed",
-            )
+            said = f"{label.why}, number {number} taken as {axis}: order guessed"
+            table.give(f"{axis}.{label.signal}", column, said)
 
 
 def _by_behaviour(table: _Table) -> None:
     """Give nameless columns by what their numbers do."""
-    free = [c for c in table.free() if not is_counter(table.log[c])]
-    free = [
-        c
-        for c in free
-        if np.isfinite(table.log[c]).any() and np.ptp(table.log[c][np.isfinite(table.log[c])]) > 0
-    ]
+    free = [c for c in table.free() if varies(table.log[c]) and not is_counter(table.log[c])]
     moving = [c for c in free if moves(table.log[c])]
     alike: set[str] = set()
     for axis, columns in zip(table.axes, _following(table.log, moving), strict=False):
@@ -218,11 +218,11 @@ def _by_behaviour(table: _Table) -> None:
         said = f"the two follow each other within {apart:.2%}"
         table.give(f"{axis}.qr", command, f"{said}, and this {why}; axis by order: guessed")
         table.give(f"{axis}.q", position, f"{said}; axis by order: guessed")
-    held = [(a, table.log[table.taken[f"{a}.q"].column or ""]) for a in table.axes if f"{a}.q" in table.taken]
+    held = [(a, q) for a in table.axes if (q := table.values(f"{a}.q")) is not None]
     for column in (c for c in free if c not in table.used | alike):
         shares = {axis: push(q, table.log[column], table.step or 1.0).share for axis, q in held}
         best = max(shares, key=lambda a: shares[a], default=None)
-        if best is not None and shares[best] > _EXPLAINED:
+        if best is not None and shares[best] > table.explained:
             said = f"inertia and friction of {best} explain {shares[best]:.0%} of it"
             table.give(f"{best}.u", column, said)
     _by_place(table)
@@ -243,12 +243,12 @@ def _by_place(table: _Table) -> None:
             table.give(f"{axis}.u", column, "it stands where the other axes have theirs: guessed")
 
 
-def _following(log: Log, columns: Sequence[str]) -> Iterable[list[str]]:
-    """Yield groups of columns that follow each other: of one axis."""
+def _following(log: Log, columns: Sequence[str], follows: float = 0.02) -> Iterable[list[str]]:
+    """Yield groups of columns that differ by less than a share of their motion: of one axis."""
     free = list(columns)
     while free:
         one, *others = free
-        group = [one, *(other for other in others if _apart(log[one], log[other]) <= FOLLOWS)]
+        group = [one, *(other for other in others if _apart(log[one], log[other]) <= follows)]
         free = [c for c in free if c not in group]
         if len(group) > 1:
             yield group
@@ -259,12 +259,12 @@ def _apart(x: Floats, y: Floats) -> float:
     return distance(x, y) * float(np.sqrt(1.0 - min(lead(x, y)[1], 1.0)))
 
 
-def _command_first(log: Log, columns: Sequence[str]) -> tuple[str, str, str]:
+def _command_first(log: Log, columns: Sequence[str], explained: float = 0.5) -> tuple[str, str, str]:
     """Return command and position of an axis, and why: the command leads, or is the smoothest of them."""
     ahead = {}
     for one in columns:
         pairs = [lead(log[one], log[other]) for other in columns if other != one]
-        ahead[one] = min((samples for samples, share in pairs if share > _EXPLAINED), default=0.0)
+        ahead[one] = min((samples for samples, share in pairs if share > explained), default=0.0)
     command = max(columns, key=lambda c: ahead[c])
     why = f"leads by {ahead[command]:.2g} samples"
     if ahead[command] <= 0.0:
@@ -286,7 +286,7 @@ def _swapped(table: _Table) -> None:
 def _units(table: _Table) -> list[str]:
     """Write the unit of positions that state none, and say what cannot be known."""
     questions = []
-    for axis, rotary in zip(table.axes, table.rotary, strict=True):
+    for axis, (_, rotary) in table.axes.items():
         unit = ""
         for signal in ("q", "qr"):
             guess = table.taken.get(f"{axis}.{signal}")
@@ -311,7 +311,7 @@ def _unit_of_speed(table: _Table, axis: str) -> None:
     q, v = table.taken.get(f"{axis}.q"), table.taken.get(f"{axis}.v")
     if q is None or v is None or not q.column or not v.column or table.log.units.get(v.column):
         return
-    unit = q.unit or table.log.units.get(q.column) or _SI_OF_TURN[table.rotary[table.axes.index(axis)]]
+    unit = q.unit or table.log.units.get(q.column) or _SI_OF_TURN[table.axes[axis][1]]
     if not table.step or unit in COUNTS or f"{unit}/s" not in SI_FACTOR:
         return
     moved, speed = np.gradient(table.log[q.column], table.step), table.log[v.column]
@@ -333,13 +333,13 @@ def _efforts(table: _Table) -> list[str]:
     """Turn efforts that come with the wrong sign, and ask for the size of electrical ones."""
     questions = []
     for axis in table.axes:
-        guess, q = table.taken.get(f"{axis}.u"), _position(table, axis)
+        guess, q = table.taken.get(f"{axis}.u"), table.values(f"{axis}.q")
         if guess is None or guess.column is None:
             continue
         column = guess.column
         if q is not None and table.step > 0.0:
             found = push(q, table.log[column], table.step)
-            if found.negative and found.share > _EXPLAINED:
+            if found.negative and found.share > table.explained:
                 said = f"{guess.reason}; it falls with acceleration and speed: sign turned"
                 guess = replace(guess, factor=-1.0, reason=said)
                 table.taken[guess.channel] = guess
@@ -358,36 +358,21 @@ def _efforts(table: _Table) -> list[str]:
     return questions
 
 
-def _position(table: _Table, axis: str) -> Floats | None:
-    guess = table.taken.get(f"{axis}.q")
-    if guess is not None and guess.column is not None:
-        return table.log[guess.column]
-    return table.log.channels.get(f"{axis}.q")
-
-
 def _missing(table: _Table) -> list[str]:
     """Say which signals of the axes were not found, and of which axes nothing was."""
-    lacking: dict[str, list[str]] = {"q": [], "u": [], "qr": []}
-    unknown: list[str] = []
-    for axis in table.axes:
-        held = {s for s in lacking if f"{axis}.{s}" in table.taken or f"{axis}.{s}" in table.named}
-        if not held:
-            unknown.append(axis)
-        for signal in lacking if held else ():
-            if signal not in held:
-                lacking[signal].append(f"{axis}.{signal}")
     means = {
         "q": "no column found for the position; add it under `columns`",
         "u": "no column found for the effort; without it nothing of the axis is identified",
         "qr": "no command found; the plant is still identified, the closed loop is not",
     }
+    lacking: dict[str, list[str]] = {signal: [] for signal in means}
+    unknown = []
+    for axis in table.axes:
+        absent = [s for s in means if f"{axis}.{s}" not in {*table.taken, *table.named}]
+        if len(absent) == len(means):
+            unknown.append(axis)
+            continue
+        for signal in absent:
+            lacking[signal].append(f"{axis}.{signal}")
     said = [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
-    if unknown:
-        said.append(f"{', '.join(unknown)}: no column found; add them under `columns`")
-    return said
-
-
-def quoted(text: str) -> str:
-    """Return a name as YAML takes it."""
-    plain = text.replace(".", "").replace("_", "").isalnum() and not text[0].isdigit()
-    return text if plain else '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return said + ([f"{', '.join(unknown)}: no column found; add them under `columns`"] if unknown else [])

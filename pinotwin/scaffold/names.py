@@ -9,25 +9,11 @@ from dataclasses import dataclass
 from pinotwin.units import SI_FACTOR
 
 _LENGTHS = ("m", "mm", "cm", "um", "µm", "nm", "inch", "in")
-_ANGLES = (
-    "rad",
-    "mrad",
-    "urad",
-    "deg",
-    "°",
-    "Grad",
-    "degrees",
-    "mdeg",
-    "m°",
-    "arcmin",
-    "arcsec",
-    "rev",
-    "turn",
-    "Umdr",
-)
+_ANGLES = ("rad", "mrad", "urad", "deg", "°", "Grad", "degrees", "mdeg", "m°", "arcmin", "arcsec")
+_TURNS = ("rev", "turn", "Umdr")
 _FORCES = ("N", "kN", "mN", "Nm", "N·m", "N.m", "N*m", "kNm", "mNm", "Ncm")
 _CURRENTS = ("A", "Arms", "Apk", "mA", "kA", "%", "‰", "permille", "0.1%")
-_POSITION_UNITS = frozenset((*_LENGTHS, *_ANGLES))
+_POSITION_UNITS = frozenset((*_LENGTHS, *_ANGLES, *_TURNS))
 _EFFORT_UNITS = frozenset((*_FORCES, *_CURRENTS))
 _WORDS = {
     kind: frozenset(words.split())

@@ -23,7 +23,6 @@ from pinotwin.machine.urdf import idle_joints, load_model, resolve_meshes
 from pinotwin.machine.urdf_check import axis_names, mimics, read_tree
 from pinotwin.notebook import Card, Shown
 from pinotwin.scaffold.chain import (
-    LIFT,
     MASS,
     Chain,
     Sizes,
@@ -33,7 +32,7 @@ from pinotwin.scaffold.chain import (
     parse_chain,
     write_urdf,
 )
-from pinotwin.scaffold.guess import Guesses, guess_columns, quoted
+from pinotwin.scaffold.guess import Guesses, guess_columns, in_one_line
 from pinotwin.system.writing import as_path, whole_folder
 
 ROTOR = {True: 0.01, False: 1.0}
@@ -58,10 +57,10 @@ class Start(Card):
 
     def _shown(self) -> Shown:
         """Return what was assumed and guessed, for a notebook and for ``repr``."""
-        found = () if self.guesses is None else self.guesses.found
+        guesses = self.guesses or Guesses()
         rows = [("assumed", text) for text in self.said]
-        rows += [("guess", f"{g.channel} = {g.column}: {g.reason}") for g in found]
-        rows += [("open", text) for text in (() if self.guesses is None else self.guesses.open)]
+        rows += [("guess", f"{g.channel} = {g.column}: {g.reason}") for g in guesses.found]
+        rows += [("open", text) for text in guesses.open]
         return (f"Machine folder {self.folder}", ("", "what"), rows, "")
 
 
@@ -90,118 +89,117 @@ def new(
     Raises:
         InputError: the source means nothing, or the folder holds a machine.
     """
-    target, text, sizes = as_path(out, "out"), str(source), sizes or Sizes()
+    target, text = as_path(out, "out"), str(source)
     log = None if log is None else as_log(log)
     if (target / "machine.yaml").exists():
         raise InputError(f"{target}: holds a machine.yaml already; choose another folder, or edit that one")
     with whole_folder(target) as folder:
-        if isinstance(source, pin.Model) or text in machines():
-            said = _copy_bundled(source, folder)
-            guesses = _guess_bundled(folder, log, rate, sizes)
+        task = _Task(folder, log, rate, sizes or Sizes(), meshes)
+        if isinstance(source, pin.Model):
+            Machine.from_model(source).save(folder)
+            what = f"the model {source.name or 'in hand'}"
+            said = [f"made of {what}: every joint of one degree of freedom is an axis"]
+            guesses = _guess_known(task)
+        elif text in machines():
+            shutil.copytree(machines()[text], folder, dirs_exist_ok=True)
+            said, guesses = [f"copied from the bundled machine {text}"], _guess_known(task)
         elif Path(text).suffix == ".urdf" or text in robots():
-            path = robots()[text] if text in robots() else Path(text)
-            guesses, said = _from_urdf(path, folder, log, rate, meshes, sizes)
+            guesses, said = _from_urdf(robots().get(text, Path(text)), task)
         elif is_chain(text):
             name = re.sub(r"\W+", "_", target.resolve().name).strip("_") or "machine"
-            chain = parse_chain(text, rotary)
-            guesses, said = _from_axes(name, chain, folder, log, rate, sizes)
+            guesses, said = _from_axes(name, parse_chain(text, rotary), task)
             said[0] += "" if "-" in text else "; write XYZ-AC to say it yourself"
         else:
             raise MachineError(
                 f"{text}: neither axes (XYZAC, XYZ-BC), nor a .urdf, nor a machine by name; "
                 f"{nearest(text, [*machines(), *robots()])}"
             )
-    return Start(target, Machine.load(target), tuple(said), guesses)
+    return Start(target, Machine.load(target), tuple(said), None if log is None else guesses)
 
 
-def _copy_bundled(name: Any, folder: Path) -> list[str]:
-    if isinstance(name, pin.Model):
-        Machine.from_model(name).save(folder)
-        return [
-            f"made of the model {name.name or 'in hand'}: every joint of one degree of freedom is an axis"
-        ]
-    shutil.copytree(machines()[name], folder, dirs_exist_ok=True)
-    return [f"copied from the bundled machine {name}"]
+@dataclass(frozen=True)
+class _Task:
+    """What was asked for beside the machine itself."""
+
+    folder: Path
+    log: Log | None
+    rate: float | None
+    sizes: Sizes
+    meshes: str | Path | None
+
+    def guesses(self, axes: Mapping[str, tuple[str, bool]]) -> Guesses:
+        """Return the guesses, none without a log, with the factors of efforts that are known.
+
+        Raises:
+            InputError: a factor is of no axis, or of one without an effort in the log.
+        """
+        if self.log is None:
+            return Guesses()
+        guesses = guess_columns(self.log, axes, self.rate)
+        efforts = {f"{axis}.u": factor for axis, factor in self.sizes.factor.items()}
+        known = [g.channel for g in guesses.found if g.channel.endswith(".u")]
+        for channel in efforts:
+            if channel not in known:
+                hint = nearest(channel, known)
+                raise InputError(f"factor: no effort {channel!r} among the columns; {hint}")
+        found = tuple(
+            replace(g, factor=g.factor * efforts[g.channel], reason=f"{g.reason}; factor as given")
+            if g.channel in efforts
+            else g
+            for g in guesses.found
+        )
+        asked = tuple(q for q in guesses.open if q.partition(": ")[0] not in efforts)
+        return replace(guesses, found=found, open=asked)
 
 
-def _guessed(log: Log, axes: Mapping[str, tuple[str, bool]], rate: float | None, sizes: Sizes) -> Guesses:
-    """Return the guesses, with the factors of efforts that are known.
-
-    Raises:
-        InputError: a factor is of no axis, or of one without an effort in the log.
-    """
-    guesses = guess_columns(log, axes, rate)
-    efforts = {f"{axis}.u": factor for axis, factor in sizes.factor.items()}
-    known = [g.channel for g in guesses.found if g.channel.endswith(".u")]
-    for channel in efforts:
-        if channel not in known:
-            raise InputError(f"factor: no effort {channel!r} among the columns; {nearest(channel, known)}")
-    found = tuple(
-        replace(g, factor=g.factor * efforts[g.channel], reason=f"{g.reason}; factor as given")
-        if g.channel in efforts
-        else g
-        for g in guesses.found
-    )
-    asked = tuple(q for q in guesses.open if not any(q.startswith(f"{channel}: ") for channel in efforts))
-    return replace(guesses, found=found, open=asked)
-
-
-def _guess_bundled(folder: Path, log: Log | None, rate: float | None, sizes: Sizes) -> Guesses | None:
-    if log is None:
-        return None
-    machine = Machine.load(folder)
-    axes = {name: (axis.joint, axis.rotary) for name, axis in machine.axes.items()}
-    guesses = _guessed(log, axes, rate, sizes)
+def _guess_known(task: _Task) -> Guesses:
+    """Put the guesses in place of the columns of a machine.yaml that is there."""
+    axes = {name: (axis.joint, axis.rotary) for name, axis in Machine.load(task.folder).axes.items()}
+    guesses = task.guesses(axes)
     if guesses.found:
-        file = folder / "machine.yaml"
+        file = task.folder / "machine.yaml"
         text = re.sub(r"(?ms)^columns:.*?(?=^\S|\Z)", "", file.read_text(encoding="utf-8"))
         file.write_text(text.rstrip() + "\n" + _columns(guesses), encoding="utf-8")
     return guesses
 
 
-def _from_urdf(
-    path: Path, folder: Path, log: Log | None, rate: float | None, meshes: str | Path | None, sizes: Sizes
-) -> tuple[Guesses | None, list[str]]:
+def _from_urdf(path: Path, task: _Task) -> tuple[Guesses, list[str]]:
     root = read_tree(path)
-    followers = mimics(root)
     joints = {str(j.get("name")): str(j.get("type")) for j in root.findall("joint")}
     axes = {name: (joint, joints[joint] != "prismatic") for name, joint in axis_names(root).items()}
     if not axes:
         raise MachineError(f"{path}: no joint of it can be an axis")
     said = [f"{len(axes)} joints of {path.name} are axes"]
-    said += [f"{name} follows {leader} (mimic) and is no axis" for name, leader in followers.items()]
+    said += [f"{name} follows {leader} (mimic) and is no axis" for name, leader in mimics(root).items()]
     said += [f"{name} is the joint {joint!r}" for name, (joint, _) in axes.items() if name != joint]
-    guesses = None if log is None else _guessed(log, axes, rate, sizes)
-    if guesses is not None:
-        idle = [name for name in axes if f"{name}.q" not in guesses]
-        if idle and len(idle) < len(axes):
-            said.append(f"not in the log, held at zero: {', '.join(idle)}")
-            axes = {name: value for name, value in axes.items() if name not in idle}
-            dropped = tuple(q for q in guesses.open if q.partition(".")[0] not in idle)
-            guesses = replace(guesses, open=dropped)
-    idle = idle_joints(load_model(path, [joint for joint, _ in axes.values()]))
-    rotors = {name: ROTOR[turns] for name, (joint, turns) in axes.items() if joint in idle}
-    said += [f"{name} moves no mass in the URDF: {_rotor(rotor)} (assumed)" for name, rotor in rotors.items()]
+    guesses = task.guesses(axes)
+    idle = [name for name in axes if task.log is not None and f"{name}.q" not in guesses]
+    if idle and len(idle) < len(axes):
+        said.append(f"not in the log, held at zero: {', '.join(idle)}")
+        axes = {name: value for name, value in axes.items() if name not in idle}
+        asked = tuple(q for q in guesses.open if q.partition(".")[0] not in idle)
+        guesses = replace(guesses, open=asked)
+    massless = idle_joints(load_model(path, [joint for joint, _ in axes.values()]))
+    rotors = {name: ROTOR[turns] for name, (joint, turns) in axes.items() if joint in massless}
+    said += [
+        f"{name} moves no mass in the URDF: rotor_inertia {rotor:g} "
+        f"{'kg·m²' if axes[name][1] else 'kg'} (assumed)"
+        for name, rotor in rotors.items()
+    ]
     resolve_meshes(root, path)
-    name = path.stem
-    (folder / f"{name}.urdf").write_bytes(etree.tostring(root, xml_declaration=True, encoding="utf-8"))
-    _write_yaml(folder, name, {axis: joint for axis, (joint, _) in axes.items()}, guesses, meshes, rotors)
+    text = etree.tostring(root, xml_declaration=True, encoding="utf-8")
+    (task.folder / f"{path.stem}.urdf").write_bytes(text)
+    _write_yaml(task, path.stem, {axis: joint for axis, (joint, _) in axes.items()}, guesses, rotors)
     return guesses, said
 
 
-def _rotor(size: float) -> str:
-    return f"rotor_inertia {size:g} {'kg' if size == ROTOR[False] else 'kg·m²'}"
-
-
-def _from_axes(
-    name: str, chain: Chain, folder: Path, log: Log | None, rate: float | None, sizes: Sizes
-) -> tuple[Guesses | None, list[str]]:
+def _from_axes(name: str, chain: Chain, task: _Task) -> tuple[Guesses, list[str]]:
     axes = {axis: (axis, kind_of(axis) == "rotary") for axis in chain.axes}
-    guesses = None if log is None else _guessed(log, axes, rate, sizes)
-    travel = {} if log is None or guesses is None else _travel(log, guesses, axes)
-    sizes = replace(sizes, travel={**travel, **sizes.travel})
-    (folder / f"{name}.urdf").write_bytes(write_urdf(name, chain, sizes))
-    _write_yaml(folder, name, {axis: axis for axis in chain.axes}, guesses)
+    guesses = task.guesses(axes)
+    travel = {} if task.log is None else _travel(task.log, guesses, axes)
+    sizes = replace(task.sizes, travel={**travel, **task.sizes.travel})
+    (task.folder / f"{name}.urdf").write_bytes(write_urdf(name, chain, sizes))
+    _write_yaml(task, name, {axis: axis for axis in chain.axes}, guesses, {})
     return guesses, _assumed(chain, sizes, set(travel))
 
 
@@ -209,13 +207,7 @@ def _travel(
     log: Log, guesses: Guesses, axes: Mapping[str, tuple[str, bool]]
 ) -> dict[str, tuple[float, float]]:
     """Return limits a tenth beyond what the log reaches [m or rad], for axes that do not turn endlessly."""
-    entries = {
-        g.channel: {"column": g.column, "unit": g.unit, "factor": g.factor}
-        if g.rate is None
-        else {"rate": g.rate}
-        for g in guesses.found
-        if g.channel.endswith(".q")
-    }
+    entries = {g.channel: g.entry for g in guesses.found if g.channel.endswith(".q")}
     try:
         bound = bind(log, parse_columns(entries, "columns"))
     except InputError:
@@ -235,42 +227,35 @@ def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
     sides = f"{' '.join(chain.tool) or 'none'} under the tool, {' '.join(chain.work) or 'none'} under the workpiece"
     said = [f"axes from the base outward: {sides}"]
     for axis in chain.axes:
-        unit, mass_unit = ("m", "kg") if kind_of(axis) == "linear" else ("rad", "kg")
+        unit = "m" if kind_of(axis) == "linear" else "rad"
         low, high = sizes.travel.get(axis, default_travel(axis))
         how = "a tenth beyond the log" if axis in measured else "given" if axis in sizes.travel else "assumed"
         mass = sizes.mass.get(axis, MASS[kind_of(axis)])
         travel = "endless" if high - low > 1e8 else f"{low:g} to {high:g} {unit} ({how})"
-        weight = f"{mass:g} {mass_unit} ({'given' if axis in sizes.mass else 'assumed'})"
+        weight = f"{mass:g} kg ({'given' if axis in sizes.mass else 'assumed'})"
         said.append(f"{axis}: travel {travel}, mass {weight}")
     if any(axis not in sizes.offset for axis in chain.axes):
-        said.append(f"joints are {LIFT:g} m apart; --offset changes that")
+        said.append(f"joints are {sizes.apart:g} m apart; --offset changes that")
     return said
 
 
 def _write_yaml(
-    folder: Path,
-    name: str,
-    axes: Mapping[str, str],
-    guesses: Guesses | None,
-    meshes: str | Path | None = None,
-    rotors: Mapping[str, float] | None = None,
+    task: _Task, name: str, axes: Mapping[str, str], guesses: Guesses, rotors: Mapping[str, float]
 ) -> None:
-    own = {axis: f", rotor_inertia: {size:g}" for axis, size in (rotors or {}).items()}
     lines = [
         "# Written by `pinotwin new`. Every guess says why: correct what is wrong, then `pinotwin check`.",
         f"name: {name}",
         f"urdf: {name}.urdf",
     ]
-    lines += [f"meshes: {Path(meshes).resolve()}"] if meshes else []
+    lines += [f"meshes: {Path(task.meshes).resolve()}"] if task.meshes else []
     lines += ["axes:  # what acts beside the rigid body; more effects: stribeck, ripple, position_table..."]
-    lines += [
-        f"  {quoted(axis)}: {{joint: {quoted(joint)}, effects: [viscous, coulomb]{own.get(axis, '')}}}"
-        for axis, joint in axes.items()
-    ]
-    text = "\n".join(lines) + "\n"
-    if guesses is not None and guesses.found:
-        text += _columns(guesses)
-    (folder / "machine.yaml").write_text(text, encoding="utf-8")
+    for axis, joint in axes.items():
+        entry: dict[str, Any] = {"joint": joint, "effects": ["viscous", "coulomb"]}
+        if axis in rotors:
+            entry["rotor_inertia"] = rotors[axis]
+        lines.append(f"  {in_one_line({axis: entry})}")
+    text = "\n".join(lines) + "\n" + (_columns(guesses) if guesses.found else "")
+    (task.folder / "machine.yaml").write_text(text, encoding="utf-8")
 
 
 def _columns(guesses: Guesses) -> str:

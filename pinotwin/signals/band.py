@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+import scipy
 
 from pinotwin.arrays import Floats
 
@@ -24,7 +24,7 @@ def vibration_band(x: Floats, rate: float) -> Floats:
         rate: of its sampling [Hz].
     """
     low, high = BAND
-    sos = butter(2, (low, min(high, 0.4 * rate)), "bandpass", fs=rate, output="sos")
+    sos = scipy.signal.butter(2, (low, min(high, 0.4 * rate)), "bandpass", fs=rate, output="sos")
     edge = edge_rows(len(x), rate)
-    y = sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, 3 * edge))
+    y = scipy.signal.sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, 3 * edge))
     return np.asarray(y[edge : len(x) - edge], dtype=float)

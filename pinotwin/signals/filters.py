@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -63,12 +63,12 @@ class _Filter:
     @classmethod
     def of(cls, sos: Floats) -> _Filter:
         """Return a filter with its states at rest."""
-        return cls(sos, signal.sosfilt_zi(sos))
+        return cls(sos, scipy.signal.sosfilt_zi(sos))
 
     def forward(self, x: Floats) -> Floats:
         """Return ``x`` (n, ...) filtered, from rest on its first sample."""
         rest = self.rest.reshape(self.rest.shape + (1,) * (x.ndim - 1))
-        return np.asarray(signal.sosfilt(self.sos, x, axis=0, zi=rest * x[:1])[0])
+        return np.asarray(scipy.signal.sosfilt(self.sos, x, axis=0, zi=rest * x[:1])[0])
 
 
 def _both_ways(x: Floats, by: _Filter, order: int, segments: Segments) -> Floats:
@@ -159,12 +159,12 @@ def decimate_zero_phase(x: Floats, factor: int, segments: Segments = None) -> Fl
 
 @lru_cache
 def _decimator(factor: int) -> _Filter:
-    return _Filter.of(signal.cheby1(8, 0.05, 0.8 / factor, output="sos"))
+    return _Filter.of(scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos"))
 
 
 @lru_cache
 def _butterworth(order: int, cutoff: float, rate: float) -> _Filter:
-    return _Filter.of(signal.butter(order, cutoff, fs=rate, output="sos"))
+    return _Filter.of(scipy.signal.butter(order, cutoff, fs=rate, output="sos"))
 
 
 def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:
@@ -181,7 +181,7 @@ def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:
     """
     if not math.isfinite(cutoff) or cutoff >= rate / 2:
         return 2
-    _, poles, _ = signal.butter(order, cutoff, fs=rate, output="zpk")
+    _, poles, _ = scipy.signal.butter(order, cutoff, fs=rate, output="zpk")
     return math.ceil(math.log(0.01) / math.log(np.abs(poles).max())) + 2
 
 

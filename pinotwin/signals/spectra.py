@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
@@ -84,7 +84,7 @@ def welch(
     for part in parts:
         n = part.stop - part.start
         if n >= size:
-            f, density = signal.welch(
+            f, density = scipy.signal.welch(
                 x[part], fs=rate, nperseg=size, detrend=_without_trend, axis=0, scaling="density"
             )
             total = total + density * n

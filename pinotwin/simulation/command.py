@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.frames import external_effort
@@ -68,7 +68,7 @@ class Request:
         rows = x[:: self.every]
         if self.even:
             return rows
-        return np.asarray(CubicSpline(self.clock[:: self.every], rows)(self.t), dtype=float)
+        return np.asarray(scipy.interpolate.CubicSpline(self.clock[:: self.every], rows)(self.t), dtype=float)
 
     def refined(self, every: int) -> Request:
         """Return the same command with ``every`` rows in place of one."""
@@ -76,7 +76,7 @@ class Request:
             return self
         n = len(self.clock)
         fine = np.linspace(self.clock[0], self.clock[-1], (n - 1) * every + 1)
-        cubic = CubicHermiteSpline(self.clock, self.qr, self.vr)
+        cubic = scipy.interpolate.CubicHermiteSpline(self.clock, self.qr, self.vr)
         external = self.external
         if len(external) > 1:
             external = np.stack([np.interp(fine, self.clock, x) for x in external.T], axis=1)
@@ -107,7 +107,7 @@ def request(machine: Machine, log: Log | Motion) -> Request:
     even, clock, notes = _clock(log)
     q = _joint_commands(machine, log)
     if not even:
-        q = np.asarray(CubicSpline(t, q)(clock), dtype=float)
+        q = np.asarray(scipy.interpolate.CubicSpline(t, q)(clock), dtype=float)
     step = float(clock[-1] - clock[0]) / (len(clock) - 1)
     vr = np.stack([command_rates(x, step)[0] for x in q.T], axis=1)
     external = _external(machine, log, t, clock, q)

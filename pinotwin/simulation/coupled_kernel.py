@@ -20,53 +20,39 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinotwin.dynamics.stepping import entry, gather, leaf, replay
-from pinotwin.simulation.axis_kernel import bend, shown
-from pinotwin.simulation.kernel import _command, _cubic
-from pinotwin.simulation.lookup import along, level_at
+from pinotwin.dynamics.stepping import entry, leaf
+from pinotwin.simulation.law import acts, asked, begun, law_of
+from pinotwin.simulation.plant_kernel import (
+    along,
+    bend,
+    command_at,
+    dynamics,
+    invert,
+    level_at,
+    load_at,
+    pace_of,
+)
 
 SERVO, IDEAL, PASSIVE = 0, 1, 2
-SWEEPS = 12
-ENOUGH = 1e-9
+"""Kinds of joints: under a controller, on its command, without either."""
 
 
 @leaf
-def _law(servos, j, c, h, s):  # type: ignore[no-untyped-def]
+def _law(laws, j, h, s):  # type: ignore[no-untyped-def]
     """Step the controller of joint j: fill u (as logged) and the effort that acts."""
-    e = c[0, j] - shown(s.q[j], servos.tick[j], servos.origin[j])
-    v = 1.5 * s.v[j] - 0.5 * s.before[j]  # the velocity of the scheme is half a step late
-    s.before[j] = s.v[j]
-    s.seen[j] += servos.see[j] * (v - s.seen[j])
-    g = servos.gains
-    u = g[j, 0] * e + s.wound[j] - g[j, 2] * s.seen[j] + g[j, 3] * c[1, j] + g[j, 5] * c[2, j]
-    if servos.notched[j] == 1:
-        b = servos.notch
-        y = b[j, 0] * u + s.past[j, 0]
-        s.past[j, 0] = b[j, 1] * u - b[j, 3] * y + s.past[j, 1]
-        s.past[j, 1] = b[j, 2] * u - b[j, 4] * y
-        u = y
-    limit = servos.limit[j]
-    if abs(u) <= limit:
-        s.wound[j] += h * (g[j, 1] * e + g[j, 4] * c[1, j])
-    else:
-        u = limit if u > 0.0 else -limit
-    s.out[j] += servos.lag[j] * (u - s.out[j])
-    s.e[j], s.u[j] = c[0, j] - s.q[j], s.out[j]
-    n = s.late.shape[1]
-    at = s.at[0]
-    s.late[j, at] = s.out[j]
-    i = at - servos.whole[j]
-    new, old = s.late[j, i % n], s.late[j, (i - 1) % n]
-    s.act[j] = new + servos.part[j] * (old - new)
+    law, c, late = law_of(laws, j), (s.c[0, j], s.c[1, j], s.c[2, j]), 1.5 * s.v[j] - 0.5 * s.before[j]
+    s.before[j] = s.v[j]  # the velocity of the scheme is half a step late
+    now = (s.law[j, 0], s.law[j, 1], s.law[j, 2], s.law[j, 3], s.law[j, 4])
+    s.law[j, 0], s.law[j, 1], s.law[j, 2], s.law[j, 3], s.law[j, 4] = asked(law, h, c, s.q[j], late, now)
+    s.e[j], s.u[j] = c[0] - s.q[j], s.law[j, 2]
+    s.act[j] = acts(law, s.late, j, s.at[0], s.u[j])
 
 
 @leaf
 def _slide(plant, tables, h, s):  # type: ignore[no-untyped-def]
     """Add what depends on velocity and bend to r, and its slopes to the diagonal of A."""
-    n = float(tables.velocity.shape[2] - 1)
     for j in range(len(s.v)):
-        share = abs(s.v[j]) * tables.slowness[j]
-        s.pace[j] = n * np.sqrt(share) if share < 1.0 else n
+        s.pace[j] = pace_of(tables, j, s.v[j])
         s.A[j, j] += h * (plant.viscous[j] + h * plant.stiffness[j])
         s.r[j] -= plant.viscous[j] * s.v[j] + plant.stiffness[j] * (s.q[j] + h * s.v[j])
     for k in range(len(tables.speeds)):
@@ -84,27 +70,7 @@ def _slide(plant, tables, h, s):  # type: ignore[no-untyped-def]
 
 
 @leaf
-def _invert(A, X):  # type: ignore[no-untyped-def]
-    """Fill X with the inverse of A, which is symmetric and positive but for loads on springs; A is used up."""
-    n = len(A)
-    for i in range(n):
-        for k in range(n):
-            X[i, k] = 1.0 if i == k else 0.0
-    for i in range(n):
-        p = 1.0 / A[i, i]
-        for k in range(n):
-            A[i, k] *= p
-            X[i, k] *= p
-        for z in range(n):
-            if z != i and A[z, i] != 0.0:
-                f = A[z, i]
-                for k in range(n):
-                    A[z, k] -= f * A[i, k]
-                    X[z, k] -= f * X[i, k]
-
-
-@leaf
-def _dry(tables, h, s):  # type: ignore[no-untyped-def]
+def _dry(tables, h, s, sweeps=12, enough=1e-9):  # type: ignore[no-untyped-def]
     """Take dry friction's impulses out of the velocities w: an axis stops or slides at the level."""
     count = len(tables.directions)
     nv = len(s.w)
@@ -120,7 +86,7 @@ def _dry(tables, h, s):  # type: ignore[no-untyped-def]
         s.turn[k] = x
         for i in range(nv):
             s.w[i] -= h * x * (s.X[i, j] + (s.X[i, p] if p >= 0 else 0.0))
-    for _ in range(SWEEPS):
+    for _ in range(sweeps):
         change = 0.0
         for k in range(count):
             j, p = tables.directions[k, 0], tables.directions[k, 1]
@@ -135,7 +101,7 @@ def _dry(tables, h, s):  # type: ignore[no-untyped-def]
                 for i in range(nv):
                     s.w[i] -= h * d * (s.X[i, j] + (s.X[i, p] if p >= 0 else 0.0))
                 change = max(change, abs(d) / (abs(s.high[k]) + abs(s.low[k]) + 1e-300))
-        if change < ENOUGH or count == 1:
+        if change < enough or count == 1:
             break
 
 
@@ -161,36 +127,31 @@ def _swing(modes, s):  # type: ignore[no-untyped-def]
 
 
 @leaf
-def _forces(plant, tables, servos, command, at, h, s):  # type: ignore[no-untyped-def]
+def _forces(plant, tables, kind, command, at, h, s):  # type: ignore[no-untyped-def]
     """Fill r with what moves the joints and A with what resists, dry friction apart."""
-    nv, row, share = len(s.q), at[0], at[1]
-    replay(plant.revolute, plant.ops, plant.sign, s.q, s.v, s.t)
-    gather(plant.mass, plant.bias, s.t, s.M, s.h)
-    constant = len(command.load) == 1
+    nv = len(s.q)
+    dynamics(plant, s)
     for j in range(nv):
-        load = command.load[0 if constant else row, j]
-        if not constant and share > 0.0:
-            load += share * (command.load[row + 1, j] - load)
-        push = s.act[j] if servos.kind[j] == SERVO else 0.0
-        s.r[j] = push + load - s.h[j] - along(tables, j, s.q[j])
+        drive = s.act[j] if kind[j] == SERVO else 0.0
+        s.r[j] = drive + load_at(command, at[0], at[1], j) - s.h[j] - along(tables, j, s.q[j])
         for k in range(nv):
             s.A[j, k] = s.M[j, k]
     _slide(plant, tables, h, s)
 
 
 @leaf
-def _accelerate(tables, servos, c, h, s):  # type: ignore[no-untyped-def]
+def _accelerate(tables, kind, c, h, s):  # type: ignore[no-untyped-def]
     """Steps 2 and 3: the velocities after the step, in w."""
     nv = len(s.q)
     for j in range(nv):
-        if servos.kind[j] == IDEAL:  # its motion is given: what it does to the others is known
+        if kind[j] == IDEAL:  # its motion is given: what it does to the others is known
             a = c[2, j]
             for k in range(nv):
                 if k != j:
                     s.r[k] -= s.A[k, j] * a
                     s.A[k, j], s.A[j, k] = 0.0, 0.0
             s.A[j, j], s.r[j] = 1.0, a
-    _invert(s.A, s.X)
+    invert(s.A, s.X)
     for j in range(nv):
         total = 0.0
         for k in range(nv):
@@ -214,58 +175,43 @@ def _inverse(plant, tables, command, row, j, s):  # type: ignore[no-untyped-def]
     for k in range(len(tables.directions)):
         if tables.directions[k, 0] == j and s.v[j] != 0.0:
             total += level_at(tables.dry, k, 0 if s.v[j] > 0.0 else 1, s.pace[j])
-    return total - command.load[0 if len(command.load) == 1 else row, j]
+    return total - load_at(command, row, 0.0, j)
 
 
 @leaf
-def begin(servos, c, s):  # type: ignore[no-untyped-def]
+def _begin(kind, laws, s):  # type: ignore[no-untyped-def]
     """Wind the integrators up so that every law asks for the effort ``u`` at the present state.
 
     A law without an integral cannot: its axis begins as far from the command as the effort asks for.
     """
-    g = servos.gains
     for j in range(len(s.q)):
-        law = g[j, 3] * c[1, j] + g[j, 5] * c[2, j] - g[j, 2] * s.v[j]
-        if servos.kind[j] == SERVO and not np.isnan(servos.offset[j]) and g[j, 0] != 0.0:
-            s.wound[j] = servos.offset[j]
-            s.q[j] = c[0, j] - (s.u[j] - law - s.wound[j]) / g[j, 0]
-        else:
-            e = c[0, j] - shown(s.q[j], servos.tick[j], servos.origin[j])
-            s.wound[j] = s.u[j] - law - g[j, 0] * e
-        s.seen[j], s.out[j], s.e[j] = s.v[j], s.u[j], c[0, j] - s.q[j]
-        s.before[j] = s.v[j]
-        b = servos.notch
-        s.past[j, 0] = s.u[j] * (1.0 - b[j, 0])
-        s.past[j, 1] = s.u[j] * (b[j, 2] - b[j, 4])
+        law, c = law_of(laws, j), (s.c[0, j], s.c[1, j], s.c[2, j])
+        if kind[j] == SERVO and not np.isnan(law.offset) and law.e != 0.0:
+            s.q[j] = c[0] - (s.u[j] - law.offset - (law.vr * c[1] + law.ar * c[2] - law.v * s.v[j])) / law.e
+        state = begun(law, c, s.q[j], s.v[j], s.u[j])
+        s.law[j, 0], s.law[j, 1], s.law[j, 2], s.law[j, 3], s.law[j, 4] = state
+        s.e[j], s.before[j] = c[0] - s.q[j], s.v[j]
         for k in range(s.late.shape[1]):
             s.late[j, k] = s.u[j]
 
 
 @entry
 @leaf
-def settle(plant, tables, servos, modes, command, s):  # type: ignore[no-untyped-def]
+def settle(plant, tables, kind, laws, modes, command, s):  # type: ignore[no-untyped-def]
     """Begin as the command does: no tracking error, the effort that this motion takes."""
     nv = len(s.q)
-    _cubic(command, 0, s.p)
-    _command(s.p, 1.0 / command.step, 0.0, s.c)
+    command_at(command, (command.step, 1.0 / command.step), 0, 0.0, s.c)
     for j in range(nv):
-        s.q[j] = s.c[0, j] if servos.kind[j] != PASSIVE else s.q[j]
-        s.v[j] = s.c[1, j]
-        s.a[j] = s.c[2, j]
-        for k in range(len(tables.slips)):
-            if tables.slips[k] == j:
-                s.where[k] = s.q[j]
-    replay(plant.revolute, plant.ops, plant.sign, s.q, s.v, s.t)
-    gather(plant.mass, plant.bias, s.t, s.M, s.h)
-    n = float(tables.velocity.shape[2] - 1)
-    for j in range(nv):
-        share = abs(s.v[j]) * tables.slowness[j]
-        s.pace[j] = n * np.sqrt(share) if share < 1.0 else n
+        s.q[j] = s.c[0, j] if kind[j] != PASSIVE else s.q[j]
+        s.v[j], s.a[j], s.pace[j] = s.c[1, j], s.c[2, j], pace_of(tables, j, s.c[1, j])
+    for k in range(len(tables.slips)):
+        s.where[k] = s.q[tables.slips[k]]
+    dynamics(plant, s)
     for j in range(nv):
         s.u[j] = _inverse(plant, tables, command, 0, j, s)
     for m in range(len(modes.joint)):
         s.twist[m, 0] = s.a[modes.joint[m]] / modes.pull[m, 0]
-    begin(servos, s.c, s)
+    _begin(kind, laws, s)
 
 
 @leaf
@@ -282,53 +228,51 @@ def _write(plant, kind, record, row, s):  # type: ignore[no-untyped-def]
 
 
 @leaf
-def _controllers(servos, h, s):  # type: ignore[no-untyped-def]
+def _controllers(kind, laws, h, s):  # type: ignore[no-untyped-def]
     """Step 1 for all joints; an axis without a controller is put where its command is."""
     s.at[0] = (s.at[0] + 1) % s.late.shape[1]
     for j in range(len(s.q)):
-        if servos.kind[j] == SERVO:
-            _law(servos, j, s.c, h, s)
-        elif servos.kind[j] == IDEAL:
+        if kind[j] == SERVO:
+            _law(laws, j, h, s)
+        elif kind[j] == IDEAL:
             s.q[j], s.v[j], s.e[j] = s.c[0, j], s.c[1, j], 0.0
         else:
             s.e[j], s.u[j] = -s.q[j], 0.0
 
 
 @leaf
-def _row(plant, tables, servos, command, row, s, record):  # type: ignore[no-untyped-def]
+def _row(plant, tables, kind, command, row, s, record):  # type: ignore[no-untyped-def]
     """Write a row; return the joint whose tracking error exceeds its limit, or -1."""
     for j in range(len(s.q)):
-        if servos.kind[j] == IDEAL:
+        if kind[j] == IDEAL:
             s.u[j] = _inverse(plant, tables, command, row, j, s)
-        if servos.kind[j] == SERVO and not abs(s.e[j]) <= command.limit[j]:
+        if kind[j] == SERVO and not abs(s.e[j]) <= command.limit[j]:
             return j
-    _write(plant, servos.kind, record, row, s)
+    _write(plant, kind, record, row, s)
     return -1
 
 
 @entry
 @leaf
-def run(plant, tables, servos, modes, command, s, record):  # type: ignore[no-untyped-def]
+def run(plant, tables, kind, laws, modes, command, s, record):  # type: ignore[no-untyped-def]  # noqa: PLR0913, a kernel
     """Step through the whole command from the state ``s``.
 
     Returns:
         Row and joint at which the tracking error exceeded its limit, or (-1, -1).
     """
     n, nv = command.qr.shape
-    h, rate = command.step / command.substeps, 1.0 / command.step
+    h, interval = command.step / command.substeps, (command.step, 1.0 / command.step)
     for row in range(n):
         last = row == n - 1
-        if not last:
-            _cubic(command, row, s.p)
         for k in range(1 if last else command.substeps):
             share = k / command.substeps
-            _command(s.p, rate, 1.0 if last else share, s.c)
-            _controllers(servos, h, s)
-            _forces(plant, tables, servos, command, (row, share), h, s)
+            command_at(command, interval, row - 1 if last else row, 1.0 if last else share, s.c)
+            _controllers(kind, laws, h, s)
+            _forces(plant, tables, kind, command, (row, share), h, s)
             _hang(modes, s)
-            _accelerate(tables, servos, s.c, h, s)
+            _accelerate(tables, kind, s.c, h, s)
             if k == 0:
-                bad = _row(plant, tables, servos, command, row, s, record)
+                bad = _row(plant, tables, kind, command, row, s, record)
                 if bad >= 0:
                     return row, bad
             _swing(modes, s)

@@ -17,7 +17,8 @@ step, at the predicted state, the scheme is of second order.
 
 from __future__ import annotations
 
-from pinotwin.dynamics.stepping import entry, gather, leaf, replay
+from pinotwin.dynamics.stepping import entry, leaf
+from pinotwin.loop.kernels import flush
 from pinotwin.simulation.blocks import (
     D_RATE,
     D_RATE2,
@@ -33,35 +34,15 @@ from pinotwin.simulation.blocks import (
     E,
     U,
 )
-from pinotwin.simulation.lookup import along, clip, friction
-
-TINY = 1e-200  # states below it are set to zero: denormal numbers are slow
-SETTLE = 30  # passes to find the disturbance at rest
-
-
-@leaf
-def _flush(x):  # type: ignore[no-untyped-def]
-    return 0.0 if abs(x) < TINY else x
-
-
-@leaf
-def _cubic(command, row, p):  # type: ignore[no-untyped-def]
-    """Fill p with the coefficients of the command from a row to the next, in shares of the interval."""
-    h = command.step
-    for j in range(p.shape[1]):
-        q0, v0 = command.qr[row, j], h * command.vr[row, j]
-        dq, v1 = command.qr[row + 1, j] - q0, h * command.vr[row + 1, j]
-        p[0, j], p[1, j] = q0, v0
-        p[2, j], p[3, j] = 3.0 * dq - 2.0 * v0 - v1, v0 + v1 - 2.0 * dq
-
-
-@leaf
-def _command(p, rate, s, c):  # type: ignore[no-untyped-def]
-    """Fill c with the command and its two derivatives at the share s of an interval."""
-    for j in range(c.shape[1]):
-        c[0, j] = p[0, j] + s * (p[1, j] + s * (p[2, j] + s * p[3, j]))
-        c[1, j] = rate * (p[1, j] + s * (2.0 * p[2, j] + s * 3.0 * p[3, j]))
-        c[2, j] = rate * rate * (2.0 * p[2, j] + 6.0 * s * p[3, j])
+from pinotwin.simulation.plant_kernel import (
+    along,
+    clip,
+    command_at,
+    dynamics,
+    friction,
+    invert,
+    load_at,
+)
 
 
 @leaf
@@ -78,8 +59,8 @@ def _predict(blocks, c, vr0, s):  # type: ignore[no-untyped-def]
                 w0 = s.d[i]
                 w1 = w0
             p, q = x[b, 0], x[b, 1]
-            z = _flush(A[b, 0, 0] * p + A[b, 0, 1] * q + B0[b, 0] * w0 + B1[b, 0] * w1)
-            y = _flush(A[b, 1, 0] * p + A[b, 1, 1] * q + B0[b, 1] * w0 + B1[b, 1] * w1)
+            z = flush(A[b, 0, 0] * p + A[b, 0, 1] * q + B0[b, 0] * w0 + B1[b, 0] * w1)
+            y = flush(A[b, 1, 0] * p + A[b, 1, 1] * q + B0[b, 1] * w0 + B1[b, 1] * w1)
             x[b, 0], x[b, 1] = z, y
             e += C[b, E, 0] * z + C[b, E, 1] * y
             e1 += C[b, E_RATE, 0] * z + C[b, E_RATE, 1] * y
@@ -119,82 +100,34 @@ def _from_ground(plant, blocks, s):  # type: ignore[no-untyped-def]
 
 
 @leaf
-def _reach(rows, j, source, gain, s):  # type: ignore[no-untyped-def]
-    """Let the disturbance of one joint act on the acceleration of another, j, in S."""
-    for k in range(len(rows)):
-        if rows[k] == source:
-            for i in range(len(rows)):
-                s.S[i, k] += s.M[rows[i], j] * gain
-
-
-@leaf
 def _solve(plant, blocks, s):  # type: ignore[no-untyped-def]
-    """Fill d and a: the linear system of step 5 on the coupled joints."""
-    rows, S, g = plant.coupled, s.S, blocks.direct
-    m = len(rows)
+    """Fill d and a: the linear system of step 5."""
+    S, g, nv = s.A, blocks.direct, len(s.r)
     _from_ground(plant, blocks, s)
-    for j in range(len(s.r)):
-        s.d[j] = s.r[j]
-    for i in range(m):
-        total = s.r[rows[i]]
-        for k in range(m):
-            extra = s.M[rows[i], rows[k]]
-            total += extra * s.a[rows[k]]
-            S[i, k] = extra * g[rows[k], GAIN]
-        S[i, i] += 1.0
-        S[i, m] = total
-    for x in range(len(blocks.others)):
-        _reach(rows, blocks.others[x, 0], blocks.others[x, 1], blocks.reach[x, 0], s)
-    _eliminate(S, m)
-    for i in range(m):
-        s.d[rows[i]] = S[i, m]
-    for j in range(len(s.r)):
+    for i in range(nv):
+        for k in range(nv):
+            s.r[i] += s.M[i, k] * s.a[k]
+            S[i, k] = s.M[i, k] * g[k, GAIN] + (1.0 if i == k else 0.0)
+    for x in range(len(blocks.others)):  # the disturbance of one joint acts on the acceleration of another
+        j, source = blocks.others[x, 0], blocks.others[x, 1]
+        for i in range(nv):
+            S[i, source] += s.M[i, j] * blocks.reach[x, 0]
+    invert(S, s.X)
+    for j in range(nv):
+        s.d[j] = 0.0
+        for k in range(nv):
+            s.d[j] += s.X[j, k] * s.r[k]
         s.a[j] -= g[j, GAIN] * s.d[j]
     for x in range(len(blocks.others)):
         s.a[blocks.others[x, 0]] -= blocks.reach[x, 0] * s.d[blocks.others[x, 1]]
 
 
 @leaf
-def _eliminate(S, m):  # type: ignore[no-untyped-def]
-    """Solve m equations in place by Gauss with row pivots; the last column becomes the solution."""
-    for i in range(m):
-        _pivot(S, i, m)
-        for k in range(i + 1, m):
-            f = S[k, i] / S[i, i]
-            for z in range(i + 1, m + 1):
-                S[k, z] -= f * S[i, z]
-    for i in range(m - 1, -1, -1):
-        for k in range(i + 1, m):
-            S[i, m] -= S[i, k] * S[k, m]
-        S[i, m] /= S[i, i]
-
-
-@leaf
-def _pivot(S, i, m):  # type: ignore[no-untyped-def]
-    """Bring the row with the largest entry of column i to row i."""
-    best = i
-    for k in range(i + 1, m):
-        if abs(S[k, i]) > abs(S[best, i]):
-            best = k
-    if best != i:
-        for k in range(i, m + 1):
-            S[i, k], S[best, k] = S[best, k], S[i, k]
-
-
-@leaf
 def _resist(plant, tables, command, row, share, s):  # type: ignore[no-untyped-def]
     """Fill r at the present q, v; see step 4."""
-    replay(plant.revolute, plant.ops, plant.sign, s.q, s.v, s.t)
-    gather(plant.mass, plant.bias, s.t, s.M, s.h)
-    constant = len(command.load) == 1
+    dynamics(plant, s)
     for j in range(len(s.r)):
-        if constant:
-            load = command.load[0, j]
-        else:
-            load = command.load[row, j]
-            if share > 0.0:
-                load += share * (command.load[row + 1, j] - load)
-        s.r[j] = s.h[j] - load + along(tables, j, s.q[j])
+        s.r[j] = s.h[j] - load_at(command, row, share, j) + along(tables, j, s.q[j])
     friction(tables, s)
 
 
@@ -237,12 +170,11 @@ def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
     """Put the loops in equilibrium under the first command: cold start, friction not yet loaded.
 
     The machine is taken to follow velocity and acceleration of the command; then d is known, and with
-    it the states.
+    it the states, in a few passes.
     """
-    _cubic(command, 0, s.p)
-    _command(s.p, 1.0 / command.step, 0.0, s.c)
+    command_at(command, (command.step, 1.0 / command.step), 0, 0.0, s.c)
     nv = len(s.d)
-    for _ in range(SETTLE):
+    for _ in range(30):
         for j in range(nv):
             s.y[0], s.y[1], s.y[2], s.y[3] = 0.0, 0.0, 0.0, 0.0
             for b in range(blocks.first[j], blocks.first[j + 1]):
@@ -252,11 +184,10 @@ def settle(plant, tables, blocks, command, s):  # type: ignore[no-untyped-def]
                 for k in range(4):
                     s.y[k] += blocks.C[b, k, 0] * w
             _outputs(blocks, j, s.c, s)
-            s.v[j], s.a[j] = s.c[1, j], s.c[2, j]
+            s.v[j], s.a[j], s.before[j] = s.c[1, j], s.c[2, j], s.c[1, j]
         for k in range(len(tables.directions)):
             j, partner = tables.directions[k, 0], tables.directions[k, 1]
-            s.before[k] = s.v[j] + (s.v[partner] if partner >= 0 else 0.0)
-            s.turn[k] = clip(s.before[k] * tables.slope[k])
+            s.turn[k] = clip((s.v[j] + (s.v[partner] if partner >= 0 else 0.0)) * tables.slope[k])
         for k in range(len(tables.slips)):
             s.where[k] = s.q[tables.slips[k]]
         _resist(plant, tables, command, 0, 0.0, s)
@@ -280,15 +211,14 @@ def run(plant, tables, blocks, command, s, record):  # type: ignore[no-untyped-d
     """
     n, nv = command.qr.shape
     old, vr0 = s.old, s.vr0
-    rate = 1.0 / command.step
+    interval = command.step, 1.0 / command.step
     _write(record, 0, s)
     for row in range(n - 1):
-        _cubic(command, row, s.p)
         for k in range(command.substeps):
             share = (k + 1.0) / command.substeps
             for j in range(nv):
                 old[j], vr0[j] = s.d[j], s.c[1, j]
-            _command(s.p, rate, share, s.c)
+            command_at(command, interval, row, share, s.c)
             _predict(blocks, s.c, vr0, s)
             _resist(plant, tables, command, row, share, s)
             _solve(plant, blocks, s)

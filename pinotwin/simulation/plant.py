@@ -5,21 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
-from pinotwin.arrays import Floats, Ints
+from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.tape import Tape, record
 from pinotwin.effects import Effect
 from pinotwin.effects.layout import rigid_body_of
 from pinotwin.machine import Machine
-from pinotwin.simulation.state import Lookup, Parts, State
+from pinotwin.simulation.state import Lookup, Modes, Parts, State, at_rest
 from pinotwin.simulation.tables import Tables, tabulate
 from pinotwin.twin.open_loop import OpenLoop
-
-INTERNAL = 2.5e-4
-"""Longest internal step unless told otherwise [s]."""
-SHORTEST = 1e-5
-"""Shortest internal step that the stiffness of friction may ask for [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,69 +41,54 @@ class Plant:
     limit: Floats
     ground: Floats
 
-    def substeps(self, sampling: float, step: float | None) -> int:
-        """Return the internal steps a sample; dry friction must not turn within one step.
+    def substeps(self, sampling: float, step: float, shortest: float = 1e-5) -> int:
+        """Return the internal steps a sample of the loops; dry friction must not turn within one step.
 
         The scheme is stable while (slope of friction over speed) h / M < 1 and, for presliding,
         h sqrt(stiffness / M) is well below 2.
+
+        Args:
+            sampling: interval of the samples [s].
+            step: longest internal step [s].
+            shortest: that the stiffness of friction may ask for [s].
         """
-        longest = min(INTERNAL if step is None else step, sampling)
+        longest = min(step, sampling)
         tables, M = self.tables, np.maximum(self.diagonal[0], 1e-12)
         for k, j in enumerate(tables.directions[:, 0]):
             slope = max(float(np.abs(tables.dry[k]).max()) * tables.slope[k], 1e-12)
-            longest = min(longest, max(0.3 * M[j] / slope, SHORTEST))
+            longest = min(longest, max(0.3 * M[j] / slope, shortest))
         for k, j in enumerate(tables.slips):
             slope = max(float(np.abs(tables.slip[k]).max() * np.mean(tables.give[k])), 1e-12)
-            longest = min(longest, max(0.3 * np.sqrt(M[j] / slope), SHORTEST))
+            longest = min(longest, max(0.3 * np.sqrt(M[j] / slope), shortest))
         return int(np.ceil(sampling / longest - 1e-9))
 
     def arrays(self) -> tuple[Parts, Lookup]:
-        """Return what the kernel takes."""
+        """Return what the kernels take."""
         tape, (M, C, K) = self.tape, (np.ascontiguousarray(x) for x in self.diagonal)
-        coupled = self._coupled()
-        parts = Parts(tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, coupled, M, C, K, self.ground)
+        parts = Parts(tape.revolute, tape.ops, tape.sign, tape.mass, tape.bias, M, C, K, self.ground)
         return parts, self.tables
 
-    def state(self, blocks: int) -> State:
-        """Return a machine at rest at zero, with room for ``blocks`` blocks."""
-        nv, dry = self.diagonal.shape[1], len(self.tables.directions)
-        z = np.zeros
-        t = z(self.tape.size)
+    def state(self, **rooms: int) -> State:
+        """Return a machine at rest at zero; see :func:`pinotwin.simulation.state.at_rest`."""
+        t = np.zeros(self.tape.size)
         t[: len(self.tape.start)] = self.tape.start
-        return State(
-            x=z((blocks, 2)),
-            d=z(nv),
-            q=z(nv),
-            v=z(nv),
-            a=z(nv),
-            e=z(nv),
-            u=z(nv),
-            c=z((3, nv)),
-            p=z((4, nv)),
-            pace=z(nv),
-            turn=z(dry),
-            before=z(dry),
-            bend=z((len(self.tables.slips), self.tables.give.shape[1] + 1)),
-            where=z(len(self.tables.slips)),
-            t=t,
-            M=z((nv, nv)),
-            h=z(nv),
-            y=z(4),
-            old=z(nv),
-            vr0=z(nv),
-            r=z(nv),
-            S=z((nv, nv + 1)),
-        )
+        return at_rest(self.tables, t, **rooms)
 
-    def _coupled(self) -> Ints:
-        """Return the joints whose row of M(q) - M_D can differ from zero."""
-        joints: set[int] = set()
-        constant = len(self.tape.start)
-        for i, j, place in self.tape.mass.tolist():
-            same = i == j and place < constant
-            if not same or abs(self.tape.start[place] / self.diagonal[0, i] - 1.0) > 1e-12:
-                joints |= {i, j}
-        return np.array(sorted(joints), dtype=np.intp)
+    def hanging(self, h: float) -> Modes:
+        """Return the loads on springs at the internal step h [s].
+
+        The twist x of a spring, by which the load lags behind its joint, follows ``x'' + 2 zeta w x' + w^2 x = a``;
+        the step is exact for an acceleration that does not change within it.
+        """
+        joint, share, frequency, damping = np.array(self.modes, dtype=float).reshape(-1, 4).T.copy()
+        w = 2.0 * np.pi * frequency
+        pull = np.stack([w * w, 2.0 * damping * w], axis=1)
+        system = np.zeros((len(joint), 3, 3))
+        system[:, 0, 1], system[:, 1, :2], system[:, 1, 2] = 1.0, -pull, 1.0
+        step = (
+            np.ascontiguousarray(scipy.linalg.expm(h * system)[:, :2]) if len(joint) else np.zeros((0, 2, 3))
+        )
+        return Modes(joint.astype(np.int64), share, pull, step)
 
 
 def plant_of(plant: OpenLoop, qr: Floats, vr: Floats) -> Plant:

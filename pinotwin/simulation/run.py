@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import Effect
@@ -17,24 +16,19 @@ from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.loop import LoopModel, Servo, close
 from pinotwin.motion import Motion
-from pinotwin.simulation import coupled, coupled_kernel, kernel
+from pinotwin.simulation import coupled_kernel, kernel
 from pinotwin.simulation.blocks import lay_blocks
 from pinotwin.simulation.command import Request, beginning, motor_coordinates, request
+from pinotwin.simulation.law import LONGEST, Law, law_rows, substeps
 from pinotwin.simulation.plant import Plant, plant_of
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.simulation.score import bound
-from pinotwin.simulation.state import Command, Record
+from pinotwin.simulation.state import Command, Record, records
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin.twin import TwinLike, as_twin
 
 if TYPE_CHECKING:
     from pinotwin.twin import Twin
-
-PASSES = 40
-_RELAX = 0.5
-_KEPT = 20  # passes that the next effort is combined from
-_LOST = 0.05  # change after the last pass beyond which there is no answer
-_SAME = 1e-3  # change of the effort between passes, RMS, as a share of its own
 
 Loops = str | Mapping[str, Servo]
 """One of :data:`FORMS`, or controllers by axis."""
@@ -106,7 +100,7 @@ def simulate(
     for axis in machine.axes.values():
         if axis.lead:  # the log's effort is ahead of its position: what acts at t is written down before
             then = np.clip(asked.t + axis.lead, asked.t[0], asked.t[-1])
-            u[:, axis.index] = CubicSpline(asked.t, u[:, axis.index])(then)
+            u[:, axis.index] = scipy.interpolate.CubicSpline(asked.t, u[:, axis.index])(then)
     for name, axis in machine.axes.items():
         for kind, x in (("q", q), ("e", e), ("u", u)):
             channels[f"{name}.{kind}"] = x[:, axis.index]
@@ -157,21 +151,18 @@ def respond(
     form = controller if controller is not None else preferred(twin)
     plant = plant_of(twin, asked.qr, asked.vr)
     full = full or bool(plant.other) or any(effect.logged_effort for effect in twin.effects)
-    given = _servos_in(form)
-    if given is not None:
-        servos, notes = _chosen_servos(twin, given)
-        substeps = coupled.substeps(asked.step, step)
-        asked, substeps = (asked.refined(substeps), 1) if every_step else (asked, substeps)
-        stepper: _Stepper = partial(_run_coupled, twin, asked, plant, servos, substeps, full)
+    longest = LONGEST if step is None else step
+    closed, notes = _closed(twin, form)
+    if is_coupled(form):
+        count = substeps(asked.step, longest)
     else:
-        loops, notes = chosen_loops(twin, form)
-        notes = (*_rates(loops, asked.step), *notes)
-        substeps = plant.substeps(asked.step, step)
-        asked, substeps = (asked.refined(substeps), 1) if every_step else (asked, substeps)
-        stepper = partial(_run, twin, asked, plant, loops, substeps, full)
-    out = stepper(np.zeros((1, twin.machine.nv)))
+        count = plant.substeps(asked.step, longest)
+        notes = (*_rates(closed, asked.step), *notes)
+    asked, count = (asked.refined(count), 1) if every_step else (asked, count)
+    run = _Run(twin, asked, plant, closed, is_coupled(form), count, full)
+    out = run.under(np.zeros((1, twin.machine.nv)))
     if plant.other:
-        out, late = _repeat(twin, plant, out, stepper)
+        out, late = _repeat(run, out)
         notes = (*notes, *late)
     return replace(_logged(twin, out), notes=(*asked.notes, *notes))
 
@@ -184,37 +175,40 @@ def preferred(twin: Twin) -> str:
     return str(chosen)
 
 
-def _servos_in(form: Loops) -> dict[str, Servo] | None:
-    """Return the controllers given in place of identified ones, or None for another form than coupled."""
-    if isinstance(form, str):
-        return {} if form == "coupled" else None
-    given = {name: law for name, law in form.items() if isinstance(law, Servo)}
-    return given if len(given) == len(form) > 0 else None
-
-
 def is_coupled(form: Loops) -> bool:
     """Whether a form simulates controllers around the plant, not transfer functions."""
-    return _servos_in(form) is not None
+    return form == "coupled" if isinstance(form, str) else len(form) > 0
 
 
-def _chosen_servos(twin: Twin, given: Mapping[str, Servo]) -> tuple[dict[str, Servo], tuple[str, ...]]:
-    """Return the controllers to simulate with, and notes about axes without one."""
-    axes = twin.machine.axes
+def _closed(twin: Twin, form: Loops) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return what closes the loop of every axis, controllers or transfer functions, and notes about axes without."""
+    axes, given = twin.machine.axes, {} if isinstance(form, str) else form
+    if isinstance(form, str) and form not in FORMS:
+        raise InputError(f"controller: {form!r}; {nearest(form, FORMS)}")
+    if not isinstance(form, str) and not (form and all(isinstance(x, Servo) for x in form.values())):
+        raise InputError(
+            "controller: expected a form or axis -> Servo; see help(pinotwin.simulation.simulate)"
+        )
     for name in given:
         if name not in axes:
             raise InputError(f"controller: no axis {name!r}; {nearest(name, axes)}")
-    servos = {**twin.servos, **given}
-    if not servos:
+    what = "controllers" if is_coupled(form) else "closed loop"
+    found: dict[str, Any] = {**twin.servos, **given} if is_coupled(form) else dict(twin.loops)
+    if form == "vibration":
+        found |= wide_loops(twin)
+    if not found:
         raise TwinError(
-            f"{twin.machine.name}: the twin has no controllers; identify it from a log that holds the "
+            f"{twin.machine.name}: the twin has no {what}; identify it from a log that holds the "
             "command <axis>.qr of the axes that move"
         )
-    ideal = [name for name in axes if name not in servos]
-    return servos, (f"no controller of {', '.join(ideal)}: follows its command exactly",) if ideal else ()
+    ideal = [name for name in axes if name not in found]
+    return found, (
+        f"no {what.removesuffix('s')} of {', '.join(ideal)}: follows its command exactly",
+    ) if ideal else ()
 
 
-def _repeat(twin: Twin, plant: Plant, out: Response, stepper: _Stepper) -> tuple[Response, tuple[str, ...]]:
-    """Run again with the effects that have no table, until their effort stays the same.
+def _repeat(run: _Run, out: Response, passes: int = 40) -> tuple[Response, tuple[str, ...]]:
+    """Run again with the effects that have no table, until their effort stays the same, to a thousandth of its RMS.
 
     The next effort is the combination of the last ones whose change would be least (Anderson 1965,
     10.1145/321296.321305): a plain repetition diverges for a drive that twists, whose load rings in the
@@ -223,62 +217,37 @@ def _repeat(twin: Twin, plant: Plant, out: Response, stepper: _Stepper) -> tuple
     Raises:
         DataError: it does not settle.
     """
-    asked, change = out.request, np.inf
-    shape = out.q.shape
-    extra = np.zeros(shape)
+    twin, other, change = run.twin, run.plant.other, np.inf
+    extra = np.zeros(out.q.shape)
     tried: list[Floats] = []
     changes: list[Floats] = []
-    names = ", ".join(sorted({effect.name for effect, _ in plant.other}))
-    for _ in range(PASSES):
-        update = _effort(plant.other, twin.scene(as_motion(twin, asked, out)))
+    names = ", ".join(sorted({effect.name for effect, _ in other}))
+    for _ in range(passes):
+        update = _effort(other, twin.scene(as_motion(twin, out.request, out)))
         change = float(np.linalg.norm(update - extra) / max(float(np.linalg.norm(update)), 1e-300))
-        if change <= _SAME:
+        if change <= 1e-3:
             return out, ()
-        tried, changes = [*tried, extra.ravel()][-_KEPT:], [*changes, (update - extra).ravel()][-_KEPT:]
-        extra = _mixed(tried, changes).reshape(shape)
-        out = stepper(extra)
-    if change > _LOST:
+        tried, changes = [*tried, extra.ravel()][-20:], [*changes, (update - extra).ravel()][-20:]
+        extra = _mixed(tried, changes).reshape(out.q.shape)
+        out = run.under(extra)
+    if change > 0.05:
         raise DataError(
             f"{twin.machine.name}: the effort of {names} does not settle (it changes by {change:.1g} of its size "
-            f"after {PASSES} passes); take it out of the twin's machine to simulate, or give what twists or "
+            f"after {passes} passes); take it out of the twin's machine to simulate, or give what twists or "
             "plays a joint of its own under `passive`"
         )
-    return out, (f"{names}: effort still changes by {change:.1g} of its size after {PASSES} passes",)
+    return out, (f"{names}: effort still changes by {change:.1g} of its size after {passes} passes",)
 
 
-def _mixed(tried: Sequence[Floats], changes: Sequence[Floats]) -> Floats:
+def _mixed(tried: Sequence[Floats], changes: Sequence[Floats], relax: float = 0.5) -> Floats:
     """Return the next effort to try, from those tried and how each changed, all of shape (n,)."""
     step = changes[-1]
     if len(tried) == 1:
-        return tried[0] + _RELAX * step
+        return tried[0] + relax * step
     ahead = np.stack([changes[-1] - x for x in changes[:-1]], axis=1)
     back = np.stack([tried[-1] - x for x in tried[:-1]], axis=1)
     weights = np.linalg.lstsq(ahead, step, rcond=1e-8)[0]
-    return np.asarray(tried[-1] + _RELAX * step - (back + _RELAX * ahead) @ weights)
-
-
-def chosen_loops(twin: Twin, controller: Loops) -> tuple[dict[str, LoopModel], tuple[str, ...]]:
-    """Return the loops to simulate with, and notes about axes without one."""
-    axes = twin.machine.axes
-    if controller == "black":
-        loops = dict(twin.loops)
-    elif controller == "vibration":
-        loops = {**twin.loops, **wide_loops(twin)}
-    elif isinstance(controller, str):
-        raise InputError(f"controller: {controller!r}; {nearest(controller, FORMS)}")
-    else:
-        raise InputError(
-            "controller: expected a form or axis -> Servo; see help(pinotwin.simulation.simulate)"
-        )
-    if not loops:
-        raise TwinError(
-            f"{twin.machine.name}: the twin has no closed loop; identify it from a log that holds the "
-            "command <axis>.qr of the axes that move"
-        )
-    ideal = [name for name in axes if name not in loops]
-    if not ideal:
-        return loops, ()
-    return loops, (f"no closed loop of {', '.join(ideal)}: follows its command exactly",)
+    return np.asarray(tried[-1] + relax * step - (back + relax * ahead) @ weights)
 
 
 def wide_loops(twin: Twin) -> dict[str, LoopModel]:
@@ -335,84 +304,79 @@ def _rates(loops: Mapping[str, LoopModel], step: float) -> tuple[str, ...]:
     )
 
 
-def _run(
-    twin: Twin,
-    asked: Request,
-    plant: Plant,
-    loops: Mapping[str, LoopModel],
-    substeps: int,
-    full: bool,
-    extra: Floats,
-) -> Response:
-    blocks = lay_blocks(twin.machine, loops, twin.diagonal, asked.step / substeps)
-    n, nv = asked.qr.shape
-    load = np.ascontiguousarray(asked.external - extra)
-    command = Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
-    rows = n if full else 0
-    q, e, u = (np.zeros((n, nv)) for _ in range(3))
-    v, a, d = (np.zeros((rows, nv)) for _ in range(3))
-    out = Record(q, e, u, v, a, d)
-    state = plant.state(len(blocks.A))
-    arrays = plant.arrays()
-    kernel.settle(*arrays, blocks, _begun(command), state)
-    row, joint = kernel.run(*arrays, blocks, command, state, out)
-    _on_command(twin, asked, plant, row, joint)
-    return Response(asked, twin.machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ())
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A simulation made ready: the twin, what is asked, its plant and what closes the loops."""
 
+    twin: Twin
+    asked: Request
+    plant: Plant
+    closed: Mapping[str, Any]
+    coupled: bool
+    substeps: int
+    full: bool
 
-def _on_command(twin: Twin, asked: Request, plant: Plant, row: int, joint: int) -> None:
-    if row >= 0:
-        raise DataError(
-            f"{twin.machine.name}: the simulation leaves its command at t = {asked.clock[row]:.4g} s on "
-            f"axis {twin.machine.names[joint]}: tracking error beyond {plant.limit[joint]:.3g}; the twin's "
-            "loop and plant do not fit together, identify it again, or give a shorter step"
+    def under(self, extra: Floats) -> Response:
+        """Return the response under an effort (n, nv) that holds the machine back.
+
+        Raises:
+            DataError: the machine leaves its command.
+        """
+        asked, (n, nv), machine = self.asked, self.asked.qr.shape, self.twin.machine
+        load = np.ascontiguousarray(asked.external - extra)
+        command = Command(asked.qr, asked.vr, load, asked.step, self.substeps, self.plant.limit)
+        qr, vr = beginning(command.qr, command.vr, command.step)
+        out = records(n, nv, self.full)
+        row, joint = (_coupled if self.coupled else _loops)(
+            self, command, command._replace(qr=qr, vr=vr), out
+        )
+        if row >= 0:
+            raise DataError(
+                f"{machine.name}: the simulation leaves its command at t = {asked.clock[row]:.4g} s on "
+                f"axis {machine.names[joint]}: tracking error beyond {self.plant.limit[joint]:.3g}; the twin's "
+                "loop and plant do not fit together, identify it again, or give a shorter step"
+            )
+        return Response(
+            asked, machine.names, **out._asdict(), loops=self.loops(), substeps=self.substeps, notes=()
         )
 
+    def loops(self) -> dict[str, LoopModel]:
+        """Return the closed loops; those of controllers are made only for a whole response."""
+        if not self.coupled or not self.full:
+            return {} if self.coupled else dict(self.closed)
+        M, C = self.twin.diagonal["inertia"], self.twin.diagonal["viscous"]
+        at = {name: self.twin.machine.axes[name].index for name in self.closed}
+        return {k: close(x, float(M[at[k]]), float(C[at[k]]), axis=k) for k, x in self.closed.items()}
 
-def _begun(command: Command) -> Command:
-    qr, vr = beginning(command.qr, command.vr, command.step)
-    return command._replace(qr=qr, vr=vr)
+
+def _loops(run: _Run, command: Command, begun: Command, out: Record) -> tuple[int, int]:
+    """Simulate identified transfer functions, the nonlinear disturbance fed back."""
+    blocks = lay_blocks(run.twin.machine, run.closed, run.twin.diagonal, command.step / command.substeps)
+    state, arrays = run.plant.state(blocks=len(blocks.A)), run.plant.arrays()
+    kernel.settle(*arrays, blocks, begun, state)
+    row, joint = kernel.run(*arrays, blocks, command, state, out)
+    return row, joint
 
 
-def _run_coupled(
-    twin: Twin,
-    asked: Request,
-    plant: Plant,
-    servos: Mapping[str, Servo],
-    substeps: int,
-    full: bool,
-    extra: Floats,
-) -> Response:
+def _coupled(run: _Run, command: Command, begun: Command, out: Record) -> tuple[int, int]:
     """Simulate the identified controllers around the identified plant."""
-    machine = twin.machine
-    n, nv = asked.qr.shape
-    h = asked.step / substeps
-    laws = coupled.servo_arrays(
-        [servos.get(name) for name in machine.names], [name in machine.passive for name in machine.names], h
-    )
-    parts, tables = plant.arrays()
-    load = np.ascontiguousarray(asked.external - extra)
-    command = Command(asked.qr, asked.vr, load, asked.step, substeps, plant.limit)
-    out = coupled.records(n, nv, full)
-    modes = coupled.mode_arrays(plant.modes, command.step / command.substeps)
-    state = coupled.state(laws, plant.tape.size, plant.tape.start, tables, modes)
-    coupled_kernel.settle(parts, tables, laws, modes, _begun(command), state)
-    row, joint = coupled_kernel.run(parts, tables, laws, modes, command, state, out)
-    _on_command(twin, asked, plant, row, joint)
-    M, C = twin.diagonal["inertia"], twin.diagonal["viscous"]
-    index = {name: machine.axes[name].index for name in servos}
-    loops = (
-        {
-            name: close(servo, float(M[index[name]]), float(C[index[name]]), axis=name)
-            for name, servo in servos.items()
-        }
-        if full
-        else {}
-    )
-    return Response(asked, machine.names, out.q, out.v, out.a, out.e, out.u, out.d, loops, substeps, ())
-
-
-_Stepper = Callable[[Floats], Response]
+    machine, h = run.twin.machine, command.step / command.substeps
+    kinds = [
+        coupled_kernel.SERVO
+        if name in run.closed
+        else coupled_kernel.PASSIVE
+        if name in machine.passive
+        else coupled_kernel.IDEAL
+        for name in machine.names
+    ]
+    laws = law_rows([run.closed.get(name) for name in machine.names], h)
+    modes = run.plant.hanging(h)
+    given = (*run.plant.arrays(), np.array(kinds), laws, modes)
+    late = int(laws[:, Law._fields.index("whole")].max(initial=0.0)) + 2
+    state = run.plant.state(late=late, modes=len(modes.joint))
+    coupled_kernel.settle(*given, begun, state)
+    row, joint = coupled_kernel.run(*given, command, state, out)
+    return row, joint
 
 
 def feedforward(twin: Twin, log: Log) -> Log:
@@ -426,7 +390,7 @@ def feedforward(twin: Twin, log: Log) -> Log:
         log: ``t``, ``<axis>.qr`` and external loads.
     """
     asked = request(twin.machine, log)
-    a = np.stack([CubicSpline(asked.clock, x)(asked.clock, 2) for x in asked.qr.T], axis=1)
+    a = np.stack([scipy.interpolate.CubicSpline(asked.clock, x)(asked.clock, 2) for x in asked.qr.T], axis=1)
     n = len(asked.clock)
     motion = Motion.exact(
         (twin.machine.names, twin.machine.rotary),

@@ -40,7 +40,9 @@ def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, d
 
 
 def bound(machine: Machine, log: Log) -> Log:
-    """Return the log with the contract's names for those of its columns that it holds."""
+    """Return the log with the contract's names for those of its columns that it holds; a bound log as it is."""
+    if log.scale:
+        return log
     held = {}
     for name, column in machine.columns.items():
         with suppress(LogError):

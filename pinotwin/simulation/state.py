@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 
@@ -16,7 +18,6 @@ class Parts(NamedTuple):
         sign: signs.
         mass: entries of M.
         bias: entries of h.
-        coupled: joints whose row of M - M_D is not zero, shape (m,).
         inertia: M_D, shape (nv,).
         viscous: C, shape (nv,).
         stiffness: K of the springs, shape (nv,).
@@ -28,7 +29,6 @@ class Parts(NamedTuple):
     sign: Floats
     mass: Ints
     bias: Ints
-    coupled: Ints
     inertia: Floats
     viscous: Floats
     stiffness: Floats
@@ -91,56 +91,90 @@ class Command(NamedTuple):
     limit: Floats
 
 
-class State(NamedTuple):
-    """Where the machine is; changed by :func:`run`.
+class Modes(NamedTuple):
+    """Loads that hang on joints by springs, at one internal step; one row each.
 
     Attributes:
-        x: states of the blocks, shape (k, 2).
-        d: disturbance, shape (nv,).
-        q: position, shape (nv,); likewise ``v``, ``a``, ``e``, ``u``.
-        v: velocity.
-        a: acceleration.
-        e: tracking error.
-        u: effort.
-        c: command now and its two derivatives, shape (3, nv).
-        p: its coefficients in the present interval, shape (4, nv).
-        pace: place of each joint's speed in the tables over speed, shape (nv,).
-        turn: direction of each dry-friction element, shape (k,).
-        before: velocity of each element's joint at the last step, shape (k,).
-        bend: bend of the slip elements and, last, of the bristle, shape (m, 7).
-        where: position of each slip element's joint at the last step, shape (m,).
-        t: values of the tape.
-        M: mass matrix, shape (nv, nv).
-        h: bias effort, shape (nv,).
-        y: e, e', e'', u of the blocks of one joint, shape (4,).
-        old: disturbance at the last step, shape (nv,).
-        vr0: velocity of the command at the last step, shape (nv,).
-        r: right side of step 5, shape (nv,).
-        S: its matrix, shape (nv, nv + 1).
+        joint: that a load hangs on, shape (m,).
+        share: of the joint's inertia that it is, shape (m,).
+        pull: stiffness and damping over the load's mass, shape (m, 2).
+        step: how twist and its rate go on in a step, and what an acceleration of the joint adds, shape (m, 2, 3).
     """
 
-    x: Floats
-    d: Floats
+    joint: Ints
+    share: Floats
+    pull: Floats
+    step: Floats
+
+
+class State(NamedTuple):
+    """Where the machine is, and room for a step; changed by the kernels. Shapes (nv,) unless said otherwise.
+
+    Attributes:
+        q: position; likewise velocity ``v``, acceleration ``a``, tracking error ``e``, effort ``u``.
+        before: velocity at the last step.
+        w: velocity after the step.
+        act: effort that acts, after the dead time.
+        d: disturbance of the loops, and ``old`` at the last step.
+        vr0: velocity of the command at the last step.
+        pace: place of each joint's speed in the tables over speed.
+        h: bias effort, with ``r`` all that moves a joint.
+        M: mass matrix, with A the matrix of a step and X its inverse, shape (nv, nv).
+        x: states of the loops' blocks, shape (blocks, 2).
+        y: e, e', e'', u of the blocks of one joint, shape (4,).
+        law: states of the controllers, shape (nv, 5).
+        late: efforts of the last steps, shape (nv, late), and in ``at`` where the last one is.
+        turn: direction, or effort, of each dry-friction element, between ``low`` and ``high``, shape (k,).
+        bend: bend of the slip elements and, last, of the bristle, shape (m, 7).
+        where: position of each slip element's joint at the last step, shape (m,).
+        one: effort, damping and stiffness of the element last moved, shape (3,).
+        twist: of loads on springs and its rate, shape (modes, 2).
+        c: command now and its two derivatives, shape (3, nv).
+        t: values of the tape.
+    """
+
     q: Floats
     v: Floats
     a: Floats
     e: Floats
     u: Floats
-    c: Floats
-    p: Floats
-    pace: Floats
-    turn: Floats
     before: Floats
-    bend: Floats
-    where: Floats
-    t: Floats
-    M: Floats
-    h: Floats
-    y: Floats
+    w: Floats
+    act: Floats
+    d: Floats
     old: Floats
     vr0: Floats
+    pace: Floats
+    h: Floats
     r: Floats
-    S: Floats
+    M: Floats
+    A: Floats
+    X: Floats
+    x: Floats
+    y: Floats
+    law: Floats
+    late: Floats
+    at: Ints
+    turn: Floats
+    low: Floats
+    high: Floats
+    bend: Floats
+    where: Floats
+    one: Floats
+    twist: Floats
+    c: Floats
+    t: Floats
+
+
+def at_rest(tables: Lookup, t: Floats, *, blocks: int = 0, late: int = 0, modes: int = 0) -> State:
+    """Return a machine at rest at zero, with room for blocks, late efforts and loads on springs; t of the tape."""
+    nv, dry, slips = len(tables.slowness), len(tables.directions), len(tables.slips)
+    shapes: dict[str, int | tuple[int, ...]] = dict.fromkeys(State._fields, nv)
+    shapes |= dict.fromkeys(("M", "A", "X"), (nv, nv)) | dict.fromkeys(("turn", "low", "high"), dry)
+    shapes |= {"x": (blocks, 2), "y": 4, "law": (nv, 5), "late": (nv, late), "twist": (modes, 2)}
+    shapes |= {"bend": (slips, tables.give.shape[1] + 1), "where": slips, "one": 3, "c": (3, nv)}
+    arrays: dict[str, Any] = {name: np.zeros(shape) for name, shape in shapes.items()}
+    return State(**{**arrays, "at": np.zeros(1, dtype=np.int64), "t": t})
 
 
 class Record(NamedTuple):
@@ -161,3 +195,8 @@ class Record(NamedTuple):
     v: Floats
     a: Floats
     d: Floats
+
+
+def records(n: int, nv: int, full: bool) -> Record:
+    """Return arrays for the results."""
+    return Record(*(np.zeros((n if full or k < 3 else 0, nv)) for k in range(6)))

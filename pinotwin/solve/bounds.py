@@ -9,7 +9,7 @@ directions that the data leave open are held at the prior by weak extra rows.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import lsq_linear, nnls
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
@@ -72,8 +72,8 @@ def active_set(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
     """
     try:
         with np.errstate(divide="raise", invalid="raise"):
-            return lsq_linear(A, b, (low, high), method="bvls", tol=1e-14).x
+            return scipy.optimize.lsq_linear(A, b, (low, high), method="bvls", tol=1e-14).x
     except FloatingPointError:
         if np.isfinite(low).all() and np.isinf(high).all():
-            return low + nnls(A, b - A @ low)[0]
-        return lsq_linear(A, b, (low, high), method="trf", tol=1e-14).x
+            return low + scipy.optimize.nnls(A, b - A @ low)[0]
+        return scipy.optimize.lsq_linear(A, b, (low, high), method="trf", tol=1e-14).x

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import clarabel
 import numpy as np
-from scipy import sparse
+import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 
@@ -153,7 +153,9 @@ def _solve(Q: Floats, q: Floats, A: Floats, b: Floats, cones: list[clarabel.Supp
     settings.max_threads = 1
     for tolerance in TOLERANCES:
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-        solver = clarabel.DefaultSolver(sparse.csc_matrix(Q), q, sparse.csc_matrix(A), b, cones, settings)
+        solver = clarabel.DefaultSolver(
+            scipy.sparse.csc_matrix(Q), q, scipy.sparse.csc_matrix(A), b, cones, settings
+        )
         found = solver.solve()
         if found.status in SOLVED:
             return np.array(found.x)

@@ -85,7 +85,7 @@ def held_out(
     Raises:
         DataError: fewer instants than two per fold.
     """
-    options = replace(options or Options(), whiten=0)
+    options = options or Options()
     order, times = fold_order(problem)
     if folds < 2 or times < 2 * folds:
         raise DataError(f"{times} instants cannot be split into {folds} folds of at least two")

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.solve.jackknife import jackknife
@@ -76,4 +76,4 @@ def _lowest(x: Ints, y: Floats) -> float:
 
 def put_back(t: Floats, u: Floats, lead: float) -> Floats:
     """Return an unbroken signal that is ahead by ``lead`` [s] where it belongs, held beyond its ends; shapes (n,)."""
-    return np.asarray(CubicSpline(t, u)(np.clip(t - lead, t[0], t[-1])))
+    return np.asarray(scipy.interpolate.CubicSpline(t, u)(np.clip(t - lead, t[0], t[-1])))

@@ -10,14 +10,13 @@ Each axis is reduced once to the R factor of ``[W_i y_i]``, so that the iteratio
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
-from pinotwin.solve.autoregression import autoregressions, whiten
 from pinotwin.solve.bounds import bounded
 from pinotwin.solve.covariance import Inference, spread
 from pinotwin.solve.problem import Problem
@@ -25,25 +24,19 @@ from pinotwin.solve.rank import Rank, analyse
 from pinotwin.solve.result import LinearFit
 from pinotwin.solve.tsqr import r_factor
 
-TOLERANCE = 1e-9
-"""Smallest pivot of the scaled columns, relative to the largest, that counts as seen."""
-
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed before the data, e.g. the CAD values.
+    """What is believed before the data, e.g. the CAD values; it fills what the data leave open.
 
     Attributes:
         mean: shape (p,).
         std: how far off each may be, shape (p,); sets which of several equally good theta is taken.
             None takes the inverse column length.
-        soft: also weigh the belief against the data, so that every parameter is determined, by data
-            and belief together; otherwise the belief only fills what the data leave open.
     """
 
     mean: Floats
     std: Floats | None = None
-    soft: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,9 +51,8 @@ class Options:
         lower: bounds on theta, shape (p,); None for none.
         upper: bounds on theta, shape (p,); None for none.
         sigma: known noise level per axis; None to find it.
-        tolerance: smallest relative pivot that counts as seen.
+        tolerance: smallest pivot of the scaled columns, relative to the largest, that counts as seen.
         inference: see :mod:`pinotwin.solve.covariance`.
-        whiten: order of the autoregression that whitens each axis' rows; 0 for none.
     """
 
     prior: Prior | None = None
@@ -68,9 +60,8 @@ class Options:
     lower: Floats | None = None
     upper: Floats | None = None
     sigma: Floats | None = None
-    tolerance: float = TOLERANCE
+    tolerance: float = 1e-9
     inference: Inference = "hac"
-    whiten: int = 0
 
 
 @dataclass(frozen=True)
@@ -98,11 +89,10 @@ class Solution:
     Attributes:
         theta: shape (p,).
         sigma: noise level per axis.
-        rank: analysis of the weighted factor (of soft prior and ridge as well, if any).
+        rank: analysis of the weighted factor, and of the ridge, if any.
         active: parameters on a bound, shape (p,).
         factor: weighted R, shape (p, p).
         right: weighted z, shape (p,).
-        told: R with the soft prior, but without the ridge, shape (k, p).
         options: how it was solved.
     """
 
@@ -112,7 +102,6 @@ class Solution:
     active: Mask
     factor: Floats
     right: Floats
-    told: Floats
     options: Options
 
     @cached_property
@@ -121,7 +110,7 @@ class Solution:
         if self.options.ridge is None:
             return self.rank
         prior = self.options.prior
-        return analyse(self.told, self.options.tolerance, None if prior is None else prior.std)
+        return analyse(self.factor, self.options.tolerance, None if prior is None else prior.std)
 
 
 def reduce(problems: Problem | Iterable[Problem]) -> Reduced:
@@ -152,21 +141,6 @@ def linear(problem: Problem, options: Options | None = None) -> LinearFit:
         DataError: options that do not fit the problem.
     """
     options = options or Options()
-    fit = _fit(problem, options)
-    if options.whiten <= 0:
-        return fit
-    models = autoregressions(problem, fit.residual, options.whiten)
-    values, keep = whiten(problem, np.column_stack([problem.W, problem.y]), models)
-    if not keep.any():
-        raise DataError(
-            f"no unbroken run is longer than the whitening order {options.whiten}: lower the order"
-        )
-    whitened = replace(problem, W=values[:, :-1], y=values[:, -1]).rows(keep)
-    return replace(_fit(whitened, replace(options, sigma=None)), problem=problem)
-
-
-def _fit(problem: Problem, options: Options) -> LinearFit:
-    """Return the fit of the rows as they are."""
     found = solve(reduce(problem), options)
     seen = found.seen
     if len(problem.y) <= seen.rank:
@@ -176,15 +150,11 @@ def _fit(problem: Problem, options: Options) -> LinearFit:
         )
     error = problem.y - problem.W @ found.theta
     spreading = spread(problem, found.sigma, error, found.rank.root, options.inference)
-    covariance = spreading.covariance
-    if options.prior is not None and options.prior.soft and options.prior.std is not None:
-        believed = found.rank.root.T @ (found.rank.root / options.prior.std[:, None] ** 2)
-        covariance = covariance + found.rank.root @ believed @ found.rank.root.T
     p = problem.parameters
     return LinearFit(
         problem=problem,
         theta=found.theta,
-        covariance=covariance,
+        covariance=spreading.covariance,
         dof=spreading.dof,
         sigma=found.sigma,
         rank=seen.rank,
@@ -206,7 +176,7 @@ def solve(reduced: Reduced, options: Options | None = None) -> Solution:
 
     Args:
         reduced: factors, e.g. of a log too long to hold.
-        options: how; ``inference`` and ``whiten`` are not used.
+        options: how; ``inference`` is not used.
     """
     options = options or Options()
     _check(reduced, options)
@@ -230,9 +200,6 @@ def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
     mean = np.zeros(p) if prior is None else np.asarray(prior.mean, float)
     std = None if prior is None else prior.std
     A, b = R, z
-    if prior is not None and prior.soft and std is not None:
-        A, b = np.concatenate([R, np.diag(1 / std)]), np.concatenate([z, mean / std])
-    told = A
     if options.ridge is not None:
         weak = np.flatnonzero(np.isfinite(options.ridge))
         extra = np.zeros((len(weak), p))
@@ -245,7 +212,7 @@ def _weighted(reduced: Reduced, sigma: Floats, options: Options) -> Solution:
     lower, upper = _or(options.lower, -np.inf, p), _or(options.upper, np.inf, p)
     if ((theta < lower) | (theta > upper)).any():
         theta, active = bounded(A, b, lower, upper, mean, rank)
-    return Solution(theta, sigma, rank, active, R, z, told, options)
+    return Solution(theta, sigma, rank, active, R, z, options)
 
 
 def _first_levels(reduced: Reduced) -> Floats:
@@ -278,8 +245,6 @@ def _check(reduced: Reduced, options: Options) -> None:
     given = {"lower": options.lower, "upper": options.upper}
     if options.prior is not None:
         given |= {"prior.mean": options.prior.mean, "prior.std": options.prior.std}
-        if options.prior.soft and options.prior.std is None:
-            raise DataError("a soft prior needs standard deviations: set prior.std")
     for name, value in given.items():
         if value is not None and np.shape(value) != (p,):
             raise DataError(f"{name} has shape {np.shape(value)}, the problem has {p} parameters")

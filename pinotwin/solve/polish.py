@@ -14,11 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lstsq
-from scipy.optimize import least_squares, minimize
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.solve.bounds import bounded
+from pinotwin.solve.descent import Remembered, trust_region
 from pinotwin.solve.projection import Projection, Span
 from pinotwin.solve.rank import analyse
 from pinotwin.solve.tsqr import r_factor
@@ -82,23 +82,14 @@ class VariableProjection:
         self._limits = limits
         self._linear = np.delete(np.arange(projection.width), projection.fixed)
         self._cuts = np.cumsum([0, *(len(m.shapes) for m in projection.moving)])
-        self._last: tuple[Floats, Floats, Floats] | None = None
+        self.evaluate = Remembered(self._evaluate)
 
     def split(self, x: Floats) -> list[Floats]:
         """Return the search coordinates of each block."""
         return [x[a:b] for a, b in zip(self._cuts[:-1], self._cuts[1:], strict=True)]
 
-    def residual(self, x: Floats) -> Floats:
-        """Return the residual in small coordinates."""
-        return self._evaluate(x)[0]
-
-    def jacobian(self, x: Floats) -> Floats:
-        """Return Kaufman's Jacobian of the residual."""
-        return self._evaluate(x)[1]
-
     def _evaluate(self, x: Floats) -> tuple[Floats, Floats]:
-        if self._last is not None and np.array_equal(self._last[2], x):
-            return self._last[:2]
+        """Return the residual in small coordinates, and Kaufman's Jacobian of it."""
         P = self._projection
         parts = self.split(x)
         columns = [m.at(part) for m, part in zip(P.moving, parts, strict=True)]
@@ -112,8 +103,7 @@ class VariableProjection:
         base = Span.of(W[:, free], np.arange(int(free.sum()))).basis
         slope = small[:, P.width :]
         jacobian = -(slope - base @ (base.T @ slope))
-        self._last = (y - W @ theta, jacobian, x.copy())
-        return self._last[:2]
+        return y - W @ theta, jacobian
 
     def _solve(self, small: Floats) -> tuple[Floats, Mask]:
         """Return theta and which of its entries are free of bounds."""
@@ -123,7 +113,9 @@ class VariableProjection:
         # gelsy: pivoted QR, several times faster than singular values where tables make p large
         theta = (
             unit
-            * lstsq(W * unit, y, cond=self._limits.tolerance, lapack_driver="gelsy", check_finite=False)[0]
+            * scipy.linalg.lstsq(
+                W * unit, y, cond=self._limits.tolerance, lapack_driver="gelsy", check_finite=False
+            )[0]
         )
         free = np.ones(len(theta), bool)
         outside = (theta < self._limits.lower) | (theta > self._limits.upper)
@@ -143,17 +135,14 @@ def polish(
     most: int = MAX_EVALUATIONS,
 ) -> Polished:
     """Return the optimum of all shapes near ``start``, within bounds, in search coordinates; most evaluations."""
-    width = upper - lower
-    inside = np.clip(start, lower + 1e-9 * width, upper - 1e-9 * width)
-    found = least_squares(
-        problem.residual,
-        inside,
-        problem.jacobian,
-        bounds=(lower, upper),
+    found = trust_region(
+        problem.evaluate,
+        start,
+        (lower, upper),
+        1e-9,
         x_scale="jac",
         ftol=CLOSE,
         xtol=1e-9,
-        gtol=1e-12,
         max_nfev=min(most, GAUSS_NEWTON),
     )
     end = Polished(np.asarray(found.x), 2 * float(found.cost), int(found.nfev), found.status > 0)
@@ -165,14 +154,14 @@ def _finished(
     problem: VariableProjection, begun: Polished, lower: Floats, upper: Floats, most: int
 ) -> Polished:
     """Return the end of a quasi-Newton search, its coordinates scaled by the lengths of the Jacobian's columns."""
-    length = np.linalg.norm(problem.jacobian(begun.x), axis=0)
+    length = np.linalg.norm(problem.evaluate(begun.x)[1], axis=0)
     scale = np.where(length > 0.0, length, 1.0)
 
     def cost(z: Floats) -> tuple[float, Floats]:
-        residual = problem.residual(z / scale)
-        return 0.5 * float(residual @ residual), problem.jacobian(z / scale).T @ residual / scale
+        residual, jacobian = problem.evaluate(z / scale)
+        return 0.5 * float(residual @ residual), jacobian.T @ residual / scale
 
-    found = minimize(
+    found = scipy.optimize.minimize(
         cost,
         begun.x * scale,
         jac=True,

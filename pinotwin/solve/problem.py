@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError
@@ -171,7 +171,7 @@ class Grid:
         starts = self.starts(padding)
         index = starts[self.block] + self.slot
         rows = np.arange(len(index))
-        adder = csr_array((np.ones(len(index)), (index, rows)), (int(starts[-1]), len(index)))
+        adder = scipy.sparse.csr_array((np.ones(len(index)), (index, rows)), (int(starts[-1]), len(index)))
         return np.asarray(adder @ values)
 
 

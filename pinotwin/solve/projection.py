@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.linalg import qr
+import scipy
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.solve.linear import Reduced
@@ -78,7 +78,7 @@ class Span:
         columns, index, length = columns[:, used], index[used], length[used]
         if not len(index):
             return cls(np.zeros((len(columns), 0)), np.zeros((0, 0)), index)
-        Q, R, pivot = qr(columns / length, mode="economic", pivoting=True)
+        Q, R, pivot = scipy.linalg.qr(columns / length, mode="economic", pivoting=True)
         rank = int(np.sum(np.abs(np.diag(R)) > RANK))
         coordinates = np.empty((rank, len(index)))
         coordinates[:, pivot] = R[:rank] * length[pivot]

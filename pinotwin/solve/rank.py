@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 
@@ -75,7 +74,7 @@ class Rank:
         if not len(index):
             return ()
         tied = np.abs(self._unseen[index] @ self._unseen[index].T) > LINKED
-        count, label = connected_components(tied, directed=False)
+        count, label = scipy.sparse.csgraph.connected_components(tied, directed=False)
         return tuple(tuple(index[label == k].tolist()) for k in range(count))
 
     @cached_property
@@ -104,13 +103,13 @@ def analyse(R: Floats, tolerance: float, scale: Floats | None = None) -> Rank:
     scale = unit if scale is None else np.where(scale > 0, scale, unit)
     if not len(used):
         return Rank(np.zeros((p, 0)), np.eye(p), scale, unit, empty, np.zeros((0, 0)))
-    T, pivot = qr(R[:, used] * unit[used], mode="r", pivoting=True)[0:2]
+    T, pivot = scipy.linalg.qr(R[:, used] * unit[used], mode="r", pivoting=True)[0:2]
     diagonal = np.abs(np.diag(T))
     rank = int(np.sum(diagonal > tolerance * diagonal[0]))
     T11, T12 = T[:rank, :rank], T[:rank, rank:]
     null = _null_space(T11, T12, used[pivot], p, unit, scale, empty)
     root = np.zeros((p, rank))
-    root[used[pivot[:rank]]] = solve_triangular(T11, np.eye(rank))
+    root[used[pivot[:rank]]] = scipy.linalg.solve_triangular(T11, np.eye(rank))
     root *= unit[:, None]
     root -= scale[:, None] * (null @ (null.T @ (root / scale[:, None])))
     return Rank(root, null, scale, unit, empty, T[:rank])
@@ -123,7 +122,7 @@ def _null_space(
     rank, missing = T12.shape
     blank = np.flatnonzero(empty)
     basis = np.zeros((p, missing + len(blank)))
-    basis[order[:rank], :missing] = -solve_triangular(T11, T12) if missing else 0.0
+    basis[order[:rank], :missing] = -scipy.linalg.solve_triangular(T11, T12) if missing else 0.0
     basis[order[rank:], :missing] = np.eye(missing)
     basis *= unit[:, None]
     basis[blank, missing:] = np.eye(len(blank))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.solve.problem import Problem
@@ -72,33 +72,11 @@ class LinearFit:
 
     def interval(self, level: float = 0.95) -> Floats:
         """Return the confidence interval of every parameter, cut at its bounds, shape (p, 2)."""
-        reach = float(stdtrit(self.dof, 0.5 + level / 2)) * self.standard_errors
+        reach = float(scipy.special.stdtrit(self.dof, 0.5 + level / 2)) * self.standard_errors
         low = np.maximum(self.theta - reach, self.lower)
         high = np.minimum(self.theta + reach, self.upper)
         return np.stack([low, high], axis=1)
 
-    def combination(self, weights: Floats) -> tuple[float, float]:
-        """Return a combination of parameters and its standard error, e.g. of a group's sum.
-
-        Args:
-            weights: shape (p,). The error is infinite where the data leave the combination open.
-        """
-        value = float(weights @ self.theta)
-        seen = self.factor.T @ np.linalg.lstsq(self.factor.T, weights, rcond=1e-10)[0]
-        if np.linalg.norm(seen - weights) > 1e-6 * np.linalg.norm(weights):
-            return value, np.inf
-        return value, float(np.sqrt(max(float(weights @ self.covariance @ weights), 0.0)))
-
-    @cached_property
-    def relative_error(self) -> float:
-        """Residual norm divided by the norm of the effort, all axes together."""
-        return _ratio(self.residual, self.problem.y)
-
     def group_names(self) -> tuple[tuple[str, ...], ...]:
         """Return the groups by name."""
         return tuple(tuple(self.names[i] for i in group) for group in self.groups)
-
-
-def _ratio(error: Floats, y: Floats) -> float:
-    size, left = float(np.linalg.norm(y)), float(np.linalg.norm(error))
-    return left / size if size > 0 else (np.inf if left > 0 else 0.0)

@@ -17,15 +17,9 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 
-FEWEST_BLOCKS = 20
-
 
 def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
-    """Return the covariance of parameters, (p, p), robust to correlated residuals.
-
-    Newey and West 1987 (DOI 10.2307/1913610): with scores s[k] = J[k]' r[k] of the samples and the
-    information A = J'J, the covariance is A^-1 S A^-1, S the sum of the lagged products of s under
-    a triangular window.
+    """Return the covariance of parameters, (p, p), robust to correlated residuals: S by :func:`long_run`.
 
     Args:
         scores: J' r of every sample, (n, p).
@@ -38,16 +32,27 @@ def sandwich(scores: Floats, information: Floats, lag: int) -> Floats:
 
 def long_run(scores: Floats, lag: int) -> Floats:
     """Return the covariance of the sum of correlated scores (n, p), triangular window, (p, p)."""
-    n = len(scores)
-    lag = min(lag, n - 1)
-    size = 1 << int(np.ceil(np.log2(n + lag + 1)))
-    window = np.zeros(size)
-    taper = 1.0 - np.arange(lag + 1) / (lag + 1)
-    window[: lag + 1] = taper
-    window[size - lag :] = taper[:0:-1]
-    spectrum = np.fft.rfft(scores, size, axis=0) * np.fft.rfft(window)[:, None]
-    S = scores.T @ np.fft.irfft(spectrum, size, axis=0)[:n]
-    return 0.5 * (S + S.T)
+    window = min(lag, len(scores) - 1) + 1
+    return bartlett(np.pad(scores, ((0, window), (0, 0))), window)
+
+
+def bartlett(scores: Floats, window: int, chunk: int = 1 << 16) -> Floats:
+    """Return the sum of the lagged products of scores under a triangular window, (p, p).
+
+    The sums over all windows have it as their mean square.
+
+    Args:
+        scores: at even times, overwritten; ``window`` rows of zeros follow every stretch, (n, p).
+        window: rows of a window.
+        chunk: windows that are summed at once: those of an hour of five axes fill a gigabyte.
+    """
+    np.cumsum(scores, axis=0, out=scores)
+    total = scores[:window].T @ scores[:window]
+    for start in range(window, len(scores), chunk):
+        stop = min(start + chunk, len(scores))
+        sums = scores[start:stop] - scores[start - window : stop - window]
+        total += sums.T @ sums
+    return np.asarray(total / window)
 
 
 def block_covariance(columns: Floats, residual: Floats) -> Floats:
@@ -77,10 +82,10 @@ def batch_means(H: Floats, S: Floats, leading: int, count: int) -> tuple[Floats,
     return few * sums.T @ sums, blocks
 
 
-def block_length(influence: Floats) -> int:
-    """Return five integrated autocorrelation times, at most a twentieth of the rows."""
+def block_length(influence: Floats, fewest: int = 20) -> int:
+    """Return five integrated autocorrelation times, at most the rows over the fewest blocks."""
     n = len(influence)
-    longest = max(n // FEWEST_BLOCKS, 1)
+    longest = max(n // fewest, 1)
     padded = 1 << (2 * n - 1).bit_length()
     power = np.abs(np.fft.rfft(influence - influence.mean(axis=0), padded, axis=0)) ** 2
     correlation = np.fft.irfft(power, padded, axis=0)[: longest + 1]

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.solve.moving import Moving
@@ -170,7 +170,7 @@ class Scan:
                     trial[k] = value
                     return -self.gain(trial)
 
-                found = minimize_scalar(
+                found = scipy.optimize.minimize_scalar(
                     loss,
                     bounds=(low, high),
                     method="bounded",

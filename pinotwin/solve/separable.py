@@ -18,7 +18,6 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.errors import DataError
 from pinotwin.solve.covariance import spread
 from pinotwin.solve.linear import Options, linear, reduce, solve
 from pinotwin.solve.moving import Moving
@@ -53,13 +52,8 @@ def separable(
         moving: the blocks with shapes.
         options: prior and bounds cover fixed coefficients first, then those of each block in turn.
         known: shape values about which some blocks are right already, by block: these are polished, not scanned.
-
-    Raises:
-        DataError: options that do not fit.
     """
     options = options or Options()
-    if options.whiten:
-        raise DataError("whitened rows are for linear fits; set whiten=0 when shapes are searched")
     if not moving:
         fit = linear(problem, options)
         return SeparableFit(fit, (), np.zeros(0), np.zeros((0, 0)), (), 0, True)

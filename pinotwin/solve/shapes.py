@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.solve.result import LinearFit
@@ -62,7 +62,7 @@ class ShapeFit:
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of the value, cut at the bounds."""
-        reach = float(stdtrit(self.dof, 0.5 + level / 2)) * self.error
+        reach = float(scipy.special.stdtrit(self.dof, 0.5 + level / 2)) * self.error
         low, high = max(self.x - reach, self.lower), min(self.x + reach, self.upper)
         return self._value(low), self._value(high)
 
@@ -92,12 +92,6 @@ class SeparableFit:
     basins: tuple[tuple[Basin, ...], ...]
     evaluations: int
     converged: bool
-
-    def rivals(self, share: float = 0.9) -> tuple[tuple[Basin, ...], ...]:
-        """Return, per block, other optima that bring at least ``share`` of the best one's gain."""
-        return tuple(
-            tuple(b for b in basins[1:] if b.gain >= share * basins[0].gain) for basins in self.basins
-        )
 
     def shape_values(self, block: str) -> Floats:
         """Return the shape values of one block."""

@@ -17,9 +17,6 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.problem import Problem
 
-STEPS = 10
-_GUARD = 0.02  # share of the log left out between what is fitted and what is judged
-
 
 @dataclass(frozen=True, eq=False)
 class ErrorAgainstData:
@@ -56,6 +53,7 @@ def error_against_data(
     *,
     seconds: Sequence[float] | None = None,
     keep_back: float = 0.3,
+    guard: float = 0.02,
 ) -> ErrorAgainstData:
     """Identify a machine from ever more of a log, and judge each fit on its end, which none saw.
 
@@ -65,7 +63,8 @@ def error_against_data(
         machine: what is believed.
         log: servo log(s).
         seconds: lengths to fit [s]; None: ten, evenly spaced.
-        keep_back: share of the log, at its end, that is kept back to judge on.
+        keep_back: share of the log, at its end, that is held out for validation.
+        guard: share left out between what is fitted and what is judged.
 
     Raises:
         DataError: the log is too short for that.
@@ -74,7 +73,7 @@ def error_against_data(
         raise DataError(f"keep_back is a share of the log between 0 and 0.9, not {keep_back:g}")
     motion = prepare(machine, log)
     n = len(motion)
-    last, first_kept = int((1.0 - keep_back - _GUARD) * n), int((1.0 - keep_back) * n)
+    last, first_kept = int((1.0 - keep_back - guard) * n), int((1.0 - keep_back) * n)
     test = motion.cut(first_kept, n)
     rows = [_one(machine, motion, test, stop) for stop in _stops(motion, last, seconds)]
     found = [row for row in rows if row is not None]
@@ -92,7 +91,7 @@ def error_against_data(
 
 def _stops(motion: Motion, last: int, seconds: Sequence[float] | None) -> list[int]:
     if seconds is None:
-        return [int(x) for x in np.linspace(0, last, STEPS + 1)[1:]]
+        return [int(x) for x in np.linspace(0, last, 11)[1:]]
     wanted = [round(x / motion.step) for x in seconds]
     if any(x <= 0 or x > last for x in wanted):
         raise DataError(

@@ -20,6 +20,7 @@ from pinotwin.motion import AxisMotion
 from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.twin import Twin
 
+Against = Literal["velocity", "position"]
 FRICTION = tuple(
     name
     for name, e in EFFECTS.items()
@@ -30,8 +31,6 @@ RIPPLE = tuple(name for name, e in EFFECTS.items() if e.depends == "position" an
 """Effects that are periodic in the position of their axis."""
 TABLE = tuple(name for name, e in EFFECTS.items() if e.depends == "position" and e.held)
 """Effects that are any function of the position of their axis."""
-_BINS = 60
-_FEWEST = 5  # rows that make a bin
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class Overlay:
 
     axis: str
     rotary: bool
-    against: Literal["velocity", "position"]
+    against: Against
     effects: tuple[str, ...]
     x: Floats
     extracted: Floats
@@ -85,27 +84,12 @@ class Overlay:
         return 1.0 - float(np.sum((self.extracted - self.fitted) ** 2)) / max(power, 1e-300)
 
 
-def friction_overlay(twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str) -> Overlay:
-    """Return an axis' friction curve over the friction extracted from a log (Fig. 3-10)."""
-    return overlay(twin, log, axis, FRICTION, "velocity")
-
-
-def ripple_overlay(twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str) -> Overlay:
-    """Return an axis' ripple over the ripple extracted from a log (Fig. 3-9)."""
-    return overlay(twin, log, axis, RIPPLE, "position")
-
-
-def table_overlay(twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str) -> Overlay:
-    """Return an axis' position table over the data extracted from a log (Fig. 4-10, 4-11)."""
-    return overlay(twin, log, axis, TABLE, "position")
-
-
 def overlay(
     twin: Twin,
     log: Log | Sequence[Log] | Evidence,
     axis: str,
     names: Sequence[str],
-    against: Literal["velocity", "position"],
+    against: Against,
 ) -> Overlay:
     """Return the effects of some names on one axis over the data extracted for them.
 
@@ -113,7 +97,7 @@ def overlay(
         twin: whose effects they are.
         log: log(s) of the machine, or the evidence already made from them.
         axis: name of the axis.
-        names: names of the effects, as in the YAML.
+        names: names of the effects: :data:`FRICTION` (Fig. 3-10), :data:`RIPPLE` (Fig. 3-9), :data:`TABLE`.
         against: what they depend on.
 
     Raises:
@@ -130,20 +114,19 @@ def overlay(
     rows = given.use[:, j]
     x = (given.v if against == "velocity" else given.q)[rows, j]
     extracted = given.without(keys)[rows, j]
-    fitted = np.sum([given.parts[key][rows, j] for key in keys], axis=0)
     grid, motion = _grid(given, j, x, against)
     order = np.argsort(grid, kind="stable")
     return Overlay(
-        axis,
-        given.rotary[j],
-        against,
-        keys,
-        x,
-        extracted,
-        fitted,
-        grid[order],
-        _curve(twin, keys, motion)[order],
-        binned(x, extracted),
+        axis=axis,
+        rotary=given.rotary[j],
+        against=against,
+        effects=keys,
+        x=x,
+        extracted=extracted,
+        fitted=np.sum([given.parts[key][rows, j] for key in keys], axis=0),
+        grid=grid[order],
+        curve=_curve(twin, keys, motion)[order],
+        bins=binned(x, extracted),
     )
 
 
@@ -157,9 +140,7 @@ def effect_keys_of(twin: Twin, axis: str, names: Sequence[str]) -> tuple[str, ..
     )
 
 
-def _grid(
-    given: Evidence, j: int, x: Floats, against: Literal["velocity", "position"]
-) -> tuple[Floats, AxisMotion]:
+def _grid(given: Evidence, j: int, x: Floats, against: Against) -> tuple[Floats, AxisMotion]:
     """Return the abscissae of the curve, and a motion that visits them.
 
     Speeds are visited from standstill outwards, in either direction: so the direction with memory
@@ -190,13 +171,13 @@ def _curve(twin: Twin, keys: Sequence[str], motion: AxisMotion) -> Floats:
     return total
 
 
-def binned(x: Floats, y: Floats, count: int = _BINS) -> Bins:
-    """Return median and quartiles of ``y`` in bins of ``x``; bins below 5 rows are left out."""
+def binned(x: Floats, y: Floats, count: int = 60, fewest: int = 5) -> Bins:
+    """Return median and quartiles of ``y`` in bins of ``x``; bins of fewer rows than ``fewest`` are left out."""
     edges = np.linspace(float(x.min()), float(x.max()), count + 1)
     place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
     order = np.argsort(place, kind="stable")
     groups = np.split(y[order], np.searchsorted(place[order], np.arange(1, count)))
-    full = [k for k, group in enumerate(groups) if len(group) >= _FEWEST]
+    full = [k for k, group in enumerate(groups) if len(group) >= fewest]
     quartiles = np.array([np.percentile(groups[k], [25, 50, 75]) for k in full]).reshape(-1, 3)
     centre = 0.5 * (edges[1:] + edges[:-1])
     return Bins(centre[full], quartiles[:, 1], quartiles[:, 0], quartiles[:, 2])

@@ -21,11 +21,9 @@ import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pinotwin.arrays import plain
 from pinotwin.errors import InputError, OutputError
 
 try:
@@ -33,12 +31,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-_EXCHANGE = 2  # RENAME_EXCHANGE of renameat2(2), Linux 3.15: swaps two names in one step
-_AT_CWD = -100
-_NAME = 40  # letters of the target's name in that of its part: file systems stop at 255 bytes
 _PART = re.compile(r"\..+\.\w{8}\.part")
-_READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0)
-_SYNC = os.O_RDWR if os.name == "nt" else os.O_RDONLY
 
 
 def as_path(given: Any, name: str) -> Path:
@@ -80,7 +73,8 @@ def check_file(path: str | Path) -> None:
         raise OutputError(f"{target}: is a folder; give a file name")
     if target.exists() and not (target.is_file() or _is_sink(target)):
         raise OutputError(f"{target}: is no ordinary file; give another name")
-    _check_parent(target)
+    if not _is_sink(target):
+        _check_writing(target)
 
 
 def check_folder(path: str | Path) -> None:
@@ -89,14 +83,30 @@ def check_folder(path: str | Path) -> None:
     Raises:
         OutputError: with what to do.
     """
-    target = Path(path)
     if not str(path).strip():
         raise OutputError("--out: no name given; give a folder")
+    target = Path(path)
     if target.exists() and not target.is_dir():
         raise OutputError(f"{target}: is a file; give a folder for --out")
     if target.is_dir():
-        _try_writing(target, target)
-    _check_parent(target)
+        _check_writing(target, target)
+    _check_writing(target)
+
+
+def _check_writing(target: Path, folder: Path | None = None) -> None:
+    """Refuse a target in a folder, or where the nearest folder above it is, that cannot be written to."""
+    if folder is None:
+        above = Path(os.path.abspath(target)).parents
+        folder = next((p for p in above if p.exists()), above[-1])
+    if not folder.is_dir():
+        raise OutputError(f"{target}: {folder} is not a folder; choose another")
+    try:  # whether one may write somewhere is best found out by writing
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"x")
+    except OSError as error:
+        raise OutputError(
+            f"{target}: folder {folder} cannot be written to: {_why(error)}; choose another"
+        ) from None
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -107,18 +117,32 @@ def write_text(path: str | Path, text: str) -> None:
 
 def write_json(path: str | Path, value: Any) -> None:
     """Write ``value`` as JSON, whole or not at all."""
+    from pinotwin.arrays import plain  # needs NumPy, which refusing a file does not
+
     write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-
-
-def now() -> str:
-    """Return the date and time, for the foot of a page."""
-    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
     """Write a file, whole or not at all."""
     with whole_file(path) as part:
         part.write_bytes(content)
+
+
+def append_text(path: Path, text: str) -> None:
+    """Add text (UTF-8) at the end of a file, all of it or nothing.
+
+    Raises:
+        OutputError: it cannot be written (full disk, no permission); the file is as it was.
+    """
+    with _in_one_line(path), path.open("ab", buffering=0) as file:
+        end = file.tell()
+        try:
+            if file.write(content := text.encode()) != len(content):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+            os.fsync(file.fileno())
+        except OSError:
+            file.truncate(end)
+            raise
 
 
 @contextmanager
@@ -133,16 +157,14 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     target = Path(path).resolve()  # a symbolic link stays one
     if not _is_inside(target):
         check_file(path)
-    with _in_one_line(target):
-        if _is_sink(target):
+    if _is_sink(target):
+        with _in_one_line(target):
             yield target
-            return
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with _part(target) as part:
-            yield part
-            _settle(part)
-            part.chmod(_mode(target, 0o666))
-            os.replace(part, target)
+        return
+    with _made(target, folder=False) as part:
+        yield part
+        _settle(part, target, 0o666)
+        os.replace(part, target)
 
 
 @contextmanager
@@ -160,15 +182,10 @@ def whole_folder(path: str | Path, replaces: Sequence[str] = ()) -> Iterator[Pat
     """
     check_folder(path)
     target = Path(path).resolve()
-    with _in_one_line(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with _part(target, folder=True) as part:
-            yield part
-            for file in part.rglob("*"):
-                if file.is_file():
-                    _settle(file)
-            part.chmod(_mode(target, 0o777))
-            _take_place(part, target, replaces)
+    with _made(target, folder=True) as part:
+        yield part
+        _settle(part, target, 0o777)
+        _take_place(part, target, replaces)
 
 
 @contextmanager
@@ -200,19 +217,18 @@ def held(path: Path, *, wait: bool = True) -> Iterator[bool]:
     Raises:
         BlockingIOError: another process holds it.
     """
+    handle = None
     with ExitStack() as stack:
-        done = False
         if fcntl is not None:
             try:
-                handle = os.open(path, _READ)
+                handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
                 stack.callback(os.close, handle)
-                fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-                done = True
+                fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
             except BlockingIOError:
                 raise
             except OSError:  # a file system without locks
-                pass
-        yield done
+                handle = None
+        yield handle is not None
 
 
 def _take_place(part: Path, target: Path, replaces: Sequence[str]) -> None:
@@ -239,8 +255,9 @@ def _is_in_use(target: Path) -> bool:
 def _exchange(part: Path, target: Path) -> bool:
     """Swap two folders in one step, or by two renames where the system cannot; False if neither can."""
     with contextlib.suppress(AttributeError, OSError, TypeError):  # no C library by that name, no such call
+        here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE of renameat2(2), Linux 3.15
         rename = ctypes.CDLL(None, use_errno=True).renameat2
-        if rename(_AT_CWD, os.fsencode(part), _AT_CWD, os.fsencode(target), _EXCHANGE) == 0:
+        if rename(here, os.fsencode(part), here, os.fsencode(target), exchange) == 0:
             return True
     aside = part.with_name(part.name.removesuffix(".part") + ".old.part")
     try:
@@ -279,12 +296,8 @@ def _matches(name: str, patterns: Sequence[str]) -> bool:
 
 
 def _move(source: Path, target: Path) -> None:
-    """Put a file or folder in the place of another, file by file."""
-    if target.is_dir() and not source.is_dir():
-        _remove(target)
-    if source.is_dir() and not target.is_dir():
-        target.unlink(missing_ok=True)
-    if source.is_dir() and target.is_dir():
+    """Put a file or folder in the place of another."""
+    if source.is_dir() or target.is_dir():
         _remove(target)
     os.replace(source, target)
 
@@ -297,19 +310,18 @@ def _remove(path: Path) -> None:
 
 
 @contextmanager
-def _part(target: Path, *, folder: bool = False) -> Iterator[Path]:
+def _made(target: Path, *, folder: bool) -> Iterator[Path]:
     """Yield a new file or folder beside the target, locked; whatever has its name afterwards is removed."""
-    sweep(target)
-    while True:
-        made = _new(target, folder)
-        with held(made):
-            if not made.exists():
-                continue  # another process swept it before it was held
-            try:
-                yield made
-            finally:
-                _remove(made)
-            return
+    with _in_one_line(target), ExitStack() as stack:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        sweep(target)
+        while True:
+            part = _new(target, folder)
+            stack.enter_context(held(part))
+            stack.callback(_remove, part)
+            if part.exists():  # else another process swept it before it was held
+                break
+        yield part
 
 
 def _new(target: Path, folder: bool) -> Path:
@@ -322,10 +334,10 @@ def _new(target: Path, folder: bool) -> Path:
     return Path(name)
 
 
-def _stem(target: Path) -> str:
-    """Return the target's name as its parts have it: two long names of one beginning are told apart."""
+def _stem(target: Path, most: int = 40) -> str:
+    """Return the target's name as its parts have it: file systems stop at 255 bytes, and long names stay apart."""
     name = target.name
-    return name if len(name) <= _NAME else f"{name[:_NAME]}-{zlib.crc32(os.fsencode(name)):08x}"
+    return name if len(name) <= most else f"{name[:most]}-{zlib.crc32(os.fsencode(name)):08x}"
 
 
 def sweep(target: Path) -> None:
@@ -340,22 +352,20 @@ def sweep(target: Path) -> None:
                     _remove(entry)
 
 
-def _settle(file: Path) -> None:
-    """Wait until a file is on the disk: a rename may overtake its contents when the power fails."""
-    handle = os.open(file, _SYNC)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+def _settle(part: Path, target: Path, usual: int) -> None:
+    """Give a part the mode of what it replaces, and wait until it is on the disk.
 
-
-def _mode(target: Path, usual: int) -> int:
-    """Return the mode of what is replaced, else the usual one of this user."""
-    if target.exists():
-        return stat.S_IMODE(target.stat().st_mode)
+    A rename may overtake the contents when the power fails.
+    """
+    for file in [p for p in part.rglob("*") if p.is_file()] if part.is_dir() else [part]:
+        handle = os.open(file, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
     mask = os.umask(0)
     os.umask(mask)
-    return usual & ~mask
+    part.chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else usual & ~mask)
 
 
 def _is_sink(target: Path) -> bool:
@@ -365,26 +375,6 @@ def _is_sink(target: Path) -> bool:
     except OSError:
         return False
     return stat.S_ISCHR(mode) or stat.S_ISFIFO(mode)
-
-
-def _check_parent(target: Path) -> None:
-    parent = Path(os.path.abspath(target)).parent
-    while not parent.exists() and parent != parent.parent:
-        parent = parent.parent
-    if not parent.is_dir():
-        raise OutputError(f"{target}: {parent} is not a folder; choose another")
-    if not _is_sink(target):
-        _try_writing(parent, target)
-
-
-def _try_writing(folder: Path, target: Path) -> None:
-    try:  # whether one may write somewhere is best found out by writing
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(b"x")
-    except OSError as error:
-        raise OutputError(
-            f"{target}: folder {folder} cannot be written to: {_why(error)}; choose another"
-        ) from None
 
 
 @contextmanager

@@ -1,4 +1,8 @@
-"""A twin on disk: ``twin.json`` (versioned), the identified URDF, and the machine it belongs to."""
+"""A twin on disk: ``twin.json`` (versioned), the identified URDF, the machine it belongs to, and what is large.
+
+The covariance of the coefficients is in ``covariance.npz`` (array ``lower``: the lower triangle, row by row), what the
+twin keeps of its own logs in ``misfit.npz``; in ``twin.json`` are the numbers that a person reads.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,7 @@ from pinotwin.twin.parameters import Parameter, Parameters
 from pinotwin.twin.twin import Twin
 
 SCHEMA = "pinotwin.twin/1"
+COVARIANCE = "covariance.npz"
 
 
 def save(twin: Twin, folder: Path) -> Path:
@@ -45,6 +50,8 @@ def write_twin(twin: Twin, folder: Path) -> dict[str, Any]:
     model = twin.machine.model if no_urdf_holds(twin.model) else twin.model
     write_bytes(folder / name, with_inertias(twin.machine.urdf, model))
     write_text(folder / "machine.yaml", _yaml(twin, model))
+    with (folder / COVARIANCE).open("wb") as out:
+        np.savez_compressed(out, lower=twin.covariance[np.tril_indices(len(twin.theta))])
     if twin.misfit is not None:
         write_misfit(twin.misfit, folder / FILE)
     content = document(twin)
@@ -64,7 +71,7 @@ def _digests(folder: Path, urdf: Path) -> dict[str, str]:
     """Return the digests of a twin's companions; what a log calls its channels is no part of the twin."""
     spec = {k: v for k, v in read_yaml(folder / "machine.yaml").items() if k != "columns"}
     out = {"machine.yaml": hashlib.sha256(json.dumps(spec, sort_keys=True, default=str).encode()).hexdigest()}
-    for file in (urdf, folder / FILE):
+    for file in (urdf, folder / FILE, folder / COVARIANCE):
         if file.is_file():
             out[file.name] = hashlib.sha256(file.read_bytes()).hexdigest()
     return out
@@ -87,16 +94,14 @@ def _yaml(twin: Twin, model: pin.Model) -> str:
     spec = machine_spec(twin.machine)
     spec["urdf"] = f"{twin.machine.name}.urdf"
     for name, axis in twin.machine.axes.items():
-        rotor = float(model.armature[axis.index])
-        if rotor > 0.0:
-            spec["axes"][name]["rotor_inertia"] = rotor
-        else:
-            spec["axes"][name].pop("rotor_inertia", None)
+        spec["axes"][name].pop("rotor_inertia", None)
+        if model.armature[axis.index] > 0.0:
+            spec["axes"][name]["rotor_inertia"] = float(model.armature[axis.index])
     for name in twin.machine.passive:
-        if f"{name}.spring" in twin.keys:
-            k, c = twin.coefficients(f"{name}.spring")
-            if k > 0.0:
-                spec["passive"][name] |= {"stiffness": float(k), "damping": float(c)}
+        k, c = twin.coefficients(f"{name}.spring") if f"{name}.spring" in twin.keys else (0.0, 0.0)
+        if k > 0.0:
+            own = {"stiffness": float(k), "damping": float(c)}
+            spec["passive"] = {**spec["passive"], name: {**spec["passive"][name], **own}}
     return yaml.safe_dump(spec, sort_keys=False, allow_unicode=True)
 
 
@@ -114,7 +119,7 @@ def document(twin: Twin) -> dict[str, Any]:
                 for key, effect in zip(twin.keys, twin.effects, strict=True)
             ],
             "theta": twin.theta,
-            "covariance_lower": [row[: k + 1] for k, row in enumerate(twin.covariance)],
+            "covariance_lower": {"file": COVARIANCE, "array": "lower"},
             "standard_inertial_parameters": twin.pi,
             "loops": {name: loop.to_dict() for name, loop in twin.loops.items()},
             "servos": {name: servo.to_dict() for name, servo in twin.servos.items()},
@@ -154,8 +159,8 @@ def load(folder: Path) -> Twin:
     machine = Machine.load(path.parent)
     _check_digests(path, content, machine)
     try:
-        return _twin(machine, content, _misfit(path.parent, machine, content))
-    except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
+        return _twin(machine, content, path.parent)
+    except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError) as error:
         raise TwinError(f"{path}: damaged twin ({error}); identify it again") from None
 
 
@@ -176,18 +181,16 @@ def _check_digests(path: Path, content: dict[str, Any], machine: Machine) -> Non
             )
 
 
-def _twin(machine: Machine, content: dict[str, Any], misfit: Misfit | None) -> Twin:
+def _twin(machine: Machine, content: dict[str, Any], folder: Path) -> Twin:
     effects = tuple(_remade(machine, item) for item in content["effects"])
     theta = np.array(content["theta"], dtype=float)
     if len(theta) != effect_slices(effects)[-1].stop:
         raise ValueError("the number of coefficients does not fit the effects")
-    if len(content["covariance_lower"]) != len(theta):
-        raise ValueError("the covariance does not fit the coefficients")
     return Twin(
         machine=machine,
         effects=effects,
         theta=theta,
-        covariance=_symmetric(content["covariance_lower"]),
+        covariance=_covariance(folder, content["covariance_lower"], len(theta)),
         parameters=Parameters(_parameter(row) for row in content["parameters"]),
         pi=np.array(content["standard_inertial_parameters"], dtype=float),
         **_closed_loop(content),
@@ -195,7 +198,7 @@ def _twin(machine: Machine, content: dict[str, Any], misfit: Misfit | None) -> T
         data=content["data"],
         settings=content["settings"],
         groups=content["not_separable"],
-        misfit=misfit,
+        misfit=_misfit(folder, machine, content),
     )
 
 
@@ -206,14 +209,16 @@ def _misfit(folder: Path, machine: Machine, content: dict[str, Any]) -> Misfit |
     return read_misfit(folder / FILE, machine.names, machine.rotary, summary)
 
 
-def _symmetric(lower: list[list[float]]) -> Floats:
-    """Return the symmetric matrix whose lower rows are given, each up to its diagonal."""
-    if any(len(row) != k + 1 for k, row in enumerate(lower)):
-        raise ValueError("the covariance is not a lower triangle")
-    matrix = np.zeros((len(lower), len(lower)))
-    for k, row in enumerate(lower):
-        matrix[k, : k + 1] = matrix[: k + 1, k] = row
-    return matrix
+def _covariance(folder: Path, given: Any, size: int) -> Floats:
+    """Return the covariance, shape (size, size), from its file, or written out as twins had it once."""
+    if isinstance(given, dict):
+        with np.load(folder / COVARIANCE, allow_pickle=False) as file:
+            lower = file["lower"]
+    else:
+        lower = np.concatenate([np.asarray(row, dtype=float) for row in given])
+    matrix = np.zeros((size, size))
+    matrix[np.tril_indices(size)] = lower.reshape(size * (size + 1) // 2)
+    return np.asarray(matrix + np.tril(matrix, -1).T)
 
 
 def _remade(machine: Machine, item: dict[str, Any]) -> Effect:

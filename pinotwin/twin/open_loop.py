@@ -145,14 +145,8 @@ class OpenLoop:
         return out
 
 
-_FAR = 1e6
-"""A way [m or rad] on which every contact slides, and at which times _FAST every effect of low speed has faded."""
-_FAST = 1e3
-"""A speed [m/s or rad/s] beyond any drive's."""
-
-
-def _sliding(machine: Machine, way: float) -> Motion:
-    """Return three samples of all joints sliding fast one way (1 or -1)."""
-    q = way * _FAR * np.arange(3.0)[:, None] * np.ones(machine.nv)
-    v = np.full_like(q, way * _FAST)
+def _sliding(machine: Machine, way: float, far: float = 1e6, fast: float = 1e3) -> Motion:
+    """Return three samples of all joints sliding one way (1 or -1) so far and fast that no memory of rest is left."""
+    q = way * far * np.arange(3.0)[:, None] * np.ones(machine.nv)
+    v = np.full_like(q, way * fast)
     return Motion.exact((machine.names, machine.rotary), np.arange(3.0), q, v, np.zeros_like(q))

@@ -15,6 +15,8 @@ from pinotwin.effects.scene import moves
 from pinotwin.errors import DataError, InputError
 from pinotwin.logs.files.given import LogLike
 from pinotwin.logs.prepare import prepare
+from pinotwin.machine import Machine
+from pinotwin.machine.given import as_machine
 from pinotwin.motion import Motion
 from pinotwin.notebook import Drawn, Shown
 from pinotwin.system.writing import as_path
@@ -168,7 +170,7 @@ class Twin(OpenLoop, Drawn):
         return document(self)
 
     def save(self, folder: str | Path) -> Path:
-        """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""
+        """Write ``twin.json``, ``machine.yaml``, ``<name>.urdf`` and two files of arrays into a folder."""
         from pinotwin.twin.files import save
 
         return save(self, as_path(folder, "folder"))
@@ -205,3 +207,18 @@ def as_twin(given: Any, name: str = "twin") -> Twin:
     if isinstance(given, str | Path):
         return Twin.load(given)
     raise InputError(f"{name}: expected a Twin or its folder, not {type(given).__name__}")
+
+
+def as_subject(given: Any, name: str = "subject") -> Machine | Twin:
+    """Return a machine or twin as it is, or load what a folder holds: a twin, else a machine.
+
+    Raises:
+        InputError: it is something else, or cannot be loaded.
+    """
+    if isinstance(given, Twin):
+        return given
+    if isinstance(given, str | Path):
+        path = Path(given)
+        if path.name == "twin.json" or (path / "twin.json").is_file():
+            return Twin.load(path)
+    return as_machine(given, name)

@@ -39,7 +39,7 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
         log: what it plays.
     """
     twin = found.subject if isinstance(found.subject, Twin) else None
-    motion = _motion(twin, machine, log)
+    motion = found.prepared[0].motion if found.prepared else _motion(twin, machine, log)
     tracks = with_causes(tracks_of(machine, motion, twin), found, float(motion.t[0]))
     visual = visual_model(machine.model, machine.urdf, machine.meshes)
     shades = {str(name): (*GREY, 1.0) for name in machine.model.names}

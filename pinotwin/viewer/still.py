@@ -11,11 +11,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.system.kernels import compiled
 from pinotwin.viewer.meshes import GREY, Colour, Rgba, parts_of
 from pinotwin.viewer.stage import FIELD_OF_VIEW, aim, corners
 
@@ -133,7 +133,7 @@ def _shades(triangles: Floats) -> Floats:
     return np.asarray(0.25 + 0.75 * lit)
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _fill(flat: Floats, bright: Floats, own: int, depth: Floats, shade: Floats, owner: Ints) -> None:
     """Draw projected triangles into the buffers."""
     height, width = depth.shape

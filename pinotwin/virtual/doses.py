@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Bend, Cable, Drive, Harmonic
+from pinotwin.arrays import Floats
+from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Bend, Cable, Harmonic
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.truth import Payload, Pulse, Truth
+from pinotwin.virtual.withholding import changed, limited
 
 
 @dataclass(frozen=True)
@@ -64,14 +67,14 @@ class Dose:
         return self.value if self.value is not None else self.size * reference
 
 
-def _add_friction(truth: AxisTruth, **more: float) -> AxisTruth:
-    f = truth.friction
-    changes = {k: (getattr(f, k) or 0.0) + x for k, x in more.items()}
-    return replace(truth, friction=replace(f, **changes))  # type: ignore[arg-type]
+def _more(a: AxisTruth, **added: float) -> AxisTruth:
+    """Return the axis with more of its friction."""
+    return changed(a, "friction", **{k: (getattr(a.friction, k) or 0.0) + x for k, x in added.items()})
 
 
-def _coulomb_of(a: AxisTruth, d: Dose) -> float:
-    return max(a.friction.coulomb or 0.0, 1e-3 * d.scale.rated)
+def _per_coulomb(a: AxisTruth, d: Dose) -> float:
+    """Return an effort as a share of the axis' Coulomb level [-]."""
+    return d.of(d.scale.rated) / max(a.friction.coulomb or 0.0, 1e-3 * d.scale.rated)
 
 
 def _harmonic(d: Dose, **more: float) -> Harmonic:
@@ -82,36 +85,30 @@ def _harmonic(d: Dose, **more: float) -> Harmonic:
     return Harmonic(d.of(d.scale.rated), float(period), phase, **more)
 
 
-def _rippled(a: AxisTruth, r: Harmonic) -> AxisTruth:
-    return replace(a, ripple=(*a.ripple, r))
+def _rippled(a: AxisTruth, *more: Harmonic) -> AxisTruth:
+    return replace(a, ripple=(*a.ripple, *more))
 
 
 def _mode(d: Dose) -> float:
     return d.value if d.value is not None else 20.0 / float(np.sqrt(d.size))
 
 
-def _drive(a: AxisTruth, d: Dose) -> AxisTruth:
-    return replace(a, drive=replace(_with_rotor(a.drive, d), frequency=_mode(d)))
+def _length(d: Dose) -> float:
+    """Return a clearance or an error of position [m or rad]."""
+    return d.of(1e-3 if d.scale.rotary else 1e-4)
 
 
-def _with_rotor(drive: Drive, d: Dose) -> Drive:
-    """Return the drive with a rotor: its own, or a part of the axis' inertia."""
-    if drive.rotor:
-        return drive
-    return replace(drive, rotor=drive.motor_share * d.scale.least, inside=True)
-
-
-def _backlash(a: AxisTruth, d: Dose) -> AxisTruth:
-    gap = d.of(1e-3 if d.scale.rotary else 1e-4)
-    stiff = a.drive.frequency or CONTACT
-    return replace(a, drive=replace(_with_rotor(a.drive, d), backlash=gap, frequency=stiff))
+def _elastic(a: AxisTruth, d: Dose, **drive: float) -> AxisTruth:
+    """Return the axis with an elastic drive; its rotor, if it had none, is a part of the axis' inertia."""
+    if not a.drive.rotor:
+        a = changed(a, "drive", rotor=a.drive.motor_share * d.scale.least, inside=True)
+    return changed(a, "drive", **drive)
 
 
 def _encoder(a: AxisTruth, d: Dose) -> AxisTruth:
     period = 2.0 * np.pi if d.scale.rotary else d.scale.travel / 8.0
-    error = d.of(1e-3 if d.scale.rotary else 1e-4)
     phase = float(d.rng.uniform(0.0, 2.0 * np.pi))
-    return replace(a, encoder=replace(a.encoder, error=error, period=period, phase=phase))
+    return changed(a, "encoder", error=_length(d), period=period, phase=phase)
 
 
 def _cable(a: AxisTruth, d: Dose) -> AxisTruth:
@@ -122,108 +119,98 @@ def _cable(a: AxisTruth, d: Dose) -> AxisTruth:
 def _tilt(a: AxisTruth, d: Dose) -> AxisTruth:
     angle = d.of(0.1)
     side = np.cross(d.body.direction, d.rng.standard_normal(3))
-    x, y, z = (float(v) for v in angle * side / np.linalg.norm(side))
-    return replace(a, tilt=(x, y, z))
-
-
-def _gms(a: AxisTruth, d: Dose) -> AxisTruth:
-    wider = (a.friction.presliding or 1e-5) * (1.0 + 10.0 * d.size)
-    return replace(a, friction=replace(a.friction, kind="gms", presliding=wider))
+    return replace(a, tilt=_triple(angle * side / np.linalg.norm(side)))
 
 
 def _limit(a: AxisTruth, d: Dose) -> AxisTruth:
     # What gravity asks for stays within reach: an axis that falls is no fault of a drive's limit.
     hold, rest = d.scale.hold, d.scale.rated - d.scale.hold
-    limit = d.value if d.value is not None else hold + (1.3 - d.size) * rest
-    return replace(a, controller=replace(a.controller, effort_limit=limit, integral_limit=limit))
+    return limited(a, d.value if d.value is not None else hold + (1.3 - d.size) * rest)
 
 
 def _triangle(a: AxisTruth, d: Dose) -> AxisTruth:
     """Add a ripple of straight flanks: a triangle's first three harmonics (1, 1/9, 1/25)."""
     first = _harmonic(d)
-    for n, sign in ((1, 1.0), (3, -1.0), (5, 1.0)):
-        size, period = sign * first.amplitude / n**2, first.period / n
-        a = _rippled(a, replace(first, amplitude=size, period=period, phase=n * first.phase))
-    return a
+    waves = [
+        replace(first, amplitude=s * first.amplitude / n**2, period=first.period / n, phase=n * first.phase)
+        for n, s in ((1, 1.0), (3, -1.0), (5, 1.0))
+    ]
+    return _rippled(a, *waves)
 
 
 def _feedforward(a: AxisTruth, d: Dose) -> AxisTruth:
     share = a.controller.acceleration_feedforward * (1.0 - d.of(1.0))
-    return replace(a, controller=replace(a.controller, acceleration_feedforward=share))
+    return changed(a, "controller", acceleration_feedforward=share)
 
 
-def _drag(a: AxisTruth, d: Dose) -> AxisTruth:
-    distance = 0.03 * d.scale.travel
-    return replace(a, friction=replace(a.friction, drag=d.of(d.scale.rated), drag_distance=distance))
+def _wandering(a: AxisTruth, d: Dose) -> AxisTruth:
+    a = changed(a, "friction", wander_period=d.scale.travel / 3.0)
+    return _more(a, wander=min(_per_coulomb(a, d), 0.95))
 
 
-def _warming(a: AxisTruth, d: Dose) -> AxisTruth:
-    thinner = -min(d.of(1.0), 0.95)
-    return replace(a, friction=replace(a.friction, warming=thinner, warming_time=8.0))
-
-
-def _loop_delay(a: AxisTruth, d: Dose) -> AxisTruth:
-    return replace(a, controller=replace(a.controller, delay=max(1, round(d.of(40.0)))))
+def _gms(a: AxisTruth, d: Dose) -> AxisTruth:
+    wider = (a.friction.presliding or 1e-5) * (1.0 + 10.0 * d.size)
+    return changed(a, "friction", kind="gms", presliding=wider)
 
 
 INJECT: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     # size: share of rated effort at the speed limit
-    "viscous": lambda a, d: _add_friction(a, viscous=d.of(d.scale.rated / d.scale.speed)),
-    "quadratic_drag": lambda a, d: _add_friction(a, quadratic=d.of(d.scale.rated / d.scale.speed**2)),
+    "viscous": lambda a, d: _more(a, viscous=d.of(d.scale.rated / d.scale.speed)),
+    "quadratic_drag": lambda a, d: _more(a, quadratic=d.of(d.scale.rated / d.scale.speed**2)),
     # size: share of rated effort
-    "coulomb": lambda a, d: _add_friction(a, coulomb=d.of(d.scale.rated)),
-    "hysteresis": _drag,
-    "coulomb_asymmetric": lambda a, d: _add_friction(a, asymmetry=d.of(d.scale.rated) / _coulomb_of(a, d)),
-    "stribeck": lambda a, d: _add_friction(a, static=d.of(d.scale.rated) / _coulomb_of(a, d)),
+    "coulomb": lambda a, d: _more(a, coulomb=d.of(d.scale.rated)),
+    "hysteresis": lambda a, d: changed(
+        a, "friction", drag=d.of(d.scale.rated), drag_distance=0.03 * d.scale.travel
+    ),
+    "coulomb_asymmetric": lambda a, d: _more(a, asymmetry=_per_coulomb(a, d)),
+    "stribeck": lambda a, d: _more(a, static=_per_coulomb(a, d)),
     "ripple": lambda a, d: _rippled(a, _harmonic(d)),
     "ripple_modulated": lambda a, d: _rippled(a, _harmonic(d, modulation=1.5, modulation_phase=0.7)),
     "position_table": _cable,
     # size: level per transmitted effort; relative change; relative scale; share lost
-    "load_friction": lambda a, d: _add_friction(a, load=d.of(1.0)),
-    "viscous_thermal": _warming,
-    "effort_scale": lambda a, d: replace(a, effort=replace(a.effort, scale=1.0 + d.of(1.0))),
+    "load_friction": lambda a, d: _more(a, load=d.of(1.0)),
+    "viscous_thermal": lambda a, d: changed(a, "friction", warming=-min(d.of(1.0), 0.95), warming_time=8.0),
+    "effort_scale": lambda a, d: changed(a, "effort", scale=1.0 + d.of(1.0)),
     "feedforward": _feedforward,
     "saturation": _limit,
     # size 0.1: presliding 6 times wider, mode at 63 Hz, 10 um or 0.1 mrad, 1 ms, 10 mrad
-    "presliding": lambda a, d: _add_friction(a, presliding=d.of(50.0 * (a.friction.presliding or 1e-5))),
-    "drive_flexibility": _drive,
+    "presliding": lambda a, d: _more(a, presliding=d.of(50.0 * (a.friction.presliding or 1e-5))),
+    "drive_flexibility": lambda a, d: _elastic(a, d, frequency=_mode(d)),
     "joint_flexibility": lambda a, d: replace(a, bend=Bend(_mode(d))),
-    "backlash": _backlash,
+    "backlash": lambda a, d: _elastic(a, d, backlash=_length(d), frequency=a.drive.frequency or CONTACT),
     "encoder_error": _encoder,
-    "delay": lambda a, d: replace(a, effort=replace(a.effort, lag=a.effort.lag + d.of(1e-2))),
+    "delay": lambda a, d: changed(a, "effort", lag=a.effort.lag + d.of(1e-2)),
     "geometric_error": _tilt,
 }
 """Effects of one axis that can be added; sizes as the comments say."""
 
 OUTSIDE: Mapping[str, Callable[[AxisTruth, Dose], AxisTruth]] = {
     "ripple_speed": lambda a, d: _rippled(a, _harmonic(d, speed=d.scale.speed)),
-    "coulomb_position": lambda a, d: _add_friction(
-        replace(a, friction=replace(a.friction, wander_period=d.scale.travel / 3.0)),
-        wander=min(d.of(d.scale.rated) / _coulomb_of(a, d), 0.95),
-    ),
+    "coulomb_position": _wandering,
     "mains": lambda a, d: _rippled(a, Harmonic(d.of(d.scale.rated), rate=float(d.rng.uniform(8, 40)))),
-    "chatter": lambda a, d: _add_friction(a, chatter=d.of(d.scale.rated) / _coulomb_of(a, d)),
+    "chatter": lambda a, d: _more(a, chatter=_per_coulomb(a, d)),
     "gms": _gms,
-    "loop_delay": _loop_delay,
+    "loop_delay": lambda a, d: changed(a, "controller", delay=max(1, round(d.of(40.0)))),
     "ripple_triangle": _triangle,
 }
 """Effects that the catalogue of diagnosis does not hold, or holds in another form."""
 
 
+def _triple(x: Floats) -> tuple[float, float, float]:
+    return float(x[0]), float(x[1]), float(x[2])
+
+
 def _payload(truth: Truth, d: Dose, *, lever: float) -> Truth:
     across = np.cross(d.body.direction, (0.3, 0.5, 0.8))
-    centre = lever * across / np.linalg.norm(across)
-    x, y, z = (float(v) for v in centre)
-    load = Payload(d.body.joint, d.of(d.body.mass), (x, y, z))
+    load = Payload(d.body.joint, d.of(d.body.mass), _triple(lever * across / np.linalg.norm(across)))
     return replace(truth, payload=(*truth.payload, load))
 
 
 def _pulses(truth: Truth, d: Dose) -> Truth:
-    push, pulses = d.of(d.scale.rated), []
-    for time in np.cumsum(d.rng.uniform(0.8, 3.0, 4)):
-        x, y, z = (float(v) for v in push * np.asarray(d.body.world))
-        force, moment = ((0.0, 0.0, 0.0), (x, y, z)) if d.scale.rotary else ((x, y, z), (0.0,) * 3)
-        pulses.append(Pulse(d.body.link, float(time), 0.05, force, moment, logged=False))
+    peak = _triple(d.of(d.scale.rated) * np.asarray(d.body.world))
+    load: dict[str, Any] = {"moment" if d.scale.rotary else "force": peak}
+    times = np.cumsum(d.rng.uniform(0.8, 3.0, 4)).tolist()
+    pulses = [replace(Pulse(d.body.link, t, 0.05, logged=False), **load) for t in times]
     return replace(truth, external=(*truth.external, *pulses))
 
 

@@ -1,17 +1,18 @@
-"""What a virtual machine needs of a machine folder: name, URDF, axes and passive joints."""
+"""What a virtual machine needs of a machine folder: its URDF, axes and passive joints, and the sealed truth."""
 
 from __future__ import annotations
 
+import dataclasses
+import types
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import yaml
 
-from pinotwin.errors import MachineError
+from pinotwin.errors import MachineError, nearest
 from pinotwin.virtual.truth import Truth
-from pinotwin.virtual.truth_yaml import read_truth
 
 
 @dataclass(frozen=True)
@@ -49,39 +50,87 @@ def read_folder(path: Path | str) -> Folder:
     file = path / "machine.yaml" if path.is_dir() else path
     if not file.is_file():
         raise MachineError(f"{path}: no machine.yaml here; give a machine folder or its YAML")
-    try:
-        raw = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MachineError(f"{file}: not YAML: {' '.join(str(error).split())}") from None
+    raw = _yaml(file)
     if not isinstance(raw, Mapping) or not {"name", "urdf", "axes"} <= set(raw):
         raise MachineError(f"{file}: needs the keys name, urdf and axes")
-    sealed = file.parent / "virtual.yaml"
-    truth = read_truth(sealed) if sealed.is_file() else Truth()
-    urdf = file.parent / str(raw["urdf"])
+    axes, passive = raw["axes"] or {}, raw.get("passive") or {}
+    if not isinstance(axes, Mapping) or not isinstance(passive, Mapping):
+        raise MachineError(f"{file}: axes and passive are given as name: {{joint: ...}}")
+    urdf, sealed = file.parent / str(raw["urdf"]), file.parent / "virtual.yaml"
     if not urdf.is_file():
         raise MachineError(f"{file}: urdf {str(raw['urdf'])!r} does not exist beside it")
     return Folder(
         str(raw["name"]),
         urdf,
-        _joints(raw["axes"], file),
-        _joints(raw.get("passive"), file),
-        truth,
-        _numbers(raw["axes"], "rotor_inertia"),
-        _numbers(raw["axes"], "effort_limit"),
+        {str(n): str(_of(a, "joint", n)) for n, a in axes.items()},
+        {str(n): str(_of(a, "joint", n)) for n, a in passive.items()},
+        read_truth(sealed) if sealed.is_file() else Truth(),
+        {str(n): float(_of(a, "rotor_inertia", 0.0)) for n, a in axes.items()},
+        {str(n): float(_of(a, "effort_limit", 0.0)) for n, a in axes.items()},
         tuple(map(float, raw["gravity"])) if "gravity" in raw else None,
     )
 
 
-def _numbers(axes: Mapping[str, Any], key: str) -> dict[str, float]:
-    return {str(n): float(a[key]) for n, a in axes.items() if isinstance(a, Mapping) and key in a}
+def _of(spec: Any, key: str, other: Any) -> Any:
+    """Return a value of an axis' mapping, or the other where it has none."""
+    return spec.get(key, other) if isinstance(spec, Mapping) else other
 
 
-def _joints(raw: Any, file: Path) -> dict[str, str]:
-    if raw is None:
-        return {}
-    if not isinstance(raw, Mapping):
-        raise MachineError(f"{file}: axes and passive are given as name: {{joint: ...}}")
-    return {
-        str(name): str((spec or {}).get("joint", name)) if isinstance(spec, Mapping | None) else ""
-        for name, spec in raw.items()
-    }
+def _yaml(file: Path) -> Any:
+    try:
+        return yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise MachineError(f"{file}: not YAML: {' '.join(str(error).split())}") from None
+
+
+def read_truth(path: Path) -> Truth:
+    """Return the truth in a YAML file.
+
+    Raises:
+        MachineError: the file is not YAML, or a key or a value in it cannot be used.
+    """
+    truth: Truth = _built(Truth, _yaml(path), str(path))
+    return truth
+
+
+def _built(kind: Any, raw: Any, where: str) -> Any:
+    """Return plain YAML as an instance of a dataclass, tuple, mapping or number; ``where`` is for messages."""
+    origin, args = get_origin(kind), get_args(kind)
+    if origin is types.UnionType:  # of something and None
+        return None if raw is None else _built(args[0], raw, where)
+    if dataclasses.is_dataclass(kind) or origin is Mapping:
+        raw = raw or {}
+        if not isinstance(raw, Mapping):
+            raise MachineError(f"{where}: expected keys and values, found {raw!r}")
+        if origin is Mapping:
+            return {str(k): _built(args[1], v, f"{where}[{k}]") for k, v in raw.items()}
+        return _dataclass(kind, raw, where)
+    if origin is tuple:
+        kinds = args[:1] * len(raw) if args[-1] is Ellipsis and isinstance(raw, list) else args
+        if not isinstance(raw, list) or len(kinds) != len(raw):
+            raise MachineError(f"{where}: expected a list of {len(kinds)} values, found {raw!r}")
+        return tuple(_built(k, v, f"{where}[{i}]") for i, (k, v) in enumerate(zip(kinds, raw, strict=True)))
+    return _scalar(kind, raw, where)
+
+
+def _dataclass(kind: Any, raw: Mapping[Any, Any], where: str) -> Any:
+    hints = get_type_hints(kind)
+    for key in raw:
+        if key not in hints:
+            raise MachineError(f"{where}: unknown key {key!r}; {nearest(str(key), hints)}")
+    try:
+        return kind(**{key: _built(hints[key], value, f"{where}.{key}") for key, value in raw.items()})
+    except TypeError as error:
+        raise MachineError(f"{where}: {error}") from None
+
+
+def _scalar(kind: Any, raw: Any, where: str) -> Any:
+    if kind is float and isinstance(raw, str):  # YAML 1.1 reads 1e-6 as a word
+        try:
+            raw = float(raw)
+        except ValueError:
+            raise MachineError(f"{where}: expected a number, found {raw!r}") from None
+    accepted = kind if kind in (bool, str) else (int, float)
+    if not isinstance(raw, accepted) or (accepted == (int, float) and isinstance(raw, bool)):
+        raise MachineError(f"{where}: expected {kind.__name__}, found {raw!r}")
+    return kind(raw)

@@ -6,7 +6,7 @@ the arrays of its records in and out of every small function took half of the ti
 
 from __future__ import annotations
 
-from numba import njit
+from pinotwin.system.kernels import compiled
 
-kernel = njit(cache=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
+kernel = compiled(error_model="numpy", _nrt=False)
 """Decorator of every function of the kernel; such a function must not make an array."""

@@ -86,14 +86,14 @@ def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-unty
     if len(drive.body) > 0:
         place_in_world(tree, room.pose)
         for m in range(len(drive.body)):
-            apply_load(room.pose, drive.body[m], drive.point, drive.load, (k, m))
+            apply_load(room.pose, drive.body[m], drive.point[m], drive.load[k, m])
     joint_efforts(tree, room.pose, bias)
     mass_matrix(tree, room.pose, M)
     if axes.coupled == 0:
         for i in range(nv):
             for j in range(nv):
                 M[i, j] *= axes.group[i] == axes.group[j]
-    invert(M, room.W, room.inverse)
+    invert(M, room.inverse)
     for i in range(len(joint)):
         j = joint[i]
         rate = v[j] + half * a[j]

@@ -10,16 +10,28 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
+from pinotwin.errors import DataError, MachineError
+from pinotwin.virtual import columns as c
 from pinotwin.virtual.assemble import bodies_of, link_frames, resolve, true_tree
 from pinotwin.virtual.axis_truth import Drive, Limits
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.effects import inject_all, withhold_all
 from pinotwin.virtual.folder import Folder, read_folder
+from pinotwin.virtual.kernel import run
 from pinotwin.virtual.mass import inertia_at
 from pinotwin.virtual.parameters import Layout, Timing, stiffest, tables
-from pinotwin.virtual.recording import Recording
+from pinotwin.virtual.recording import Recording, SealedTruth
 from pinotwin.virtual.rigid import Tree
-from pinotwin.virtual.run import record_run
+from pinotwin.virtual.run import (
+    Links,
+    decimation,
+    drive_of,
+    empty_record,
+    empty_room,
+    equilibrium,
+    load_channels,
+    log_of,
+)
 from pinotwin.virtual.structs import Axes
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.tree import load_model, tree_of
@@ -54,7 +66,7 @@ class VirtualMachine:
     layout: Layout
     joints: tuple[str, ...]
     scales: Mapping[str, Scale]
-    links: Mapping[str, tuple[int, Floats, Floats]]
+    links: Links
     timing: Timing
     cad_inertia: Mapping[str, float]
 
@@ -139,7 +151,30 @@ class VirtualMachine:
             truth_rate: rate of the truth [Hz]; the log rate by default.
         """
         loads = self.truth.external if external is None else tuple(external)
-        return record_run(self, trajectory, seed, noise, loads, truth_rate)
+        rate, links = self.truth.control_rate, self.links
+        rng = np.random.default_rng([self.truth.seed, 1000, seed])
+        truth = self.scattered(rng) if noise else self.truth
+        axes, noises = self.tables(truth), rng if noise else None
+        if not noise:
+            axes.P[:, c.RESOLUTION] = 0.0
+        every = decimation(rate, truth.log_rate, "log rate")
+        fine = decimation(rate, truth_rate or truth.log_rate, "truth rate")
+        step, n = int(np.gcd(every, fine)), round(trajectory.seconds * rate / every) * every
+        if n < every:
+            raise DataError(f"{self.name}: a trajectory of {trajectory.seconds} s is too short")
+        drive = drive_of(truth, links, trajectory, loads, n, noises)
+        state = equilibrium(self.tree, axes, drive.qr[0])
+        record = empty_record(step, n // step, len(self.axes), len(self.joints))
+        run(self.tree, axes, drive, state, empty_room(len(self.joints)), record, self.timing)
+        if not np.all(np.isfinite(record.q)):
+            raise MachineError(f"{self.name}: the simulation diverged; lower the loop gains")
+        t = np.arange(n // every) * every / rate
+        log = log_of(truth, drive, record, t, every, noises) | load_channels(links, loads, t)
+        rows = slice(None, None, fine // step)
+        q, v, a, u, friction = (getattr(record, x)[rows] for x in ("q", "v", "a", "effort", "friction"))
+        clock = np.arange(len(q)) * fine / rate
+        sealed = SealedTruth(clock, self.joints, q, v, a, self.axes, u, friction, self.tree, links)
+        return Recording(self.name, log, sealed, seed)
 
     def scattered(self, rng: np.random.Generator) -> Truth:
         """Return the truth with this run's friction."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,8 +45,7 @@ class Layout:
     group: Ints
 
 
-@dataclass(frozen=True)
-class Timing:
+class Timing(NamedTuple):
     """Rates of the kernel: control period [s], updates per period, substeps per update."""
 
     period: float

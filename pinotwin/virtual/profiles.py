@@ -1,58 +1,23 @@
-"""Jerk-limited point-to-point motion in closed form (seven phases), and other commands of one axis.
+"""Jerk-limited point-to-point motion in closed form (seven phases), and sums of sines.
 
 Rest to rest over a distance d with limits (v, a, j), Biagiotti & Melchiorri 2008,
-doi:10.1007/978-3-540-85629-0, section 3.4: whichever of jerk, acceleration and speed limit is
-reached.
+doi:10.1007/978-3-540-85629-0, section 3.4: whichever of jerk, acceleration and speed limit is reached.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from pinotwin.arrays import Floats
 
-
-class Profile(Protocol):
-    """The command of one axis."""
-
-    def at(self, t: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return position, velocity and acceleration at times ``t`` [s], each of shape (n,)."""
-        ...
-
-
-@dataclass(frozen=True)
-class JerkPieces:
-    """Pieces of constant jerk: exact at any time.
-
-    Attributes:
-        start: start of every piece [s], shape (k,), increasing; the last piece lasts for ever.
-        q: position at each start, shape (k,); likewise ``v`` and ``a``; ``j`` the jerk of the
-            piece.
-        v: velocity.
-        a: acceleration.
-        j: jerk.
-    """
-
-    start: Floats
-    q: Floats
-    v: Floats
-    a: Floats
-    j: Floats
-
-    def at(self, t: Floats) -> tuple[Floats, Floats, Floats]:
-        """See :meth:`Profile.at`."""
-        k = np.clip(np.searchsorted(self.start, t, side="right") - 1, 0, len(self.start) - 1)
-        s = np.maximum(np.asarray(t) - self.start[k], 0.0)
-        q, v, a, j = self.q[k], self.v[k], self.a[k], self.j[k]
-        return (
-            q + s * (v + s * (a / 2.0 + s * j / 6.0)),
-            v + s * (a + s * j / 2.0),
-            a + s * j,
-        )
+Profile = Callable[[Floats, int], Floats]
+"""The command of one axis, or its derivative of an order up to 2, at times [s]; shape (n,) all."""
+Limited = tuple[float, float, float]
+"""Limits of speed, acceleration and jerk."""
 
 
 @dataclass(frozen=True)
@@ -75,19 +40,17 @@ class Sines:
     seconds: float
     fade: float = 1.0
 
-    def at(self, t: Floats) -> tuple[Floats, Floats, Floats]:
-        """See :meth:`Profile.at`."""
+    def __call__(self, t: Floats, order: int = 0) -> Floats:
+        """Return the command or its first or second derivative, shape (n,)."""
         w = 2.0 * np.pi * self.frequency
         angle = np.outer(t, w) + self.phase
         s0 = np.sin(angle) @ self.amplitude
         s1 = np.cos(angle) @ (self.amplitude * w)
         s2 = -np.sin(angle) @ (self.amplitude * w * w)
         f0, f1, f2 = self._window(np.asarray(t))
-        return (
-            self.centre + f0 * s0,
-            f1 * s0 + f0 * s1,
-            f2 * s0 + 2.0 * f1 * s1 + f0 * s2,
-        )
+        if order == 0:
+            return self.centre + f0 * s0
+        return f1 * s0 + f0 * s1 if order == 1 else f2 * s0 + 2.0 * f1 * s1 + f0 * s2
 
     def _window(self, t: Floats) -> tuple[Floats, Floats, Floats]:
         edge = np.minimum(t, self.seconds - t)
@@ -100,15 +63,9 @@ class Sines:
         return rise, slope * side, bend * side**2
 
 
-def phases(distance: float, v: float, a: float, j: float) -> tuple[float, float, float]:
-    """Return the durations of jerk, constant acceleration and constant speed [s].
-
-    Args:
-        distance: length of the move, positive [m or rad].
-        v: speed limit.
-        a: acceleration limit.
-        j: jerk limit.
-    """
+def phases(distance: float, limits: Limited) -> Limited:
+    """Return the durations of jerk, constant acceleration and constant speed of a move [s]."""
+    v, a, j = limits
     ramp = min(a / j, np.sqrt(v / j), (distance / (2.0 * j)) ** (1.0 / 3.0))
     hold = 0.0
     if ramp == a / j:
@@ -120,16 +77,16 @@ def phases(distance: float, v: float, a: float, j: float) -> tuple[float, float,
     return ramp, hold, cruise
 
 
-def move_time(distance: float, limits: tuple[float, float, float]) -> float:
+def move_time(distance: float, limits: Limited) -> float:
     """Return the shortest duration of a rest-to-rest move [s]."""
     if distance == 0.0:
         return 0.0
-    ramp, hold, cruise = phases(abs(distance), *limits)
+    ramp, hold, cruise = phases(abs(distance), limits)
     return 4.0 * ramp + 2.0 * hold + cruise
 
 
 def move_pieces(
-    start: float, distance: float, limits: tuple[float, float, float], stretch: float = 1.0
+    start: float, distance: float, limits: Limited, stretch: float = 1.0
 ) -> list[tuple[float, float]]:
     """Return the move as (start time, jerk) of its pieces, the last one at rest.
 
@@ -139,34 +96,36 @@ def move_pieces(
         limits: speed, acceleration, jerk.
         stretch: slow-down factor (>= 1): speed, acceleration and jerk fall by its powers 1, 2, 3.
     """
-    ramp, hold, cruise = phases(abs(distance), *limits)
+    ramp, hold, cruise = phases(abs(distance), limits)
     # Where the distance ends inside a phase, the jerk that covers it exactly in these durations.
     reach = ramp * (ramp + hold) * (2.0 * ramp + hold + cruise)
     jerk = distance / reach / stretch**3
-    pieces, t = [], start
-    spans = (ramp, hold, ramp, cruise, ramp, hold, ramp)
-    for span, sign in zip(spans, (1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0), strict=True):
-        pieces.append((t, sign * jerk))
-        t += span * stretch
-    return [*pieces, (t, 0.0)]
+    spans = stretch * np.array([ramp, hold, ramp, cruise, ramp, hold, ramp])
+    starts = np.cumsum([start, *spans])
+    return list(zip(starts.tolist(), (jerk, 0.0, -jerk, 0.0, -jerk, 0.0, jerk, 0.0), strict=True))
 
 
-def chain(home: float, moves: list[tuple[list[tuple[float, float]], float]]) -> JerkPieces:
-    """Return the profile that makes the moves one after another, starting at rest at ``home``.
+def chain(home: float, moves: list[tuple[list[tuple[float, float]], float]]) -> PPoly:
+    """Return the command that makes the moves one after another, starting at rest at ``home``.
 
     Args:
         home: first position [m or rad].
         moves: pieces of each move (:func:`move_pieces`) and the position that it ends at.
     """
-    rows = [(0.0, home, 0.0, 0.0, 0.0)]
+    starts, rows = [0.0], [(0.0, 0.0, 0.0, home)]
     for pieces, target in moves:
-        q, v, a = rows[-1][1], 0.0, 0.0
-        for (t, j), (after, _) in pairwise(pieces):
-            rows.append((t, q, v, a, j))
-            s = after - t
+        times = [t for t, _ in pieces]
+        q, v, a = rows[-1][3], 0.0, 0.0
+        for (_, j), s in zip(pieces, np.diff(times).tolist(), strict=False):
+            rows.append((j / 6.0, a / 2.0, v, q))
             q += s * (v + s * (a / 2.0 + s * j / 6.0))
             v += s * (a + s * j / 2.0)
             a += s * j
-        rows.append((pieces[-1][0], target, 0.0, 0.0, 0.0))  # no rounding is carried on
-    table = np.array(rows)
-    return JerkPieces(*(table[:, k].copy() for k in range(5)))
+        rows.append((0.0, 0.0, 0.0, target))  # no rounding is carried on
+        starts += times
+    return PPoly(np.array(rows).T, np.array([*starts, starts[-1] + 1.0]))  # the last piece goes on for ever
+
+
+def rest(q: float) -> PPoly:
+    """Return the command of an axis that stays at ``q``."""
+    return chain(q, [])

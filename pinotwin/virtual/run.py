@@ -1,135 +1,67 @@
-"""One run: initial equilibrium, command and noise arrays, the kernel, the log."""
+"""What a run needs beside the kernel: where it starts, what drives it, and the log of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import DataError, MachineError, nearest
+from pinotwin.errors import MachineError, nearest
 from pinotwin.virtual import columns as c
 from pinotwin.virtual.control import INTEGRAL, N_STATE, PREVIOUS
-from pinotwin.virtual.kernel import position_effort, run
+from pinotwin.virtual.kernel import position_effort
 from pinotwin.virtual.mass import gravity_at
-from pinotwin.virtual.parameters import Timing
-from pinotwin.virtual.recording import Recording, SealedTruth
 from pinotwin.virtual.rigid import Tree, empty_pose
 from pinotwin.virtual.sensors import measured_effort
 from pinotwin.virtual.structs import Axes, Drive, Record, Room, State
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.truth import Pulse, Truth
 
-_COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+Links = Mapping[str, tuple[int, Floats, Floats]]
+"""Link -> index of its joint, rotation and offset in the joint frame."""
 
 
-class Runnable(Protocol):
-    """What a run asks of a virtual machine; see :class:`pinotwin.virtual.machine.VirtualMachine`."""
+def decimation(control: float, rate: float, what: str) -> int:
+    """Return the control periods per sample of a slower rate [Hz].
 
-    @property
-    def name(self) -> str:
-        """Name of the machine."""
-
-    @property
-    def truth(self) -> Truth:
-        """The sealed truth."""
-
-    @property
-    def tree(self) -> Tree:
-        """The bodies as they are."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of all joints."""
-
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Names of the driven ones."""
-
-    @property
-    def links(self) -> Mapping[str, tuple[int, Floats, Floats]]:
-        """Link -> joint, place and orientation of its frame."""
-
-    @property
-    def timing(self) -> Timing:
-        """Sampling of the controller."""
-
-    def tables(self, truth: Truth | None = None) -> Axes:
-        """Return the kernel's tables."""
-
-    def scattered(self, rng: np.random.Generator) -> Truth:
-        """Return the truth with this run's friction."""
-
-
-def record_run(
-    machine: Runnable,
-    trajectory: Trajectory,
-    seed: int,
-    noise: bool,
-    loads: Sequence[Pulse],
-    truth_rate: float | None,
-) -> Recording:
-    """Run the machine once; see :meth:`VirtualMachine.record`."""
-    truth = machine.truth
-    rng = np.random.default_rng([truth.seed, 1000, seed])
-    run_truth = machine.scattered(rng) if noise else truth
-    axes = machine.tables(run_truth)
-    if not noise:
-        axes.P[:, c.RESOLUTION] = 0.0
-    every = _decimation(truth.control_rate, truth.log_rate, "log rate")
-    fine = _decimation(truth.control_rate, truth_rate or truth.log_rate, "truth rate")
-    step = int(np.gcd(every, fine))
-    n = round(trajectory.seconds * truth.control_rate / every) * every
-    if n < every:
-        raise DataError(f"{machine.name}: a trajectory of {trajectory.seconds} s is too short")
-    drive = _drive(machine, trajectory, loads, n, rng if noise else None)
-    state = equilibrium(machine, axes, drive)
-    record = empty_record(step, n // step, len(machine.axes), len(machine.joints))
-    timing = (machine.timing.period, machine.timing.updates, machine.timing.substeps)
-    run(machine.tree, axes, drive, state, empty_room(len(machine.joints)), record, timing)
-    if not np.all(np.isfinite(record.q)):
-        raise MachineError(f"{machine.name}: the simulation diverged; lower the loop gains")
-    log = _log(machine, run_truth, drive, record, every, loads, rng if noise else None)
-    return Recording(machine.name, log, _sealed(machine, record, fine), seed)
-
-
-def _decimation(control: float, rate: float, what: str) -> int:
+    Raises:
+        MachineError: the rate does not divide the control rate.
+    """
     every = round(control / rate)
     if every < 1 or abs(control / rate - every) > 1e-9:
         raise MachineError(f"{what} {rate} Hz does not divide the control rate {control} Hz")
     return every
 
 
-def _drive(
-    machine: Runnable,
+def drive_of(
+    truth: Truth,
+    links: Links,
     trajectory: Trajectory,
     loads: Sequence[Pulse],
     n: int,
     rng: np.random.Generator | None,
 ) -> Drive:
-    t = np.arange(n) / machine.truth.control_rate
-    qr, vr, ar = trajectory.at(t, machine.axes)
-    na = len(machine.axes)
-    encoder, chatter = np.zeros((n, na)), np.zeros((1, na))
+    """Return commands, noise and loads of ``n`` control periods; no noise without ``rng``."""
+    t, specs = np.arange(n) / truth.control_rate, list(truth.axes.values())
+    qr, vr, ar = trajectory.at(t, list(truth.axes))
+    encoder, chatter = np.zeros((n, len(specs))), np.zeros((1, len(specs)))
     if rng is not None:
-        specs = [machine.truth.axes[name] for name in machine.axes]
-        encoder = rng.standard_normal((n, na)) * [a.encoder.noise or 0.0 for a in specs]
+        encoder = rng.standard_normal((n, len(specs))) * [a.encoder.noise or 0.0 for a in specs]
         if any(a.friction.chatter > 0.0 for a in specs):
-            chatter = rng.standard_normal((n, na))
-    body, point, load = load_arrays(machine, loads, t + 0.5 / machine.truth.control_rate)
-    return Drive(qr, vr, ar, encoder, chatter, body, point, load)
+            chatter = rng.standard_normal((n, len(specs)))
+    return Drive(qr, vr, ar, encoder, chatter, *load_arrays(links, loads, t + 0.5 / truth.control_rate))
 
 
-def load_arrays(machine: Runnable, loads: Sequence[Pulse], t: Floats) -> tuple[np.ndarray, Floats, Floats]:
+def load_arrays(links: Links, loads: Sequence[Pulse], t: Floats) -> tuple[np.ndarray, Floats, Floats]:
     """Return bodies, points and world-axes loads at times ``t``: shapes (k,), (k, 3), (n, k, 6)."""
-    links = sorted({p.link for p in loads})
-    body = np.zeros(len(links), dtype=np.intp)
-    point, load = np.zeros((len(links), 3)), np.zeros((len(t), len(links), 6))
-    for k, link in enumerate(links):
-        if link not in machine.links:
-            raise MachineError(f"external load: no link {link!r}; {nearest(link, machine.links)}")
-        body[k], _, point[k] = machine.links[link]
+    names = sorted({p.link for p in loads})
+    body = np.zeros(len(names), dtype=np.intp)
+    point, load = np.zeros((len(names), 3)), np.zeros((len(t), len(names), 6))
+    for k, link in enumerate(names):
+        if link not in links:
+            raise MachineError(f"external load: no link {link!r}; {nearest(link, links)}")
+        body[k], _, point[k] = links[link]
         for pulse in loads:
             if pulse.link == link:
                 phase = np.clip((t - pulse.time) / pulse.duration, 0.0, 1.0)
@@ -137,108 +69,71 @@ def load_arrays(machine: Runnable, loads: Sequence[Pulse], t: Floats) -> tuple[n
     return body, point, load
 
 
-def equilibrium(machine: Runnable, axes: Axes, drive: Drive) -> State:
-    """Return the state at rest at the first command, springs and integral parts loaded.
+def equilibrium(tree: Tree, axes: Axes, command: Floats) -> State:
+    """Return the state at rest at a command (na,), springs and integral parts loaded.
 
     The motors hold gravity, ripple and tables; friction is not loaded. (Motors that held gravity alone
     would let the axes jump into their bristles at the first instant.)
     """
-    nv, na = len(machine.joints), len(machine.axes)
+    nv, na, P, joint = len(tree.mass), len(axes.joint), axes.P, axes.joint
     q = np.zeros(nv)
-    q[axes.joint] = drive.qr[0]
-    stiffness = axes.springs[:, c.STIFFNESS]
-    hold = gravity_at(machine.tree, q)
-    for _ in range(50):
-        q[axes.sprung] = -hold[axes.sprung] / stiffness if len(stiffness) else 0.0
-        hold = gravity_at(machine.tree, q)
-    u = hold[axes.joint]
+    q[joint] = command
+    for _ in range(51 if len(axes.sprung) else 1):
+        hold = gravity_at(tree, q)
+        q[axes.sprung] = -hold[axes.sprung] / axes.springs[:, c.STIFFNESS]
+    u = hold[joint]
     for i in range(na):
-        u[i] += position_effort(axes.ripple, axes.table, axes.grid, i, q[axes.joint[i]], 0.0, 0.0)
-    qm = q[axes.joint].copy()
-    for i in range(na):
-        P = axes.P[i]
-        if P[c.FLEXIBLE] > 0.5:
-            twist = u[i] / P[c.SPRING] + np.sign(u[i]) * P[c.BACKLASH]
-            if P[c.LOAD_ENCODER] > 0.5:
-                qm[i] += twist
-            else:
-                q[axes.joint[i]] -= twist
+        u[i] += position_effort(axes.ripple, axes.table, axes.grid, i, q[joint[i]], 0.0, 0.0)
+    flexible, on_load = P[:, c.FLEXIBLE] > 0.5, P[:, c.LOAD_ENCODER] > 0.5
+    twist = np.where(flexible, u / np.maximum(P[:, c.SPRING], 1e-300) + np.sign(u) * P[:, c.BACKLASH], 0.0)
+    qm = q[joint] + np.where(on_load, twist, 0.0)
+    q[joint] -= np.where(on_load, 0.0, twist)
     control = np.zeros((na, N_STATE))
     control[:, INTEGRAL] = u
-    for i in range(na):
-        if axes.P[i, c.PID] < 0.5:
-            reading = q[axes.joint[i]] if axes.P[i, c.LOAD_ENCODER] > 0.5 else qm[i]
-            control[i, PREVIOUS] = reading
-    z = np.zeros
-    queue = np.repeat(u[:, None], c.MAX_DELAY, axis=1)
+    control[:, PREVIOUS] = np.where(P[:, c.PID] < 0.5, np.where(on_load, q[joint], qm), 0.0)
     return State(
-        q,
-        z(nv),
-        z(nv),
-        qm,
-        z(na),
-        z((na, c.N_STATES)),
-        z(len(axes.sprung)),
-        u.copy(),
-        z(na),
-        control,
-        queue,
-        np.zeros(1, dtype=np.intp),
+        q=q,
+        v=np.zeros(nv),
+        a=np.zeros(nv),
+        qm=qm,
+        vm=np.zeros(na),
+        z=np.zeros((na, c.N_STATES)),
+        zs=np.zeros(len(axes.sprung)),
+        u=u.copy(),
+        f=np.zeros(na),
+        control=control,
+        queue=np.repeat(u[:, None], c.MAX_DELAY, axis=1),
+        tick=np.zeros(1, dtype=np.intp),
     )
 
 
 def empty_record(every: int, rows: int, na: int, nv: int) -> Record:
     """Return room for ``rows`` rows of a record."""
-    a, v = (rows, na), (rows, nv)
-    z = np.zeros
-    return Record(every, z(a), z(a), z(a), z(v), z(v), z(v))
+    return Record(every, *(np.zeros((rows, k)) for k in (na, na, na, nv, nv, nv)))
 
 
 def empty_room(nv: int) -> Room:
     """Return scratch arrays for a tree of ``nv`` joints."""
-    z = np.zeros
-    m = (nv, nv)
-    return Room(empty_pose(nv), z(m), z(m), z(m), z(nv), z(nv), z(nv), z(nv), z(nv), z((2, nv)), z(nv))
+    shapes = {"M": (nv, nv), "inverse": (nv, nv), "extra": (2, nv)}
+    return Room(empty_pose(nv), *(np.zeros(shapes.get(name, (nv,))) for name in Room._fields[1:]))
 
 
-def _log(
-    machine: Runnable,
-    truth: Truth,
-    drive: Drive,
-    record: Record,
-    every: int,
-    loads: Sequence[Pulse],
-    rng: np.random.Generator | None,
+def log_of(
+    truth: Truth, drive: Drive, record: Record, t: Floats, every: int, rng: np.random.Generator | None
 ) -> dict[str, Floats]:
-    rate = truth.log_rate
+    """Return the channels that a controller logs at times ``t``, every so many control periods."""
     rows = slice(None, None, every // record.every)
-    t_fine = np.arange(len(record.q)) * record.every / truth.control_rate
-    log: dict[str, Floats] = {"t": t_fine[rows]}
-    for i, name in enumerate(machine.axes):
+    log: dict[str, Floats] = {"t": t}
+    for i, (name, axis) in enumerate(truth.axes.items()):
         log[f"{name}.qr"] = drive.qr[::every, i]
         log[f"{name}.q"] = record.reading[rows, i]
-        effort = truth.axes[name].effort
-        log[f"{name}.u"] = measured_effort(log["t"], record.effort[rows, i], effort, rate, rng)
-    _, _, load = load_arrays(machine, loads, log["t"])
-    for k, link in enumerate(sorted({p.link for p in loads})):
-        if any(p.logged for p in loads if p.link == link):
-            log |= {f"{link}.{x}": load[:, k, m] for m, x in enumerate(_COMPONENTS)}
+        log[f"{name}.u"] = measured_effort(t, record.effort[rows, i], axis.effort, truth.log_rate, rng)
     return log
 
 
-def _sealed(machine: Runnable, record: Record, fine: int) -> SealedTruth:
-    rows = slice(None, None, fine // record.every)
-    q = record.q[rows]
-    links: Mapping[str, tuple[int, Floats, Floats]] = machine.links
-    return SealedTruth(
-        t=np.arange(len(q)) * fine / machine.truth.control_rate,
-        joints=machine.joints,
-        q=q,
-        v=record.v[rows],
-        a=record.a[rows],
-        axes=machine.axes,
-        u=record.effort[rows],
-        friction=record.friction[rows],
-        tree=machine.tree,
-        links=links,
-    )
+def load_channels(links: Links, loads: Sequence[Pulse], t: Floats) -> dict[str, Floats]:
+    """Return the channels of the links of which a load is logged."""
+    logged = {p.link for p in loads if p.logged}
+    load = load_arrays(links, [p for p in loads if p.link in logged], t)[2]
+    parts = ("fx", "fy", "fz", "mx", "my", "mz")
+    return {f"{n}.{x}": load[:, k, m] for k, n in enumerate(sorted(logged)) for m, x in enumerate(parts)}

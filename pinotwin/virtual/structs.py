@@ -95,7 +95,6 @@ class Room(NamedTuple):
 
     pose: Pose
     M: Floats
-    W: Floats
     inverse: Floats
     bias: Floats
     tau: Floats

@@ -7,29 +7,20 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.virtual.axis_truth import Limits
-from pinotwin.virtual.profiles import (
-    JerkPieces,
-    Profile,
-    Sines,
-    chain,
-    move_pieces,
-    move_time,
-)
-
-Triple = tuple[float, float, float]
+from pinotwin.virtual.profiles import Limited, Profile, Sines, chain, move_pieces, move_time, rest
 
 
 class HasLimits(Protocol):
-    """A machine, as far as a trajectory needs to know it: axis names and their limits."""
+    """A machine, as far as a trajectory needs to know it: the limits of every axis, in order."""
 
     @property
     def limits(self) -> Mapping[str, Limits]:
         """Kinematic limits of every axis, in order."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -49,8 +40,7 @@ class Trajectory:
         for name in axes:
             if name not in self.profiles:
                 raise DataError(f"trajectory has no command for axis {name!r}")
-        triples = [self.profiles[name].at(t) for name in axes]
-        q, v, a = (np.stack([x[k] for x in triples], axis=1) for k in range(3))
+        q, v, a = (np.stack([self.profiles[n](t, k) for n in axes], axis=1) for k in range(3))
         return q, v, a
 
 
@@ -58,7 +48,7 @@ def _travel(limits: Limits) -> tuple[float, float]:
     return limits.travel or (-0.1, 0.1)
 
 
-def _triple(limits: Limits) -> Triple:
+def _triple(limits: Limits) -> Limited:
     if limits.speed is None or limits.acceleration is None or limits.jerk is None:
         raise DataError("a trajectory needs limits of speed, acceleration and jerk")
     return limits.speed, limits.acceleration, limits.jerk
@@ -129,30 +119,27 @@ def _targets(
     return targets or {names[0]: float(np.mean(_travel(limits[names[0]]))) + 1e-3}
 
 
-LINES = 14
-"""Sines per axis."""
-
-
-def multisine(machine: HasLimits, seconds: float, seed: int) -> Trajectory:
+def multisine(machine: HasLimits, seconds: float, seed: int, lines: int = 14) -> Trajectory:
     """Return a sum of sines of 0.2 to 15 Hz on every axis within its limits.
 
     Args:
         machine: whose axes and limits.
         seconds: length [s].
         seed: of the phases; the lines of different axes are interleaved.
+        lines: sines per axis.
     """
     rng = np.random.default_rng(seed)
     names = list(machine.limits)
-    grid = np.geomspace(0.2, 15.0, LINES * len(names))
+    grid = np.geomspace(0.2, 15.0, lines * len(names))
     profiles: dict[str, Profile] = {}
     t = np.arange(0.0, seconds, 1e-3)
     for i, name in enumerate(names):
         low, high = _travel(machine.limits[name])
         frequency = grid[i :: len(names)]
         amplitude = 1.0 / (1.0 + (frequency / 1.0) ** 2)
-        phase = rng.uniform(0.0, 2.0 * np.pi, LINES)
+        phase = rng.uniform(0.0, 2.0 * np.pi, lines)
         raw = Sines(0.0, amplitude, frequency, phase, seconds)
-        peaks = [max(float(np.abs(x).max()), 1e-12) for x in raw.at(t)]
+        peaks = [max(float(np.abs(raw(t, k)).max()), 1e-12) for k in range(3)]
         speed, acceleration, _ = _triple(machine.limits[name])
         room = (0.5 * (high - low), 0.98 * speed, 0.98 * acceleration)
         scale = min(r / p for r, p in zip(room, peaks, strict=True))
@@ -209,7 +196,7 @@ def constant_speeds(
     return _one_axis(machine, axis, plan, limits)
 
 
-def _one_axis(machine: HasLimits, axis: str, plan: Sequence[float], limits: Sequence[Triple]) -> Trajectory:
+def _one_axis(machine: HasLimits, axis: str, plan: Sequence[float], limits: Sequence[Limited]) -> Trajectory:
     if axis not in machine.limits:
         raise DataError(f"no axis {axis!r}; known: {', '.join(machine.limits)}")
     centre = {n: float(np.mean(_travel(lim))) for n, lim in machine.limits.items()}
@@ -222,38 +209,17 @@ def _one_axis(machine: HasLimits, axis: str, plan: Sequence[float], limits: Sequ
     return Trajectory(t + 0.2, profiles)
 
 
-def rest(q: float) -> JerkPieces:
-    """Return the command of an axis that stays at ``q``."""
-    zero = np.zeros(1)
-    return JerkPieces(zero, np.array([q]), zero, zero, zero)
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """A command given by samples (a log's own), joined by a cubic spline.
-
-    Attributes:
-        t: times [s], shape (n,).
-        q: positions [m or rad], shape (n,).
-    """
-
-    t: Floats
-    q: Floats
-
-    def at(self, t: Floats) -> tuple[Floats, Floats, Floats]:
-        """See :meth:`Profile.at`."""
-        from scipy.interpolate import CubicSpline
-
-        spline = CubicSpline(self.t, self.q)
-        inside = np.clip(t, self.t[0], self.t[-1])
-        return spline(inside), spline(inside, 1), spline(inside, 2)
-
-
 def replay(log: Mapping[str, Floats], axes: Sequence[str]) -> Trajectory:
     """Return the command that a log holds (``<axis>.qr``), to be run again."""
     missing = [n for n in axes if f"{n}.qr" not in log]
     if missing:
         raise DataError(f"log has no command channel {missing[0]}.qr")
     t = np.asarray(log["t"]) - log["t"][0]
-    profiles = {n: Sampled(t, np.asarray(log[f"{n}.qr"])) for n in axes}
+    profiles = {n: _joined(t, np.asarray(log[f"{n}.qr"])) for n in axes}
     return Trajectory(float(t[-1]), profiles)
+
+
+def _joined(t: Floats, q: Floats) -> Profile:
+    """Return samples as a cubic spline that stands still outside of them."""
+    spline = CubicSpline(t, q)
+    return lambda at, order: spline(np.clip(at, t[0], t[-1]), order)

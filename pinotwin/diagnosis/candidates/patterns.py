@@ -17,7 +17,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.effects.effect import AxisEffect, Coefficient, Depends, Effect, Shape
 from pinotwin.effects.family import LOAD
-from pinotwin.effects.position import REPEATS_MODULATED, Ripple
+from pinotwin.effects.ripple import Ripple, RippleModulated
 from pinotwin.motion import AxisMotion
 from pinotwin.signals import joined
 
@@ -180,7 +180,7 @@ def patterns(comparison: Comparison) -> Iterator[Effect]:
         yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots)
         yield PositionSpeedCurve(axis.name, axis.rotary, knots=knots, dry=True)
         tried = Ripple.candidates(comparison.machine, axis.name, motion)
-        longest = travel / REPEATS_MODULATED
+        longest = travel / RippleModulated.repeats
         for ripple in tried:
             pitch = float(ripple.shape_values()[0]) if ripple.shape_values() else 0.0
             if 0.0 < pitch <= longest:

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from pinotwin.log import Log
+from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.twin import Twin
+from pinotwin.version import __version__
 
 
 def provenance(
-    subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log], **options: Any
+    subject: Machine | Twin, logs: Sequence[Prepared], validation: Sequence[Prepared], **options: Any
 ) -> dict[str, Any]:
     """Return what is needed to do a diagnosis again; the same for the same input.
 
@@ -25,15 +27,13 @@ def provenance(
     """
     twin = subject if isinstance(subject, Twin) else None
     machine = subject.machine if isinstance(subject, Twin) else subject
-    used = [*((log, "diagnosed") for log in logs), *((log, "validation") for log in validation)]
+    used = [*((x.log, "diagnosed") for x in logs), *((x.log, "validation") for x in validation)]
     twin_from = [dict(row) for row in twin.data] if twin is not None else None
     return made_of(machine, used, twin_from=twin_from, options=options)
 
 
 def made_of(machine: Machine, logs: Iterable[tuple[Log, str]], **rest: Any) -> dict[str, Any]:
     """Return version, machine and logs of a result, with what each log was used for, and what else is known."""
-    from pinotwin import __version__
-
     facts = [log_facts(log, role) for log, role in logs]
     return {"version": __version__, "machine": str(machine.path), **rest, "logs": facts}
 

@@ -25,10 +25,11 @@ from pinotwin.effects.family import FRICTION
 from pinotwin.effects.scene import told
 from pinotwin.errors import DataError
 from pinotwin.identification import identify
-from pinotwin.identification.bending import bend_all, find_bending
+from pinotwin.identification.bending import Bending, bend_all, find_bending
 from pinotwin.identification.misfit import own_residual
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
+from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
@@ -48,7 +49,7 @@ class Comparison:
         unseen: rows of the validation logs, or None.
         floor: joint -> what a good model of the axis leaves, by which its rows are divided [N or N·m].
         gate: what the logs can be asked.
-        motions: every log in question and then every validation log, prepared.
+        motions: of every log in question and then of every validation log, on the rows that are judged.
         kept: place of every log in question among those that were given.
         apart: runs of one command that are not those of one machine, one side of which was left out.
         noise: joint -> RMS of the noise of what is left, which no cause closes [N or N·m]; empty if no repeats tell it.
@@ -56,8 +57,8 @@ class Comparison:
 
     twin: Twin
     change: bool
-    logs: Sequence[Log]
-    validation: Sequence[Log]
+    logs: Sequence[Prepared]
+    validation: Sequence[Prepared]
     new: Sample
     own: Sample | None
     unseen: Sample | None
@@ -72,6 +73,13 @@ class Comparison:
     def machine(self) -> Machine:
         """The machine of the twin."""
         return self.twin.machine
+
+    def among(self, given: Sequence[Log]) -> list[Prepared]:
+        """Return every log that was given made ready, those that were left out as well."""
+        ready = dict(zip(self.kept, self.logs, strict=True))
+        left_out = {k: log for k, log in enumerate(given) if k not in ready}
+        ready |= {k: Prepared.of(self.machine, log, self.twin.settings) for k, log in left_out.items()}
+        return [ready[k] for k in range(len(given))]
 
     @property
     def samples(self) -> tuple[Sample, ...]:
@@ -136,18 +144,9 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         LogError: a channel is missing or unusable.
         DataError: the logs hold too little.
     """
-    change = isinstance(subject, Twin)
-    columns = (subject.machine if isinstance(subject, Twin) else subject).columns
-    logs, validation = ([bind(log, columns) for log in part] for part in (logs, validation))
-    block, count = RULES.block_time, len(logs)
-    bent_logs = [*logs, *validation]
-    if isinstance(subject, Machine):
-        bent_logs = bend_all(find_bending(subject, logs), bent_logs)
-        twin = _base(subject, logs, bent_logs[:count])
-    else:
-        twin = subject
-    motions = _motions(twin, bent_logs)
-    motions, sealed = motions[:count], motions[count:]
+    change, block = isinstance(subject, Twin), RULES.block_time
+    ready = _Ready.of(subject, logs, validation)
+    twin, motions, sealed = ready.twin, *ready.motions()
     own = None
     if change and twin.misfit is not None:
         motion = told(twin.misfit.motion, twin.effects, twin.theta)
@@ -158,11 +157,8 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
         differ = apart(logs, [_sample(twin, m, block) for m in motions], own)
     if differ is not None:
         kept = differ.kept(len(logs), change=change)
-        logs, motions = [logs[k] for k in kept], [motions[k] for k in kept]
-        if isinstance(subject, Machine):
-            twin = _base(subject, logs, [bent_logs[k] for k in kept])
-            motions = _motions(twin, [bent_logs[k] for k in kept])
-            sealed = _motions(twin, bent_logs[count:])
+        ready = ready.only(subject, kept)
+        twin, motions, sealed = ready.twin, *ready.motions()
     lost = list[str]()
     if change:
         motions, sealed, strange, lost = _known(twin, motions, sealed, own, own_errors)
@@ -171,7 +167,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     noise = residual_noise(new, left, motions)
     unseen = within(_sample(twin, _joined(sealed), block), new) if sealed else None
     sized = [] if own is None else off_command(own.motion, new.motion)
-    asked = gate(twin.machine, [*logs, *validation], sized)
+    asked = gate(twin.machine, [*ready.logs, *ready.validation], sized)
     if change:
         asked = replace(asked, doubts=(*asked.doubts, *strange))
     if change and asked.silent:
@@ -185,7 +181,9 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     new, own, unseen = new.only(judged), _only(own, judged), _only(unseen, judged)
     floor = _floor(twin, new, own, own_errors)
     every = (*motions, *sealed)
-    c = Comparison(twin, change, logs, validation, new, own, unseen, floor, asked, every, kept, differ, noise)
+    c = Comparison(
+        twin, change, ready.logs, ready.validation, new, own, unseen, floor, asked, every, kept, differ, noise
+    )
     return _without_lost(c, lost) if change else c
 
 
@@ -253,9 +251,54 @@ def _without_leads(machine: Machine) -> Machine:
     return replace(machine, axes=axes)
 
 
-def _motions(twin: Twin, logs: Sequence[Log]) -> list[Motion]:
-    motions = [twin.motion(log) for log in logs]
-    return [bent(twin, m, m) for m in motions] if twin.machine.passive else motions
+@dataclass(frozen=True, eq=False)
+class _Ready:
+    """The twin to compare with, and the logs as it prepares them.
+
+    Attributes:
+        twin: the subject, or that of a machine in the logs in question.
+        logs: the logs in question. validation: logs that nothing is fitted to.
+        bending: how passive joints bend that no log holds; None where none do.
+    """
+
+    twin: Twin
+    logs: Sequence[Prepared]
+    validation: Sequence[Prepared]
+    bending: Bending | None = None
+
+    @classmethod
+    def of(cls, subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[Log]) -> _Ready:
+        """Return the logs of a subject made ready."""
+        bending = None
+        if isinstance(subject, Machine):
+            logs = [bind(log, subject.columns) for log in logs]
+            bending = find_bending(subject, logs)
+            twin = _base(subject, logs, bend_all(bending, logs))
+        else:
+            twin = subject
+
+        def ready(part: Sequence[Log]) -> list[Prepared]:
+            return [Prepared.of(twin.machine, log, twin.settings) for log in part]
+
+        return cls(twin, ready(logs), ready(validation), bending)
+
+    def only(self, subject: Machine | Twin, kept: Sequence[int]) -> _Ready:
+        """Return the same of some of the logs in question."""
+        logs = [self.logs[k] for k in kept]
+        if isinstance(subject, Twin):
+            return replace(self, logs=logs)
+        return _Ready.of(subject, [x.log for x in logs], [x.log for x in self.validation])
+
+    def motions(self) -> tuple[list[Motion], list[Motion]]:
+        """Return the motions of the logs in question and of the validation logs, passive joints bent."""
+        found = [[self._motion(x) for x in part] for part in (self.logs, self.validation)]
+        return found[0], found[1]
+
+    def _motion(self, one: Prepared) -> Motion:
+        if not self.twin.machine.passive:
+            return one.motion
+        motion = one.motion if self.bending is None else self.twin.motion(self.bending.bend(one.log))
+        return bent(self.twin, motion, motion)
 
 
 LEAST = 0.1

@@ -16,9 +16,8 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.effects import EFFECTS, known
-from pinotwin.log import Log
 from pinotwin.logs import Settings
-from pinotwin.logs.check import doubts
+from pinotwin.logs.prepared import Prepared
 from pinotwin.logs.quality import Finding
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -136,15 +135,15 @@ class Gate:
         return [*out, *(f"{axis}: not judged" for axis in self.silent)]
 
 
-def gate(machine: Machine, logs: Sequence[Log], sized: Collection[str] = ()) -> Gate:
+def gate(machine: Machine, logs: Sequence[Prepared], sized: Collection[str] = ()) -> Gate:
     """Return what logs of a machine can be asked: what one of them cannot show, none is asked.
 
     Args:
         machine: whose logs.
-        logs: in the names of the contract.
+        logs: made ready.
         sized: axes whose positions are known to be in the right unit, however far they go.
     """
-    found = [(log, f) for log in logs for f in doubts(machine, log) if not _answered(machine, f, sized)]
+    found = [(log, f) for log in logs for f in log.doubts if not _answered(machine, f, sized)]
     effects: dict[str, dict[str, str]] = {}
     questions: dict[str, dict[str, str]] = {}
     silent: dict[str, str] = {}
@@ -220,12 +219,12 @@ def _channels(finding: Finding) -> list[str]:
     return listed.split(", ")
 
 
-def _said(found: Sequence[tuple[Log, Finding]], count: int) -> tuple[str, ...]:
+def _said(found: Sequence[tuple[Prepared, Finding]], count: int) -> tuple[str, ...]:
     """Return each doubt once, with the log's name where not all of several logs share it."""
     of: dict[str, list[str]] = {}
-    for log, f in found:
+    for one, f in found:
         text = f"{f.channel}: {f.message}" if f.channel else f.message
-        of.setdefault(text, []).append(log.source or "log")
+        of.setdefault(text, []).append(one.log.source or "log")
     return tuple(t if len(who) == count else f"{', '.join(who)}: {t}" for t, who in of.items())
 
 

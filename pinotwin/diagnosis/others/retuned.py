@@ -80,7 +80,7 @@ def retuned(
     """
     if preferred(c.twin) != "coupled":
         return []
-    runs = [(log, c.twin.motion(log)) for log in c.logs] if axes else []
+    runs = [(one.log, one.motion) for one in c.logs] if axes else []
     found = []
     for axis in axes:
         if axis not in c.twin.servos or not c.gate.asks("servo", axis):

@@ -317,7 +317,7 @@ def _rests(
 def _logged(c: Comparison, axis: str) -> list[Floats]:
     """Return the efforts of an axis as they were logged; none where they are those of motors."""
     logs = (*c.logs, *c.validation) if c.machine.transmission is None else ()
-    return [log[f"{axis}.u"] for log in logs if f"{axis}.u" in log]
+    return [one.log[f"{axis}.u"] for one in logs if f"{axis}.u" in one.log]
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ from pinotwin.diagnosis.search.scan import Scored
 from pinotwin.effects import Effect
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
+from pinotwin.logs.columns import bind
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.simulation import preferred
@@ -61,7 +62,7 @@ def track(c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange
         return Tracked()
     logs = list(c.validation) or list(c.logs)
     try:
-        before = [_errors(c.twin, log) for log in logs]
+        before = [_difference(c.twin, one.log, one.motion) for one in logs]
         own = _own_errors(c)
     except PinotwinError:
         return Tracked()
@@ -70,7 +71,7 @@ def track(c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange
     if turned_axes:
         later, held = turned, held | turned_axes
     try:
-        after = before if later is None else [_errors(later, log) for log in logs]
+        after = before if later is None else [_difference(later, one.log, one.motion) for one in logs]
     except PinotwinError:
         later, after = None, before
     gaps, shrinks = {}, {}
@@ -91,13 +92,8 @@ def track(c: Comparison, causes: Sequence[Scored], changed: Sequence[ServoChange
     return Tracked(gaps, shrinks)
 
 
-def _errors(twin: Twin, log: Log) -> tuple[Floats, Floats]:
-    """Return the RMS of measured minus simulated tracking error, and of the measured, shape (nv,) each."""
-    motion = twin.motion(log)
-    return _difference(twin, log, motion)
-
-
 def _difference(twin: Twin, log: Log, motion: Motion) -> tuple[Floats, Floats]:
+    """Return the RMS of measured minus simulated tracking error, and of the measured, shape (nv,) each."""
     nv = len(motion.names)
     off, size = np.full(nv, np.nan), np.full(nv, np.nan)
     for j, (measured, said) in simulated_errors(twin, log, motion).items():
@@ -139,7 +135,8 @@ def own_run(c: Comparison) -> tuple[Log, Motion] | None:
     channels = {"t": part.t - part.t[0]}
     channels |= {f"{name}.qr": part.qr[:, a.index] for name, a in c.machine.axes.items()}
     channels |= {f"{name}.q": part.q[:, a.index] for name, a in c.machine.axes.items()}
-    return Log(channels, source="the twin's logs"), replace(part, t=channels["t"])
+    log = bind(Log(channels, source="the twin's logs"), {})
+    return log, replace(part, t=channels["t"])
 
 
 def with_causes(twin: Twin, causes: Sequence[Scored]) -> tuple[Twin | None, set[str]]:

@@ -21,8 +21,7 @@ from pinotwin.diagnosis.conclusion.where import Cell, bins, concentrated
 from pinotwin.diagnosis.result import Found, Gap, Region, Shrink
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.injections import posterior
-from pinotwin.log import Log
-from pinotwin.logs.prepare import prepare
+from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
@@ -59,7 +58,7 @@ class Vibrations:
 
 def look_at_vibration(
     subject: Machine | Twin,
-    logs: Sequence[Log],
+    logs: Sequence[Prepared],
     validation: Sequence[bool],
     commands: Sequence[int],
     rng: np.random.Generator,
@@ -76,7 +75,7 @@ def look_at_vibration(
     out = Vibrations({}, [], [], {}, {}, {})
     if not isinstance(subject, Twin) or not springs(subject):
         return out
-    motions = [prepare(subject.machine, log, decimate=1) for log in logs]
+    motions = [replace(one.motion, decimation=1) for one in logs]
     for spring in springs(subject):
         runs = [
             _Run.of(subject, m, spring.index, label, k)
@@ -89,11 +88,11 @@ def look_at_vibration(
     return out
 
 
-def unused(subject: Machine | Twin, logs: Sequence[Log]) -> list[str]:
+def unused(subject: Machine | Twin, logs: Sequence[Prepared]) -> list[str]:
     """Return what to do about vibrations that the logs hold and nothing is compared with."""
     if isinstance(subject, Twin):
         return []
-    names = [p for p in subject.passive if any(f"{p}.v" in log for log in logs)]
+    names = [p for p in subject.passive if any(f"{p}.v" in one.log for one in logs)]
     return [
         f"the vibration of {p} is in the log, but a machine does not know its spring: identify a twin "
         "with this log and diagnose that"

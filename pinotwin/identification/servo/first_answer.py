@@ -9,14 +9,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import free_gains, misfit
 from pinotwin.identification.servo.problem import FINE, AxisProblem
 from pinotwin.loop.servo import Servo
-from pinotwin.simulation import coupled
+from pinotwin.simulation.law import biquad
 
 NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)
 """Frequencies at which a notch is looked for [Hz]."""
@@ -36,7 +35,10 @@ def _columns(p: AxisProblem) -> list[tuple[Floats, Floats]]:
     for s in p.windows:
         t = p.step * np.arange(s.stop - s.start)
         fine = np.linspace(0.0, t[-1], (len(t) - 1) * p.substeps + 1)
-        command, position = CubicSpline(t, p.qr[s]), CubicSpline(t, p.q[s])
+        command, position = (
+            scipy.interpolate.CubicSpline(t, p.qr[s]),
+            scipy.interpolate.CubicSpline(t, p.q[s]),
+        )
         qr = command(fine)
         e = qr - position(fine)
         parts = (e, h * np.cumsum(e), -position(fine, 1), command(fine, 1), qr - qr[0], command(fine, 2))
@@ -52,8 +54,8 @@ def _solved(p: AxisProblem, form: Servo, columns: list[tuple[Floats, Floats]]) -
         x = fine.copy()
         x[2] = _low(x[2], form.velocity_lag, h)
         if form.notch[0] > 0.0:
-            b = coupled.biquad(form.notch, h)
-            x = lfilter(b[:3], [1.0, b[3], b[4]], x - x[:, :1]) + x[:, :1]
+            b = biquad(form.notch, h)
+            x = scipy.signal.lfilter(b[:3], [1.0, b[3], b[4]], x - x[:, :1]) + x[:, :1]
         if form.output_lag > 0.0:
             x = _low(x, form.output_lag, h)
         picked, y = x[:, :: p.substeps][:, p.skip :], u[p.skip :]
@@ -72,7 +74,7 @@ def _low(x: Floats, lag: float, h: float) -> Floats:
     if lag <= 0.02 * h:
         return x
     pole = np.exp(-h / lag)
-    return np.asarray(lfilter([1.0 - pole], [1.0, -pole], x - x[..., :1]) + x[..., :1])
+    return np.asarray(scipy.signal.lfilter([1.0 - pole], [1.0, -pole], x - x[..., :1]) + x[..., :1])
 
 
 def proportional(p: AxisProblem, near: Servo) -> Servo:

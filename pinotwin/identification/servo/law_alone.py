@@ -9,15 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
+import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import Search
 from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop.servo import Servo
 from pinotwin.signals.autoregression import burg
-from pinotwin.simulation import coupled
+from pinotwin.simulation.law import LONGEST, biquad
 
 CLOCK = 5e-4
 """Internal step [s]: the laws of drives are smooth over it, whose fastest parts are lags of a few of them."""
@@ -89,7 +88,7 @@ class LawAlone:
     def _clean(self, rows: Floats) -> Floats:
         """Return whitened rows (..., n) less their mean: what the integral began with is not known."""
         order = len(self.whitener) - 1
-        white = lfilter(self.whitener, [1.0], rows)[..., order:]
+        white = scipy.signal.lfilter(self.whitener, [1.0], rows)[..., order:]
         return np.asarray(white - white.mean(axis=-1, keepdims=True))
 
     def _effort(self, X: Floats, servo: Servo) -> Floats:
@@ -104,8 +103,8 @@ class LawAlone:
     def _out(self, X: Floats, servo: Servo) -> Floats:
         """Return columns through notch and current loop, at the log's samples."""
         if servo.notch[0] > 0.0:
-            b = coupled.biquad(servo.notch, self.h)
-            X = lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
+            b = biquad(servo.notch, self.h)
+            X = scipy.signal.lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
         return _low(X, servo.output_lag, self.h)[..., :: self.substeps]
 
     def _slopes(self, X: Floats, search: Search, x: Floats) -> Floats:
@@ -129,20 +128,20 @@ class LawAlone:
 def _stretch(p: AxisProblem, servo: Servo, s: slice, substeps: int) -> Stretch | None:
     t = p.step * np.arange(s.stop - s.start)
     fine = np.linspace(0.0, t[-1], (len(t) - 1) * substeps + 1)
-    command = CubicSpline(t, p.qr[s])
+    command = scipy.interpolate.CubicSpline(t, p.qr[s])
     qr, vr, ar = (command(fine, k) for k in range(3))
     error = p.fine_error(servo, s, (qr, vr), substeps)
     if error is None:
         return None
     simulated = qr - error
-    measured = simulated + CubicSpline(t, p.q[s] - simulated[::substeps])(fine)
+    measured = simulated + scipy.interpolate.CubicSpline(t, p.q[s] - simulated[::substeps])(fine)
     channels = [_channels(qr, vr, ar, q, p.step / substeps) for q in (measured, simulated)]
     return Stretch(channels[0], channels[1], p.u[s])
 
 
 def _channels(qr: Floats, vr: Floats, ar: Floats, q: Floats, h: float) -> Floats:
     """Return e, its integral, -v, vr, its integral and ar; integrals are as late as the simulation adds them up."""
-    e, late = qr - q, 0.5 * coupled.LONGEST
+    e, late = qr - q, 0.5 * LONGEST
     wound = h * (np.cumsum(e) - 0.5 * (e + e[0]))
     return np.stack([e, wound - late * e, -np.gradient(q, h), vr, qr - late * vr, ar])
 
@@ -152,7 +151,7 @@ def _low(x: Floats, lag: float, h: float) -> Floats:
     if lag <= 0.0:
         return x
     b, a = h / (2.0 * lag + h), (h - 2.0 * lag) / (2.0 * lag + h)
-    return np.asarray(lfilter([b, b], [1.0, a], x - x[..., :1]) + x[..., :1])
+    return np.asarray(scipy.signal.lfilter([b, b], [1.0, a], x - x[..., :1]) + x[..., :1])
 
 
 def _whitener(parts: list[Floats], order: int) -> Floats:

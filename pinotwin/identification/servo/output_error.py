@@ -14,7 +14,6 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.problem import AS_FOUND, PLANT, AxisProblem, Factors
-from pinotwin.identification.servo.slopes import along
 from pinotwin.loop.servo import SHAPES, Servo
 
 FORWARD = (-0.5, 1.5, 0.5)
@@ -73,17 +72,6 @@ class Search:
             if name in usual:
                 value = getattr(servo, name) if name in SHAPES else servo.notch[int(name[5:])]
                 out.append(float(np.log(value / usual[name][0])) / usual[name][1])
-        return np.array(out)
-
-    def doubt_slopes(self, x: Floats, usual: Mapping[str, tuple[float, float]], inertia: float) -> Floats:
-        """Return the slopes of :meth:`doubt`, shape (m, k); shapes are searched by their logarithms."""
-        share, (least, most, beyond) = self.servo(x).gains[5] / inertia, FORWARD
-        out = [np.zeros(len(x))]
-        for i, (name, scale) in enumerate(zip(self.names, self.scale, strict=True)):
-            if name in ("gain5", "ffa") and not least <= share <= most:
-                out[0][i] = scale / (inertia * beyond)
-            if name in usual:
-                out.append(np.eye(len(x))[i] / usual[name][1])
         return np.array(out)
 
     def extra(self, x: Floats) -> Factors:
@@ -170,16 +158,6 @@ def misfit(p: AxisProblem, servo: Servo, extra: Factors = AS_FOUND) -> Floats | 
     return ((y - p.measured) / (p.sizes * p.noise)).ravel() / np.sqrt(len(y))
 
 
-def misfit_slopes(p: AxisProblem, search: Search, x: Floats) -> Floats | None:
-    """Return the slopes of :func:`misfit` over what is searched, shape (2 rows, k), or None where there are none."""
-    servo, extra = search.servo(x), search.extra(x)
-    q = p if extra == AS_FOUND else p.with_plant(extra)
-    dy = q.slopes(servo, along(q, search.names, search.scale, search.servo, x))
-    if dy is None or not np.isfinite(dy).all():
-        return None
-    return (dy / (p.sizes * p.noise)[:, None]).reshape(-1, len(x)) / np.sqrt(len(dy))
-
-
 def polish(
     p: AxisProblem,
     servo: Servo,
@@ -217,11 +195,7 @@ def polish(
         return np.concatenate([r, doubt * np.concatenate(told)])
 
     def slope(x: Floats, r: Floats) -> Floats:
-        J = misfit_slopes(p, search, x) if p.smooth else None
-        if J is None:
-            return differences(at, x, r)
-        told = [search.doubt_slopes(x, p.usual, p.inertia), *([] if known is None else [known])]
-        return np.concatenate([J, doubt * np.concatenate(told)])
+        return differences(at, x, r, p.step_of_slopes)
 
     found = descend(at, slope, x, allowed, steps)
     if found is None:
@@ -273,11 +247,11 @@ def descend(
     return x, r
 
 
-def differences(at: Callable[[Floats], Floats | None], x: Floats, r: Floats) -> Floats:
+def differences(at: Callable[[Floats], Floats | None], x: Floats, r: Floats, size: float) -> Floats:
     """Return the slopes of residuals r at a point, shape (m, k), by difference quotients; 0 where there are none."""
     J = np.zeros((len(r), len(x)))
     for i in range(len(x)):
-        for step in (1e-3, -1e-3):
+        for step in (size, -size):
             moved = x.copy()
             moved[i] += step
             there = at(moved)

@@ -11,8 +11,9 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.loop.margins import command_peak, stable
 from pinotwin.loop.servo import Servo
-from pinotwin.simulation import axis_kernel, axis_slopes, coupled
+from pinotwin.simulation import axis_kernel
 from pinotwin.simulation.axis_kernel import Axis, Course
+from pinotwin.simulation.law import Law
 from pinotwin.simulation.state import Lookup
 
 FINE = 5e-4
@@ -121,35 +122,16 @@ class AxisProblem:
             return self.with_plant(extra).response(servo)
         axis, out = self._axis(servo, self.step / self.substeps), []
         for course, start, compared in self._courses:
-            y = self._run(axis, course, start)
+            y = axis_kernel.run(axis, self.tables, course, start)
             if y is None:
                 return None
             out += [y[rows] for rows in compared]
         return np.concatenate(out)
 
     @property
-    def smooth(self) -> bool:
-        """Whether :meth:`slopes` knows the axis' friction: dry and viscous; none with a memory, or of velocity."""
-        return not len(self.tables.slips) and not len(self.tables.speeds)
-
-    def direction(self, servo: Servo) -> Floats:
-        """Return what the axis is made of under a controller, as :meth:`slopes` takes it."""
-        return axis_slopes.direction(self._axis(servo, self.step / self.substeps))
-
-    def slopes(self, servo: Servo, directions: Floats) -> Floats | None:
-        """Return how e and u of all windows change, shape (rows, 2, k), or None if the axis runs away.
-
-        Args:
-            servo: the controller.
-            directions: changes of what :meth:`direction` returns, shape (k, numbers).
-        """
-        axis, out = self._axis(servo, self.step / self.substeps), []
-        for course, start, compared in self._courses:
-            found = axis_slopes.run(axis, self.tables, course, start, directions)
-            if found is None:
-                return None
-            out += [found[1][rows] for rows in compared]
-        return np.concatenate(out)
+    def step_of_slopes(self) -> float:
+        """Step of a difference quotient over what is searched: friction with a memory is rough below a thousandth."""
+        return 1e-3 if len(self.tables.slips) or len(self.tables.speeds) else 1e-6
 
     def holds(self, servo: Servo, extra: Factors = AS_FOUND) -> bool:
         """Whether a controller holds the axis on any command, where nothing but viscous friction helps it."""
@@ -171,11 +153,11 @@ class AxisProblem:
         load = np.interp(np.arange(len(command[0])) / substeps, rows, self.load[window])
         h = self.step / substeps
         course = Course(*command, load, h, 1, self._limit)
-        y = self._run(self._axis(servo, h), course, self._start(window))
+        y = axis_kernel.run(self._axis(servo, h), self.tables, course, self._start(window))
         return None if y is None else y[:, 0]
 
     def _axis(self, servo: Servo, h: float) -> Axis:
-        return Axis(self.inertia, self.viscous, *coupled.law_numbers(servo, h))
+        return Axis(self.inertia, self.viscous, Law.of(servo, h))
 
     @cached_property
     def _courses(self) -> tuple[tuple[Course, Floats, tuple[slice, ...]], ...]:
@@ -210,14 +192,6 @@ class AxisProblem:
 
     def _start(self, s: slice) -> Floats:
         return np.array([self.q[s.start], self.v[s.start], float(np.mean(self.u[s.start : s.start + 3]))])
-
-    def _run(self, axis: Axis, course: Course, start: Floats) -> Floats | None:
-        """Return e and u from a measured state on, shape (n, 2); None if the axis runs away."""
-        tables = self.tables
-        memory = axis_kernel.room(axis.whole, len(tables.slips), tables.give.shape[1])
-        y = np.empty((len(course.qr), 2))
-        failed = axis_kernel.run(axis, tables, course, memory, start, y)
-        return None if failed >= 0 else y
 
     def with_plant(self, factors: Factors) -> AxisProblem:
         """Return the same axis with inertia, viscous and dry friction multiplied; see :data:`Factors`."""

@@ -14,7 +14,7 @@ from pinotwin.identification.servo.moments import beside_moments, by_moments
 from pinotwin.identification.servo.output_error import QUIET, Found, misfit, polish
 from pinotwin.identification.servo.problem import AS_FOUND, USUAL, AxisProblem, Factors
 from pinotwin.loop.servo import SHAPES, Servo
-from pinotwin.simulation import coupled
+from pinotwin.simulation.law import LONGEST
 
 BEYOND = 1.5
 """Factor by which a notch may end outside of these: further off it stands for a lag, or for nothing."""
@@ -156,7 +156,7 @@ def settle(p: AxisProblem, found: Found, usual: Mapping[str, tuple[float, float]
         found: what :func:`look` returned.
         usual: shapes to hold on to where the log tells nothing: what the other axes show, say.
     """
-    p = replace(p.with_plant(found.factors), fine=coupled.LONGEST, noise=found.noise, usual=usual)
+    p = replace(p.with_plant(found.factors), fine=LONGEST, noise=found.noise, usual=usual)
     last = polish(p, found.servo, steps=REPOLISH) or found
     last = last if p.holds(last.servo) else found
     return _from_moments(p, found, last) or _from_output_error(p, found, last)

@@ -24,24 +24,37 @@ from pathlib import Path
 from pinotwin.errors import LogError
 from pinotwin.logs.files.content import Content, limited
 
-SECONDS = 30.0  # for any file, and in addition
-BYTES_A_SECOND = 4e6  # what the slowest of compressed files is read at
-MEMORY = 2**31  # bytes for any file, and in addition
-EXPANSION = 30  # times the file's own size
-
 Loader = Callable[[Path, str], Content]
 
 
-def load(loader: Loader, path: Path, source: str) -> Content:
+def load(
+    loader: Loader,
+    path: Path,
+    source: str,
+    *,
+    seconds: float = 30.0,
+    rate: float = 4e6,
+    memory: int = 2**31,
+    expansion: int = 30,
+) -> Content:
     """Return what ``loader`` reads from a file, in a process of its own.
+
+    Args:
+        loader: reads it.
+        path: the file.
+        source: its name in messages.
+        seconds: given to any file; large ones have more.
+        rate: what the slowest of compressed files is read at [bytes/s].
+        memory: given to any file [bytes], and ``expansion`` times its own size.
+        expansion: of the most compressed.
 
     Raises:
         LogError: the loader's own, or that the file ended, or held up, its reader.
     """
     size = path.stat().st_size
-    seconds = SECONDS + size / BYTES_A_SECOND
+    seconds += size / rate
     if hasattr(os, "fork"):
-        said, code = _forked(loader, path, source, seconds, MEMORY + EXPANSION * size)
+        said, code = _forked(loader, path, source, seconds, memory + expansion * size)
     else:
         said, code = _begun(loader, path, source, seconds)
     if isinstance(said, Content):

@@ -107,6 +107,7 @@ SAID = {
     "link_massless": "link of a moving joint without <inertial>: its mass counts as zero",
     "no_effect": "{count} inertial parameters have no effect on any joint torque: {names}",
     "urdf_invalid": "URDF: {problems}",
+    "unusable": "{why}",
     "not_excited": "{names}: this log does not excite it; move the axes that carry it harder",
     "not_separable": "not separable on this log: {names}",
     "identifiable": "{count} of {of} base parameters can be identified, condition {condition:.3g}",
@@ -115,7 +116,7 @@ SAID = {
 
 _ERRORS = (
     *("clock_missing", "clock_stands", "clock_unit", "empty", "position_missing", "no_motion"),
-    "body_impossible",
+    *("body_impossible", "unusable"),
 )
 _FACTS = ("constant", "load_position", "not_told", "no_effect", "identifiable")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.log import Log
@@ -58,7 +58,7 @@ def _at_rest(measured: dict[str, Floats]) -> Mask:
 
 
 def _span(x: Floats, rows: int = 21) -> Floats:
-    return np.asarray(maximum_filter1d(x, rows) - minimum_filter1d(x, rows))
+    return np.asarray(scipy.ndimage.maximum_filter1d(x, rows) - scipy.ndimage.minimum_filter1d(x, rows))
 
 
 def _key(log: Log, rows: Mask) -> str:

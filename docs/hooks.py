@@ -1,0 +1,84 @@
+"""What mkdocs does with a page before it renders it: figures are put in, notebooks become pages.
+
+``{{ part.name }}`` stands for a figure of figures.json with its unit (a count as ``9 of 10``), with ``.range`` for its
+lowest and highest value, with ``.published`` for the value that its source states.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+NOTEBOOKS = ("robot", "drive")
+"""Of examples/, each a page ``notebook_NAME.md``."""
+
+
+def figures() -> dict[str, Any]:
+    """Return figures.json: part -> {what, command, ..., figures: name -> figure}."""
+    return dict(json.loads((HERE / "figures.json").read_text(encoding="utf-8")))
+
+
+def stated(name: str, content: Mapping[str, Any]) -> str:
+    """Return a figure as it stands in a text.
+
+    Args:
+        name: ``part.name``, ``part.name.range`` or ``part.name.published``.
+        content: what :func:`figures` returns.
+
+    Raises:
+        KeyError: there is no such figure.
+    """
+    part, figure, *aspect = name.split(".")
+    found = content[part]["figures"][figure]
+    unit = found.get("unit", "")
+    end = f" {unit}" if unit else ""
+    if aspect == ["range"]:
+        return f"{_digits(found['low'])} to {_digits(found['high'])}{end}"
+    if aspect == ["published"]:
+        return f"{_digits(found['published'])}{end}"
+    if found.get("of") is not None:
+        return f"{found['value']:g} of {found['of']}"
+    return f"{_digits(found['value'])}{end}"
+
+
+def _digits(x: float) -> str:
+    """Return a number with three significant digits."""
+    return f"{x:.0f}" if abs(x) >= 1000.0 else f"{x:#.3g}".rstrip(".")
+
+
+def filled(text: str, content: Mapping[str, Any]) -> str:
+    """Return a page with its figures put in."""
+    return re.sub(r"\{\{ ([\w.-]+) \}\}", lambda found: stated(found[1], content), text)
+
+
+def notebook_page(path: Path) -> str:
+    """Return a saved notebook as Markdown, its outputs as they were saved."""
+    parts = []
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        source = "".join(cell["source"])
+        parts.append(source if cell["cell_type"] == "markdown" else f"```python\n{source}\n```")
+        for output in cell.get("outputs", ()):
+            shown = "".join(output.get("data", {}).get("text/html", ()))
+            text = "".join(output.get("text", ()))
+            parts.append(shown or f"```text\n{text.rstrip()}\n```")
+    return "\n\n".join(parts) + "\n"
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the notebooks to the pages."""
+    from mkdocs.structure.files import File
+
+    for name in NOTEBOOKS:
+        text = notebook_page(HERE.parent / "examples" / f"{name}.ipynb")
+        files.append(File.generated(config, f"notebook_{name}.md", content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Put the figures in, and lead links to the notebooks to their pages."""
+    linked = re.sub(r"\]\(\.\./examples/(\w+)\.ipynb\)", r"](notebook_\1.md)", markdown)
+    return filled(linked, figures())

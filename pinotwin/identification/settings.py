@@ -1,0 +1,74 @@
+"""The numbers by which :func:`pinotwin.identify` decides, for a caller to hand over, and the rule that they serve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is taken into a twin, and how much of a log is looked at for it.
+
+    Attributes:
+        pays: error on unseen rows, over that of the simpler or usual model, below which an optional part is taken: a
+            further shape of an effect, a pair of poles more, another form of the loop, a position without its
+            steps; and what one turn of loop and friction must bring for another. Less is within the noise.
+        no_worse: error on unseen rows, over that before, up to which a change is kept that adds no number: refined
+            friction, a loop tied to the known mass.
+        much_worse: error of a single signal, over that before, from which a gain of the others does not count.
+        good_tracking: error of the predicted tracking error, over its RMS, below which no free black box is needed:
+            an effort that is missed otherwise is the plant's, whatever the form of the loop.
+        poor_loop: mean error of a black box, each signal over its RMS, from which its poles are searched afresh.
+        most_pairs: pole pairs of a black box at most.
+        turns: turns of loop and friction at most.
+        slowest: sampling interval up to which a closed loop is identified [s].
+        folds: parts of a log that are predicted from the others.
+        long: fitted rows beyond which shapes and loops are searched on pieces of a log: ten poles need no hour.
+        short: rows of these pieces together; 48 s at 500 Hz, where the thesis took 12 s.
+        kept: rows of the own logs that a twin keeps: two minutes at 500 Hz say what it leaves.
+        judged: longest stretch at the end of a log on which the forms of a loop are compared [s].
+        beginning: longest stretch from its beginning on which another form may not be worse than the usual one [s].
+        condition: scaled condition number above which parameters trade off against each other.
+        sure: standard error over size below which a base parameter from the motors' rows takes the CAD's place.
+        cad_doubt: share of itself by which a CAD value that no motor sees may be off.
+    """
+
+    pays: float = 0.95
+    no_worse: float = 1.01
+    much_worse: float = 1.1
+    good_tracking: float = 0.05
+    poor_loop: float = 0.1
+    most_pairs: int = 3
+    turns: int = 4
+    slowest: float = 0.02
+    folds: int = 5
+    long: int = 50_000
+    short: int = 24_000
+    kept: int = 60_000
+    judged: float = 20.0
+    beginning: float = 60.0
+    condition: float = 1e4
+    sure: float = 0.25
+    cad_doubt: float = 0.5
+
+
+USUAL = Settings()
+"""The numbers of :func:`pinotwin.identify` where none are handed over."""
+
+
+def better(usual: T, others: Iterable[T], score: Callable[[T], float], pays: float) -> T:
+    """Return the candidate of the least error; the usual one unless another's is below ``pays`` of its.
+
+    Args:
+        usual: what is taken in doubt.
+        others: what may be taken instead.
+        score: error of a candidate on rows that it was not fitted to.
+        pays: factor on the usual one's error that another must come below.
+    """
+    candidates = [usual, *others]
+    limits = [score(x) / (pays if k else 1.0) for k, x in enumerate(candidates)]
+    return candidates[limits.index(min(limits))]

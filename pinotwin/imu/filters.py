@@ -1,0 +1,42 @@
+"""The low-pass of an inertial sensor as the estimate takes it to be, and the part of an angle that is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi, sosfiltfilt
+
+from pinotwin.arrays import Floats
+from pinotwin.errors import DataError
+
+
+def low_pass(x: Floats, cutoff: float, step: float) -> Floats:
+    """Return signals (n, k) after a second-order Butterworth low-pass that starts settled.
+
+    Discretised for inputs that are linear between samples: a bilinear map would change the delay.
+
+    Args:
+        x: signals, one a column.
+        cutoff: corner [Hz], inf for none.
+        step: sampling interval [s].
+    """
+    if not np.isfinite(cutoff):
+        return x
+    analog = butter(2, 2.0 * np.pi * cutoff, analog=True)
+    b, a, _ = cont2discrete(analog, step, method="foh")
+    b = b.ravel()
+    y, _ = lfilter(b, a, x, axis=0, zi=lfilter_zi(b, a)[:, None] * x[:1])
+    return y
+
+
+def high_passed(t: Floats, angle: Floats, corner: float) -> Floats:
+    """Return angles (n, ...) without what is slower than ``corner`` [Hz], zero phase, fourth order.
+
+    Raises:
+        DataError: the record is too short for that corner.
+    """
+    step = float(np.median(np.diff(t)))
+    if len(t) * step * corner < 2.0:
+        raise DataError(f"a record of {len(t) * step:.2g} s is too short for a {corner} Hz corner")
+    sos = butter(2, corner, "highpass", fs=1.0 / step, output="sos")
+    pad = min(len(t) - 1, round(1.0 / (corner * step)))
+    return sosfiltfilt(sos, angle - np.mean(angle, axis=0), axis=0, padlen=pad)

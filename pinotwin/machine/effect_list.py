@@ -1,0 +1,133 @@
+"""The effects of an axis from its list in machine.yaml, and back."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated, Any, get_origin, get_type_hints
+
+from msgspec import Meta
+
+from pinotwin.effects import EFFECTS, Effect
+from pinotwin.effects.known import kind_of, known, path_of
+from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.machine.parts import EffectList
+from pinotwin.machine.reading import Count, Number, Positive, known_key, read, schema
+
+_One = Annotated[int, Meta(ge=1)]
+_Harmonics = Annotated[_One | list[_One], Meta(description="a whole number from 1, or a list of them")]
+_SIGNED = ("eps", "start", "stop", "width", "span")  # may be zero or less; all others are sizes
+
+
+def make_effects(specs: Any, axis: str, rotary: bool, where: str) -> tuple[Effect, ...]:
+    """Return the effects of one axis from its YAML list.
+
+    Each item is a name, a mapping of one name to its settings, or an effect or its class. An own effect is
+    named as ``module:Class``.
+
+    Raises:
+        MachineError: with the path of what is wrong.
+    """
+    given = read(specs, EffectList, where)
+    effects = [_make(spec, axis, rotary, f"{where}[{i}]") for i, spec in enumerate(given)]
+    names = [effect.name for effect in effects]
+    for effect in effects:
+        if names.count(effect.name) > 1 and not effect.several:
+            raise MachineError(f"{where}: {effect.name} is listed twice")
+    return tuple(effects)
+
+
+def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
+    if isinstance(spec, Effect):
+        _kind(type(spec), where)
+        return dataclasses.replace(spec, axis=axis, rotary=rotary)  # type: ignore[type-var]
+    if isinstance(spec, str | type):
+        name, given = spec, None
+    elif isinstance(spec, dict) and len(spec) == 1:
+        name, given = next(iter(spec.items()))
+    else:
+        raise MachineError(f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}")
+    cls, values = _kind(name, where), {}
+    where = f"{where}.{name}"
+    fields, types = settings_of(cls), types_of(cls)
+    if not isinstance(given, dict | None):
+        raise MachineError(f"{where}: expected keys and values, found {given!r}")
+    for key, value in (given or {}).items():
+        known_key(key, fields, where)
+        if value is not None:
+            found = read(value, types[key], f"{where}.{key}")
+            values[fields[key]] = tuple(found) if isinstance(found, list) else found
+    effect = cls(axis=axis, rotary=rotary, **values)  # type: ignore[call-arg]
+    _check_search(effect, where)
+    return effect
+
+
+def _kind(name: Any, where: str) -> type[Effect]:
+    """Return the class of an effect that an axis may list."""
+    if isinstance(name, str) and ":" not in name and name not in (names := known()):
+        usable = [n for n, kind in names.items() if not kind.unlisted]
+        raise MachineError(f"{where}: unknown effect {name!r}; {nearest(name, usable)}")
+    try:
+        kind = kind_of(name)
+    except InputError as error:
+        raise MachineError(f"{where}: {error}") from None
+    if kind.unlisted:
+        raise MachineError(f"{where}: {kind.name} {kind.unlisted}")
+    return kind
+
+
+def _check_search(effect: Effect, where: str) -> None:
+    for shape in effect.shapes():
+        if not shape.lower < shape.upper:
+            raise MachineError(
+                f"{where}: {shape.name} would be searched from {shape.lower:g} to {shape.upper:g} "
+                f"{shape.unit}; the lower end must be below the upper"
+            )
+
+
+def settings_of(cls: type[Effect]) -> dict[str, str]:
+    """Return YAML key -> dataclass field of what an effect lets the YAML set."""
+    return {
+        f.metadata.get("yaml", f.name): f.name
+        for f in dataclasses.fields(cls)  # type: ignore[arg-type]
+        if f.name not in ("axis", "rotary") and not f.metadata.get("internal")
+    }
+
+
+def types_of(cls: type[Effect]) -> dict[str, Any]:
+    """Return YAML key -> type of each setting; numbers of an own effect may be zero or less."""
+    hints = get_type_hints(cls)
+    kinds = {int: Count, str: str, bool: bool}
+    out = {}
+    for key, field in settings_of(cls).items():
+        number = Number if cls.name not in EFFECTS or key in _SIGNED else Positive
+        out[key] = _Harmonics if get_origin(hints[field]) is tuple else kinds.get(hints[field], number)
+    return out
+
+
+def effect_schema() -> dict[str, Any]:
+    """Return the JSON Schema of an item of such a list: a name, one name with its settings, or an own effect's."""
+    listed = {name: cls for name, cls in EFFECTS.items() if not cls.unlisted}
+    settings = {
+        name: {
+            "properties": {k: schema(one) for k, one in types_of(cls).items()},
+            "additionalProperties": False,
+        }
+        for name, cls in listed.items()
+    }
+    own = {"type": "string", "pattern": ":"}
+    return {"anyOf": [{"enum": list(listed)}, own, {"type": "object", "properties": settings}]}
+
+
+def effect_spec(effect: Effect) -> Any:
+    """Return the YAML item that makes this effect again."""
+    settings: dict[str, Any] = {}
+    kind = type(effect)
+    for key, field in settings_of(kind).items():
+        value = getattr(effect, field)
+        if value == getattr(kind, field, None) or (
+            field == "period" and getattr(effect, "free_pitch", False)
+        ):
+            continue
+        settings[key] = list(value) if isinstance(value, tuple) else value
+    name = effect.name if EFFECTS.get(effect.name) is kind else path_of(kind)
+    return {name: settings} if settings else name

@@ -1,0 +1,99 @@
+"""A value of machine.yaml as its type says; anything else is refused with its path and what is expected there.
+
+Keys are walked through here, so that the path is whole (``axes.Y.rotor_inertia``); msgspec converts the values, and
+the same types make the JSON Schema that editors complete and check a machine.yaml by.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from pinotwin.errors import MachineError, nearest
+
+_MOST = sys.float_info.max
+Number = Annotated[float, Meta(ge=-_MOST, le=_MOST, description="a number")]
+Positive = Annotated[float, Meta(gt=0.0, le=_MOST, description="a positive number")]
+NotNegative = Annotated[float, Meta(ge=0.0, le=_MOST, description="a number that is not negative")]
+Count = Annotated[int, Meta(ge=0, description="a whole number from 0")]
+
+
+def from_file(kind: Any = None) -> dict[str, Any]:
+    """Return the metadata of a field that the file states as another type, or, without one, does not state."""
+    return {"file": kind}
+
+
+def kinds_of(cls: type) -> dict[str, Any]:
+    """Return key -> type of what a file states of a dataclass."""
+    hints = get_type_hints(cls, include_extras=True)
+    kinds = {f.name: f.metadata.get("file", hints[f.name]) for f in dataclasses.fields(cls)}
+    return {key: kind for key, kind in kinds.items() if kind is not None}
+
+
+def read(value: Any, kind: Any, where: str) -> Any:
+    """Return a value as a type says; of a dataclass the values that are stated, by field.
+
+    Raises:
+        MachineError: with the path of what is wrong; an unknown key with the nearest known one.
+    """
+    keyed = get_origin(kind) is dict
+    if keyed or dataclasses.is_dataclass(kind):
+        if not isinstance(value, dict):
+            raise MachineError(f"{where}: expected keys and values, found {value!r}")
+        kinds = dict.fromkeys(value, get_args(kind)[1]) if keyed else kinds_of(kind)
+        for key in value:
+            known_key(key, kinds, where)
+        stated = {str(key): x for key, x in value.items() if keyed or x is not None}
+        return {key: read({} if x is None else x, kinds[key], _join(where, key)) for key, x in stated.items()}
+    if kind is str and isinstance(value, int | float) and not isinstance(value, bool):
+        return str(value)  # a name of digits
+    try:
+        return msgspec.convert(_plain(value), kind, strict=False)
+    except msgspec.ValidationError:
+        raise MachineError(f"{where}: expected {_words(kind)}, found {value!r}") from None
+
+
+def known_key(key: Any, known: Iterable[str], where: str) -> None:
+    """Refuse a key that is not known.
+
+    Raises:
+        MachineError: with the path of the key and the nearest known one.
+    """
+    if key not in (names := tuple(known)):
+        raise MachineError(f"{_join(where, key)}: unknown key; {nearest(str(key), names)}")
+
+
+def schema(kind: Any) -> dict[str, Any]:
+    """Return the JSON Schema of what :func:`read` reads as a type."""
+    if dataclasses.is_dataclass(kind):
+        rows = {key: schema(one) for key, one in kinds_of(kind).items()}  # type: ignore[arg-type]
+        return {"type": "object", "properties": rows, "additionalProperties": False}
+    if get_origin(kind) is dict:
+        return {"type": "object", "additionalProperties": schema(get_args(kind)[1])}
+    return msgspec.json.schema(kind)
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers and lists of NumPy as Python's."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return [_plain(x) for x in value] if isinstance(value, list | tuple) else value
+
+
+def _words(kind: Any) -> str:
+    kind = next((one for one in get_args(kind) if get_origin(one) is Annotated), kind)  # of an optional one
+    if get_origin(kind) is Annotated:
+        return str(kind.__metadata__[0].description)
+    if get_origin(kind) is Literal:
+        return " or ".join(map(str, get_args(kind)))
+    return "true or false" if bool in (kind, *get_args(kind)) else "text"
+
+
+def _join(where: str, key: Any) -> str:
+    return f"{where}.{key}" if where else str(key)

@@ -1,0 +1,151 @@
+"""The law of a controller (:mod:`pinotwin.loop.servo`) in steps: the one place where compiled code knows it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
+
+from pinotwin.arrays import Floats
+from pinotwin.dynamics.stepping import inlined, leaf
+from pinotwin.loop.servo import Servo
+
+LONGEST = 2.5e-4
+"""Longest internal step [s]."""
+
+
+class Law(NamedTuple):
+    """One controller at one internal step: numbers alone, so that several are rows of one array.
+
+    Attributes:
+        e: the six gains, with ``integral``, ``v``, ``vr``, ``slip`` and ``ar``; see :mod:`pinotwin.loop.servo`.
+        see: what the velocity filter moves in a step.
+        lag: what the current loop moves in a step.
+        b0: of the notch, with ``b1``, ``b2``, ``a1`` and ``a2``; no notch where it is 0.
+        whole: dead time in whole steps.
+        part: and the rest of it.
+        limit: largest effort.
+        offset: what the integrator begins with; NaN for what the effort at the start asks for.
+        tick: step of the encoder by which the law is closed; 0 for none.
+        origin: of its steps.
+    """
+
+    e: float
+    integral: float
+    v: float
+    vr: float
+    slip: float
+    ar: float
+    see: float
+    lag: float
+    b0: float
+    b1: float
+    b2: float
+    a1: float
+    a2: float
+    whole: float
+    part: float
+    limit: float
+    offset: float
+    tick: float
+    origin: float
+
+    @classmethod
+    def of(cls, servo: Servo, h: float) -> Law:
+        """Return a controller at the internal step h [s]."""
+        steps = max(servo.dead, 0.0) / h
+        offset = servo.offset if servo.form == "proportional" else math.nan
+        lags = (_share(lag, h) for lag in (servo.velocity_lag, servo.output_lag))
+        notch = biquad(servo.notch, h) if servo.notch[0] > 0.0 else np.zeros(5)
+        dead = (float(int(steps)), steps - int(steps))
+        numbers = [*servo.gains, *lags, *notch.tolist(), *dead, servo.limit, offset, *servo.encoder]
+        return cls(*numbers)
+
+
+WIDTH = len(Law._fields)
+
+
+def law_rows(servos: Sequence[Servo | None], h: float) -> Floats:
+    """Return controllers at the internal step h, one row a joint, (nv, WIDTH); zeros of a joint without one."""
+    return np.array([np.zeros(WIDTH) if servo is None else Law.of(servo, h) for servo in servos])
+
+
+def _share(lag: float, h: float) -> float:
+    """Return what a lag moves in a step: y += a (x - y) is (1 - a) / a steps late at low frequencies."""
+    return h / (h + lag) if lag > 0.0 else 1.0
+
+
+def biquad(notch: tuple[float, float, float], h: float) -> Floats:
+    """Return b0, b1, b2, a1, a2 of a notch by the bilinear map, exact at its frequency."""
+    t = math.tan(min(math.pi * notch[0] * h, 1.5))
+    zeros, poles = notch[1], notch[2]
+    a0 = 1.0 + 2.0 * poles * t + t * t
+    middle = 2.0 * (t * t - 1.0) / a0
+    first, last = 1.0 + 2.0 * zeros * t + t * t, 1.0 - 2.0 * zeros * t + t * t
+    return np.array([first / a0, middle, last / a0, middle, (1.0 - 2.0 * poles * t + t * t) / a0])
+
+
+def substeps(sampling: float, longest: float = LONGEST) -> int:
+    """Return the internal steps a sample: friction is implicit, so that only the loops' speed counts."""
+    return max(1, math.ceil(sampling / longest - 1e-9))
+
+
+@leaf
+def law_of(laws, j):  # type: ignore[no-untyped-def]
+    """Return the law in a row of an array (nv, WIDTH)."""
+    return Law(*to_fixed_tuple(laws[j], WIDTH))  # type: ignore[call-arg]
+
+
+@inlined
+def shown(law, q):  # type: ignore[no-untyped-def]
+    """Return the position that the encoder shows."""
+    return q if law.tick == 0.0 else law.origin + law.tick * np.floor((q - law.origin) / law.tick + 0.5)
+
+
+@inlined
+def asked(law, h, c, q, v, state):  # type: ignore[no-untyped-def]
+    """Step a law; return its state: velocity seen, integral, effort after the current loop, two of the notch.
+
+    Args:
+        law: its numbers.
+        h: the step [s].
+        c: command and its two derivatives.
+        q: position.
+        v: velocity.
+        state: before the step.
+    """
+    seen, wound, out, first, second = state
+    e = c[0] - shown(law, q)
+    seen += law.see * (v - seen)
+    u = law.e * e + wound - law.v * seen + law.vr * c[1] + law.ar * c[2]
+    if law.b0 != 0.0:
+        y = law.b0 * u + first
+        first = law.b1 * u - law.a1 * y + second
+        second = law.b2 * u - law.a2 * y
+        u = y
+    if abs(u) <= law.limit:
+        wound += h * (law.integral * e + law.slip * c[1])
+    else:
+        u = law.limit if u > 0.0 else -law.limit
+    return seen, wound, out + law.lag * (u - out), first, second
+
+
+@inlined
+def acts(law, late, j, at, out):  # type: ignore[no-untyped-def]
+    """Put an effort in its place ``at`` of row j; return the one that acts after the dead time."""
+    late[j, at] = out
+    i = at - int(law.whole)
+    if i < 0:
+        i += late.shape[1]
+    return late[j, i] + law.part * (late[j, i - 1 if i > 0 else late.shape[1] - 1] - late[j, i])
+
+
+@inlined
+def begun(law, c, q, v, u):  # type: ignore[no-untyped-def]
+    """Return the state in which a law asks for the effort u: its integrator is wound up, unless it has none."""
+    asks = law.e * (c[0] - shown(law, q)) - law.v * v + law.vr * c[1] + law.ar * c[2]
+    wound = u - asks if np.isnan(law.offset) else law.offset
+    return v, wound, u, u * (1.0 - law.b0), u * (law.b2 - law.a2)

@@ -1,0 +1,138 @@
+"""Compiled functions are kept for the user, found by another clone, and never found again after an edit."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+from pinotwin.system.kernels import compiled
+
+INNER = """
+from pinotwin.system.kernels import compiled
+
+FACTOR = 2.0
+
+@compiled
+def inner(x):
+    return FACTOR * x
+"""
+OUTER = """
+import sys
+from pinotwin.system.kernels import compiled
+from inner import inner
+
+@compiled
+def outer(x):
+    return inner(x) + 1.0
+
+print(outer(float(sys.argv[1])))
+"""
+
+
+def clone(folder: Path, inner: str = INNER) -> Path:
+    folder.mkdir(exist_ok=True)
+    (folder / "inner.py").write_text(inner)
+    (folder / "outer.py").write_text(OUTER)
+    return folder
+
+
+def started(folder: Path, kept: Path, value: float = 3.0) -> subprocess.Popen[str]:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(kept), "PYTHONDONTWRITEBYTECODE": "1"}
+    words = [sys.executable, "outer.py", str(value)]
+    return subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def answer(folder: Path, kept: Path) -> float:
+    out, _ = started(folder, kept).communicate(timeout=120)
+    return float(out)
+
+
+def files(kept: Path) -> set[Path]:
+    return set(kept.rglob("*.*"))
+
+
+def test_another_clone_finds_what_one_has_compiled(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    assert answer(clone(tmp_path / "one"), kept) == 7.0
+    before = files(kept)
+    assert len(before) == 4
+    assert answer(clone(tmp_path / "two"), kept) == 7.0
+    assert files(kept) == before
+
+
+def test_an_edit_of_a_callee_in_another_file_is_seen(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    folder = clone(tmp_path / "one")
+    assert answer(folder, kept) == 7.0
+    assert answer(clone(folder, INNER.replace("FACTOR * x", "FACTOR * x * x")), kept) == 19.0
+    assert answer(clone(folder, INNER.replace("2.0", "5.0")), kept) == 16.0
+
+
+def test_a_comment_compiles_nothing_again(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    folder = clone(tmp_path / "one")
+    answer(folder, kept)
+    before = files(kept)
+    assert answer(clone(folder, "# a comment\n" + INNER), kept) == 7.0
+    assert files(kept) == before
+
+
+def test_two_processes_at_once_are_right(tmp_path: Path) -> None:
+    kept, folder = tmp_path / "kept", clone(tmp_path / "one")
+    both = [started(folder, kept, value) for value in (3.0, 4.0, 5.0)]
+    assert [float(one.communicate(timeout=120)[0]) for one in both] == [7.0, 9.0, 11.0]
+    assert len(files(kept)) == 4
+    assert answer(folder, kept) == 7.0
+
+
+def test_a_folder_that_cannot_be_written_costs_time_alone(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    assert answer(clone(tmp_path / "one"), blocked) == 7.0
+
+
+def test_a_damaged_file_is_compiled_again(tmp_path: Path) -> None:
+    kept, folder = tmp_path / "kept", clone(tmp_path / "one")
+    answer(folder, kept)
+    for file in files(kept):
+        file.write_bytes(file.read_bytes()[:100])
+    assert answer(folder, kept) == 7.0
+
+
+def test_the_newest_forms_of_a_function_are_kept(tmp_path: Path) -> None:
+    code = """
+        from pathlib import Path
+        from pinotwin.system.kernel_files import _Files
+        folder = Path("forms")
+        folder.mkdir()
+        for k in range(60):
+            (folder / f"a.f-{k}").write_text("")
+        (folder / "a.ff-1").write_text("")
+        _Files(folder, "a.f", "")._forget_old()
+        print(len(list(folder.iterdir())))
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert int(done.stdout) == 51
+
+
+def test_a_function_in_a_closure_counts() -> None:
+    def of(inner):  # type: ignore[no-untyped-def]
+        @compiled
+        def outer(x):  # type: ignore[no-untyped-def]
+            return inner(x) + 1.0
+
+        return outer
+
+    twice, half = compiled(lambda x: 2.0 * x), compiled(lambda x: 0.5 * x)
+    assert of(twice)(3.0) == 7.0
+    assert of(half)(3.0) == 2.5
+    assert twice(3.0) == 6.0
