@@ -91,7 +91,6 @@ def stretches(machine: Machine, log: Log, shortest: int = SHORTEST) -> list[slic
 
 
 def _used(machine: Machine, log: Log) -> Iterator[str]:
-    """Yield the channels whose numbers preparation uses."""
     names = [f"{name}.{kind}" for name in machine.axes for kind in ("q", "u", "qr", "ql")]
     names += [f"{name}.{kind}" for name in machine.passive for kind in ("q", "v", "a")]
     for name in [*(n for n in names if n in log), *_load_channels(log)]:

@@ -13,11 +13,11 @@ from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import InputError, MachineError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.plausible import unseen
 from pinotwin.logs.prepared import Prepared
 from pinotwin.logs.quality import Finding, Quality
 from pinotwin.logs.quality.phrases import finding
 from pinotwin.logs.settings import USUAL, Settings
-from pinotwin.logs.unseen import unseen
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies

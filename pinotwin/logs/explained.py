@@ -46,8 +46,8 @@ class Course:
         """Return the same with the positions of two axes exchanged."""
         order = np.arange(self.q.shape[1])
         order[[i, j]] = j, i
-        moved = {"q": self.q[:, order], "v": self.v[:, order], "a": self.a[:, order]}
-        return replace(self, use=self.use[:, order], **moved)
+        q, v, a = (x[:, order] for x in (self.q, self.v, self.a))
+        return replace(self, use=self.use[:, order], q=q, v=v, a=a)
 
     def turned(self, i: int) -> Course:
         """Return the same with the position of an axis reversed."""
@@ -58,8 +58,8 @@ class Course:
     def thinned(self, most: int) -> Course:
         """Return the same with about so many of its rows."""
         few = slice(None, None, max(1, len(self.rows) // most))
-        moved = {"q": self.q[few], "v": self.v[few], "a": self.a[few]}
-        return replace(self, rows=self.rows[few], use=self.use[few], **moved)
+        q, v, a = (x[few] for x in (self.q, self.v, self.a))
+        return replace(self, rows=self.rows[few], use=self.use[few], q=q, v=v, a=a)
 
 
 @dataclass(frozen=True)

@@ -191,7 +191,6 @@ def _resampled(log: Log, rate: float) -> Log:
 
 
 def _at_one_rate(machine: Machine, logs: Sequence[Log], settings: Settings) -> list[Log]:
-    """Return the logs at the rate of the slowest of them."""
     rates = [1.0 / _step(log.t, stretches(machine, log)) for log in logs]
     slowest = min(rates)
     same = (1.0 + settings.same_rate) * slowest

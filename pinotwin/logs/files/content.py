@@ -46,17 +46,17 @@ _INDEX = re.compile(r"(?<!^)[\[(][^\[(]*$")  # or unit, at the end of a name
 class Holes(str):
     """A note that values are missing, which `check` says itself under the channel's name of the contract."""
 
-    __slots__ = ("count",)
+    __slots__ = ("missing",)
 
-    def __new__(cls, text: str, count: int = 0) -> Holes:
-        """Return the note; ``count`` values are missing."""
+    def __new__(cls, text: str, missing: int = 0) -> Holes:
+        """Return the note of so many missing values."""
         out = super().__new__(cls, text)
-        out.count = count
+        out.missing = missing
         return out
 
     def of(self, source: str) -> Holes:
         """Return the same of one of several files."""
-        return Holes(f"{source}: {self}", self.count)
+        return Holes(f"{source}: {self}", self.missing)
 
 
 @dataclass
@@ -235,7 +235,6 @@ def _rests(x: Floats) -> bool:
 
 
 def _named(channels: dict[str, Floats], units: dict[str, str]) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Take the units out of the names."""
     parts = [split_unit(header) for header in channels]
     named = dict(zip(distinct([name for name, _ in parts]), channels.values(), strict=True))
     known = [

@@ -17,7 +17,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.logs.files.clocks import messages_on_one_clock
 from pinotwin.logs.files.content import Content, damaged
-from pinotwin.logs.files.messages import Table, numbers, stamp
+from pinotwin.logs.files.messages import Table, numbers, seconds_since, stamp
 
 
 def load(path: Path, source: str) -> Content:
@@ -86,7 +86,7 @@ def _take_rows(rows: Iterable[object], name: str, content: Content) -> None:
         stamps += [] if at is None else [at]
     arrays: dict[str, Floats] = table.arrays()
     if "t" not in arrays and len(stamps) == table.rows:
-        arrays["t"] = np.asarray((np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9, dtype=float)
+        arrays["t"] = seconds_since(stamps[0], stamps)
         content.units[f"{prefix}t"] = "s"
     content.left_out += sorted(text)
     if "t" in arrays and table.rows:

@@ -1,8 +1,8 @@
 """How a text log is laid out: encoding, delimiter, decimal sign, header, unit row, comments.
 
 The numbers are found first: the rows that have most in common. What stands right above them is their
-header and units (:mod:`pinotwin.logs.files.header`), what stands above that is kept as notes
-(:mod:`pinotwin.logs.files.preamble`). Everything is decided from the first lines and stated in a ``Layout``.
+header and units, what stands above that is kept as notes (:mod:`pinotwin.logs.files.header`).
+Everything is decided from the first lines and stated in a ``Layout``.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from pinotwin.errors import LogError
 from pinotwin.logs.files.cells import COMMENTS, has_value, is_comment, is_list, is_number, split_cells
 from pinotwin.logs.files.content import distinct, repeated
 from pinotwin.logs.files.dialects import plain
-from pinotwin.logs.files.header import Header, commented_names, is_unit_row, read_header
-from pinotwin.logs.files.preamble import read_preamble
+from pinotwin.logs.files.header import Header, commented_names, is_unit_row, read_header, read_preamble
 
 _SEP = re.compile(r"\"?sep=(.)\"?[\s,;]*$", re.I)
 _INTEGER = re.compile(r"[+-]?\d+(e[+-]?\d+)?$", re.I)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
@@ -18,7 +17,7 @@ from mcap.reader import make_reader
 from pinotwin.errors import LogError
 from pinotwin.logs.files.clocks import messages_on_one_clock
 from pinotwin.logs.files.content import BROKEN, Content, damaged
-from pinotwin.logs.files.messages import Table, numbers
+from pinotwin.logs.files.messages import Table, numbers, seconds_since
 
 ROS_ENCODINGS = ("cdr", "ros1", "ros1msg")
 
@@ -59,8 +58,7 @@ def _content(tables: dict[str, Table], times: dict[str, list[int]], text: set[st
         prefix = "" if len(tables) == 1 else topic.strip("/").replace("/", ".") + "."
         arrays = table.arrays()
         if "t" not in arrays:
-            stamps = times[topic]
-            arrays["t"] = np.array([s - stamps[0] for s in stamps], dtype=float) * 1e-9
+            arrays["t"] = seconds_since(times[topic][0], times[topic])
             content.units[f"{prefix}t"] = "s"
             content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")
         if len(arrays) > 1:

@@ -47,6 +47,11 @@ class Table:
         return {name: np.frombuffer(column, dtype=float) for name, column in self._columns.items()}
 
 
+def seconds_since(origin: int, stamps: Sequence[int]) -> Floats:
+    """Return stamps [ns] as seconds since one of them, shape (n,)."""
+    return np.asarray((np.array(stamps, dtype=np.int64) - origin) * 1e-9, dtype=float)
+
+
 def stamp(message: Mapping[str, object]) -> int | None:
     """Return the time of a message's header [ns], None where it has none or never set it."""
     header = message.get("header")

@@ -29,11 +29,10 @@ from rosbags.rosbag2 import ReaderError as Reader2Error
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
-from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.logs.files.clocks import Group, fresh, on_one_clock, streams
 from pinotwin.logs.files.content import BROKEN, Content, damaged
-from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, stamp
+from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, seconds_since, stamp
 
 _BROKEN = (
     *(*BROKEN, AssertionError, AnyReaderError, Reader1Error, Reader2Error, SerdeError, TypesysError),
@@ -117,7 +116,6 @@ def _take(
 
 
 def _plain(message: Any) -> Any:
-    """Return a message as dicts, lists and arrays."""
     if is_dataclass(message):
         return {
             f.name: _plain(getattr(message, f.name)) for f in fields(message) if not f.name.startswith("__")
@@ -145,7 +143,7 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
     if servo:
         groups = []
         for name, topic in servo.items():
-            own, notes = streams(name, _seconds(times[name], origin), topic.table.arrays())
+            own, notes = streams(name, seconds_since(origin, times[name]), topic.table.arrays())
             groups += own
             content.notes += [f"{name}: {note}" for note in notes]
         t, channels, notes = on_one_clock(_without_doubles(groups, content), source)
@@ -156,14 +154,10 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
     for name, topic in topics.items():
         if topic.kind == _OTHER:
             prefix = "" if len(topics) == 1 else name.strip("/").replace("/", ".") + "."
-            content.arrays[f"{prefix}t"] = _seconds(times[name], origin)
+            content.arrays[f"{prefix}t"] = seconds_since(origin, times[name])
             content.units[f"{prefix}t"] = "s"
             content.arrays.update({prefix + key: x for key, x in topic.table.arrays().items()})
     return content
-
-
-def _seconds(stamps: list[int], origin: int) -> Floats:
-    return np.asarray((np.array(stamps, dtype=np.int64) - origin) * 1e-9)
 
 
 def _without_doubles(groups: list[Group], content: Content) -> list[Group]:

@@ -21,9 +21,9 @@ from pinotwin.logs.files import arrow, cells
 from pinotwin.logs.files.cells import MISSING, is_clock, is_comment, is_list, is_number, split_cells
 from pinotwin.logs.files.clocks import Group, on_one_clock
 from pinotwin.logs.files.content import Content, Seen
+from pinotwin.logs.files.header import are_steps
 from pinotwin.logs.files.layout import Layout, inspect_layout, line_start
 from pinotwin.logs.files.long_form import value_column
-from pinotwin.logs.files.preamble import are_steps
 
 _NULLS = sorted({x for m in MISSING for x in (m, m.upper(), m.capitalize())} | {"NaN", "-NaN"})
 _ENDS = (b"eof", b"end", b"ende", b"[eof]", b"[end]", b"end of file")
@@ -113,7 +113,6 @@ def load(path: Path, source: str, seen: Seen | None = None, longest: int = 2_000
 
 
 def _spelled_out(table: pa.Table, kinds: Kinds, content: Content) -> pa.Table:
-    """Return the table with lists in cells as lists, dates and times as seconds."""
     for i, name in enumerate(table.column_names):
         if kinds.get(name) == "lists":
             table = table.set_column(i, name, cells.lists(table.column(name).to_pylist()))

@@ -235,7 +235,6 @@ def _agreement(log: Log, name: str, settings: Settings) -> Iterator[Finding]:
 
 
 def _follows(name: str, q: Floats, command: Floats, settings: Settings) -> Iterator[Finding]:
-    """Compare the size of position and command."""
     if not len(q) or not np.ptp(q) > 0.0:
         return
     factor, error = _factor_at_rest(q, command)
@@ -269,7 +268,6 @@ def _factor_at_rest(q: Floats, command: Floats, stay: int = 20, places: int = 4)
 
 
 def _second_encoder(log: Log, name: str, rotary: bool) -> Iterator[Finding]:
-    """Compare the position at the load with that at the motor, in one line."""
     if f"{name}.ql" not in log:
         return
     q, ql = log[f"{name}.q"], log[f"{name}.ql"]

@@ -65,7 +65,7 @@ def _untold(log: Log, channels: Mapping[str, ChannelQuality]) -> Iterator[str]:
     told = {c.missing for c in channels.values() if c.missing < len(log)}
     told.add(int((~np.isfinite(log.t)).sum()) if "t" in log else 0)
     for note in dict.fromkeys(log.notes):
-        if not (isinstance(note, Holes) and note.count in told):
+        if not (isinstance(note, Holes) and note.missing in told):
             yield note
 
 

@@ -58,7 +58,6 @@ def _at_rest(measured: dict[str, Floats]) -> Mask:
 
 
 def _span(x: Floats, rows: int = 21) -> Floats:
-    """Return the range of a channel in the rows about every one."""
     return np.asarray(scipy.ndimage.maximum_filter1d(x, rows) - scipy.ndimage.minimum_filter1d(x, rows))
 
 
@@ -136,18 +135,20 @@ def _wraps(q: Floats) -> Ints:
 
 def _against(q: Floats, k: int) -> Ints:
     """Return the rows before which a position jumps by its range against its motion over k rows before and after."""
-    if len(q) < 2 * k + 2:
-        return np.zeros(0, dtype=int)
-    before, jump, after = _about(q, k)
-    span = np.nanmax(q) - np.nanmin(q)
+    before, jump, after, fastest, span = _about(q, k)
     against = (before * after > 0) & (before * jump < 0)
-    small = np.maximum(np.abs(before), np.abs(after)) < 0.2 * span
-    return np.flatnonzero((np.abs(jump) > 0.75 * span) & against & small) + k + 1
+    return np.flatnonzero((np.abs(jump) > 0.75 * span) & against & (fastest < 0.2 * span)) + k + 1
 
 
-def _about(q: Floats, k: int) -> tuple[Floats, Floats, Floats]:
-    """Return the change over the k rows before every row, that from the last one to it, and over the k after it."""
-    return q[k : -k - 1] - q[: -2 * k - 1], q[k + 1 : -k] - q[k : -k - 1], q[2 * k + 1 :] - q[k + 1 : -k]
+def _about(q: Floats, k: int) -> tuple[Floats, Floats, Floats, Floats, float]:
+    """Return the change over the k rows before every row, that from the last one to it, that over the k after it.
+
+    Then the larger of both changes, and the range of the channel.
+    """
+    span = float(np.nanmax(q) - np.nanmin(q))
+    q = q if len(q) >= 2 * k + 2 else q[:0]
+    before, after = q[k : -k - 1] - q[: -2 * k - 1], q[2 * k + 1 :] - q[k + 1 : -k]
+    return before, q[k + 1 : -k] - q[k : -k - 1], after, np.maximum(np.abs(before), np.abs(after)), span
 
 
 def _range(q: Floats, turns: Ints) -> tuple[float, bool]:
@@ -175,16 +176,10 @@ def _said_range(q: Floats, turns: Ints) -> str:
 
 def _leaps(q: Floats) -> Ints:
     """Return the rows before which a position that moves steadily is suddenly elsewhere and moves on."""
-    k = _FEW
-    if len(q) < 2 * k + 2:
-        return np.zeros(0, dtype=int)
-    before, jump, after = _about(q, k)
-    steady = (before * after > 0) & (
-        np.maximum(np.abs(before), np.abs(after)) < 2.0 * np.minimum(np.abs(before), np.abs(after))
-    )
-    span = np.nanmax(q) - np.nanmin(q)
-    bound = np.maximum(20.0 * np.maximum(np.abs(before), np.abs(after)) / k, 0.01 * span)
-    return np.flatnonzero(steady & (np.abs(jump) > bound)) + k + 1
+    before, jump, after, fastest, span = _about(q, _FEW)
+    steady = (before * after > 0) & (fastest < 2.0 * np.minimum(np.abs(before), np.abs(after)))
+    bound = np.maximum(20.0 * fastest / _FEW, 0.01 * span)
+    return np.flatnonzero(steady & (np.abs(jump) > bound)) + _FEW + 1
 
 
 def _shared_state(states: dict[str, Floats], bad: Mask) -> Iterator[Finding]:
