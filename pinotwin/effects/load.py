@@ -11,9 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.batch import inverse
+from pinotwin.dynamics.batch import inverse, regressor
 from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
-from pinotwin.dynamics.regressor import regressor
 from pinotwin.effects.effect import AxisEffect, Coefficient, Columns, Effect, OneAxis
 from pinotwin.effects.family import LOAD
 from pinotwin.effects.sight import Sight

@@ -15,15 +15,10 @@ from pinotwin.signals import runs
 
 @dataclass(frozen=True)
 class Whitener:
-    """Turns noise into white noise of size one, channel by channel.
+    """Turns noise into white noise of size one, channel by channel."""
 
-    Attributes:
-        taps: prediction-error filters, (channels, order + 1), first tap one.
-        sigma: standard deviation of the innovations, (channels,).
-    """
-
-    taps: Floats
-    sigma: Floats
+    taps: Floats  # prediction-error filters, (channels, order + 1), first tap one
+    sigma: Floats  # standard deviation of the innovations, (channels,)
 
     @classmethod
     def from_rest(cls, x: Floats, rate: float, order: int = 3) -> Whitener:
