@@ -220,7 +220,7 @@ class Effect(abc.ABC):
         return ()
 
     def nominal(self) -> Floats | None:
-        """Return the coefficients that the machine's description gives, or None where it gives none."""
+        """Return the coefficients that the machine's description gives, shape (p,), or None where it gives none."""
         return None
 
     def labels(self) -> tuple[str, ...]:
@@ -237,7 +237,7 @@ class Effect(abc.ABC):
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def channel(self, motion: Motion, name: Need) -> Floats:
-        """Return a channel of the motion that holds the model's effort.
+        """Return a channel of the motion that holds the model's effort, shape (n, nv); of the mass (n, nv, nv).
 
         Raises:
             DataError: the motion holds none.
@@ -326,7 +326,7 @@ class OneAxis(Effect):
 
 
 def usual(linear: float, rotary: float) -> Any:
-    """Return a field of :class:`OneAxis` that has a usual value of a slide or a rotation where none is given."""
+    """Return a field of :class:`OneAxis` with a usual value [SI] of a slide or a rotation."""
     return dataclasses.field(default=None, metadata={"usual": (linear, rotary)})
 
 
@@ -344,7 +344,7 @@ class Paired(OneAxis):
     partner: str = dataclasses.field(default="", metadata={"yaml": "with"})
 
     def terms(self, theta: Floats) -> tuple[float, float, float]:
-        """Return Ia, b and c of the coefficients, which are the first of these."""
+        """Return Ia, b and c of the coefficients, shape (p,), which are the first of these."""
         inertia, viscous, dry = [*map(float, theta), 0.0, 0.0][:3]
         return inertia, viscous, dry
 

@@ -40,7 +40,7 @@ class Turning(OneAxis):
         return (self,) if sight.both_ways else ()
 
     def turned(self, rotary: bool) -> float:
-        """Return two widths: from one direction to the other."""
+        """Return two widths, from one direction to the other [m/s or rad/s]."""
         return 2.0 * self._width(rotary)
 
     def _width(self, rotary: bool) -> float:

@@ -99,7 +99,7 @@ class Hysteresis(AxisEffect):
         return (Shape("x_h", self.unit("x"), low, high), Shape("n", "-", 0.25, 4.0))
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """Return shares of the travel."""
+        """Return shares of the travel [m or rad], and exponents."""
         (shape, _) = self.shapes()
         travel = max(float(np.ptp(motion.axis(self.axis).q)), 1e3 * shape.lower)
         return np.clip(LONG * travel, shape.lower, shape.upper), np.array(SHARP)

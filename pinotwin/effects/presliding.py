@@ -47,7 +47,7 @@ DISTANCES = (2.0, 4.0, 8.0, 16.0, 40.0, 100.0)
 
 @functools.lru_cache(maxsize=256)
 def yields(spread: float) -> Floats:
-    """Return the distances at which the elements slip, over x_s: medians of equal parts of a gamma distribution."""
+    """Return the distances at which the elements slip, over x_s, (6,): medians of parts of a gamma distribution."""
     k = min(max(spread, SPREADS[0]), SPREADS[1]) ** -2
     out = np.asarray(
         2.0 / k * scipy.special.gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float
@@ -156,7 +156,7 @@ class Presliding(AxisEffect):
         return (*found, Coefficient("d", self.unit("F·s"), lower=0.0)) if self.bristle else found
 
     def memory(self, theta: Floats) -> tuple[float, float]:
-        """Return m and d of coefficients in the order of :meth:`coefficients`, for a simulation."""
+        """Return m [N or N·m] and d of coefficients in the order of :meth:`coefficients`, for a simulation."""
         return (float(theta[-2]), float(theta[-1])) if self.bristle else (0.0, 0.0)
 
     def shapes(self) -> tuple[Shape, ...]:

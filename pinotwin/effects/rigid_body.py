@@ -57,7 +57,7 @@ class RigidBody(Effect):
         return self.base.labels
 
     def nominal(self) -> Floats:
-        """Return the base parameters of the description."""
+        """Return the base parameters of the description, shape (b,)."""
         return self.base.from_standard(parameters(self.model))
 
     def columns(self, motion: Motion) -> Columns:

@@ -62,7 +62,7 @@ class Delay(OneAxis):
         return self.over([x for x in SPANS if abs(x) > 0.1 * sight.step] or [sight.step, -sight.step])
 
     def possible(self, theta: Floats) -> bool:
-        """Whether, over a span that rows resolve, all of the effort comes late, not a part of it.
+        """Whether, over a span [s] that rows resolve, all of the effort comes late, not a part of it.
 
         A part of it late by a longer span is what play and flexible drives look like.
         """

@@ -256,7 +256,7 @@ class Backlash(OneAxis):
         )
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """Return gaps, modes and damping ratios of the contact, some softer than faces are.
+        """Return gaps [m or rad], modes [Hz] and damping ratios of the contact, some softer than faces are.
 
         The path is not known well enough to predict each impact, and the mean over unpredictable impacts settles
         more slowly than one of them.

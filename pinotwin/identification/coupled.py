@@ -61,7 +61,7 @@ def fit_servos(
         motion: prepared log(s), for the disturbance that the axes make for one another.
         raw: the same rows with nothing filtered.
         axes: to look at.
-        tell: called with the stage and the share of this step done.
+        tell: called with the stage and the share of this step done [0 to 1].
         settings: by which it decides.
     """
     assert raw.qr is not None
@@ -165,11 +165,11 @@ def _refinable(
 def in_steps(found: Servos, raw: Motion) -> Servos:
     """Return the controllers closed on a position in the steps in which the log has it, where it has any."""
     steps = {name: lattice(raw.regulated[:, raw.index(name)]) or (0.0, 0.0) for name in found.servos}
-    servos, trials = (
-        {name: replace(servo, encoder=steps[name]) for name, servo in laws.items()}
-        for laws in (found.servos, found.trials)
-    )
-    return replace(found, servos=servos, trials=trials)
+
+    def stepped(laws: Mapping[str, Servo]) -> dict[str, Servo]:
+        return {name: replace(servo, encoder=steps[name]) for name, servo in laws.items()}
+
+    return replace(found, servos=stepped(found.servos), trials=stepped(found.trials))
 
 
 def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
@@ -208,7 +208,7 @@ def _share(effect: Effect, coefficient: str, factors: Factors) -> float:
 def axis_problem(
     plant: OpenLoop, motion: Motion, raw: Motion, vr: Floats, load: Floats, lookup: Lookup, name: str
 ) -> AxisProblem | None:
-    """Return one axis alone, or None if no stretch is long enough."""
+    """Return one axis alone with what loads it [N or N·m], shape (n,), or None if no stretch is long enough."""
     i = plant.machine.axes[name].index
     assert raw.qr is not None
     windows = _windows(raw, vr[:, i])
@@ -336,7 +336,7 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...], settings: Settings = U
 
 
 def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float, float]:
-    """Return the mean errors of e and of u over all axes, each over its RMS; infinite if the loop fails."""
+    """Return the mean errors of e and of u over all axes, each over its RMS [-]; infinite if the loop fails."""
     try:
         said = simulate(twin, log, controller=form)
     except PinotwinError:

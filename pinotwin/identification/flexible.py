@@ -27,7 +27,7 @@ import numpy as np
 
 from pinotwin.analysis.disturbance import generalised_disturbance, reacting
 from pinotwin.errors import DataError
-from pinotwin.identification.loop_parts import errors, first_part, loop_data, score, searched_poles
+from pinotwin.identification.loop_parts import both_errors, first_part, loop_data, score, searched_poles
 from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.identification.tied import tied, with_lag
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
@@ -59,7 +59,7 @@ def tie_loops(
         except DataError:
             continue
         taken = better(before, [trial], partial(score, data), settings.no_worse) is trial
-        own = {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
+        own = both_errors(data, model, trial)
         row: dict[str, Any] = {"tied": {"free": free.to_dict(), **own, "taken": taken}}
         if taken:
             row |= {"real_poles": model.structure.real_poles, **own}
@@ -86,8 +86,7 @@ def vibration_loops(
         except DataError as error:
             out[axis] = {"note": str(error)}
             continue
-        judged = {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
-        out[axis] = {"model": model.to_dict(), **judged}
+        out[axis] = {"model": model.to_dict(), **both_errors(data, model, trial)}
     return out
 
 

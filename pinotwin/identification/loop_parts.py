@@ -59,6 +59,8 @@ class Loops:
 def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings = USUAL) -> LoopData:
     """Return inputs and outputs of one axis' loop; of a long log twelve pieces in which the axis moves.
 
+    The disturbance is that of all joints [N or N·m], shape (n, nv).
+
     Raises:
         DataError: the axis has no effort, or does not move.
     """
@@ -88,7 +90,7 @@ def _cut(data: LoopData) -> int:
 
 
 def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[str, float]:
-    """Return the normalised RMS error of each output, with the disturbance from measured motion."""
+    """Return the error of each output over its RMS [-], with the disturbance from measured motion."""
     total = np.zeros(len(model.outputs))
     size = np.zeros(len(model.outputs))
     for s in data.segments:
@@ -101,8 +103,13 @@ def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[
     return dict(zip(model.outputs, ratio.tolist(), strict=True))
 
 
+def both_errors(data: LoopData, model: LoopModel, trial: LoopModel) -> dict[str, dict[str, float]]:
+    """Return the errors of a loop in the fit [-], and those of its trial on rows that this one did not see."""
+    return {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
+
+
 def score(data: LoopData, model: LoopModel) -> float:
-    """Return the mean error of the outputs on held-out rows, each over its RMS."""
+    """Return the mean error of the outputs on held-out rows, each over its RMS [-]."""
     return float(np.mean(list(errors(data, model, held_out=True).values())))
 
 

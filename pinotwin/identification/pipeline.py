@@ -78,7 +78,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     tell("judging the plant", 0.4)
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
     plant = open_loop(machine, fit)
-    quality, parted = judge(machine, fit, plant, later, settings)
+    quality, validated = judge(machine, fit, plant, later, settings)
     quality["leads"] = leads
     plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
     loop = loop and fit.motion.qr is not None
@@ -89,7 +89,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         data=[_provenance(item, fit.motion) for item in given],
         settings=preparation,
         groups=fit.fit.group_names(),
-        misfit=misfit_of(closed.plant, fit.motion, parted, settings),
+        misfit=misfit_of(closed.plant, fit.motion, validated, settings),
     )
 
 

@@ -192,7 +192,8 @@ def axis_effects(
 ) -> AxisEffects | None:
     """Return what can be refined on one axis, or None if there is nothing.
 
-    Effects of more columns than ``most`` (tables) stay as they are: each trial would filter them all.
+    Coefficients and their errors have shape (p,). Effects of more columns than ``most`` (tables) stay as they are:
+    each trial would filter them all.
     """
     mine = [
         (effect, where)
