@@ -18,9 +18,9 @@ import numpy as np
 import pinotwin as pt
 from pinotwin.analysis.disturbance import generalised_disturbance
 from pinotwin.arrays import Floats
+from pinotwin.columns import bind
 from pinotwin.errors import DataError
 from pinotwin.identification.loop_parts import errors, loop_data
-from pinotwin.logs.columns import bind
 
 ROOT = Path(__file__).resolve().parents[1]
 LOG = Path("kuka_kr300") / "FF_A_08ms.mat"

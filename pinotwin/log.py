@@ -1,6 +1,6 @@
 """What was recorded: named channels of equal length on one clock, frozen.
 
-A log as read keeps the names and units of its file. :func:`pinotwin.logs.columns.bind` gives the
+A log as read keeps the names and units of its file. :func:`pinotwin.columns.bind` gives the
 channels the names and SI units of the contract: ``t``, ``<axis>.q``, ``<axis>.u``,
 ``<axis>.qr``...
 

@@ -68,7 +68,7 @@ class Motion(Card):
         external: joint effort of the logged external loads (J^T f), zero where none.
         model: effort of a twin's model in this motion, None outside of a twin. Effects that scale with
             effort (delay, effort_scale, saturation) take it from here, never from the measured effort,
-            which holds what they are to explain. :func:`pinotwin.effects.told` fills it.
+            which holds what they are to explain. :func:`pinotwin.effects.with_model_effort` fills it.
         rigid: the rigid-body part of ``model``: what gear and bearing carry.
         mass: inertia matrix along the motion, shape (n, nv, nv) [kg, kg·m or kg·m²].
         segments: stretches of unbroken, uniform sampling.

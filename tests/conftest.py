@@ -94,7 +94,7 @@ def answers_hold() -> Iterator[None]:
     from pinotwin.diagnosis import pipeline
     from tests.invariants import invariants
 
-    last = pipeline.strayed
+    last = pipeline.with_open_signals
 
     def checked(found: Diagnosis) -> Diagnosis:
         said = last(found)
@@ -102,5 +102,5 @@ def answers_hold() -> Iterator[None]:
         return said
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "strayed", checked)
+        patch.setattr(pipeline, "with_open_signals", checked)
         yield

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
+from pinotwin.columns import Column
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
-from pinotwin.logs.columns import Column
 from pinotwin.machine import Machine
 
 SPOILED = ("none", "none", "none", "none", "hole", "nan", "jitter", "backwards", "scale", "late", "still")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.diagnosis.conclusion.gaps import gap_table
+from pinotwin.diagnosis.conclusion.residuals import gap_table
 from pinotwin.diagnosis.data.comparison import compare
 
 

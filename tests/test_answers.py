@@ -12,10 +12,10 @@ import pytest
 import pinotwin as pt
 from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
-from pinotwin.diagnosis.conclusion.closed import Account
+from pinotwin.diagnosis.conclusion.explained import Account
 from pinotwin.diagnosis.conclusion.findings import effects_named, sizes_of
+from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.conclusion.sizes import first_text, name_words, size_text
-from pinotwin.diagnosis.conclusion.strayed import strayed
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.grade import OPEN
 from pinotwin.diagnosis.result import Diagnosis, Gap, Size, shrunk
@@ -209,11 +209,11 @@ def test_every_open_signal_counts_in_the_verdict(signal: str) -> None:
     loud, quiet = Gap(9.0, 0.3, 0.1, 9.0, 1.0), Gap(1.2, 0.1, 0.1, 1.2, 1.0)
     push = Named("external_force", "X", 0.9, {}, {}, {}, [])
     for effects, before, after in (([], "none", "unexplained"), ([push], "explained", "partly_explained")):
-        said = strayed(diagnosed(signal, loud, effects, before))
+        said = with_open_signals(diagnosed(signal, loud, effects, before))
         assert (said.verdict, dict(said.unexplained)) == (after, {"X": {signal: 1.0}})
         assert said.grade("X", signal) in OPEN
         assert "X" in said.sentence
-        assert strayed(diagnosed(signal, quiet, effects, before)).verdict == before
+        assert with_open_signals(diagnosed(signal, quiet, effects, before)).verdict == before
 
 
 def test_a_drive_of_the_public_set_shows_one_gap_wherever_it_is_shown(data_dir: Path) -> None:

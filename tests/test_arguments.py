@@ -24,7 +24,7 @@ from pinotwin.cli.arguments import (
 )
 from pinotwin.cli.main import COMMANDS, command_of
 from pinotwin.errors import InputError, OutputError
-from pinotwin.virtual.doses import INJECT, INJECT_MACHINE
+from pinotwin.virtual.amounts import INJECT, INJECT_MACHINE
 
 
 def sample(

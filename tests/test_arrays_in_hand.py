@@ -13,7 +13,7 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.errors import DataError, InputError, LogError, MachineError, TwinError
-from pinotwin.machine.in_hand import urdf_of_model
+from pinotwin.machine.from_model import urdf_of_model
 from tests.dynamics_models import random_tree
 from tests.simulated import known_twin
 

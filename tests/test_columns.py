@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pinotwin.columns import Column, bind, is_contract_name, parse_columns
 from pinotwin.errors import LogError, MachineError
 from pinotwin.log import Log
-from pinotwin.logs.columns import Column, bind, is_contract_name, parse_columns
 from pinotwin.units import SI_FACTOR
 
 

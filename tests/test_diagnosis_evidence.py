@@ -13,9 +13,9 @@ from pinotwin.diagnosis.data.noise import residual_noise
 from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
-from pinotwin.diagnosis.evidence.habit import habit
 from pinotwin.diagnosis.evidence.held_out import FREE, HELD, Ground, Judged, judged
 from pinotwin.diagnosis.evidence.moments import base_of, products
+from pinotwin.diagnosis.evidence.repeatable import habit
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.forward import Found
 from pinotwin.diagnosis.search.pushes import pushes

@@ -13,7 +13,7 @@ from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.candidates.patterns import Hum, patterns
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.diagnosis.data.gate import BARS, INSTANTS, gate
-from pinotwin.diagnosis.others.limits import exceeded
+from pinotwin.diagnosis.signals.limits import exceeded
 from pinotwin.effects import EFFECTS
 from pinotwin.identification import identify
 from pinotwin.log import Log

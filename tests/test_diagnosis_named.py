@@ -13,7 +13,7 @@ import pytest
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.candidates.catalogue import candidates, named
 from pinotwin.diagnosis.candidates.episodes import _closed
-from pinotwin.diagnosis.conclusion.gaps import noise_levels
+from pinotwin.diagnosis.conclusion.residuals import noise_levels
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare
@@ -26,9 +26,9 @@ from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.result import Gap
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search import forward
-from pinotwin.diagnosis.search.duel import Duel, duel, richer
 from pinotwin.diagnosis.search.forward import Found, _doubtful, finest_of, search, simplest
 from pinotwin.diagnosis.search.injections import confidences, same_cause
+from pinotwin.diagnosis.search.parsimony import Duel, duel, richer
 from pinotwin.diagnosis.search.pushes import only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Scored, Searcher
 from pinotwin.diagnosis.search.trials import lacked

@@ -7,12 +7,12 @@ import pinocchio as pin
 import pytest
 
 import pinotwin as pt
+from pinotwin.columns import bind
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes, possible, undetermined
 from pinotwin.diagnosis.payload import found_body, loaded_twin, physical
 from pinotwin.identification import identify
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.report.diagnosis_verdict import headline

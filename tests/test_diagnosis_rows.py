@@ -10,9 +10,9 @@ import pytest
 
 from pinotwin.diagnosis.data.comparison import within
 from pinotwin.diagnosis.data.samples import SKIMMED_ROWS, sample
-from pinotwin.diagnosis.others.servo import FEATURES, FEEDBACK, Law
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.shortlist import closes
+from pinotwin.diagnosis.signals.servo import FEATURES, FEEDBACK, Law
 from pinotwin.effects.ripple import Ripple
 from pinotwin.effects.sensing import Delay
 from tests.one_slide import RATE, SECONDS, motion, rows

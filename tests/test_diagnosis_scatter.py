@@ -10,7 +10,7 @@ import pytest
 from pinotwin.diagnosis.data.comparison import _explained, _foretold, _without_lost, compare
 from pinotwin.diagnosis.data.samples import sliding
 from pinotwin.diagnosis.data.scatter import scatter, scattered
-from pinotwin.diagnosis.evidence.habit import habit
+from pinotwin.diagnosis.evidence.repeatable import habit
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.diagnosis.search.forward import search
 from pinotwin.effects import EFFECTS

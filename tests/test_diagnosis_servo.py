@@ -10,11 +10,11 @@ import pytest
 import pinotwin as pt
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
-from pinotwin.diagnosis.others.limits import reached
-from pinotwin.diagnosis.others.retuned import retuned
-from pinotwin.diagnosis.others.servo import Law, ServoChange, broken_laws, servo_changes, turned
-from pinotwin.diagnosis.others.tracking import track, with_gains
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.diagnosis.signals.limits import reached
+from pinotwin.diagnosis.signals.retuned import retuned
+from pinotwin.diagnosis.signals.servo import Law, ServoChange, broken_laws, servo_changes, turned
+from pinotwin.diagnosis.signals.tracking import track, with_gains
 from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.machine import Machine

@@ -10,8 +10,8 @@ import pytest
 
 from pinotwin.analysis.deflection import PassiveSpring, load_on, springs
 from pinotwin.diagnosis.apply import extended
-from pinotwin.diagnosis.others.vibration import look_at_vibration, unused
 from pinotwin.diagnosis.result import Diagnosis
+from pinotwin.diagnosis.signals.vibration import look_at_vibration, unused
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.logs.prepared import Prepared

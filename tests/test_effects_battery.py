@@ -24,7 +24,7 @@ from pinotwin.effects import (
     Tree,
     Viscous,
 )
-from pinotwin.effects import told as told_by
+from pinotwin.effects import with_model_effort as told_by
 from pinotwin.effects.family import FRICTION, POSITION
 from pinotwin.errors import MachineError
 from pinotwin.machine.effect_list import effect_spec, make_effects, settings_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pinotwin.diagnosis.result import Diagnosis, Found
-from pinotwin.effects import EFFECTS, LISTED, Effect, Tree, told
+from pinotwin.effects import EFFECTS, LISTED, Effect, Tree, with_model_effort
 from pinotwin.errors import MachineError
 from pinotwin.machine import Machine
 from pinotwin.machine.effect_list import make_effects
@@ -82,7 +82,7 @@ def motion(machine) -> Motion:
         vr=made.v + 5e-3 * np.cos(5.0 * made.t)[:, None],
         ar=made.a - 25e-3 * np.sin(5.0 * made.t)[:, None],
     )
-    return told(made, tuple(x.fitted_to(made) for x in plain), theta)
+    return with_model_effort(made, tuple(x.fitted_to(made) for x in plain), theta)
 
 
 def trial(name: str, machine: Machine, motion: Motion) -> Effect:

@@ -11,7 +11,7 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.diagnosis.phrases import explanation, plain_sentence
-from pinotwin.effects import EFFECTS, Coulomb, Viscous, told
+from pinotwin.effects import EFFECTS, Coulomb, Viscous, with_model_effort
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.hysteresis import Hysteresis
 from pinotwin.machine import Machine
@@ -170,7 +170,7 @@ def test_it_is_looked_for_where_a_log_shows_it(bare, machine, logs):
     """Among all friction, what takes most of the gap away is the drag, at about its distance."""
     motion = bare.motion(logs[1][0])
     left = (motion.u - bare.effort(motion))[:, 0]
-    motion = told(motion, bare.effects, bare.theta)
+    motion = with_model_effort(motion, bare.effects, bare.theta)
     friction = [name for name, e in EFFECTS.items() if e.family is FRICTION and not e.needs]
     base = [Viscous("Y"), Coulomb("Y")]
     tried = [e for name in friction for e in EFFECTS[name].candidates(machine, "Y", motion)]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pinotwin.analysis.disturbance import diagonal
-from pinotwin.effects import EFFECTS, LISTED, Coulomb, Effect, Viscous, told
+from pinotwin.effects import EFFECTS, LISTED, Coulomb, Effect, Viscous, with_model_effort
 from pinotwin.effects.layout import effect_slices
 from pinotwin.errors import DataError
 from pinotwin.identification.plant import fit_plant
@@ -88,7 +88,7 @@ def recorded(machine: Machine, name: str) -> tuple[Motion, tuple[Effect, ...], n
     effects, theta = truth(machine, name)
     motion = multisine(machine.names, machine.rotary, n=8000)
     effects = tuple(e.fitted_to(motion) for e in effects)
-    full = told(motion, effects, theta)
+    full = with_model_effort(motion, effects, theta)
     u = sum(
         e.columns(full).effort(theta[s], machine.nv)
         for e, s in zip(effects, effect_slices(effects), strict=True)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.logs.columns import bind
+from pinotwin.columns import bind
 from pinotwin.signals import derivatives
 
 PUBLISHED = {"position": 0.013752, "velocity": 0.22911, "acceleration": 8.6036, "force": 5.848}

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from pinotwin.diagnosis.conclusion.strayed import strayed
+from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
 from pinotwin.diagnosis.grade import KIND, MEANING, explained, grade
 from pinotwin.diagnosis.result import Diagnosis, Gap
 from pinotwin.diagnosis.result import Found as Named
@@ -58,8 +58,8 @@ def diagnosed(verdict, e, effects=()):
 
 def test_an_axis_that_follows_otherwise_than_its_twin_is_no_unchanged_one():
     quiet = diagnosed("none", 3.5)
-    assert strayed(quiet) is quiet
-    off = strayed(diagnosed("none", 6.7))
+    assert with_open_signals(quiet) is quiet
+    off = with_open_signals(diagnosed("none", 6.7))
     assert (off.verdict, off.unexplained) == ("unexplained", {"X": {"e": 1.0}})
     assert off.sentence.startswith("X follows its command unlike its twin: the tracking error is 6.7 times")
     assert off.grade("X", "e") == "not explained"

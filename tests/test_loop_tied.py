@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pinotwin.identification.tied import tied, with_lag
+from pinotwin.identification.loop_with_mass import tied, with_lag
 from pinotwin.loop import LoopData, LoopModel, Servo, Structure, close, identify_loop
 
 M, C, STEP = 55.9, 50.0, 0.0025

@@ -13,9 +13,9 @@ import pytest
 import yaml
 
 import pinotwin as pt
+from pinotwin.columns import bind
 from pinotwin.errors import MachineError, nearest
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine, machines
 from pinotwin.machine.loading import machine_schema, machine_spec
 from pinotwin.machine.yaml_file import read_yaml

@@ -11,9 +11,9 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.cli.main import main
+from pinotwin.columns import bind
 from pinotwin.errors import InputError, MachineError
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.machine.bundled import robots
 from pinotwin.scaffold import guess_columns, new
 from pinotwin.scaffold.chain import Sizes, parse_chain

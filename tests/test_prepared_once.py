@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import pinotwin as pt
-from pinotwin.logs import columns, prepare
+from pinotwin import columns, prepare
 from pinotwin.logs.quality import inspection
 from pinotwin.scaffold.chain import Sizes
 from pinotwin.simulation import run as simulation

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
+from pinotwin.columns import bind, parse_columns
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind, parse_columns
 from pinotwin.logs.files import read, read_argument
 from pinotwin.logs.quality import Quality, inspect, resample
 from pinotwin.signals import decimate_zero_phase, derivatives

@@ -21,10 +21,10 @@ import yaml
 import pinotwin as pt
 from pinotwin.cli.arguments import add_arguments
 from pinotwin.cli.main import COMMANDS, command_of
+from pinotwin.columns import AXIS_SIGNALS, Column
 from pinotwin.effects import EFFECTS, LISTED
 from pinotwin.log import Log
 from pinotwin.logs.check import check
-from pinotwin.logs.columns import AXIS_SIGNALS, Column
 from pinotwin.machine.loading import AXIS_KEYS, KEYS
 from pinotwin.machine.parts import DataSettings, Imu, LoopShape, Passive
 from tests.rig import YAML, good_log, write_machine

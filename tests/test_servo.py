@@ -9,11 +9,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pinotwin as pt
+from pinotwin.columns import bind, parse_columns
 from pinotwin.identification.coupled import axis_problem, choice, command_velocity, own_friction
 from pinotwin.identification.servo import AxisProblem, Found, afresh, doubtful, look, settle
 from pinotwin.identification.servo.problem import AS_FOUND
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind, parse_columns
 from pinotwin.logs.prepare import prepare
 from pinotwin.loop import Servo, close, command_rates, margins
 from pinotwin.loop.margins import command_peak, stable

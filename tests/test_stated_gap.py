@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pinotwin as pt
-from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels
+from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
 from pinotwin.diagnosis.data.comparison import compare
 
 LOGS = {

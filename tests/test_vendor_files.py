@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pinotwin.columns import Column, bind
 from pinotwin.errors import LogError
 from pinotwin.log import Log
-from pinotwin.logs.columns import Column, bind
 from pinotwin.logs.files import read
 from pinotwin.scaffold.guess import guess_columns
 from pinotwin.units import find_unit, si_factor

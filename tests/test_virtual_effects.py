@@ -6,7 +6,7 @@ import pytest
 from pinotwin.errors import InputError
 from pinotwin.machine.bundled import bundled_path
 from pinotwin.virtual import VirtualMachine, random_trajectory
-from pinotwin.virtual.doses import INJECT, INJECT_MACHINE, OUTSIDE
+from pinotwin.virtual.amounts import INJECT, INJECT_MACHINE, OUTSIDE
 from pinotwin.virtual.mass import inertia_at
 from pinotwin.virtual.withholding import WITHHOLD, WITHHOLD_MACHINE
 from tests.test_effects_contract import NAMES

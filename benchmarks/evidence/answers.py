@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from benchmarks.questions.elsewhere import Elsewhere
+from benchmarks.questions.other_machines import Elsewhere
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.system.writing import write_text
 

@@ -12,7 +12,7 @@ import numpy as np
 import pinotwin as pt
 from benchmarks.evidence.real import folder, percent
 from benchmarks.evidence.store import Figure
-from pinotwin.logs.columns import bind
+from pinotwin.columns import bind
 from pinotwin.signals import derivatives
 
 SEEDS = "none: a recording"

@@ -67,8 +67,8 @@ def _said(arguments: Sequence[str] | None) -> list[str]:
 
 def _calibrate(args: argparse.Namespace, words: Sequence[str]) -> int:
     from benchmarks.questions.calibrate import derived, measured, write_rules
-    from benchmarks.questions.elsewhere import Elsewhere
     from benchmarks.questions.healthy import questions
+    from benchmarks.questions.other_machines import Elsewhere
 
     def tell(line: str) -> None:
         sys.stdout.write(line + "\n")
@@ -94,8 +94,8 @@ def _calibrate(args: argparse.Namespace, words: Sequence[str]) -> int:
 
 
 def _gate(args: argparse.Namespace) -> int:
-    from benchmarks.questions.elsewhere import Elsewhere
     from benchmarks.questions.gate import Result, checks, run_gate
+    from benchmarks.questions.other_machines import Elsewhere
 
     def tell(x: Result) -> None:
         sys.stdout.write(f"{'ok   ' if x.holds else 'WRONG'} {x.seconds:5.1f} s  {x.check} -> {x.said}\n")

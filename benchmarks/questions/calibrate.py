@@ -17,19 +17,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.questions.elsewhere import Elsewhere
 from benchmarks.questions.healthy import Asked, Question, asked
+from benchmarks.questions.other_machines import Elsewhere
 from pinotwin.bench.engine import engine
-from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels
+from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels
 from pinotwin.diagnosis.data.comparison import Comparison, compare
 from pinotwin.diagnosis.grade import stays
-from pinotwin.diagnosis.others.servo import servo_changes
 from pinotwin.diagnosis.pipeline import tried
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found, rank, refused
 from pinotwin.diagnosis.search.pushes import pushes
 from pinotwin.diagnosis.search.scan import Searcher
 from pinotwin.diagnosis.search.shortlist import Shortlist
+from pinotwin.diagnosis.signals.servo import servo_changes
 from pinotwin.errors import DataError
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.system.writing import write_text

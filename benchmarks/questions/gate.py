@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.questions.elsewhere import Elsewhere
 from benchmarks.questions.healthy import Asked, Question, asked, foreign_case, read_logs, twin_of
+from benchmarks.questions.other_machines import Elsewhere
 from pinotwin.bench.answers import Key, same_class
 from pinotwin.bench.cases import Case
 from pinotwin.bench.engine import engine

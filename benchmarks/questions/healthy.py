@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.questions.elsewhere import Elsewhere
+from benchmarks.questions.other_machines import Elsewhere
 from pinotwin.bench.cases import Case
 from pinotwin.bench.fingerprint import fingerprint
 from pinotwin.bench.produce import produce

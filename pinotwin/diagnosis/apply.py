@@ -11,7 +11,7 @@ from pinotwin.diagnosis.result import Diagnosis, Found
 from pinotwin.effects import Effect, known
 from pinotwin.errors import DataError
 from pinotwin.machine import Machine
-from pinotwin.machine.in_hand import with_bodies
+from pinotwin.machine.from_model import with_bodies
 from pinotwin.twin import Twin
 
 SAME = 0.03

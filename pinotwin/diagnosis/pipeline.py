@@ -14,20 +14,15 @@ from pinotwin.diagnosis.candidates.catalogue import named as named_of
 from pinotwin.diagnosis.candidates.episodes import Episodes
 from pinotwin.diagnosis.candidates.patterns import Pattern, patterns
 from pinotwin.diagnosis.conclusion.advice import advise, command, of_one_run, of_other_state, resting
-from pinotwin.diagnosis.conclusion.closed import Account, at_one_gap, stated_of
+from pinotwin.diagnosis.conclusion.explained import Account, at_one_gap, stated_of
 from pinotwin.diagnosis.conclusion.findings import effects_named, pushes_named, servo_named
-from pinotwin.diagnosis.conclusion.gaps import gap_table, noise_levels, traces
+from pinotwin.diagnosis.conclusion.open_signals import off_track, with_open_signals
 from pinotwin.diagnosis.conclusion.provenance import provenance
-from pinotwin.diagnosis.conclusion.strayed import off_track, strayed
+from pinotwin.diagnosis.conclusion.residuals import gap_table, noise_levels, traces
 from pinotwin.diagnosis.conclusion.verdict import judge
 from pinotwin.diagnosis.conclusion.where import localise
 from pinotwin.diagnosis.data.comparison import Comparison, compare, without_pushes
 from pinotwin.diagnosis.evidence.bodies import undetermined
-from pinotwin.diagnosis.others.encoders import Seen, admitted, second_encoders, with_encoders
-from pinotwin.diagnosis.others.retuned import retuned
-from pinotwin.diagnosis.others.servo import ServoChange, broken_laws, servo_changes
-from pinotwin.diagnosis.others.tracking import TURNED, Tracked, track
-from pinotwin.diagnosis.others.vibration import Vibrations, look_at_vibration, unused
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
@@ -35,6 +30,11 @@ from pinotwin.diagnosis.search.forward import search
 from pinotwin.diagnosis.search.injections import confidences, pairs_alike
 from pinotwin.diagnosis.search.pushes import courses, only_sure, push_confidences, pushes
 from pinotwin.diagnosis.search.scan import Searcher
+from pinotwin.diagnosis.signals.encoders import Seen, admitted, second_encoders, with_encoders
+from pinotwin.diagnosis.signals.retuned import retuned
+from pinotwin.diagnosis.signals.servo import ServoChange, broken_laws, servo_changes
+from pinotwin.diagnosis.signals.tracking import TURNED, Tracked, track
+from pinotwin.diagnosis.signals.vibration import Vibrations, look_at_vibration, unused
 from pinotwin.effects import Effect
 from pinotwin.effects.known import EffectLike, kind_of, with_given
 from pinotwin.errors import DataError, InputError
@@ -109,7 +109,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     named = at_one_gap([*named, *servo_named(loops.turned), *shaken.effects], others)
     result = _concluded(subject, account, gaps, kind, named, loops.gone, seed, quick)
     result = _with_encoders(_with_tracking(result, loops.tracked), measured)
-    result = strayed(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
+    result = with_open_signals(_with_vibration(result, shaken, unused(subject, s.rest.logs)))
     own = {"effects": [kind_of(e).name for e in effects]} if effects else {}
     options = {"quick": quick, "seed": seed, "leave_out": list(leave_out), "closed_loop": closed_loop, **own}
     made = provenance(subject, s.rest.logs, s.rest.validation, **options)

@@ -38,9 +38,9 @@ from pinotwin.effects.rigid_body import RigidBody as RigidBody
 from pinotwin.effects.ripple import Ripple as Ripple
 from pinotwin.effects.ripple import RippleModulated as RippleModulated
 from pinotwin.effects.scene import needs_model as needs_model
-from pinotwin.effects.scene import told as told
 from pinotwin.effects.scene import total_effort as total_effort
 from pinotwin.effects.scene import with_model as with_model
+from pinotwin.effects.scene import with_model_effort as with_model_effort
 from pinotwin.effects.sensing import Delay as Delay
 from pinotwin.effects.sensing import EffortScale as EffortScale
 from pinotwin.effects.sensing import EncoderError as EncoderError

@@ -7,8 +7,8 @@ column (a Stribeck speed, a ripple pitch) that a bounded search finds. An effect
 found: it states the equation. Effects are frozen dataclasses; their fields are what the YAML may set.
 
 Identification, simulation, diagnosis, report and documentation read everything they need from here. Effects
-whose column is made of the model's own effort (``needs``) want a motion that holds it: ``motion = told(motion,
-effects, theta)`` of :mod:`pinotwin.effects.scene`, once a model. A search tries the ``candidates`` of an effect;
+whose column is made of the model's own effort (``needs``) want a motion that holds it: see ``with_model_effort`` of
+:mod:`pinotwin.effects.scene`, once a model. A search tries the ``candidates`` of an effect;
 each keeps its shapes: ``candidate.shapes()`` bounds a further polish, ``candidate.shape_values()`` is where it
 starts, and ``found.settled()`` is what machine.yaml is to list.
 
@@ -246,7 +246,7 @@ class Effect(abc.ABC):
         if found is None:
             raise DataError(
                 f"{self.axis}.{self.name} needs the effort of a model along the motion; "
-                "call told(motion, effects, theta) first"
+                "call with_model_effort(motion, effects, theta) first"
             )
         return found
 

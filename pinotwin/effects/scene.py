@@ -40,17 +40,17 @@ def needs_model(effects: Sequence[Effect]) -> bool:
 def with_model(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Motion:
     """Return the motion with the channels ``model``, ``rigid`` and ``mass`` of a model.
 
-    The motion itself where no effect needs them; :func:`told` fills them in any case.
+    The motion itself where no effect needs them; :func:`with_model_effort` fills them in any case.
 
     Args:
         motion: prepared log(s).
         effects: all effects of the model, the rigid body among them.
         theta: their coefficients, one after the other, shape (p,).
     """
-    return told(motion, effects, theta) if needs_model(effects) else motion
+    return with_model_effort(motion, effects, theta) if needs_model(effects) else motion
 
 
-def told(motion: Motion, effects: Sequence[Effect], theta: Floats, passes: int = 3) -> Motion:
+def with_model_effort(motion: Motion, effects: Sequence[Effect], theta: Floats, passes: int = 3) -> Motion:
     """Return the motion with the channels of a model, see :func:`with_model`, whether needed or not.
 
     Coefficients have shape (p,). Where an effect scales with the total, that is formed in ``passes``.

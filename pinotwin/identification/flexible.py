@@ -11,7 +11,7 @@ is a spring with its own states and the axis' loop stays 2 x 2; that is what a t
 for it needs no further poles and keeps the posture in the mass matrix. Both are identified, and judged on
 the part of the log that neither saw.
 
-The axes' own loops are then tied (:mod:`pinotwin.identification.tied`): with the spring between them the
+The axes' own loops are then tied (:mod:`pinotwin.identification.loop_with_mass`): with the spring between them the
 accelerations of several axes are solved together, and loops that do not move the known mass could
 feed that circle.
 """
@@ -28,8 +28,8 @@ import numpy as np
 from pinotwin.analysis.disturbance import generalised_disturbance, reacting
 from pinotwin.errors import DataError
 from pinotwin.identification.loop_parts import both_errors, first_part, loop_data, score, searched_poles
+from pinotwin.identification.loop_with_mass import tied, with_lag
 from pinotwin.identification.settings import USUAL, Settings, better
-from pinotwin.identification.tied import tied, with_lag
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pinotwin.analysis.disturbance import diagonal
+from pinotwin.columns import bind
 from pinotwin.errors import DataError
 from pinotwin.identification.bending import Bending, bend_all, bending_warnings, bends, find_bending, holds
 from pinotwin.identification.judge import judge, warnings
@@ -20,7 +21,6 @@ from pinotwin.identification.plant import Plant, fit_plant, open_loop
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.springs import find_springs
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.prepare import EvenLogs, prepare
 from pinotwin.machine import Machine

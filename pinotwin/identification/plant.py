@@ -9,7 +9,7 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.dynamics.parameters import body_count, parameters
-from pinotwin.effects import Effect, needs_model, told
+from pinotwin.effects import Effect, needs_model, with_model_effort
 from pinotwin.effects.layout import effect_keys, effect_slices, rigid_body_of
 from pinotwin.identification.assemble import Rows, assemble, choose_rows, pieces
 from pinotwin.identification.settings import USUAL, Settings
@@ -83,7 +83,7 @@ def _settled(
         return motion, _solve(motion, effects, rows, fit_options(machine, effects, motion), settings)
     plain = tuple(effect for effect in effects if not effect.needs)
     first = _solve(motion, plain, rows, fit_options(machine, plain, motion), settings)
-    motion = told(motion, first[1], first[0].theta)
+    motion = with_model_effort(motion, first[1], first[0].theta)
     options = fit_options(machine, effects, motion)
     known = iter(first[1])
     effects = tuple(effect if effect.needs else next(known) for effect in effects)
@@ -91,7 +91,7 @@ def _settled(
     for _ in range(12):
         solved = _solve(motion, effects, rows, options, settings, unknown)
         effects, unknown = solved[1], []
-        before, motion = motion.model, told(motion, solved[1], solved[0].theta)
+        before, motion = motion.model, with_model_effort(motion, solved[1], solved[0].theta)
         assert before is not None
         assert motion.model is not None
         if np.linalg.norm(motion.model - before) <= 1e-6 * np.linalg.norm(motion.model):

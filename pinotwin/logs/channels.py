@@ -12,10 +12,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.columns import LOAD_SIGNALS
 from pinotwin.dynamics.frames import external_effort
 from pinotwin.errors import DataError, LogError, nearest
 from pinotwin.log import Log
-from pinotwin.logs.columns import LOAD_SIGNALS
 from pinotwin.logs.quality.sampling import implausible_clock
 from pinotwin.machine import Machine
 from pinotwin.signals import clock, segments

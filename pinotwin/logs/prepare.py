@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.columns import bind
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
 from pinotwin.logs.channels import (
@@ -29,7 +30,6 @@ from pinotwin.logs.channels import (
     usable,
 )
 from pinotwin.logs.clock import even_clock
-from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.quality.axes import inspect_axes
 from pinotwin.logs.quality.sampling import resample as interpolated

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from pinotwin.columns import bind
 from pinotwin.errors import InputError
 from pinotwin.log import Log
 from pinotwin.logs.channels import finite
-from pinotwin.logs.columns import bind
 from pinotwin.logs.effort_alone import Examined
 from pinotwin.logs.plausible import examined, unit_findings
 from pinotwin.logs.prepare import prepare, without

@@ -14,10 +14,10 @@ import yaml
 from lxml import etree
 
 from pinotwin.arrays import Floats
+from pinotwin.columns import Column
 from pinotwin.dynamics.base import BaseParameters, base_parameters
 from pinotwin.effects import Effect, RigidBody, Spring, Tree
 from pinotwin.errors import InputError, MachineError, nearest
-from pinotwin.logs.columns import Column
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LoopShape, Passive
 from pinotwin.machine.urdf import impossible_bodies, resolve_meshes
 from pinotwin.machine.urdf_check import read_tree
@@ -109,13 +109,13 @@ class Machine(Card):
         Raises:
             MachineError: with what cannot be a machine, and the remedy.
         """
-        from pinotwin.machine.in_hand import machine_of_model
+        from pinotwin.machine.from_model import machine_of_model
 
         return machine_of_model(model, axes, name, effects)
 
     def listing(self, effects: Iterable[Any] | Mapping[str, Iterable[Any]]) -> Machine:
-        """Return the machine with further effects, own ones too; see :func:`pinotwin.machine.in_hand.listing`."""
-        from pinotwin.machine.in_hand import listing
+        """Return the machine with further effects, own ones too; see :func:`pinotwin.machine.from_model.listing`."""
+        from pinotwin.machine.from_model import listing
 
         return listing(self, effects)
 

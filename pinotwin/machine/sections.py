@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
+from pinotwin.columns import AXIS_SIGNALS, LOAD_SIGNALS, Column, parse_columns
 from pinotwin.errors import MachineError, nearest
-from pinotwin.logs.columns import AXIS_SIGNALS, LOAD_SIGNALS, Column, parse_columns
 from pinotwin.machine.parts import Axis, DataSettings, Imu, LeftOut, LoopShape
 from pinotwin.machine.reading import Number, known_key, read
 from pinotwin.machine.urdf_check import read_tree

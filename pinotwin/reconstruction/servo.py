@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pinotwin.arrays import Floats, Ints
+from pinotwin.columns import bind
 from pinotwin.dynamics import (
     frame_acceleration,
     frame_rotation,
@@ -26,7 +27,6 @@ from pinotwin.errors import DataError
 from pinotwin.imu.runs import ServoRun
 from pinotwin.log import Log
 from pinotwin.logs.channels import joint_positions, usable
-from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine
 from pinotwin.signals import low_pass
 

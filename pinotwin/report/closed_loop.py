@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pinotwin.analysis.decomposition import Decomposition, decompose
+from pinotwin.columns import bind
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.loop.servo import SHAPES, Servo
 from pinotwin.machine import Machine
 from pinotwin.report import display

@@ -8,9 +8,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.analysis.modal import modes
+from pinotwin.columns import bind
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.report.closed_loop_plots import response_panel
 from pinotwin.report.display import Scale, percent, rounded
 from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time

@@ -15,9 +15,9 @@ import numpy as np
 import yaml
 
 from pinotwin.arrays import Floats
+from pinotwin.columns import bind, is_contract_name
 from pinotwin.errors import LogError
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind, is_contract_name
 from pinotwin.logs.files.cells import is_clock
 from pinotwin.scaffold.evidence import distance, is_counter, lead, moves, push, smoothness, varies
 from pinotwin.scaffold.names import family, is_set_value, read_label

@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from pinotwin.columns import bind, parse_columns
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind, parse_columns
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.machine import Machine
 from pinotwin.machine.bundled import machines, robots

@@ -13,11 +13,11 @@ import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.columns import LOAD_SIGNALS, Column, bind
 from pinotwin.dynamics.frames import external_effort
 from pinotwin.errors import DataError, LogError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.channels import loads
-from pinotwin.logs.columns import LOAD_SIGNALS, Column, bind
 from pinotwin.loop import command_rates
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion

@@ -7,9 +7,9 @@ from contextlib import suppress
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
+from pinotwin.columns import bind
 from pinotwin.errors import LogError
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.machine import Machine
 
 STILL = 1e-9

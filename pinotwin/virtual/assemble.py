@@ -10,9 +10,9 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import MachineError, nearest
+from pinotwin.virtual.amounts import Body
 from pinotwin.virtual.axis_truth import AxisTruth
 from pinotwin.virtual.defaults import Scale, fallback, resolved_axis, resolved_limits, scales
-from pinotwin.virtual.doses import Body
 from pinotwin.virtual.folder import Folder
 from pinotwin.virtual.parameters import Layout
 from pinotwin.virtual.rigid import Tree

@@ -2,7 +2,7 @@
 
 A request is ``"name"``, ``"name:axis"`` or ``"name:axis=size"``, or a mapping with the keys
 ``effect``, ``axis``, ``size``, ``value``, ``seed``. ``size`` is relative: for an effort it is a
-share of the rated effort of the axis (:mod:`pinotwin.virtual.doses`). ``value`` sets the SI
+share of the rated effort of the axis (:mod:`pinotwin.virtual.amounts`). ``value`` sets the SI
 quantity instead.
 """
 
@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin.errors import InputError, nearest
+from pinotwin.virtual.amounts import INJECT, INJECT_MACHINE, OUTSIDE, Bodies, Dose
 from pinotwin.virtual.defaults import Scale
-from pinotwin.virtual.doses import INJECT, INJECT_MACHINE, OUTSIDE, Bodies, Dose
 from pinotwin.virtual.truth import Truth
 from pinotwin.virtual.withholding import WITHHOLD, WITHHOLD_MACHINE
 

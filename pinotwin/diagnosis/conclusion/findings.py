@@ -9,14 +9,14 @@ import numpy as np
 
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
-from pinotwin.diagnosis.conclusion.closed import Account, Closed, Turn
+from pinotwin.diagnosis.conclusion.explained import Account, Closed, Turn
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bodies import body_of, body_sizes
 from pinotwin.diagnosis.evidence.springs import inertias
-from pinotwin.diagnosis.others.servo import ServoChange
 from pinotwin.diagnosis.result import Found, Size, shrunk
 from pinotwin.diagnosis.search.forward import known as known_of
 from pinotwin.diagnosis.search.scan import Scored
+from pinotwin.diagnosis.signals.servo import ServoChange
 
 LIKELY = 0.5
 """Share of the winner's gain from which a rival is worth a line."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from pinotwin.analysis.deflection import bent
 from pinotwin.arrays import Floats, Mask
+from pinotwin.columns import bind
 from pinotwin.diagnosis.data.gate import Gate, confirmed, gate, off_command, run_away
 from pinotwin.diagnosis.data.noise import residual_noise
 from pinotwin.diagnosis.data.runs import Apart, apart
@@ -22,13 +23,12 @@ from pinotwin.diagnosis.data.samples import Sample, sample
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.effects import Effect
 from pinotwin.effects.family import FRICTION
-from pinotwin.effects.scene import told
+from pinotwin.effects.scene import with_model_effort
 from pinotwin.errors import DataError
 from pinotwin.identification import identify
 from pinotwin.identification.bending import Bending, bend_all, find_bending
 from pinotwin.identification.misfit import own_residual
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -149,7 +149,7 @@ def compare(subject: Machine | Twin, logs: Sequence[Log], validation: Sequence[L
     twin, motions, sealed = ready.twin, *ready.motions()
     own = None
     if change and twin.misfit is not None:
-        motion = told(twin.misfit.motion, twin.effects, twin.theta)
+        motion = with_model_effort(twin.misfit.motion, twin.effects, twin.theta)
         own = sample(motion, own_residual(twin), block)
     own_errors = {} if own is None else _errors(twin, own)
     differ, kept = None, tuple(range(len(logs)))
@@ -385,7 +385,7 @@ def _sample(twin: Twin, motion: Motion, block: float) -> Sample:
 
 def _left(twin: Twin, motion: Motion) -> tuple[Motion, Floats]:
     """Return a motion with the channels of the twin's effort, and the measured effort less that, shape (n, nv)."""
-    motion = told(motion, twin.effects, twin.theta)
+    motion = with_model_effort(motion, twin.effects, twin.theta)
     return motion, motion.u - twin.effort(motion)
 
 

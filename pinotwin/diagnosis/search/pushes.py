@@ -17,7 +17,7 @@ from pinotwin.arrays import Floats
 from pinotwin.diagnosis.candidates.episodes import Episodes, episodes
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.scatter import scattered
-from pinotwin.diagnosis.evidence.habit import habit
+from pinotwin.diagnosis.evidence.repeatable import habit
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.diagnosis.search.forward import Found
 from pinotwin.diagnosis.search.injections import posterior

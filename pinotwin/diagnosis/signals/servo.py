@@ -21,10 +21,10 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.others.limits import exceeded, reached
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.trials import TRIALS, shuffled
+from pinotwin.diagnosis.signals.limits import exceeded, reached
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.solve.jackknife import block_sums, jackknife, solved, without_each

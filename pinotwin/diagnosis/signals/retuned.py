@@ -19,11 +19,11 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.evidence.bootstrap import share_interval
-from pinotwin.diagnosis.others.servo import SAID, ServoChange, turned
-from pinotwin.diagnosis.others.tracking import TURNED, own_run, simulated_errors
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.injections import posterior
 from pinotwin.diagnosis.search.trials import TRIALS
+from pinotwin.diagnosis.signals.servo import SAID, ServoChange, turned
+from pinotwin.diagnosis.signals.tracking import TURNED, own_run, simulated_errors
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.motion import Motion

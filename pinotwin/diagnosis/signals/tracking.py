@@ -14,17 +14,17 @@ import numpy as np
 
 from pinotwin.analysis.disturbance import causes as disturbance_causes
 from pinotwin.arrays import Floats
+from pinotwin.columns import bind
 from pinotwin.diagnosis.candidates.catalogue import Joined, named
 from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.others.servo import ServoChange
 from pinotwin.diagnosis.payload import loaded_twin, physical
 from pinotwin.diagnosis.result import Gap, Shrink
 from pinotwin.diagnosis.search.scan import Scored
+from pinotwin.diagnosis.signals.servo import ServoChange
 from pinotwin.effects import Effect
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
-from pinotwin.logs.columns import bind
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
 from pinotwin.simulation import preferred

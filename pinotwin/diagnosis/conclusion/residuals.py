@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.diagnosis.conclusion.closed import Closed
+from pinotwin.diagnosis.conclusion.explained import Closed
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.data.noise import difference, repeats, rough
 from pinotwin.diagnosis.data.samples import judged_rows

@@ -17,7 +17,7 @@ def off_track(gaps: Mapping[str, Gap], level: float) -> dict[str, float]:
     return {axis: x for axis, x in times.items() if x > level}
 
 
-def strayed(found: Diagnosis) -> Diagnosis:
+def with_open_signals(found: Diagnosis) -> Diagnosis:
     """Return the diagnosis with every signal left open that its grades call open: no verdict stands beside another.
 
     The verdict is judged on the efforts and the causes found in them; tracking errors, motor against load and
