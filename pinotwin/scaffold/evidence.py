@@ -30,13 +30,13 @@ def moves(x: Floats) -> bool:
 
 
 def varies(x: Floats) -> bool:
-    """Whether a column holds more than one number."""
+    """Whether a column, shape (n,), holds more than one number."""
     good = x[np.isfinite(x)]
     return len(good) > 0 and float(np.ptp(good)) > 0.0
 
 
 def is_counter(x: Floats) -> bool:
-    """Whether a column only counts its rows."""
+    """Whether a column, shape (n,), only counts its rows."""
     steps = np.diff(x[np.isfinite(x)])
     return len(steps) > 5 and bool(np.all(steps == steps[0])) and steps[0] != 0.0
 
