@@ -46,7 +46,7 @@ _INDEX = re.compile(r"(?<!^)[\[(][^\[(]*$")  # or unit, at the end of a name
 class Holes(str):
     """A note that values are missing, which `check` says itself under the channel's name of the contract."""
 
-    __slots__ = ("missing",)
+    missing: int
 
     def __new__(cls, text: str, missing: int = 0) -> Holes:
         """Return the note of so many missing values."""
