@@ -171,7 +171,9 @@ class Log(Card):
         if clock.ndim != 1 or not np.isfinite(clock).all():
             raise LogError(f"{source}: t has shape {clock.shape}, expected (n,) finite times in s")
         if len(clock) > 1 and not (np.diff(clock) > 0.0).any():
-            raise LogError(f"{source}: t: no time is later than the one before; give the time of every row in s")
+            raise LogError(
+                f"{source}: t: no time is later than the one before; give the time of every row in s"
+            )
         out = {"t": clock}
         for kind, values in {"q": q, **channels}.items():
             if values is not None:
@@ -273,7 +275,9 @@ def _columns(values: Any, kind: str, rows: int, names: Sequence[str], source: st
     held = {name: x[:, k] for k, name in enumerate(names) if not np.isnan(x[:, k]).all()}
     lost = [name for name in names if name not in held]
     if kind == "q" and lost and rows:
-        raise LogError(f"{source}: {lost[0]}.q: all values are NaN; record its position, or leave the axis out of axes")
+        raise LogError(
+            f"{source}: {lost[0]}.q: all values are NaN; record its position, or leave the axis out of axes"
+        )
     out = {f"{name}.{kind}": column for name, column in held.items()}
     for name, column in out.items():
         wrong = np.flatnonzero(~np.isfinite(column))
