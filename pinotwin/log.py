@@ -152,10 +152,11 @@ class Log(Card):
             source: what messages call it.
             **channels: of the same shape as ``q``, or None: ``v`` and ``a`` (its derivatives), ``u`` motor effort
                 [N or N·m], ``qr`` commanded position, ``ql`` position at the load. A column of NaN is left out:
-                the axis has no such channel.
+                the axis has no such channel (each has its ``q``).
 
         Raises:
-            LogError: an array has another shape, holds what is no number, or a name is unknown or given twice.
+            LogError: an array has another shape, holds what is no number, or a name is unknown or given twice; the
+                clock stands still.
         """
         names = [axes] if isinstance(axes, str) else [str(name) for name in axes]
         for kind in sorted(channels.keys() - set(ARRAYS)):
@@ -169,6 +170,10 @@ class Log(Card):
         clock = _numbers(t, f"{source}: t")
         if clock.ndim != 1 or not np.isfinite(clock).all():
             raise LogError(f"{source}: t has shape {clock.shape}, expected (n,) finite times in s")
+        if len(clock) > 1 and not (np.diff(clock) > 0.0).any():
+            raise LogError(
+                f"{source}: t: no time is later than the one before; give the time of every row in s"
+            )
         out = {"t": clock}
         for kind, values in {"q": q, **channels}.items():
             if values is not None:
@@ -250,8 +255,8 @@ def is_table(given: Any) -> bool:
 def _numbers(values: Any, what: str) -> Floats:
     """Return a copy of values as real numbers."""
     try:
-        if np.iscomplexobj(values):
-            raise TypeError("complex")
+        if np.asarray(values).dtype.kind in "cSU":
+            raise TypeError("complex, or text")
         return np.array(values, dtype=float)
     except (ValueError, TypeError):
         raise LogError(f"{what}: expected an array of numbers, not {type(values).__name__}") from None
@@ -267,7 +272,13 @@ def _columns(values: Any, kind: str, rows: int, names: Sequence[str], source: st
             f"{what} has shape {x.shape}, expected ({rows}, {len(names)}): a row for each time, a column for each "
             f"of axes={list(names)}{turned}"
         )
-    out = {f"{name}.{kind}": x[:, k] for k, name in enumerate(names) if not np.isnan(x[:, k]).all()}
+    held = {name: x[:, k] for k, name in enumerate(names) if not np.isnan(x[:, k]).all()}
+    lost = [name for name in names if name not in held]
+    if kind == "q" and lost and rows:
+        raise LogError(
+            f"{source}: {lost[0]}.q: all values are NaN; record its position, or leave the axis out of axes"
+        )
+    out = {f"{name}.{kind}": column for name, column in held.items()}
     for name, column in out.items():
         wrong = np.flatnonzero(~np.isfinite(column))
         if len(wrong):
