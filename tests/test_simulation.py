@@ -234,7 +234,7 @@ class TestRefusals:
         loops = dict(trunnion.loops)
         loops["A"] = dataclasses.replace(loops["A"], residues=30.0 * loops["A"].residues)
         broken = dataclasses.replace(trunnion, diagonal=wild, loops=loops)
-        with pytest.raises(DataError, match=r"leaves its command at t = .* on axis A"):
+        with pytest.raises(DataError, match=r"diverges from its command at t = .* on axis A"):
             simulate(broken, command)
 
 

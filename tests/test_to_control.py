@@ -138,7 +138,7 @@ def test_a_loop_is_a_control_system_with_named_signals(form: str) -> None:
     [
         (("q", "e"), "Y: no signal 'q' there; did you mean 'qr'.*inputs d, qr, vr, ar; outputs e, u, q"),
         (("qr", "v"), "Y: no signal 'v' there.*outputs e, u, q"),
-        (("vr", "q"), "q is asked from qr or from d"),
+        (("vr", "q"), "q needs input qr or d"),
         (("qr", "u"), "feed-forward differentiates qr.*'vr'"),
     ],
 )

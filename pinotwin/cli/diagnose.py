@@ -45,7 +45,7 @@ def run(
 
     Args:
         subject (TWIN|MACHINE): folder of a twin, or a machine folder, machine.yaml, .urdf, bundled name
-        logs (LOG): servo log(s); those with the same command are repeats: they give the noise floor
+        logs (LOG): servo log(s); those with the same command are repeats: they measure the noise
         validate (LOG): log of the same state as LOG, not used to fit; the reduction is stated on it (without one:
             cross-validated on LOG)
         quick: screen only: fewer draws, one effect
@@ -56,7 +56,7 @@ def run(
             log could not be diagnosed (a line of the table; the others are done all the same), else 1 with
             --fail-on-gap and any verdict but none, else 0
         workers (N): processes of --each (default: one for each processor)
-        out (PATH): folder for diagnosis.json and what goes with it
+        out (PATH): folder for diagnosis.json and its files
     """
     asked = Asked(subject, tuple(validate), resample, quick, seed, meshes, tuple(effects))
     if each:

@@ -30,7 +30,7 @@ COMMANDS: dict[str, str] = {
     "check": "what is wrong with a machine or a log, and what the log can identify",
     "identify": "find the machine's model in its logs and save it as a twin",
     "simulate": "predict position, tracking error and effort from the command alone",
-    "diagnose": "say where a log and its model differ, which effect is missing, how far it shrinks",
+    "diagnose": "find where a log and its model differ, which effect is missing, and how far the residual falls",
     "force": "estimate the external effort on every axis over time, with its interval",
     "study": "how much data, which coupling, which effect matters: the source's studies",
     "compare": "put twins or diagnoses side by side: what moved, how well each predicts",

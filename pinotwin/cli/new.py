@@ -31,7 +31,7 @@ def run(
     Args:
         source (AXES|URDF|NAME): axes (XYZAC; XYZ-BC: tool side - table side; 0-YAC), a .urdf, a bundled name, a
             robot's name (ur10)
-        log (LOG): a log of it: its columns are guessed, each guess is said
+        log (LOG): a log of it: its columns are guessed, each guess is printed
         rotary: what rotary axes carry where AXES has no '-' (table)
         rate (HZ): sampling rate of a log without a time column
         mass (AXIS=KG): mass that the axis alone moves

@@ -58,7 +58,7 @@ def run(
         raise InputError("--mode shows a vibration, a log its own motion; give one of them")
     if rrd:
         if html or out or mode is not None:
-            raise InputError("--rrd is a result of its own; leave out --html, --out and --mode")
+            raise InputError("--rrd cannot be combined with others; leave out --html, --out and --mode")
         return Answer([_recorded(rrd, machine, log, meshes)])
     check_there(*filter(None, [log]))
     subject = _subject(machine, meshes)

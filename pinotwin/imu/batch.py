@@ -82,7 +82,7 @@ def estimate(
     speed, sd = result.seen
     if speed < sd:
         raise DataError(
-            f"the joint hardly deflects: {np.degrees(speed):.2g} deg/s RMS, known to "
+            f"the joint deflects too little: {np.degrees(speed):.2g} deg/s RMS, known to "
             f"+-{np.degrees(sd):.2g} deg/s; {_REMEDY}"
         )
     return result
@@ -91,7 +91,7 @@ def estimate(
 def _lost(p: Priors) -> DataError:
     return DataError(
         "the estimate does not converge: the IMU shows no vibration like that of a spring near "
-        f"{p.frequency:.3g} Hz: the joint hardly deflects, or its stiffness is far off; {_REMEDY}"
+        f"{p.frequency:.3g} Hz: the joint deflects too little, or its stiffness is far off; {_REMEDY}"
     )
 
 

@@ -165,11 +165,11 @@ def without(log: Log, leave_out: Sequence[LeftOut]) -> Log:
             out |= np.isclose(log[first], last, rtol=1e-9, atol=0.0)
         else:
             raise DataError(
-                f"{log.source}: data.leave_out asks for the channel {first!r}, which this log lacks; map it "
+                f"{log.source}: data.leave_out names the channel {first!r}, which this log lacks; map it "
                 "under columns, or name the files that have it: leave_out: {FILE: [{CHANNEL: VALUE}]}"
             )
     if out.all():
-        raise DataError(f"{log.source}: data.leave_out leaves no row; leave less out")
+        raise DataError(f"{log.source}: data.leave_out excludes every row; exclude fewer")
     if not out.any():
         return log
     kept = log.rows(~out)

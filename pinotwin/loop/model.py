@@ -118,9 +118,7 @@ class LoopModel:
                 lists = f"inputs {', '.join(inputs)}; outputs {', '.join(outputs)}"
                 raise DataError(f"{self.axis}: no signal {name!r} there; {nearest(name, known)}; {lists}")
         if output == "q" and input in (None, "vr", "ar"):
-            raise DataError(
-                f"{self.axis}: q is asked from qr or from {', '.join(self.disturbances)}, not from {input}"
-            )
+            raise DataError(f"{self.axis}: q needs input qr or {', '.join(self.disturbances)}, not {input}")
         A, B, C, D = _parallel(self)
         if output is not None:
             row = self.outputs.index("e" if output == "q" else output)
@@ -130,7 +128,7 @@ class LoopModel:
             if np.any(D[:, -2:]):
                 raise DataError(
                     f"{self.axis}: feed-forward differentiates {input}, so that {output} has no state space from it; "
-                    "ask for input 'vr' or 'ar'"
+                    "use input 'vr' or 'ar'"
                 )
             # x' = A x + b s qr becomes z' = A z + A b qr with x = z + b qr.
             b = B[:, [-2]]

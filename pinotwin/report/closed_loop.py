@@ -229,9 +229,7 @@ def _remark(servo: Servo, name: str, determined: Mapping[str, bool]) -> Html:
     if determined.get(name, True):
         return chip("determined", "good", "within a tenth of itself") if name in determined else Html("")
     if name in ("kp", "rate") and servo.tied:
-        return chip(
-            "tied", "fair", f"or {servo.other[name]:.4g}: kp and 1/ti the other way round fit as well"
-        )
+        return chip("tied", "fair", f"or {servo.other[name]:.4g}: kp and 1/ti exchanged fit equally well")
     return chip("not determined", "fair", "its interval is wider than a tenth of it on either side")
 
 

@@ -345,7 +345,7 @@ def _efforts(table: _Table) -> list[str]:
                 table.taken[guess.channel] = guess
         if is_set_value(column):
             questions.append(
-                f"{axis}.u: {column} is what the controller asks for or computes; "
+                f"{axis}.u: {column} is a set value of the controller or computed by it; "
                 "name the measured effort if there is one"
             )
         unit = table.log.units.get(column)

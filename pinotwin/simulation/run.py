@@ -332,7 +332,7 @@ class _Run:
         )
         if row >= 0:
             raise DataError(
-                f"{machine.name}: the simulation leaves its command at t = {asked.clock[row]:.4g} s on "
+                f"{machine.name}: the simulation diverges from its command at t = {asked.clock[row]:.4g} s on "
                 f"axis {machine.names[joint]}: tracking error beyond {self.plant.limit[joint]:.3g}; the twin's "
                 "loop and plant do not fit together, identify it again, or give a shorter step"
             )

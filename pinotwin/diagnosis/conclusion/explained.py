@@ -147,7 +147,7 @@ class Account:
         """Return what pushes close of the whole residual of their axis, pushes included."""
         at = self.whole.comparison.new.joints.index(pushed.joint)
         before = self.whole.alone_by_joint[0][:, at]
-        return Closed(before, pushed.gains, _share(before, pushed.gains), "held-out rows of the pushes")
+        return Closed(before, pushed.gains, _share(before, pushed.gains), "held-out rows of the disturbances")
 
     @cached_property
     def together(self) -> dict[int, Closed]:

@@ -164,7 +164,9 @@ def pushes_named(account: Account, levels: Mapping[int, float]) -> list[Found]:
         unit = "N·m" if c.machine.rotary[pushed.joint] else "N"
         largest = max(pushed.episodes, key=lambda e: abs(e.force))
         half = 1.645 * largest.error
-        size = Size("largest push", 0.0, largest.force, unit, (largest.force - half, largest.force + half))
+        size = Size(
+            "largest disturbance", 0.0, largest.force, unit, (largest.force - half, largest.force + half)
+        )
         acts = {axis: account.pushes(pushed).shrink(levels[pushed.joint], axis)}
         theta = {f"f{k}": e.force for k, e in enumerate(pushed.episodes)}
         shape = {f"start{k}": e.start for k, e in enumerate(pushed.episodes)}

@@ -340,7 +340,7 @@ def _known(
         if gone < WORTH:
             continue
         words.append(
-            f"{name} goes where its twin has never been, or hardly: {gone:.0%} of its rows, at "
+            f"{name} moves outside the twin's data: {gone:.0%} of its rows, at "
             "which the twin is a guess, are not judged; identify it on logs that go there"
         )
     return out[0], out[1], words, lost

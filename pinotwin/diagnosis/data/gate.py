@@ -124,7 +124,7 @@ class Gate:
         ]
         servo = [axis for axis, row in self.questions.items() if "servo" in row]
         if servo:
-            out.append(f"{', '.join(servo)}: nothing is said of controller and tracking error")
+            out.append(f"{', '.join(servo)}: controller and tracking error are not judged")
         for axis in self.nameless:
             words = (
                 "no cause is looked for but a limit of its drive"

@@ -16,7 +16,7 @@ SAID = {
     "clock_duplicated": "{count} duplicated time stamps, first at row {first} (about {rate:.4g} Hz); the "
     "log is cut there, resample it or log finer stamps",
     "clock_gaps": "{count} gaps, {missing} samples missing at about {rate:.4g} Hz, the longest "
-    "{longest:.4g} s{jump}, first at row {first}; single samples are bridged, the log is cut at longer gaps",
+    "{longest:.4g} s{jump}, first at row {first}; single samples are bridged, the log is cut at longer holes",
     "clock_jitter": "irregular sampling: interval {step:.4g} ms, jitter {rms:.3g} ms rms, {most:.3g} ms at "
     "most; preparation takes the clock that the motion shows",
     "slow_rate": "{rate:.4g} Hz is too slow to identify inertia: a servo accelerates within 10 to 100 ms; "
@@ -95,7 +95,7 @@ SAID = {
     "in machine.yaml",
     "effort_unit": "in {unit} (no factor under columns): read N and N·m as {unit} below. Coupled axes, "
     "gravity and payload need the factor (torque constant x gear)",
-    "effort_exchanged": "the effort of {a} fits the motion of {b} and the other way round: exchange their "
+    "effort_exchanged": "the effort of {a} fits the motion of {b} and vice versa: exchange their "
     "columns in machine.yaml (or those of their positions)",
     "position_exchanged": "with the positions of {a} and {b} exchanged the efforts of the machine fit: "
     "exchange the columns of position and command in machine.yaml",
