@@ -107,7 +107,7 @@ def test_bad_settings_are_refused_with_their_path(tmp_path: Path, key: str, said
 
 
 def test_leaving_everything_out_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="leaves no row"):
+    with pytest.raises(DataError, match="excludes every row"):
         prepare(rig(tmp_path, "data: {leave_out: [[0, 100]]}\n"), log())
 
 
@@ -125,7 +125,7 @@ def test_rows_are_left_out_by_the_value_of_a_channel(tmp_path: Path, value: str)
 
 
 def test_leaving_out_by_a_channel_that_a_log_lacks_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="asks for the channel 'feed', which this log lacks"):
+    with pytest.raises(DataError, match="names the channel 'feed', which this log lacks"):
         prepare(rig(tmp_path, "data: {leave_out: [{feed: 7}]}\n"), log())
 
 
