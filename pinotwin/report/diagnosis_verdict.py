@@ -171,9 +171,8 @@ def axis_cards(d: Diagnosis) -> Html:
                 beside.append(f"noise {g.noise * scale.factor:.3g}")
             if g.misfit == g.misfit:
                 beside.append(f"validation error {g.misfit * scale.factor:.3g} {scale.unit}")
-            label = {"label": printed(word), "kind": KIND[word], "hint": MEANING[word]}
-            name, note = SIGNALS.get(signal, signal), " · ".join(beside)
-            parts.append(Tile(name, value, note, **label, small=signal != "u"))
+            name, note, small = SIGNALS.get(signal, signal), " · ".join(beside), signal != "u"
+            parts.append(Tile(name, value, note, printed(word), KIND[word], MEANING[word], small))
         cards.append(Tile(heading=f"Axis {axis}", parts=tuple(parts)))
     return tiles(cards)
 
