@@ -171,8 +171,7 @@ def axis_cards(d: Diagnosis) -> Html:
                 beside.append(f"noise {g.noise * scale.factor:.3g}")
             if g.misfit == g.misfit:
                 beside.append(f"validation error {g.misfit * scale.factor:.3g} {scale.unit}")
-            name, note = SIGNALS.get(signal, signal), " · ".join(beside)
-            small = signal != "u"
+            name, note, small = SIGNALS.get(signal, signal), " · ".join(beside), signal != "u"
             parts.append(Tile(name, value, note, printed(word), KIND[word], MEANING[word], small))
         cards.append(Tile(heading=f"Axis {axis}", parts=tuple(parts)))
     return tiles(cards)

@@ -278,7 +278,8 @@ def visible_rows(signals: list[Floats], points: int = 3000) -> Ints:
 
 def broken(rows: Ints, block: Ints | None, *arrays: Floats) -> list[Floats]:
     """Return arrays at ``rows`` with a NaN where the log breaks, so that no line bridges it."""
-    breaks = np.zeros(0, dtype=int) if block is None else np.flatnonzero(np.diff(block[rows])) + 1
+    changes = np.zeros(max(len(rows) - 1, 0)) if block is None else np.diff(block[rows])
+    breaks = np.flatnonzero(changes) + 1
     return [np.insert(np.asarray(x[rows], dtype=float), breaks, np.nan) for x in arrays]
 
 
