@@ -90,11 +90,7 @@ def moving(axes: Sequence[str], seconds: float, command: int) -> Trajectory:
     """Return a random command in which only some axes move."""
     _, vm = rig()
     whole = random_trajectory(vm, seconds, command)
-    still = {
-        name: chain(float(p.at(np.zeros(1))[0][0]), [])
-        for name, p in whole.profiles.items()
-        if name not in axes
-    }
+    still = {n: chain(float(p(np.zeros(1), 0)[0]), []) for n, p in whole.profiles.items() if n not in axes}
     return replace(whole, profiles={**whole.profiles, **still})
 
 

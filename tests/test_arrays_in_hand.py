@@ -97,6 +97,20 @@ def test_arrays_that_do_not_fit_are_refused_with_what_was_expected(model, names)
         pt.Log.from_arrays(t[:, None], q, axes=names)
 
 
+def test_a_lost_position_text_and_a_clock_that_stands_are_refused(model, names):
+    t, q, _, _, _ = arrays(model, 2.0)
+    lost = q.copy()
+    lost[:, 1] = np.nan
+    for clock, given, said in [
+        (t, lost, r"j2.q: all values are NaN; record its position, or leave the axis out of axes"),
+        (t, q.astype(str), r"q: expected an array of numbers, not ndarray"),
+        (t.astype(str), q, r"t: expected an array of numbers, not ndarray"),
+        (0.0 * t, q, r"t: no time is later than the one before; give the time of every row in s"),
+    ]:
+        with pytest.raises(LogError, match=said):
+            pt.Log.from_arrays(clock, q=given, axes=names)
+
+
 def test_the_constructor_names_the_function_that_takes_arrays(model):
     t, q, _, _, u = arrays(model, 2.0)
     with pytest.raises(

@@ -170,6 +170,15 @@ def test_what_contributing_shows_is_true(tmp_path, monkeypatch) -> None:
         reader.load(cut, cut.name)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_files_that_a_page_names_exist(page) -> None:
+    shown = set(re.findall(r'title="([^"]+)"', page.read_text(encoding="utf-8")))
+    named = re.findall(
+        r"`((?:pinotwin|tests|docs|examples|benchmarks)/[\w./*]*)", page.read_text(encoding="utf-8")
+    )
+    assert [name for name in named if name not in shown and not list(ROOT.glob(name.rstrip("/.")))] == []
+
+
 def test_the_api_page_holds_every_public_name() -> None:
     listed = re.findall(
         r"^::: ([\w.]+)$", (ROOT / "docs/api.md").read_text(encoding="utf-8"), flags=re.MULTILINE

@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 from pinotwin.errors import DataError
 from pinotwin.solve.bounds import active_set
 from pinotwin.solve.crossval import held_out
-from pinotwin.solve.linear import Options, Prior, linear, reduce, solve
+from pinotwin.solve.linear import Options, Prior, linear
 from pinotwin.solve.problem import AxisRows, Problem
 from pinotwin.solve.tsqr import r_factor
 
@@ -52,15 +52,6 @@ def test_levels_are_found_and_sharpen_the_estimate():
     assert_allclose(fit.sigma, [0.1, 10.0], rtol=0.05)
     plain = np.linalg.lstsq(problem.W, problem.y)[0]
     assert np.linalg.norm(fit.theta - truth) < 0.1 * np.linalg.norm(plain - truth)
-
-
-def test_reading_in_pieces_changes_nothing():
-    problem, _ = problem_of(np.random.default_rng(3), n=500)
-    keep = problem.time < 217
-    pieces = [problem.rows(keep), problem.rows(~keep)]
-    whole, parts = solve(reduce(problem)), solve(reduce(iter(pieces)))
-    assert_allclose(parts.theta, whole.theta, rtol=1e-10)
-    assert_allclose(parts.sigma, whole.sigma, rtol=1e-10)
 
 
 def test_what_the_data_leave_open_stays_at_the_prior_and_is_named():

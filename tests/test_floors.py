@@ -30,6 +30,7 @@ FLOORS = {
     "effects": 3,
     "solve": 3,
     "virtual": 3,
+    "logs.settings": 2,
     "logs.files": 3,
     "logs.columns": 3,
     "logs.write": 3,

@@ -296,3 +296,20 @@ def test_dictionary_round_trip_is_exact(screw_log):
 def test_identification_is_deterministic(cascade_log):
     data = noisy(cascade_log, np.random.default_rng(0))
     assert identify_loop(data).to_dict() == identify_loop(data).to_dict()
+
+
+@pytest.mark.parametrize(
+    "structure", [Structure(), Structure(pole_pairs=2), Structure(feedforward_poles="search")]
+)
+@pytest.mark.parametrize("bounds", [None, {"p1": (1.0, 900.0), "wn1": (1.0, 900.0)}])
+def test_no_searched_pole_lies_above_nyquist(cascade_log, structure, bounds):
+    data = noisy(cascade_log, np.random.default_rng(3), 0.05)
+    nyquist = 0.5 / data.step
+    for p in identify_loop(data, structure, bounds=bounds).fit.parameters:
+        assert p.unit == "-" or p.value <= p.bounds[1] <= nyquist
+        assert p.error is not None or p.at_bound is not None
+
+
+def test_bounds_above_nyquist_are_refused(cascade_log):
+    with pytest.raises(InputError, match=r"bounds of p1: .* the log shows nothing above 500 Hz"):
+        identify_loop(noisy(cascade_log, np.random.default_rng(3)), bounds={"p1": (600.0, 900.0)})

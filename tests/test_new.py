@@ -165,7 +165,7 @@ def test_every_guess_is_said_with_its_reason(tmp_path: Path, exports: dict[str, 
     assert "Y: travel" in said
     assert "mass 100 kg (assumed)" in said
     yaml = (tmp_path / "m" / "machine.yaml").read_text(encoding="utf-8")
-    assert "Y.q: {column: \"s ist Y\"}  # named 'ist'; follows Y.qr within" in yaml
+    assert "Y.q: {column: s ist Y}  # named 'ist'; follows Y.qr within" in yaml
     assert json.loads(path.read_text())["columns"][0]["channel"] == "t"
 
 

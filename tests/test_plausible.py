@@ -11,8 +11,10 @@ import pytest
 
 import pinotwin as pt
 from pinotwin.errors import LogError
+from pinotwin.logs import Settings
 from pinotwin.logs.prepare import prepare
 from pinotwin.logs.prepared import Prepared
+from pinotwin.solve.lead import lag
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 Channels = dict[str, np.ndarray]
@@ -198,3 +200,25 @@ def test_axes_that_move_alike_cannot_be_told_apart() -> None:
     said = not_told("laser_driller", channels)
     assert "exchanged efforts of X and Y" in said
     assert "exchanged positions of X and Y" in said
+
+
+def test_what_decides_can_be_handed_over() -> None:
+    channels = recorded()
+    channels["Y.u"] = np.roll(channels["Y.u"], 20)  # 20 ms late
+    log, machine = pt.Log(channels), pt.Machine.load("trunnion")
+    codes = [
+        {f.code for f in pt.check(machine, log, settings=Settings(late=late)).findings}
+        for late in (0.012, 0.05)
+    ]
+    assert "effort_late" in codes[0]
+    assert "effort_late" not in codes[1]
+
+
+@pytest.mark.parametrize("late", [-7.3, 0.0, 12.6])
+def test_a_lag_between_samples_is_found_where_not_every_shift_is_tried(late: float) -> None:
+    n, rng = np.arange(4000.0), np.random.default_rng(1)
+    cause = np.sin(0.011 * n) + np.sin(0.031 * n + 1.0)
+    u = np.sin(0.011 * (n - late)) + np.sin(0.031 * (n - late) + 1.0) + 0.05 * rng.standard_normal(4000)
+    rows = np.arange(50, 3950)
+    found = lag(u, rows, np.linalg.qr(np.column_stack([cause, np.ones(4000)])[rows])[0], 50, most=41)
+    assert abs(found.part - late) < min(0.2, 5.0 * found.error)

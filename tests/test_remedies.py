@@ -45,7 +45,7 @@ def messages() -> Iterator[tuple[str, str, frozenset[str]]]:
         silent = {id(part) for n in ast.walk(tree) for part in _silent(n)}
         for node in ast.walk(tree):
             if id(node) not in silent and (text := _text(node)) is not None:
-                yield where, text, arguments
+                yield where, _of_template(text) if where.endswith("phrases.py") else text, arguments
 
 
 def _silent(node: ast.AST) -> Iterator[ast.AST]:
@@ -61,6 +61,11 @@ def _text(node: ast.AST) -> str | None:
     if isinstance(node, ast.JoinedStr):
         return "".join(str(v.value) if isinstance(v, ast.Constant) else "{}" for v in node.values)
     return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def _of_template(text: str) -> str:
+    """Return a text for ``str.format`` as messages are written here: {} for values, single braces."""
+    return re.sub(r"(?<!\{)\{\w+(:[^{}]*)?\}(?!\})", "{}", text).replace("{{", "{").replace("}}", "}")
 
 
 @functools.cache

@@ -12,9 +12,8 @@ from pinotwin.log import Log
 from pinotwin.loop import Servo
 from pinotwin.report import Page, Plot, Tabs
 from pinotwin.report.blocks import Html
-from pinotwin.report.closed_loop import closed_loop_blocks, predict, score_table
+from pinotwin.report.closed_loop import closed_loop_blocks, predict, score_table, servo_table
 from pinotwin.report.closed_loop_plots import CAUSES, error_scale
-from pinotwin.report.controllers import servo_table
 from tests.simulated import known_twin, plain_machine, smooth_command
 from tests.test_report import figures, read
 

@@ -99,8 +99,8 @@ def page(content: Mapping[str, Any]) -> str:
     lines = [
         "# Figures",
         "",
-        "Every measured figure, with its command. `make evidence` writes this page from `figures.json`. The docstring",
-        "of `benchmarks/evidence/PART.py` says how a part is measured. Tests fail at 1.5 times what is stated here.",
+        "Every measured figure, with its command. `make evidence` writes this page from `figures.json`. The module",
+        "of a part in `benchmarks/evidence/` says how it is measured. Tests fail at 1.5 times what is stated here.",
         "",
         "| kind | means |",
         "|---|---|",

@@ -14,8 +14,8 @@ from scipy.linalg import qr
 
 from benchmarks.questions.real import Given, Task
 from pinotwin.dynamics.base import BaseParameters
+from pinotwin.dynamics.batch import regressor
 from pinotwin.dynamics.parameters import body_count, parameter_count, parameter_names
-from pinotwin.dynamics.regressor import regressor
 from pinotwin.effects import EFFECTS, RippleModulated
 from pinotwin.errors import DataError
 from pinotwin.log import Log

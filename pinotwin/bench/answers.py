@@ -20,55 +20,38 @@ FLAGS = ("unexplained", "partly_explained")
 
 @dataclass(frozen=True)
 class Answer:
-    """What was said about one case; plain types, so that it can be written as a line of JSON.
+    """What was said about one case; plain types, so that it can be written as a line of JSON."""
 
-    Attributes:
-        number: of the case.
-        machine: machine.
-        situation: structure or change.
-        kind: see :class:`Case`.
-        truth: right answers (effect, axis).
-        put_in: (effect, axis, size) that was put in.
-        sizes: rho of each of them.
-        raw: the same before the model takes up what it can.
-        verdict: verdict, or ``error``.
-        named: (effect, axis, confidence), best first.
-        stated: (effect, axis) of the stated 90 % set of the first one.
-        confusable: groups that the diagnosis calls inseparable, as ``axis.effect``.
-        shrink: of the first one, or None: delivered share, its 90 % interval, promised share, and the
-            promise's own interval where it has one.
-        seconds: stage -> time it took [s].
-        form: what the model's laws cannot follow of a healthy machine, over the noise.
-        oracle: what the true course of the weakest effect moves, over the least asked for; see bench.oracle.
-        error: what went wrong, if anything did.
-    """
-
-    number: int
-    machine: str
-    situation: str
-    kind: str
-    truth: tuple[Key, ...]
-    put_in: tuple[tuple[str, str, float], ...]
-    sizes: tuple[float, ...]
-    raw: tuple[float, ...]
-    verdict: str
-    named: tuple[tuple[str, str | None, float], ...] = ()
-    stated: tuple[Key, ...] = ()
+    number: int  # of the case
+    machine: str  # machine
+    situation: str  # structure or change
+    kind: str  # see :class:`Case`
+    truth: tuple[Key, ...]  # right answers (effect, axis)
+    put_in: tuple[tuple[str, str, float], ...]  # (effect, axis, size) that was put in
+    sizes: tuple[float, ...]  # rho of each of them
+    raw: tuple[float, ...]  # the same before the model takes up what it can
+    verdict: str  # verdict, or error
+    named: tuple[tuple[str, str | None, float], ...] = ()  # (effect, axis, confidence), best first
+    stated: tuple[Key, ...] = ()  # (effect, axis) of the stated 90 % set of the first one
+    # groups that the diagnosis calls inseparable, as axis.effect
     confusable: tuple[tuple[str, ...], ...] = ()
+    # of the first one, or None: delivered share, its 90 % interval, promised share, and the promise's own
+    # interval where it has one
     shrink: Mapping[str, Any] | None = None
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    form: float = 0.0
+    seconds: Mapping[str, float] = field(default_factory=dict)  # stage -> time it took [s]
+    form: float = 0.0  # what the model's laws cannot follow of a healthy machine, over the noise
+    # what the true course of the weakest effect moves, over the least asked for; see bench.oracle
     oracle: float | None = None
-    error: str = ""
+    error: str = ""  # what went wrong, if anything did
 
     @property
     def size(self) -> float:
-        """Gap over noise of the largest effect; that of the weaker of two is ``weaker``."""
+        """Power over the noise of the largest effect; that of the weaker of two is ``weaker``."""
         return max(self.sizes, default=0.0)
 
     @property
     def weaker(self) -> float:
-        """Gap over noise of the weakest effect."""
+        """Power over the noise of the weakest effect."""
         return min(self.sizes, default=0.0)
 
     @property

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import count
 
 import numpy as np
 
@@ -24,8 +25,7 @@ from pinotwin.bench.catalogue import (
 from pinotwin.bench.plants import is_rotary, listing
 
 MACHINES = ("trunnion", "laser_driller", "emps", "random:29", "random:30", "random:31", "random:32")
-"""What the bench runs on unless told otherwise. The random ones nothing was tuned on: 1 to 28 were looked
-at while the diagnosis was being built."""
+"""Machines of a bench by default; random machines of smaller numbers were seen in development."""
 
 HEALTHY_CASES, DOUBLE_CASES, LEFT_OUT_CASES = 26, 10, 8
 """Of one round, over both situations. Four rounds make a whole bench."""
@@ -39,28 +39,18 @@ FORM_CASES = {
 
 @dataclass(frozen=True)
 class Case:
-    """One case.
+    """One case."""
 
-    Attributes:
-        number: running number.
-        machine: bundled machine, ``random:SEED`` or folder.
-        situation: ``structure`` or ``change``.
-        kind: healthy, single, double, outside (nobody knows it), left_out (the catalogue lost it), form
-            (the catalogue knows it in another functional form).
-        effects: (effect, axis, size) put into the truth.
-        seed: of trajectory, noise and whatever the effects leave to chance.
-        leave_out: effects taken out of the catalogue.
-        twin: seed of the healthy twin that a change is seen against.
-    """
-
-    number: int
-    machine: str
-    situation: str
+    number: int  # running number
+    machine: str  # bundled machine, random:SEED or folder
+    situation: str  # structure or change
+    # healthy, single, double, outside (nobody knows it), left_out (the catalogue lost it), form (the
+    # catalogue knows it in another functional form)
     kind: str
-    effects: tuple[tuple[str, str, float], ...]
-    seed: int
-    leave_out: tuple[str, ...] = ()
-    twin: int = 0
+    effects: tuple[tuple[str, str, float], ...]  # (effect, axis, size) put into the truth
+    seed: int  # of trajectory, noise and whatever the effects leave to chance
+    leave_out: tuple[str, ...] = ()  # effects taken out of the catalogue
+    twin: int = 0  # seed of the healthy twin that a change is seen against
 
     def key(self, *circumstances: object) -> str:
         """Return a name that another case, or the same in other circumstances, does not have."""
@@ -88,7 +78,7 @@ def draw_cases(
     """
     rng = np.random.default_rng([seed, 7])
     out: list[Case] = []
-    turns = _turns(rng, machines)
+    turns = (machines[k] for _ in count() for k in rng.permutation(len(machines)))
     for _ in range(rounds):
         wanted = [(s, k, n) for s in situations for k, n in _round(s, rng)]
         for at in rng.permutation(len(wanted)):
@@ -129,11 +119,6 @@ def _two(rng: np.random.Generator, pool: Sequence[str]) -> tuple[str, str]:
         a, b = (str(x) for x in rng.choice(np.array(pool), 2, replace=False))
         if not any({a, b} <= group for group in IMITATORS):
             return a, b
-
-
-def _turns(rng: np.random.Generator, machines: Sequence[str]) -> Iterator[str]:
-    while True:
-        yield from (machines[k] for k in rng.permutation(len(machines)))
 
 
 def _placed(

@@ -1,6 +1,6 @@
 """What an oracle could see of an effect: its true course as a candidate on the diagnosis' own rows.
 
-The gap that an effect makes, taken from two runs without noise, is put into the place of a candidate: no
+The difference that an effect makes, taken from two runs without noise, is put into the place of a candidate: no
 catalogue can hold a better one. What it adds that the base model's own coefficients cannot take up is
 its size there. Below what the rules of the diagnosis ask for, nobody who looks at an axis in motion can name it.
 """
@@ -55,7 +55,7 @@ def evidence(made: Produced, twin: Twin | None) -> float | None:
 
 
 def _least(c: Comparison, joint: int) -> float:
-    """Return the least RMS that a cause must close of the effort of an axis [N or N·m]."""
+    """Return the least RMS that a cause must explain of the effort of an axis [N or N·m]."""
     size = RULES.least_size(change=c.change) * max(c.new.size(joint), 1e-300)
     return float(max(size, np.sqrt(RULES.excess) * c.floor[joint])) if c.change else size
 

@@ -21,41 +21,29 @@ DWELL = (0.03, 0.25)
 
 @dataclass(frozen=True)
 class Sealed:
-    """What a diagnosis may see of a case.
+    """What a diagnosis may see of a case."""
 
-    Attributes:
-        machine: a copy of the machine folder without its truth.
-        logs: two repeats of one command.
-        validation: one run of another command.
-    """
-
-    machine: Machine
-    logs: tuple[Log, ...]
-    validation: tuple[Log, ...]
+    machine: Machine  # a copy of the machine folder without its truth
+    logs: tuple[Log, ...]  # two repeats of one command
+    validation: tuple[Log, ...]  # one run of another command
 
 
 @dataclass(frozen=True)
 class Produced:
-    """A case with what is known about it.
+    """A case with what is known about it."""
 
-    Attributes:
-        sealed: for the diagnosis.
-        rho: gap over noise per axis and signal, of all effects together, as simulated.
-        sizes: gap over noise of each effect alone, in the signal and axis where it shows most; for a
-            model that is fitted to the log, what that model cannot take up.
-        raw: the same before anything is taken up.
-        form: of a healthy machine in situation ``structure``: power that the model's laws, fitted at
-            their true shapes, cannot follow, over the noise. Its friction is the model's by name, but
-            not to the last micrometre by its equation.
-        courses: of every effect, if all are of the plant: a run with it alone, without noise, each effort
-            what it adds; empty otherwise.
-    """
-
-    sealed: Sealed
-    rho: Powers
+    sealed: Sealed  # for the diagnosis
+    rho: Powers  # power over the noise per axis and signal, of all effects together, as simulated
+    # power over the noise of each effect alone, in the signal and axis where it shows most; for a model that is
+    # fitted to the log, what that model cannot take up
     sizes: tuple[float, ...]
-    raw: tuple[float, ...]
+    raw: tuple[float, ...]  # the same before anything is taken up
+    # of a healthy machine in situation structure: power that the model's laws, fitted at their true shapes,
+    # cannot follow, over the noise. Its friction is the model's by name, but not to the last micrometre by
+    # its equation
     form: float = 0.0
+    # of every effect, if all are of the plant: a run with it alone, without noise, each effort what it
+    # adds; empty otherwise
     courses: tuple[Log, ...] = ()
 
 
@@ -105,10 +93,10 @@ def _log(machine: VirtualMachine, path: Trajectory, seed: int, name: str) -> Log
 
 
 def _later(ill: VirtualMachine, seed: int) -> VirtualMachine:
-    """Return the machine with its unlogged pushes at other times: they follow no command."""
+    """Return the machine with its unlogged loads at other times: they follow no command."""
     shift = float(np.random.default_rng([seed, 5]).uniform(0.3, 0.9))
-    pushes = tuple(p if p.logged else replace(p, time=p.time + shift) for p in ill.truth.external)
-    return replace(ill, truth=replace(ill.truth, external=pushes))
+    loads = tuple(p if p.logged else replace(p, time=p.time + shift) for p in ill.truth.external)
+    return replace(ill, truth=replace(ill.truth, external=loads))
 
 
 def _measured(case: Case, sealed: Sealed, ill: VirtualMachine, path: Trajectory, off: Placed) -> Produced:
@@ -144,11 +132,11 @@ def _sizes(
     effect: str, ill: Run, clean: Run, noise: Powers, model: tuple[Machine | None, VirtualMachine]
 ) -> tuple[float, float]:
     """Return the size of one effect: what is left to see of it, and the whole difference."""
-    gap = ill.minus(clean)
+    difference = ill.minus(clean)
     signal = "e" if effect in LOOP_ONLY else "u"
-    ratios = over(powers(gap), noise)
+    ratios = over(powers(difference), noise)
     raw = max(of[signal] for of in ratios.values())
     machine, truth = model
     if machine is None or signal == "e":
         return raw, raw
-    return max(left_of(gap, ill, machine, truth, noise).values()), raw
+    return max(left_of(difference, ill, machine, truth, noise).values()), raw

@@ -1,11 +1,11 @@
 """rho: how much power an effect adds to a signal, over the power of the noise, from the truth alone.
 
-Both come from simulation without the diagnosing code. The gap is the difference of two runs without
+Both come from simulation without the diagnosing code. The power is that of the difference of two runs without
 noise, along the same command, with and without the effect, after the closed loop. The noise has two
 levels: sensors, and friction that scatters from run to run.
 
 A model that is fitted to the very log (situation ``structure``) takes up what of that difference its own
-columns can; only the rest is a gap that anybody can see. :func:`left_of` takes that part away, with the
+columns can; only the rest can be seen. :func:`left_of` takes that part away, with the
 columns at their true shapes.
 """
 
@@ -31,15 +31,10 @@ Powers = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Run:
-    """Tracking errors and efforts of one run.
+    """Tracking errors and efforts of one run."""
 
-    Attributes:
-        signals: axis -> signal -> values, shape (n,).
-        log: the run itself.
-    """
-
-    signals: Mapping[str, Mapping[str, Floats]]
-    log: Mapping[str, Floats]
+    signals: Mapping[str, Mapping[str, Floats]]  # axis -> signal -> values, shape (n,)
+    log: Mapping[str, Floats]  # the run itself
 
     def minus(self, other: Run) -> dict[str, dict[str, Floats]]:
         """Return the difference of every signal."""
@@ -74,18 +69,18 @@ def _scaled(machine: VirtualMachine, level: str, factor: float) -> VirtualMachin
     return replace(machine, truth=replace(machine.truth, axes=axes))
 
 
-def powers(gap: Mapping[str, Mapping[str, Floats]]) -> dict[str, dict[str, float]]:
+def powers(difference: Mapping[str, Mapping[str, Floats]]) -> dict[str, dict[str, float]]:
     """Return the power of every signal of a difference."""
-    return {a: {s: float(np.mean(x**2)) for s, x in of.items()} for a, of in gap.items()}
+    return {a: {s: float(np.mean(x**2)) for s, x in of.items()} for a, of in difference.items()}
 
 
-def over(gap: Powers, noise: Powers) -> dict[str, dict[str, float]]:
-    """Return gap over noise, per axis and signal."""
-    return {a: {s: x / max(noise[a][s], 1e-300) for s, x in of.items()} for a, of in gap.items()}
+def over(difference: Powers, noise: Powers) -> dict[str, dict[str, float]]:
+    """Return power over the noise, per axis and signal."""
+    return {a: {s: x / max(noise[a][s], 1e-300) for s, x in of.items()} for a, of in difference.items()}
 
 
 def left_of(
-    gap: Mapping[str, Mapping[str, Floats]],
+    difference: Mapping[str, Mapping[str, Floats]],
     along: Run,
     machine: Machine,
     truth: VirtualMachine,
@@ -97,7 +92,7 @@ def left_of(
     """Return the power of an effort that the machine's own columns leave, over the noise, per axis.
 
     Args:
-        gap: efforts, usually the difference of two clean runs.
+        difference: efforts, usually the difference of two clean runs.
         along: the run whose motion the columns are taken along.
         machine: what the diagnosis is given.
         truth: for the shapes of the columns.
@@ -106,12 +101,12 @@ def left_of(
         rows: samples at which the columns are evaluated: enough for their span.
     """
     # The difference takes the effort's place in the log, so that it goes through the filter of the motion.
-    efforts = {f"{a}.u": of["u"] for a, of in gap.items()}
+    efforts = {f"{a}.u": of["u"] for a, of in difference.items()}
     motion = prepare(machine, Log({**along.log, **efforts}))
     effects = [at_truth(e, truth).fitted_to(motion) for e in machine.effects]
     pick = np.unique(np.linspace(0, len(motion) - 1, rows).astype(int))
-    joints = np.array([motion.index(a) for a in gap], dtype=np.intp)
-    weight = np.repeat([1.0 / np.sqrt(max(noise[a]["u"], 1e-300)) for a in gap], len(pick))
+    joints = np.array([motion.index(a) for a in difference], dtype=np.intp)
+    weight = np.repeat([1.0 / np.sqrt(max(noise[a]["u"], 1e-300)) for a in difference], len(pick))
     if usable:
         weight = weight * motion.use[np.ix_(pick, joints)].T.reshape(-1)
     A = _design(motion, effects, pick, joints) * weight[:, None]
@@ -120,7 +115,7 @@ def left_of(
     A = A[:, size > 0.0] / size[size > 0.0]
     solved = np.linalg.solve(A.T @ A + 1e-9 * np.eye(A.shape[1]), A.T @ y)
     left = (y - A @ solved).reshape(len(joints), -1)
-    return {a: float(np.mean(x**2)) for a, x in zip(gap, left, strict=True)}
+    return {a: float(np.mean(x**2)) for a, x in zip(difference, left, strict=True)}
 
 
 def _design(motion: Motion, effects: Sequence[Effect], pick: Ints, joints: Ints) -> Floats:

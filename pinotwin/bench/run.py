@@ -36,21 +36,13 @@ Report = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """How a bench is run.
+    """How a bench is run."""
 
-    Attributes:
-        folder: for ``cases.jsonl`` and the healthy twins.
-        seconds: length of every log [s].
-        workers: processes.
-        minutes: no case is begun after so long; None for no limit.
-        quick: screen only.
-    """
-
-    folder: Path
-    seconds: float = 8.0
-    workers: int = 2
-    minutes: float | None = None
-    quick: bool = False
+    folder: Path  # for cases.jsonl and the healthy twins
+    seconds: float = 8.0  # length of every log [s]
+    workers: int = 2  # processes
+    minutes: float | None = None  # no case is begun after so long; None for no limit
+    quick: bool = False  # screen only
 
     @property
     def file(self) -> Path:
@@ -107,7 +99,7 @@ def run_bench(cases: Sequence[Case], plan: Plan, report: Report | None = None) -
     keys = {plan.key(case): case for case in cases}
     done = {k: a for k, a in written(plan.file).items() if k in keys}
     left = [case for key, case in keys.items() if key not in done]
-    tell = report or _silent
+    tell = report or (lambda stage, done: None)
     for count, (case, said) in enumerate(_answers(left, plan, tell), 1 + len(done)):
         key = plan.key(case)
         append(plan.file, key, said)
@@ -155,7 +147,3 @@ def _answers(cases: Sequence[Case], plan: Plan, tell: Report) -> Iterator[tuple[
 
 def _make_twin(folder: Path, pair: tuple[str, int]) -> None:
     make_twin(folder, *pair)
-
-
-def _silent(stage: str, done: float) -> None:
-    del stage, done

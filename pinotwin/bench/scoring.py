@@ -12,7 +12,7 @@ from pinotwin.bench.answers import Answer
 from pinotwin.bench.statistics import Calibration, Share, calibration
 
 VISIBLE, FAINT, STRONG = 0.1, 0.02, 0.5
-"""rho above which an effect must be named; may be missed; must also shrink the gap."""
+"""rho above which an effect must be named; may be missed; must also shrink the residual."""
 
 
 @dataclass(frozen=True)
@@ -29,27 +29,16 @@ class Bound:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table.
+    """One line of the table."""
 
-    Attributes:
-        name: what is counted.
-        value: figure, None if no case tells.
-        must: what must hold; None for a line that stands beside another.
-        aim: what should hold.
-        share: counts behind the figure, where it is a share.
-        count: answers behind it.
-        kind: ``share`` (in percent), or ``number``.
-        note: how it is counted.
-    """
-
-    name: str
-    value: float | None
-    must: Bound | None = None
-    aim: Bound | None = None
-    share: Share | None = None
-    count: int = 0
-    kind: Literal["share", "number"] = "share"
-    note: str = ""
+    name: str  # what is counted
+    value: float | None  # figure, None if no case tells
+    must: Bound | None = None  # what must hold; None for a line that stands beside another
+    aim: Bound | None = None  # what should hold
+    share: Share | None = None  # counts behind the figure, where it is a share
+    count: int = 0  # answers behind it
+    kind: Literal["share", "number"] = "share"  # share (in percent), or number
+    note: str = ""  # how it is counted
 
     @property
     def state(self) -> str:

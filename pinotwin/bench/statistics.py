@@ -10,15 +10,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Share:
-    """So many of so many.
+    """So many of so many."""
 
-    Attributes:
-        hits: how many.
-        of: out of how many.
-    """
-
-    hits: int
-    of: int
+    hits: int  # how many
+    of: int  # out of how many
 
     @classmethod
     def over(cls, flags: Sequence[bool]) -> Share:
@@ -38,24 +33,14 @@ class Share:
             return 1.0
         return float(binomtest(self.hits, self.of, alternative="less").proportion_ci(confidence).high)
 
-    def lower(self, confidence: float = 0.95) -> float:
-        """Return the exact one-sided lower bound."""
-        return 1.0 - Share(self.of - self.hits, self.of).upper(confidence)
-
 
 @dataclass(frozen=True)
 class Calibration:
-    """Stated probabilities against how often they were right.
+    """Stated probabilities against how often they were right."""
 
-    Attributes:
-        error: expected calibration error over bins of equal mass.
-        brier: mean squared difference of the probability and the outcome (Brier 1950).
-        bins: (mean stated, share right, answers) of every bin, rising.
-    """
-
-    error: float
-    brier: float
-    bins: tuple[tuple[float, float, int], ...]
+    error: float  # expected calibration error over bins of equal mass
+    brier: float  # mean squared difference of the probability and the outcome (Brier 1950)
+    bins: tuple[tuple[float, float, int], ...]  # (mean stated, share right, answers) of every bin, rising
 
 
 def calibration(stated: Sequence[float], right: Sequence[bool], bins: int = 10) -> Calibration | None:

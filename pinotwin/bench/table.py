@@ -19,15 +19,10 @@ STATES = {"aim": "aim reached", "must": "must reached", "below": "MISSED", "": "
 
 @dataclass(frozen=True)
 class Bench:
-    """A scored bench.
+    """A scored bench."""
 
-    Attributes:
-        answers: what was said.
-        planned: cases that were to be run.
-    """
-
-    answers: Sequence[Answer]
-    planned: int
+    answers: Sequence[Answer]  # what was said
+    planned: int  # cases that were to be run
 
     @property
     def visible(self) -> list[Answer]:
@@ -94,20 +89,11 @@ def markdown(bench: Bench) -> str:
     """Return the whole table as Markdown."""
     kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in bench.kinds().items())
     out = ["# The withheld bench", "", f"{len(bench.answers)} of {bench.planned} cases: {kinds}.", ""]
-    out += _table(
-        ("score", "figure", "counts", "must", "aim", ""),
-        [
-            (
-                r.name,
-                shown(r),
-                counts(r),
-                shown_bound(r.must, r.kind),
-                shown_bound(r.aim, r.kind),
-                STATES[r.state],
-            )
-            for r in bench.rows()
-        ],
-    )
+    body = [
+        (r.name, shown(r), counts(r), *(shown_bound(b, r.kind) for b in (r.must, r.aim)), STATES[r.state])
+        for r in bench.rows()
+    ]
+    out += _table(("score", "figure", "counts", "must", "aim", ""), body)
     out += ["", "## Confusion, singles with rho ≥ 0.1", "", *_confusion(bench)]
     times = ", ".join(f"{k} {v:.1f} s" for k, v in bench.seconds().items())
     return "\n".join([*out, "", f"Mean time of a case: {times}.", ""])

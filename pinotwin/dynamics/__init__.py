@@ -4,6 +4,7 @@ from pinotwin.dynamics.base import BaseParameters as BaseParameters
 from pinotwin.dynamics.base import base_parameters as base_parameters
 from pinotwin.dynamics.batch import inverse as inverse
 from pinotwin.dynamics.batch import mass_matrix as mass_matrix
+from pinotwin.dynamics.batch import regressor as regressor
 from pinotwin.dynamics.excitation import Excitation as Excitation
 from pinotwin.dynamics.excitation import Group as Group
 from pinotwin.dynamics.excitation import excitation as excitation
@@ -16,4 +17,3 @@ from pinotwin.dynamics.parameters import parameter_names as parameter_names
 from pinotwin.dynamics.parameters import parameter_units as parameter_units
 from pinotwin.dynamics.parameters import parameters as parameters
 from pinotwin.dynamics.parameters import with_parameters as with_parameters
-from pinotwin.dynamics.regressor import regressor as regressor

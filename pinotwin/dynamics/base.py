@@ -28,21 +28,16 @@ import pinocchio as pin
 import scipy
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.naming import combination, labels
+from pinotwin.dynamics.batch import regressor
 from pinotwin.dynamics.parameters import (
     body_count,
     parameter_count,
     parameter_names,
     parameter_units,
 )
-from pinotwin.dynamics.regressor import regressor
 
 # Order within a body: tensor (Iyy before Ixx, so that sums read Iyy - Ixx), first moments, mass.
 _BODY_ORDER = (0, 1, 2, 3, 6, 4, 5, 7, 8, 9)
-_CLEAN = 1e-10  # scaled coefficients below this are rounding
-TOLERANCE = 1e-5
-"""A column counts as a combination of others if all but this fraction of it is one: forgives angles written as
-1.5708; far below what any log can tell."""
 
 
 @dataclass(frozen=True)
@@ -78,21 +73,21 @@ class BaseParameters:
         return regressor(model, q, v, a, self.independent)
 
 
-def base_parameters(model: pin.Model, *, seed: int = 0) -> BaseParameters:
+def base_parameters(model: pin.Model, *, seed: int = 0, tolerance: float = 1e-5) -> BaseParameters:
     """Return the base parameters of a model.
 
     Args:
         model: the machine; only its geometry matters, not its inertias.
         seed: of the random motions; the result does not depend on it.
+        tolerance: a column counts as a combination of others if all but this fraction of it is one.
+            Forgives angles written as 1.5708; far below what any log can tell.
     """
     names = parameter_names(model)
     W = _random_regressor(model, np.random.default_rng(seed))
     norms = np.linalg.norm(W, axis=0)
     alive = norms > 1e-12 * norms.max(initial=1e-300)
-    priority = _priority(model)
-    order = [k for k in priority if alive[k]]
-    scaled = W / np.where(alive, norms, 1.0)
-    kept, K, level = _regroup(scaled, order, TOLERANCE)
+    priority, scaled = _priority(model), W / np.where(alive, norms, 1.0)
+    kept, K, level = _regroup(scaled, [k for k in priority if alive[k]], tolerance)
     joint_by_joint = np.argsort([priority.index(k) for k in kept])
     chosen = np.array(kept, dtype=np.intp)[joint_by_joint]
     K = K[joint_by_joint] * (np.where(alive, norms, 0.0) / norms[chosen][:, None])
@@ -149,14 +144,50 @@ def _regroup(scaled: Floats, order: Sequence[int], tolerance: float) -> tuple[li
     for k, _ in rejected:
         K[:, k] = scipy.linalg.solve_triangular(R, base.T @ scaled[:, k])
     # Rounded angles in the URDF leave residues of their size; exact ones only those of arithmetic.
-    level = max(_CLEAN, min(tolerance, 10.0 * max((size for _, size in rejected), default=0.0)))
+    level = max(1e-10, min(tolerance, 10.0 * max((size for _, size in rejected), default=0.0)))
     return kept, np.where(np.abs(K) > level, K, 0.0), level
 
 
 def _tidy(K: Floats, chosen: Ints, level: float) -> Floats:
     """Return K with the integers that it misses by rounding, and exact unit columns."""
     whole = np.round(K)
-    P = np.where(np.abs(K - whole) < level * np.abs(whole), whole, K)
-    P = P + 0.0  # no negative zeros
+    P = np.where(np.abs(K - whole) < level * np.abs(whole), whole, K) + 0.0  # no negative zeros
     P[:, chosen] = np.eye(len(chosen))
     return P
+
+
+def _rank(name: str, position: int) -> tuple[int, int, int]:
+    """Return a sort key: from the base outwards inertias, moments, mass; then rotors."""
+    kind = 1 if name.startswith(("mx_", "my_", "mz_")) else {"I": 0, "m": 2, "J": 3}[name[0]]
+    body = 0 if kind == 3 else position // 10
+    return (kind == 3, body, kind * 100 + position % 10)
+
+
+def combination(coefficients: Floats, names: Sequence[str]) -> str:
+    """Return a sum of parameters (p,) in words, such as ``Iyy_B + Ixx_C + 0.0064 m_C + Ja_B``."""
+    terms = sorted(np.flatnonzero(coefficients).tolist(), key=lambda k: _rank(names[k], k))
+    text = ""
+    for k in terms:
+        value = float(coefficients[k])
+        size = f"{abs(value):.4g}"
+        factor = "" if size == "1" else f"{size} "
+        sign = (" - " if value < 0 else " + ") if text else ("-" if value < 0 else "")
+        text += f"{sign}{factor}{names[k]}"
+    return text
+
+
+def labels(P: Floats, independent: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
+    """Return one short, unique name for every row of ``P``; a star says that it is a grouping.
+
+    A row is called after the innermost parameter of its own kind that enters it with factor one (a
+    rotor inertia gives way to what a link adds to it), unless an earlier row has that name.
+    """
+    out: list[str] = []
+    for row, own in zip(P, independent, strict=True):
+        ones = sorted(np.flatnonzero(row == 1.0).tolist(), key=lambda k: _rank(names[k], k))
+        star = "*" if np.count_nonzero(row) > 1 else ""
+        kinds = ("I", "m_", "J") if names[own].startswith("J") else (names[own][:2],)
+        choices = [names[k] for kind in kinds for k in ones if names[k].startswith(kind)]
+        label = next((c for c in choices if f"{c}{star}" not in out), names[own])
+        out.append(f"{label}{star}")
+    return tuple(out)

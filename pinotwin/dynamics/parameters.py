@@ -74,10 +74,8 @@ def _inertia(body: Floats, name: str) -> pin.Inertia:
 
 def velocity_names(model: pin.Model) -> tuple[str, ...]:
     """Return a name for every velocity: the joint's, numbered if the joint has several."""
-    names: list[str] = []
-    for joint, name in list(zip(model.joints, model.names, strict=True))[1:]:
-        names += [name] if joint.nv == 1 else [f"{name}{k}" for k in range(joint.nv)]
-    return tuple(names)
+    joints = list(zip(model.joints, model.names, strict=True))[1:]
+    return tuple(f"{n}{k}" if j.nv > 1 else n for j, n in joints for k in range(j.nv))
 
 
 def parameter_names(model: pin.Model) -> tuple[str, ...]:

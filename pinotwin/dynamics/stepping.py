@@ -19,10 +19,9 @@ from pinotwin.system.kernels import compiled
 leaf = compiled(nogil=True, _nrt=False)
 """Compiles a function that allocates nothing, without reference counting.
 
-numba counts references of every array that it takes out of a tuple. A stepping loop takes some hundred of them out
-per step and creates none; the counting then costs three times the arithmetic (1.8 against 0.55 microseconds a step,
-measured on the trunnion). ``_nrt=False`` leaves it out; the option is numba's own and may go some day. Other threads
-run meanwhile: axes are searched side by side.
+numba counts references of every array that it takes out of a tuple, some hundred per step: three times the cost of
+the arithmetic. ``_nrt=False`` leaves it out; the option is numba's own and may go some day. Other threads run
+meanwhile: axes are searched side by side.
 """
 
 inlined = compiled(nogil=True, inline="always")
@@ -50,16 +49,7 @@ def entry(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
 @leaf
 def replay(revolute: Ints, ops: Ints, sign: Floats, q: Floats, v: Floats, t: Floats) -> None:
-    """Work off a :class:`pinotwin.dynamics.tape.Tape` at one sample.
-
-    Args:
-        revolute: joints that turn.
-        ops: operations, shape (k, 3).
-        sign: their signs, shape (k,).
-        q: positions, shape (nv,).
-        v: velocities, shape (nv,).
-        t: values; its start holds the constants, shape (m + k,).
-    """
+    """Work off a :class:`pinotwin.dynamics.tape.Tape` at one sample; ``t`` (m + k,) starts with the constants."""
     nv = len(q)
     for r in range(len(revolute)):
         i = revolute[r]

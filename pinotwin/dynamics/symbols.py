@@ -80,12 +80,8 @@ class Trace:
             ops.append(op)
             place[k] = len(start) + len(ops) - 1
             sign.append(s)
-        return (
-            np.array(start),
-            np.array(ops, dtype=np.intp).reshape(-1, 3),
-            np.array(sign),
-            [place[k] for k in ends],
-        )
+        table = np.array(ops, dtype=np.intp).reshape(-1, 3)
+        return np.array(start), table, np.array(sign), [place[k] for k in ends]
 
     def _signed(self, x: Expression) -> int:
         """Return the node that is ``x`` itself, sign included."""

@@ -26,29 +26,18 @@ from pinotwin.dynamics.parameters import parameter_count
 from pinotwin.dynamics.symbols import Expression, Trace
 from pinotwin.errors import MachineError
 
-_TINY = 1e-15
-
 
 @dataclass(frozen=True)
 class Tape:
-    """The straight line; see the module. ``t`` starts with cos q, sin q, q, v of every joint.
+    """The straight line; see the module. ``t`` starts with cos q, sin q, q, v of every joint."""
 
-    Attributes:
-        start: first values of t: room for the inputs, then the constants, shape (m,).
-        ops: a, b, c of every operation, shape (k, 3).
-        sign: s of every operation, shape (k,).
-        revolute: joints whose cosine and sine are needed, shape (r,).
-        mass: row, column (row <= column) and place in t of the entries of M that are not zero,
-            shape (., 3).
-        bias: joint and place in t of the entries of h that are not zero, shape (., 2).
-    """
-
-    start: Floats
-    ops: Ints
-    sign: Floats
-    revolute: Ints
+    start: Floats  # first values of t: room for the inputs, then the constants, shape (m,)
+    ops: Ints  # a, b, c of every operation, shape (k, 3)
+    sign: Floats  # s of every operation, shape (k,)
+    revolute: Ints  # joints whose cosine and sine are needed, shape (r,)
+    # row, column (row <= column) and place in t of the entries of M that are not zero, shape (., 3)
     mass: Ints
-    bias: Ints
+    bias: Ints  # joint and place in t of the entries of h that are not zero, shape (., 2)
 
     @property
     def size(self) -> int:
@@ -82,16 +71,11 @@ def record(model: pin.Model, pi: Floats, coupled: Sequence[tuple[int, int, float
         bias[j] = bias.get(j, 0.0) + viscous * bodies.v[i]
     outputs = [*mass.values(), *bias.values()]
     start, ops, sign, places = trace.compile(outputs)
-    entries = [(i, j, p) for (i, j), p in zip(mass, places[: len(mass)], strict=True)]
+    entries = [(i, j, p) for (i, j), p in zip(mass, places, strict=False)]
     efforts = list(zip(bias, places[len(mass) :], strict=True))
-    return Tape(
-        start,
-        ops,
-        sign,
-        np.flatnonzero(bodies.revolute).astype(np.intp),
-        np.array(entries, dtype=np.intp).reshape(-1, 3),
-        np.array(efforts, dtype=np.intp).reshape(-1, 2),
-    )
+    revolute = np.flatnonzero(bodies.revolute).astype(np.intp)
+    tables = (np.array(x, dtype=np.intp).reshape(-1, k) for x, k in ((entries, 3), (efforts, 2)))
+    return Tape(start, ops, sign, revolute, *tables)
 
 
 class _Bodies:
@@ -222,10 +206,10 @@ def _cross(a, b):  # type: ignore[no-untyped-def]
     )
 
 
-def _clean(x: Floats):  # type: ignore[no-untyped-def]
+def _clean(x: Floats, tiny: float = 1e-15):  # type: ignore[no-untyped-def]
     """Return Python floats, with rounding errors of an exact 0 or 1 removed, so that they fold."""
     whole = np.round(x)
-    return np.where(np.abs(x - whole) < _TINY, whole, x).astype(float).astype(object)
+    return np.where(np.abs(x - whole) < tiny, whole, x).astype(float).astype(object)
 
 
 def _is_zero(x: Expression) -> bool:

@@ -13,7 +13,6 @@ from pinotwin.effects.effect import Columns as Columns
 from pinotwin.effects.effect import Effect as Effect
 from pinotwin.effects.effect import Shape as Shape
 from pinotwin.effects.family import FAMILIES as FAMILIES
-from pinotwin.effects.family import Family as Family
 from pinotwin.effects.friction import Coulomb as Coulomb
 from pinotwin.effects.friction import CoulombAsymmetric as CoulombAsymmetric
 from pinotwin.effects.friction import LoadFriction as LoadFriction
@@ -48,7 +47,6 @@ from pinotwin.effects.sensing import EncoderError as EncoderError
 from pinotwin.effects.servo import Feedforward as Feedforward
 from pinotwin.effects.servo import LoopGain as LoopGain
 from pinotwin.effects.servo import Saturation as Saturation
-from pinotwin.effects.sight import Sight as Sight
 from pinotwin.effects.transmission import Backlash as Backlash
 from pinotwin.effects.transmission import DriveFlexibility as DriveFlexibility
 from pinotwin.effects.transmission import JointFlexibility as JointFlexibility

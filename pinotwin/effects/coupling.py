@@ -13,8 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from pinotwin.arrays import Floats
-from pinotwin.effects.effect import Coefficient, Columns, Paired
+from pinotwin.effects.effect import Coefficient, Paired
 from pinotwin.effects.family import BODY
 from pinotwin.effects.sight import Sight
 from pinotwin.effects.tree import HasTree, Tree
@@ -31,21 +30,10 @@ class InertialCoupling(Paired):
     words = "another axis' acceleration drives this one more than modelled"
     remedy = "check the centre of mass of what both axes move; move one axis alone and watch the other"
     colour = "#2fa6a0"
+    linear = (Coefficient("J", "I"),)
     inseparable = ("payload",)
     imitates = ("payload", "rigid_body", "wrist_coupling", "geometric_error")
     causes = ("inertial_coupling",)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        """Return J; between a slide and a rotation its unit is that of kg·m."""
-        return (Coefficient("J", self.unit("I")),)
-
-    def terms(self, theta: Floats) -> tuple[float, float, float]:
-        return float(theta[0]), 0.0, 0.0
-
-    def columns(self, motion: Motion) -> Columns:
-        own, other = motion.axis(self.axis), motion.axis(self.partner)
-        values = np.stack([other.a, own.a], axis=1)[:, :, None]
-        return Columns((own.index, other.index), values)
 
 
 @dataclass(frozen=True)
@@ -61,17 +49,15 @@ class WristCoupling(Paired):
     words = "turning one axis drags another through the gearing"
     remedy = "check the coupling ratio of the wrist in `transmission`"
     colour = "#3a7d7b"
+    linear = (
+        Coefficient("Ia_m", "F·s²/x", lower=0.0),
+        Coefficient("b_m", "F·s/x", lower=0.0),
+        Coefficient("c_m", "F", lower=0.0),
+    )
     contains = ("inertial_coupling",)
     imitates = ("inertial_coupling", "payload", "rigid_body")
     causes = ("inertial_coupling", "friction", "friction")
     rotary: bool = True
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        units = {"Ia_m": "F·s²/x", "b_m": "F·s/x", "c_m": "F"}
-        return tuple(Coefficient(name, self.unit(unit), lower=0.0) for name, unit in units.items())
-
-    def terms(self, theta: Floats) -> tuple[float, float, float]:
-        return float(theta[0]), float(theta[1]), float(theta[2])
 
     @classmethod
     def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Self, ...]:
@@ -85,9 +71,3 @@ class WristCoupling(Paired):
         every = super().candidates(machine, axis, motion)
         turning = [e for e in every if tree.rotary[tree.index(e.partner)]]
         return tuple(e for e in turning if (tree.apart(axis, e.partner) or np.inf) <= 2)
-
-    def columns(self, motion: Motion) -> Columns:
-        own, other = motion.axis(self.axis), motion.axis(self.partner)
-        slide = motion.passed(np.sign(own.v + other.v))
-        values = np.stack([np.stack([x.a, x.v, slide], axis=-1) for x in (other, own)], axis=1)
-        return Columns((own.index, other.index), values)

@@ -48,5 +48,5 @@ def direction(motion: AxisMotion, width: float) -> Floats:
 
 
 def default_width(rotary: bool) -> float:
-    """Return the usual width of the turn-over: 1 mm/s, or 10 mrad/s for a rotary axis."""
+    """Return the usual width of the turn-over [m/s or rad/s]: 1 mm/s, or 10 mrad/s for a rotary axis."""
     return 1e-2 if rotary else 1e-3

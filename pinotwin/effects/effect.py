@@ -6,17 +6,11 @@
 column (a Stribeck speed, a ripple pitch) that a bounded search finds. An effect never stores what was
 found: it states the equation. Effects are frozen dataclasses; their fields are what the YAML may set.
 
-Identification, simulation, diagnosis, report and documentation read everything they need from here:
-
-* ``effect.columns(motion)``: the regressor. Effects whose column is made of the model's own effort
-  (``needs`` names the channels: ``model``, ``rigid``, ``mass``) want a motion that holds it:
-  ``motion = told(motion, effects, theta)`` of :mod:`pinotwin.effects.scene`, once a model.
-* ``EFFECTS[name].candidates(machine, axis, motion)``: the instances worth trying on one axis of this
-  motion. Empty when the log cannot show the effect (presliding in a coarse log, a Stribeck curve
-  without slow rows). Every candidate keeps its shapes: ``candidate.shapes()`` bounds a further polish,
-  ``candidate.shape_values()`` is where it starts. ``found.settled()`` is what machine.yaml is to list.
-* ``family.acts``: on the effort, on hidden states, on a sensor, or in the controller's loop. An effect
-  of the loop gives columns of the effort that the controller adds; the plant stays what it is.
+Identification, simulation, diagnosis, report and documentation read everything they need from here. Effects
+whose column is made of the model's own effort (``needs``) want a motion that holds it: ``motion = told(motion,
+effects, theta)`` of :mod:`pinotwin.effects.scene`, once a model. A search tries the ``candidates`` of an effect;
+each keeps its shapes: ``candidate.shapes()`` bounds a further polish, ``candidate.shape_values()`` is where it
+starts, and ``found.settled()`` is what machine.yaml is to list.
 
 A new effect is one small final class. A built-in one is listed once in :mod:`pinotwin.effects.known`, which says
 how a user's own is named as well.
@@ -226,7 +220,7 @@ class Effect(abc.ABC):
         return ()
 
     def nominal(self) -> Floats | None:
-        """Return the coefficients that the machine's description gives, or None where it gives none."""
+        """Return the coefficients that the machine's description gives, shape (p,), or None where it gives none."""
         return None
 
     def labels(self) -> tuple[str, ...]:
@@ -243,7 +237,7 @@ class Effect(abc.ABC):
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def channel(self, motion: Motion, name: Need) -> Floats:
-        """Return a channel of the motion that holds the model's effort.
+        """Return a channel of the motion that holds the model's effort, shape (n, nv); of the mass (n, nv, nv).
 
         Raises:
             DataError: the motion holds none.
@@ -307,10 +301,13 @@ class OneAxis(Effect):
     """An effect that is listed under one axis.
 
     Attributes:
+        linear: its coefficients, in the order of the columns; F stands for the unit of the effort, x for that of
+            the position, I for that of an inertia.
         axis: its name.
         rotary: whether it is a rotation; a slide otherwise.
     """
 
+    linear: ClassVar[tuple[Coefficient, ...]]
     axis: str
     rotary: bool = False
 
@@ -319,14 +316,17 @@ class OneAxis(Effect):
             if "usual" in f.metadata and getattr(self, f.name) is None:
                 object.__setattr__(self, f.name, f.metadata["usual"][self.rotary])
 
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        return tuple(dataclasses.replace(c, unit=self.unit(c.unit)) for c in self.linear)
+
     def unit(self, of: str) -> str:
-        """Return a unit with F for that of the effort, x for that of the position, I for that of an inertia."""
+        """Return a unit in which F, x and I stand for that of effort, position and inertia."""
         own = ("N·m", "rad", "kg·m²") if self.rotary else ("N", "m", "kg")
         return of.translate(dict(zip(map(ord, "FxI"), own, strict=True)))
 
 
 def usual(linear: float, rotary: float) -> Any:
-    """Return a field of :class:`OneAxis` that has a usual value of a slide or a rotation where none is given."""
+    """Return a field of :class:`OneAxis` with a usual value [SI] of a slide or a rotation."""
     return dataclasses.field(default=None, metadata={"usual": (linear, rotary)})
 
 
@@ -343,9 +343,16 @@ class Paired(OneAxis):
     depends = "partner"
     partner: str = dataclasses.field(default="", metadata={"yaml": "with"})
 
-    @abc.abstractmethod
     def terms(self, theta: Floats) -> tuple[float, float, float]:
-        """Return Ia, b and c of coefficients in the order of :meth:`coefficients`."""
+        """Return Ia, b and c of the coefficients, shape (p,), which are the first of these."""
+        inertia, viscous, dry = [*map(float, theta), 0.0, 0.0][:3]
+        return inertia, viscous, dry
+
+    def columns(self, motion: Motion) -> Columns:
+        own, other, count = motion.axis(self.axis), motion.axis(self.partner), len(self.linear)
+        slide = motion.passed(np.sign(own.v + other.v)) if count > 2 else own.v
+        parts = [np.stack([x.a, x.v, slide][:count], axis=-1) for x in (other, own)]
+        return Columns((own.index, other.index), np.stack(parts, axis=1))
 
     @classmethod
     def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Self, ...]:
@@ -353,23 +360,6 @@ class Paired(OneAxis):
         tree = Tree.of(machine)
         moving = [x for x in tree.names if x != axis and Sight.of(motion, x).moves]
         return tuple(cls(axis, tree.rotary[tree.index(axis)], partner=x) for x in moving)
-
-
-class Slipping(Effect):
-    """An effect of slip elements and a bristle that bend with the displacement of an axis.
-
-    tau = z g(|v|) + m (y - z) + d y',      dz_i = dq / (x_s yield_i), kept within [-1, 1]
-    """
-
-    depends = "displacement"
-    axis: str
-    x_s: float
-    play: float | None
-    spread: float
-
-    @abc.abstractmethod
-    def memory(self, theta: Floats) -> tuple[float, float]:
-        """Return m and d of coefficients in the order of :meth:`coefficients`."""
 
 
 @dataclass(frozen=True)

@@ -23,17 +23,24 @@ from pinotwin.signals import since_start
 
 FADES = np.geomspace(0.006, 0.3, 6)
 """Speeds at which friction may have faded, as shares of the top speed."""
-WARMING = (5.0, 15.0, 40.0)
-"""Time constants of warming that are tried [s]."""
 
 
-class Turning:
-    """Friction that turns round with the motion over a width of speeds."""
+@dataclass(frozen=True)
+class Turning(OneAxis):
+    """Friction that turns round with the motion over a width of speeds.
 
-    width: float | None
+    Attributes:
+        width: velocity over which the direction turns [m/s or rad/s]; 0 is the plain sign.
+    """
+
+    width: float | None = None
+
+    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
+        """Return the effect; in one direction alone it is an offset."""
+        return (self,) if sight.both_ways else ()
 
     def turned(self, rotary: bool) -> float:
-        """Return two widths: from one direction to the other."""
+        """Return two widths, from one direction to the other [m/s or rad/s]."""
         return 2.0 * self._width(rotary)
 
     def _width(self, rotary: bool) -> float:
@@ -53,12 +60,10 @@ class Viscous(AxisEffect):
     words = "friction that grows with speed"
     remedy = "check the lubricant and its temperature; a bearing or seal that was changed or over-greased"
     colour = "#f28e2b"
+    linear = (Coefficient("b", "F·s/x", lower=0.0),)
     imitates = ("viscous_asymmetric", "viscous_thermal", "quadratic_drag", "stribeck", "delay")
     causes = ("viscous",)
     depends = "velocity"
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("b", self.unit("F·s/x"), lower=0.0),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return motion.v[:, None]
@@ -74,14 +79,12 @@ class ViscousAsymmetric(AxisEffect):
     words = "friction that grows with speed, more in one direction than in the other"
     remedy = "check seals, wipers and brushes that lean one way, and a cable that is pulled one way and pushed back"
     colour = "#e0b040"
+    linear = tuple(Coefficient(name, "F·s/x", lower=0.0) for name in ("b_plus", "b_minus"))
     contains = ("viscous",)
     imitates = ("coulomb_asymmetric", "offset", "quadratic_drag")
     sharp = True
     causes = ("friction",)
     depends = "velocity"
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return tuple(Coefficient(name, self.unit("F·s/x"), lower=0.0) for name in ("b_plus", "b_minus"))
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return np.stack([np.maximum(motion.v, 0.0), np.minimum(motion.v, 0.0)], axis=-1)
@@ -89,11 +92,7 @@ class ViscousAsymmetric(AxisEffect):
 
 @dataclass(frozen=True)
 class Coulomb(Turning, AxisEffect):
-    """Dry friction: tau = c d(v).
-
-    Attributes:
-        width: velocity over which the direction turns [m/s or rad/s]; 0 is the plain sign.
-    """
+    """Dry friction: tau = c d(v)."""
 
     name = "coulomb"
     family = FRICTION
@@ -101,18 +100,11 @@ class Coulomb(Turning, AxisEffect):
     words = "dry friction: the same force at any speed, against the motion"
     remedy = "check preload of bearings, guides and gears, wipers, a brake that drags"
     colour = "#e15759"
+    linear = (Coefficient("c", "F", lower=0.0),)
     imitates = ("presliding", "stribeck", "load_friction", "hysteresis")
     sharp = True
     causes = ("friction",)
     depends = "direction"
-    width: float | None = None
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("c", self.unit("F"), lower=0.0),)
-
-    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """Return the effect; in one direction alone it is an offset."""
-        return (self,) if sight.both_ways else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return self._direction(motion)[:, None]
@@ -131,19 +123,13 @@ class CoulombAsymmetric(Turning, AxisEffect):
     words = "dry friction that is larger in one direction than in the other"
     remedy = "hold several postures with the brake off and read the effort: weight or counterbalance pulls at rest too"
     colour = "#c2405a"
+    linear = tuple(Coefficient(name, "F", lower=0.0) for name in ("c_plus", "c_minus"))
     contains = ("coulomb", "offset")
     inseparable = ("offset",)
     imitates = ("viscous_asymmetric", "rigid_body")
     sharp = True
     causes = ("friction",)
     depends = "direction"
-    width: float | None = None
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return tuple(Coefficient(name, self.unit("F"), lower=0.0) for name in ("c_plus", "c_minus"))
-
-    def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        return (self,) if sight.both_ways else ()
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         d = self._direction(motion)
@@ -165,6 +151,7 @@ class Stribeck(Turning, AxisEffect):
     words = "extra friction at very low speed, as where a lubricating film has not yet formed"
     remedy = "check the lubricant: amount, kind, age; run the axis in over its whole travel"
     colour = "#b6992d"
+    linear = (Coefficient("s", "F", lower=0.0),)
     searched = 1
     fades = True
     held = True  # slow rows are few: without them s would run away
@@ -174,10 +161,6 @@ class Stribeck(Turning, AxisEffect):
     depends = "direction"
     v_s: float = 0.01
     exponent: float = 1.0
-    width: float | None = None
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("s", self.unit("F"), lower=0.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
         """Return v_s.
@@ -217,19 +200,17 @@ class QuadraticDrag(AxisEffect):
     words = "resistance that grows with the square of speed: air, fan, splashing oil"
     remedy = "check oil level, covers and fans on the moving part"
     colour = "#ff7f8a"
+    linear = (Coefficient("b2", "F·s²/x²", lower=0.0),)
     imitates = ("viscous", "viscous_thermal", "viscous_asymmetric")
     causes = ("friction",)
     depends = "velocity"
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("b2", self.unit("F·s²/x²"), lower=0.0),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return (motion.v * np.abs(motion.v))[:, None]
 
 
 @dataclass(frozen=True)
-class LoadFriction(Turning, OneAxis):
+class LoadFriction(Turning):
     """Dry friction that grows with the load on bearing, guide or gear: tau = mu |load| d(v).
 
     The load is the rigid-body effort of the axis (gravity, inertia, coupling), and with ``total`` the
@@ -237,7 +218,6 @@ class LoadFriction(Turning, OneAxis):
 
     Attributes:
         total: 1 for the whole effort of the model as load, 0 for its rigid-body part.
-        width: velocity over which the direction turns [m/s or rad/s].
     """
 
     name = "load_friction"
@@ -246,16 +226,13 @@ class LoadFriction(Turning, OneAxis):
     words = "friction that grows with the load on bearing or gear"
     remedy = "check gear and bearings under load; move the same path with and without a known payload"
     colour = "#8a4f5e"
+    linear = (Coefficient("mu", "-", lower=0.0),)
     imitates = ("coulomb", "effort_scale", "stribeck", "viscous_asymmetric")
     needs = ("model", "rigid", "mass")
     sharp = True
     searched = 1
     causes = ("friction",)
     total: int = 0
-    width: float | None = None
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("mu", "-", lower=0.0),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return each kind of load; one that never changes is dry friction."""
@@ -290,21 +267,19 @@ class ViscousThermal(AxisEffect):
     words = "friction that falls or rises as the machine warms up"
     remedy = "warm the machine up before recording, or record the same motion cold and warm"
     colour = "#d9722e"
+    linear = (Coefficient("b_warm", "F·s/x"),)
     imitates = ("viscous", "quadratic_drag")
     searched = 1
     causes = ("friction",)
     warming: float = 15.0
 
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("b_warm", self.unit("F·s/x")),)
-
     def shapes(self) -> tuple[Shape, ...]:
         return (Shape("warming", "s", 0.5, 3600.0),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
-        """Return time constants of which the log is long enough."""
+        """Return time constants [s] of which the log is long enough."""
         length_of = float(motion.t[-1] - motion.t[0]) if len(motion) else 0.0
-        return self.over([tau for tau in WARMING if tau < 2.0 * length_of])
+        return self.over([tau for tau in (5.0, 15.0, 40.0) if tau < 2.0 * length_of])
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return (motion.v * -np.expm1(-since_start(motion.t) / self.warming))[:, None]

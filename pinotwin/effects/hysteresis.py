@@ -83,6 +83,7 @@ class Hysteresis(AxisEffect):
     words = "drag that turns round slowly after a reversal, as of cables, hoses or seals"
     remedy = "follow the cable carrier by hand: stiff cables, rubbing hoses, rolling seals; record short, long strokes"
     colour = "#8c6d31"
+    linear = (Coefficient("k", "F", lower=0.0),)
     imitates = ("presliding", "coulomb", "backlash", "spring", "position_table")
     searched = 2
     # Slow as it is, an integrating controller answers it with next to no tracking error: the loop would
@@ -93,15 +94,12 @@ class Hysteresis(AxisEffect):
     x_h: float = usual(0.005, 0.05)
     n: float = 1.0
 
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("k", self.unit("F"), lower=0.0),)
-
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (1e-4, 3.0) if self.rotary else (1e-5, 0.5)
         return (Shape("x_h", self.unit("x"), low, high), Shape("n", "-", 0.25, 4.0))
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """Return shares of the travel."""
+        """Return shares of the travel [m or rad], and exponents."""
         (shape, _) = self.shapes()
         travel = max(float(np.ptp(motion.axis(self.axis).q)), 1e3 * shape.lower)
         return np.clip(LONG * travel, shape.lower, shape.upper), np.array(SHARP)

@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any, ParamSpec, Protocol, TypeVar
 
 from pinotwin.effects import coupling, friction, load, position, ripple, sensing, servo, transmission
-from pinotwin.effects.effect import Effect
+from pinotwin.effects.effect import Effect, OneAxis
 from pinotwin.effects.hysteresis import Hysteresis
 from pinotwin.effects.presliding import Presliding
 from pinotwin.effects.rigid_body import RigidBody
@@ -66,9 +66,6 @@ EFFECTS: dict[str, type[Effect]] = {
 
 LISTED: tuple[str, ...] = tuple(name for name, effect in EFFECTS.items() if not effect.unlisted)
 """Names that an axis may list in machine.yaml."""
-
-GROUP = "pinotwin.effects"
-"""Group of entry points by which an installed package offers effects."""
 
 EffectLike = Effect | type[Effect] | str
 """An effect, its class, ``module:Class``, or the name of a known one."""
@@ -157,6 +154,8 @@ def check_effect(kind: type[Effect]) -> type[Effect]:
     """
     where = f"effect {kind.__module__}:{kind.__qualname__}"
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    if kind.coefficients is OneAxis.coefficients and not hasattr(kind, "linear"):
+        missing.append("coefficients")
     if missing:
         raise InputError(f"{where}: does not define {', '.join(missing)}")
     if "axis" not in vars(kind).get("__dataclass_fields__", {}):
@@ -250,4 +249,4 @@ def _loaded(file: Path) -> ModuleType:
 @functools.cache
 def _installed() -> tuple[type[Effect], ...]:
     """Return the effects of installed packages."""
-    return tuple(resolve(point.value) for point in importlib.metadata.entry_points(group=GROUP))
+    return tuple(resolve(point.value) for point in importlib.metadata.entry_points(group="pinotwin.effects"))

@@ -11,9 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats, Ints
-from pinotwin.dynamics.batch import inverse
+from pinotwin.dynamics.batch import inverse, regressor
 from pinotwin.dynamics.parameters import BODY_NAMES, BODY_UNITS
-from pinotwin.dynamics.regressor import regressor
 from pinotwin.effects.effect import AxisEffect, Coefficient, Columns, Effect, OneAxis
 from pinotwin.effects.family import LOAD
 from pinotwin.effects.sight import Sight
@@ -38,11 +37,7 @@ class OfTree(OneAxis):
 
     @property
     def machine(self) -> Tree:
-        """The tree.
-
-        Raises:
-            MachineError: the effect is not bound to one.
-        """
+        """The tree; MachineError where the effect is not bound to one."""
         if self.tree is None:
             raise MachineError(
                 f"{self.axis}.{self.name} needs its machine: take it from machine.effects or bound(tree)"
@@ -66,14 +61,14 @@ class Payload(OfTree):
     words = "a mass on the link, as a workpiece or a tool, that the model does not have"
     remedy = "take tool or workpiece off, or add its mass and centre of mass to the link"
     colour = "#76608a"
+    linear = tuple(
+        Coefficient(x, unit, lower=0.0 if x == "m" else -np.inf)
+        for x, unit in zip(BODY_NAMES, BODY_UNITS, strict=True)
+    )
     inseparable = ("inertial_coupling",)
     imitates = ("rigid_body", "effort_scale", "inertial_coupling", "offset")
     unlisted = "is a body: add its mass to the <inertial> of the link in the URDF"
     causes = ("inertial_coupling",)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        pairs = zip(BODY_NAMES, BODY_UNITS, strict=True)
-        return tuple(Coefficient(x, unit, lower=0.0 if x == "m" else -np.inf) for x, unit in pairs)
 
     def columns(self, motion: Motion) -> Columns:
         tree = self.machine
@@ -138,11 +133,8 @@ class GeometricError(OfTree):
     words = "an axis is tilted against the drawing"
     remedy = "measure squareness with a dial gauge or a level, and correct the joint's origin in the URDF"
     colour = "#4f5d9e"
+    linear = (Coefficient("tilt1", "rad"), Coefficient("tilt2", "rad"))
     imitates = ("rigid_body", "inertial_coupling", "ripple", "position_table")
-    causes = ("other",)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("tilt1", "rad"), Coefficient("tilt2", "rad"))
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return the effect; a lone axis without gravity has no tilt."""
@@ -160,8 +152,10 @@ class GeometricError(OfTree):
 
 def _tilted(model: pin.Model, joint: int) -> Sequence[pin.Model]:
     """Return the model with one joint turned by TILT about each of two directions across its axis."""
-    out = []
-    for side in _across(_direction(model, joint)):
+    out, axis = [], _direction(model, joint)
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    for side in (first, np.cross(axis, first)):
         copy = model.copy()
         turn = pin.SE3(pin.exp3(TILT * side), np.zeros(3))
         copy.jointPlacements[joint] = model.jointPlacements[joint] * turn
@@ -176,10 +170,3 @@ def _direction(model: pin.Model, joint: int) -> Floats:
     S = np.asarray(data.S).reshape(6)
     axis = S[:3] if np.linalg.norm(S[:3]) > 0.5 else S[3:]
     return np.asarray(axis / np.linalg.norm(axis))
-
-
-def _across(direction: Floats) -> tuple[Floats, Floats]:
-    """Return two unit vectors across a direction."""
-    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-    first /= np.linalg.norm(first)
-    return first, np.cross(direction, first)

@@ -29,13 +29,11 @@ class Offset(AxisEffect):
     words = "a constant force: weight, counterbalance, current offset"
     remedy = "check counterbalance and brake, and the drive's current offset"
     colour = "#a05195"
+    linear = (Coefficient("f0", "F"),)
     inseparable = ("coulomb_asymmetric",)
     imitates = ("viscous_asymmetric", "rigid_body", "position_table")
     causes = ("position",)
     depends = "position"
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("f0", self.unit("F")),)
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return np.ones((len(motion.q), 1))
@@ -51,14 +49,11 @@ class Spring(AxisEffect):
     words = "a spring between two parts: cable, hose, flexure"
     remedy = "check cables, hoses and covers that are stretched along the travel"
     colour = "#6b8e23"
+    linear = (Coefficient("k", "F/x", lower=0.0), Coefficient("c", "F·s/x", lower=0.0))
     contains = ("viscous",)
     imitates = ("position_table", "rigid_body", "hysteresis")
     causes = ("stiffness", "viscous")
     rotary: bool = True
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        units = {"k": "F/x", "c": "F·s/x"}
-        return tuple(Coefficient(name, self.unit(unit), lower=0.0) for name, unit in units.items())
 
     def axis_columns(self, motion: AxisMotion) -> Floats:
         return np.stack([motion.q, motion.v], axis=-1)

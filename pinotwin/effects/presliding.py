@@ -27,7 +27,7 @@ import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, Slipping, usual
+from pinotwin.effects.effect import AxisEffect, Coefficient, Effect, Shape, usual
 from pinotwin.effects.family import FRICTION
 from pinotwin.effects.sight import Sight
 from pinotwin.motion import AxisMotion, Motion
@@ -47,7 +47,7 @@ DISTANCES = (2.0, 4.0, 8.0, 16.0, 40.0, 100.0)
 
 @functools.lru_cache(maxsize=256)
 def yields(spread: float) -> Floats:
-    """Return the distances at which the elements slip, over x_s: medians of equal parts of a gamma distribution."""
+    """Return the distances at which the elements slip, over x_s, (6,): medians of parts of a gamma distribution."""
     k = min(max(spread, SPREADS[0]), SPREADS[1]) ** -2
     out = np.asarray(
         2.0 / k * scipy.special.gammaincinv(k, (np.arange(ELEMENTS) + 0.5) / ELEMENTS), dtype=float
@@ -100,7 +100,7 @@ def encoder_noise(motion: AxisMotion) -> float:
 
 
 @dataclass(frozen=True)
-class Presliding(AxisEffect, Slipping):
+class Presliding(AxisEffect):
     """Friction with presliding: tau = z [c + s exp(-|v / v_s|^k)] + m (y - z) + d y'.
 
     Attributes:
@@ -124,6 +124,7 @@ class Presliding(AxisEffect, Slipping):
     searched = 1
     sharp = True
     causes = ("friction",)
+    depends = "displacement"
     uses_standstill = True
     x_s: float = usual(1e-5, 5e-5)
     v_s: float = 0.01
@@ -155,6 +156,7 @@ class Presliding(AxisEffect, Slipping):
         return (*found, Coefficient("d", self.unit("F·s"), lower=0.0)) if self.bristle else found
 
     def memory(self, theta: Floats) -> tuple[float, float]:
+        """Return m [N or N·m] and d of coefficients in the order of :meth:`coefficients`, for a simulation."""
         return (float(theta[-2]), float(theta[-1])) if self.bristle else (0.0, 0.0)
 
     def shapes(self) -> tuple[Shape, ...]:
@@ -186,16 +188,11 @@ class Presliding(AxisEffect, Slipping):
         if not sight.both_ways or sight.reversals < 2:
             return ()
         usual = 2e-5 if self.rotary else 5e-6
-        rise = self._rise(sight)
+        rises, slow = np.abs(np.diff(sight.speed)) / sight.step, sight.speed[:-1] < 0.1 * sight.top
+        rise = float(np.median(rises[slow] if slow.any() else rises))  # acceleration as it turns round
         least = max(4.0 * sight.noise, 0.5 * rise * (2.0 * sight.step) ** 2)
         found = [usual * k for k in DISTANCES if least <= usual * k <= 0.05 * sight.travel]
         return tuple(replace(self, x_s=float(x), stribeck=0, bristle=0) for x in found)
-
-    def _rise(self, sight: Sight) -> float:
-        """Return the acceleration at which the axis turns round, about [m/s² or rad/s²]."""
-        slope = np.abs(np.diff(sight.speed)) / sight.step
-        slow = sight.speed[:-1] < 0.1 * sight.top
-        return float(np.median(slope[slow])) if slow.any() else float(np.median(slope))
 
     def settled(self) -> Self:
         """Return the effect with the terms that a search leaves out, at the distance it found."""

@@ -24,8 +24,6 @@ from pinotwin.motion import Motion
 
 CHECKED, SAME = 32, 1e-11
 """Rows on which Newton-Euler is held against the regressor, and the share of the largest by which it may differ."""
-BLOCK = 20_000
-"""Rows of a regressor that are held at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,25 +57,26 @@ class RigidBody(Effect):
         return self.base.labels
 
     def nominal(self) -> Floats:
-        """Return the base parameters of the description."""
+        """Return the base parameters of the description, shape (b,)."""
         return self.base.from_standard(parameters(self.model))
 
     def columns(self, motion: Motion) -> Columns:
         values = self.base.regressor(self.model, motion.q, motion.v, motion.a)
         return Columns(tuple(range(self.model.nv)), values)
 
-    def effort(self, beta: Floats, q: Floats, v: Floats, a: Floats) -> Floats:
+    def effort(self, beta: Floats, q: Floats, v: Floats, a: Floats, block: int = 20_000) -> Floats:
         """Return W_b(q, v, a) beta, shape (n, nv) [N or N·m].
 
         Newton-Euler of a tree with these base parameters costs a fifth of the regressor. Bodies of hardly any mass,
-        whose centre is then far away, lose digits in it: some rows say whether it will do.
+        whose centre is then far away, lose digits in it: some rows say whether it will do. ``block`` rows of
+        a regressor are held at once.
         """
         fast = inverse(self.model_with(beta), q, v, a)
         few = np.linspace(0, max(len(q) - 1, 0), min(len(q), CHECKED)).astype(int)
         exact = self.base.regressor(self.model, q[few], v[few], a[few]) @ beta
         if np.abs(fast[few] - exact).max(initial=0.0) <= SAME * np.abs(exact).max(initial=0.0):
             return fast
-        parts = (slice(k, k + BLOCK) for k in range(0, len(q), BLOCK))
+        parts = (slice(k, k + block) for k in range(0, len(q), block))
         return np.concatenate([self.base.regressor(self.model, q[s], v[s], a[s]) @ beta for s in parts])
 
     def model_with(self, beta: Floats) -> pin.Model:

@@ -80,7 +80,7 @@ class Pitched(AxisEffect):
         return (Shape("period", self.unit("x"), *self._bounds()),) if self.free_pitch else ()
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        """Return pitches up to the longest that the log shows to repeat, if it can show any.
+        """Return pitches [m or rad] up to the longest that the log shows to repeat, if it can show any.
 
         A single wave along the travel takes up whatever a model lacks there: a weight, a constant force.
         """
@@ -169,15 +169,13 @@ class RippleModulated(Pitched):
     words = "a repeating force whose size changes with the place along the turn"
     remedy = "check the concentricity of rotor and stator, or of the gear wheel that runs out"
     colour = "#8e5fa8"
+    linear = tuple(Coefficient(name, "F") for name in ("a", "b", "a_mod", "b_mod"))
     contains = ("ripple",)
     imitates = ("position_table", "encoder_error")
     searched = 2
     repeats = 4.0  # what says how its size changes fits any three waves
     rotary: bool = True
     eps: float = 0.0
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return tuple(Coefficient(name, self.unit("F")) for name in ("a", "b", "a_mod", "b_mod"))
 
     def shapes(self) -> tuple[Shape, ...]:
         return (*super().shapes(), Shape("eps", "rad", -0.5 * np.pi, 0.5 * np.pi, log=False))

@@ -53,7 +53,7 @@ def with_model(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Moti
 def told(motion: Motion, effects: Sequence[Effect], theta: Floats, passes: int = 3) -> Motion:
     """Return the motion with the channels of a model, see :func:`with_model`, whether needed or not.
 
-    Where an effect scales with the total, that is formed in ``passes``: each gains a factor of its share.
+    Coefficients have shape (p,). Where an effect scales with the total, that is formed in ``passes``.
     """
     nv, parts = len(motion.names), _with_own(effects, theta)
     rigid, plain = np.zeros((len(motion), nv)), np.zeros((len(motion), nv))

@@ -47,14 +47,12 @@ class Delay(OneAxis):
     words = "one signal was recorded late against the others"
     remedy = "compare the clocks of the channels; state the lead of the effort in machine.yaml"
     colour = "#7f7f7f"
+    linear = (Coefficient("seconds", "s"),)
     imitates = ("viscous", "drive_flexibility", "joint_flexibility", "encoder_error")
     needs = ("model",)
     searched = 1
     logged_effort = True
     span: float = 1e-3
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("seconds", "s"),)
 
     def shapes(self) -> tuple[Shape, ...]:
         return (Shape("span", "s", -0.06, 0.06, log=False),)
@@ -64,7 +62,7 @@ class Delay(OneAxis):
         return self.over([x for x in SPANS if abs(x) > 0.1 * sight.step] or [sight.step, -sight.step])
 
     def possible(self, theta: Floats) -> bool:
-        """Whether, over a span that rows resolve, all of the effort comes late, not a part of it.
+        """Whether, over a span [s] that rows resolve, all of the effort comes late, not a part of it.
 
         A part of it late by a longer span is what play and flexible drives look like.
         """
@@ -74,16 +72,13 @@ class Delay(OneAxis):
 
     def columns(self, motion: Motion) -> Columns:
         joint = motion.index(self.axis)
-        effort = self.channel(motion, "model")[:, joint]
+        effort, span = self.channel(motion, "model")[:, joint], self.span
         out = np.zeros(len(effort))
-        span = self.span
         for part in motion.segments:
             x, t = effort[part], motion.t[part]
-            if part.stop - part.start < 2:
-                continue
-            if abs(span) < 1e-3 * motion.step:
+            if len(x) > 1 and abs(span) < 1e-3 * motion.step:
                 out[part] = -np.gradient(x, motion.step)
-            else:
+            elif len(x) > 1:
                 out[part] = (np.interp(t - span, t, x) - x) / span
         return Columns((joint,), out[:, None, None])
 
@@ -102,12 +97,10 @@ class EffortScale(OneAxis):
     words = "the effort is off by a factor: torque constant, gear ratio, unit"
     remedy = "hang a known weight on the axis: it is the ruler for the effort; check the torque constant"
     colour = "#5f7f3f"
+    linear = (Coefficient("share", "-", lower=-1.0),)
     imitates = ("rigid_body", "payload", "load_friction")
     needs = ("model",)
     logged_effort = True
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("share", "-", lower=-1.0),)
 
     def columns(self, motion: Motion) -> Columns:
         joint = motion.index(self.axis)
@@ -131,15 +124,13 @@ class EncoderError(OneAxis):
     words = "the position sensor repeats a small error with its own period"
     remedy = "check how the encoder is mounted: eccentric disc, tilted head; adjust its signals"
     colour = "#17869e"
+    linear = (Coefficient("a", "x"), Coefficient("b", "x"))
     imitates = ("ripple", "ripple_modulated", "geometric_error", "delay")
     needs = ("mass",)
     sharp = True
     searched = 1
     several = True
     period: float = usual(1e-2, TURN)
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("a", self.unit("x")), Coefficient("b", self.unit("x")))
 
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (TURN / 200.0, TURN) if self.rotary else (1e-4, 1.0)

@@ -40,11 +40,9 @@ class Feedforward(OneAxis):
     words = "the controller's feed-forward of speed or acceleration is not what the model holds"
     remedy = "read the feed-forward gains of the drive, or switch them off, and record once more"
     colour = "#6f6fc9"
+    linear = (Coefficient("K_v", "F·s/x"), Coefficient("K_a", "I"))
     imitates = ("loop_gain", "rigid_body", "viscous")
     unlisted = CONTROLLER
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("K_v", self.unit("F·s/x")), Coefficient("K_a", self.unit("I")))
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return the effect; only a log with a command shows it."""
@@ -64,12 +62,9 @@ class LoopGain(OneAxis):
     words = "a gain of the controller is not what it was"
     remedy = "compare the drive's parameters with the backup; look for a change of mode or gain set"
     colour = "#9467bd"
+    linear = (Coefficient("dK_p", "F/x"), Coefficient("dK_d", "F·s/x"), Coefficient("dK_i", "F/(x·s)"))
     imitates = ("feedforward", "saturation")
     unlisted = CONTROLLER
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        units = {"dK_p": "F/x", "dK_d": "F·s/x", "dK_i": "F/(x·s)"}
-        return tuple(Coefficient(name, self.unit(unit)) for name, unit in units.items())
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return the effect; only a log with a command shows it."""
@@ -101,14 +96,12 @@ class Saturation(OneAxis):
     words = "the motor reached its limit"
     remedy = "lower acceleration or payload, or raise the current limit if the motor allows it"
     colour = "#b03a3a"
+    linear = (Coefficient("share", "-", lower=0.0),)
     imitates = ("loop_gain", "external_force", "effort_scale")
     unlisted = "is stated by `effort_limit` of the axis"
     needs = ("model",)
     searched = 1
     limit: float = np.inf
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("share", "-", lower=0.0),)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return the largest effort of the log, where it is held for a while."""

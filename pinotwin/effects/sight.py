@@ -83,7 +83,7 @@ class Sight:
         return self.moves and 0.05 < self.forward < 0.95
 
     def rows_slower(self, speed: float) -> int:
-        """Return how many rows move slower than a speed, but not as slowly as noise does."""
+        """Return how many rows move slower than a speed [m/s or rad/s], but not as slowly as noise does."""
         least = 2.0 * self.noise / self.step if self.rate < 1.0 / self.step else 0.0
         return int(np.count_nonzero((self.speed < speed) & (self.speed > min(least, 0.2 * speed))))
 

@@ -37,14 +37,6 @@ FINE_GAPS = np.geomspace(0.1, 50.0, 36)
 closes next to nothing."""
 FACES = ((40.0, 0.4), (70.0, 0.4), (120.0, 0.35), (220.0, 0.25))
 """Mode [Hz] and damping ratio of a load against the faces of a gap that a search tries."""
-LOADS = (0.65, 0.8)
-"""Shares of a rotary axis' inertia behind the gap that a search tries: its weight moves it through the gap."""
-CONTACTS = ((90.0, 0.35), (150.0, 0.35), (220.0, 0.2), (300.0, 0.2))
-"""Mode [Hz] and damping ratio of a load against the faces of a gap that are tried.
-
-The softer ones are softer than faces are: the path is not known well enough to predict each impact, and
-the mean over unpredictable impacts settles more slowly than one of them.
-"""
 
 
 @compiled
@@ -150,14 +142,11 @@ class _Flexible(OneAxis):
 
     family = TRANSMISSION
     causes = ("flexibility",)
+    linear = (Coefficient("share", "-", lower=0.0, upper=1.0),)
     needs = ("rigid", "mass")
     searched = 2
     frequency: float = 30.0
     damping: float = 0.05
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        """Return the share of the load's effort that the spring carries."""
-        return (Coefficient("share", "-", lower=0.0, upper=1.0),)
 
     def shapes(self) -> tuple[Shape, ...]:
         return (Shape("frequency", "Hz", 2.0, 200.0), Shape("damping", "-", 0.005, 0.7))
@@ -248,6 +237,7 @@ class Backlash(OneAxis):
     words = "play: at reversal the motor moves before the load does"
     remedy = "hold the load and turn the motor to and fro: measure the lost motion; adjust nut or gear"
     colour = "#c44e52"
+    linear = (Coefficient("share", "-", lower=0.0, upper=1.5),)
     imitates = ("presliding", "stribeck", "drive_flexibility", "delay")
     needs = ("rigid", "mass")
     sharp = True
@@ -256,9 +246,6 @@ class Backlash(OneAxis):
     frequency: float = 150.0
     damping: float = 0.35
     load: float = LOAD
-
-    def coefficients(self) -> tuple[Coefficient, ...]:
-        return (Coefficient("share", "-", lower=0.0, upper=1.5),)
 
     def shapes(self) -> tuple[Shape, ...]:
         low, high = (5e-6, 5e-2) if self.rotary else (5e-7, 5e-3)
@@ -269,8 +256,12 @@ class Backlash(OneAxis):
         )
 
     def grid(self, motion: Motion) -> tuple[Floats, ...]:
-        gaps, faces = self._usual() * GAPS, np.array(sorted({f for f, _ in CONTACTS}))
-        return gaps, faces, np.array(sorted({z for _, z in CONTACTS}))
+        """Return gaps [m or rad], modes [Hz] and damping ratios of the contact, some softer than faces are.
+
+        The path is not known well enough to predict each impact, and the mean over unpredictable impacts settles
+        more slowly than one of them.
+        """
+        return self._usual() * GAPS, np.array([90.0, 150.0, 220.0, 300.0]), np.array([0.2, 0.35])
 
     def _usual(self) -> float:
         return 1e-4 if self.rotary else 1e-5
@@ -280,7 +271,8 @@ class Backlash(OneAxis):
         if not sight.both_ways or sight.reversals < 2 or sight.rate < 50.0:
             return ()
         gaps = [g for g in self._usual() * FINE_GAPS if 2.0 * sight.noise < g < 0.05 * sight.travel]
-        bodies = [replace(self, load=x) for x in (LOADS if self.rotary else LOADS[:1])]
+        # the weight of a rotary axis moves it through the gap
+        bodies = [replace(self, load=x) for x in ((0.65, 0.8) if self.rotary else (0.65,))]
         return tuple(e.shaped((g, f, z)) for e in bodies for g in gaps for f, z in FACES)
 
     def columns(self, motion: Motion) -> Columns:

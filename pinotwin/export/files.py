@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
-from pinotwin.export.c_file import c_text
-from pinotwin.export.header import left_out
 from pinotwin.export.inverse import Inverse, inverse_of
 from pinotwin.export.mjcf import mjcf_lines, mjcf_text, passive_text
-from pinotwin.export.numpy_file import numpy_text
+from pinotwin.export.texts import c_text, left_out, numpy_text
 from pinotwin.export.urdf_file import urdf_lines, urdf_text
 from pinotwin.notebook import Card, Shown
 from pinotwin.system.writing import as_path, write_bytes
@@ -93,41 +90,22 @@ def prepare_export(
     twin: Twin, format: str, path: Path, *, travel: Floats | None = None, speed: Floats | None = None
 ) -> Export:
     """Return the files without writing them; see :func:`export_twin`."""
-    if format not in _WRITERS:
-        raise InputError(f"--format: no format {format!r}; {nearest(format, _WRITERS)}")
+    if format not in SUFFIX:
+        raise InputError(f"--format: no format {format!r}; {nearest(format, SUFFIX)}")
     if path.suffix != SUFFIX[format]:
         raise InputError(f"--out: {path.name}: a file of format {format} is named *{SUFFIX[format]}")
     inverse = inverse_of(twin, travel, speed)
-    files, notes = _WRITERS[format](twin, inverse, path.stem)
+    files, notes = _made(twin, inverse, format, path.stem)
     return Export(format, files, inverse, tuple(dict.fromkeys([*left_out(inverse), *notes])))
 
 
-_Files = tuple[dict[str, bytes], list[str]]
-
-
-def _urdf(twin: Twin, inverse: Inverse, stem: str) -> _Files:
-    return {f"{stem}.urdf": urdf_text(twin)}, urdf_lines(twin, inverse)
-
-
-def _mjcf(twin: Twin, inverse: Inverse, stem: str) -> _Files:
-    files = {f"{stem}.xml": mjcf_text(twin, inverse)}
-    files[f"{stem}_passive.py"] = passive_text(twin, inverse, stem).encode()
-    return files, mjcf_lines(twin, inverse)
-
-
-def _numpy(twin: Twin, inverse: Inverse, stem: str) -> _Files:
-    del twin
-    return {f"{stem}.py": numpy_text(inverse, stem).encode()}, []
-
-
-def _c(twin: Twin, inverse: Inverse, stem: str) -> _Files:
-    del twin
-    return {f"{stem}.c": c_text(inverse, stem).encode()}, []
-
-
-_WRITERS: dict[str, Callable[[Twin, Inverse, str], _Files]] = {
-    "urdf": _urdf,
-    "mjcf": _mjcf,
-    "numpy": _numpy,
-    "c": _c,
-}
+def _made(twin: Twin, inverse: Inverse, format: str, stem: str) -> tuple[dict[str, bytes], list[str]]:
+    """Return the files by name, and what they leave out beside what the inverse model does."""
+    if format == "urdf":
+        return {f"{stem}.urdf": urdf_text(twin)}, urdf_lines(twin, inverse)
+    if format == "mjcf":
+        passive = passive_text(twin, inverse, stem).encode()
+        files = {f"{stem}.xml": mjcf_text(twin, inverse), f"{stem}_passive.py": passive}
+        return files, mjcf_lines(twin, inverse)
+    text = numpy_text if format == "numpy" else c_text
+    return {f"{stem}{SUFFIX[format]}": text(inverse, stem).encode()}, []

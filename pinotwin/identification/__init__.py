@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from pinotwin.identification.pipeline import identify
+from pinotwin.identification.settings import Settings
 
-__all__ = ["identify"]
+__all__ = ["Settings", "identify"]

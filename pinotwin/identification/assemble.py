@@ -106,7 +106,7 @@ def thin(motion: Motion, values: Floats) -> Floats:
 
 
 def joint_columns(motion: Motion, effect: Effect, joint: int) -> Floats | None:
-    """Return the thinned columns of one effect at one joint, or None if it does not act there."""
+    """Return the thinned columns of one effect at one joint, shape (m, p), or None if it does not act there."""
     columns = effect.columns(motion)
     if joint not in columns.joints:
         return None

@@ -19,10 +19,9 @@ import scipy
 from pinotwin.analysis.deflection import PassiveSpring, load_of
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.parameters import parameters
-from pinotwin.identification.plant import fit_plant
+from pinotwin.identification.plant import fit_plant, open_loop
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.springs import keep_spring
-from pinotwin.identification.table import open_loop
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
@@ -56,13 +55,39 @@ class Bending:
         ]
         return cls(machine, machine.base.from_standard(parameters(machine.model)), tuple(springs))
 
-    def moved(self, motion: Motion) -> Bending:
+    def moved(self, motion: Motion, most: int = 4000) -> Bending:
         """Return the same with the springs where the motors' rows, fitted by all that is linear, leave least.
 
         Args:
             motion: without the joints; its effort may lack what friction and tables take of it.
+            most: rows that are looked at.
         """
-        return replace(self, springs=tuple(_moved(self.machine, self.beta, motion, self.springs)))
+        machine, n = self.machine, len(self.springs)
+        loads = [load_of(machine, self.beta, motion, s.index) for s in self.springs]
+        inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
+        rows = inside[:: max(1, len(inside) // most)]
+        axes = [a.index for a in machine.axes.values() if np.isfinite(motion.u[rows, a.index]).all()]
+        motors = [j for j in axes if np.ptp(motion.u[rows, j]) > 0.0 and np.ptp(motion.v[rows, j]) > 0.0]
+
+        def at(x: Floats) -> Bending:
+            pairs = zip(self.springs, np.exp(x).reshape(2, n).T, strict=True)
+            moved = [replace(s, stiffness=s.stiffness * k, damping=s.damping * c) for s, (k, c) in pairs]
+            return replace(self, springs=tuple(moved))
+
+        def left(x: Floats) -> Floats:
+            q, v, a = (y[rows].copy() for y in (motion.q, motion.v, motion.a))
+            for spring, load in zip(at(x).springs, loads, strict=True):
+                for y, response in zip((q, v, a), load.response(spring), strict=True):
+                    y[:, spring.index] = response[rows]
+            return _unexplained(machine.base.regressor(machine.model, q, v, a), v, motion.u[rows], motors)
+
+        if not motors:
+            return self
+        low, high = np.log([*[STIFFER] * n, *[DAMPED] * n]).T
+        best = scipy.optimize.least_squares(
+            left, np.zeros(2 * n), bounds=(low, high), diff_step=0.02, max_nfev=12
+        )
+        return at(best.x)
 
     def bend(self, log: Log) -> Log:
         """Return a log with the velocity of the joints; one that holds a joint as it is."""
@@ -107,9 +132,8 @@ def find_bending(machine: Machine, logs: Sequence[Log], settings: Settings = USU
     motion = _motion(machine, logs[0])
     first = Bending.stated(machine).moved(motion)
     shaken = [first.bend(log) for log in logs]
-    plant = open_loop(
-        machine, fit_plant(machine, prepare(machine, shaken), consistent_inertia=False, settings=settings)
-    )
+    fit = fit_plant(machine, prepare(machine, shaken), consistent_inertia=False, settings=settings)
+    plant = open_loop(machine, fit)
     rest = replace(motion, u=motion.u - _friction(plant, _motion(machine, shaken[0])))
     return replace(first, beta=_beta(plant, first.beta, motion, settings.sure)).moved(rest)
 
@@ -149,48 +173,18 @@ def _friction(plant: OpenLoop, motion: Motion) -> Floats:
     return np.sum([x for key, x in parts.items() if key not in bodies], axis=0) + np.zeros_like(motion.u)
 
 
-def _moved(
-    machine: Machine, beta: Floats, motion: Motion, springs: Sequence[PassiveSpring], most: int = 4000
-) -> list[PassiveSpring]:
-    """Return the springs where the motors' rows, ``most`` of them, fitted by all that is linear, leave least."""
-    loads = [load_of(machine, beta, motion, s.index) for s in springs]
-    inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
-    rows = inside[:: max(1, len(inside) // most)]
-    motors = [a.index for a in machine.axes.values() if np.isfinite(motion.u[rows, a.index]).all()]
-    motors = [j for j in motors if np.ptp(motion.u[rows, j]) > 0.0 and np.ptp(motion.v[rows, j]) > 0.0]
-
-    def at(x: Floats) -> list[PassiveSpring]:
-        k, c = np.exp(x[: len(springs)]), np.exp(x[len(springs) :])
-        return [
-            replace(s, stiffness=s.stiffness * a, damping=s.damping * b)
-            for s, a, b in zip(springs, k, c, strict=True)
-        ]
-
-    def left(x: Floats) -> Floats:
-        q, v, a = (y[rows].copy() for y in (motion.q, motion.v, motion.a))
-        for spring, load in zip(at(x), loads, strict=True):
-            for y, moved in zip((q, v, a), load.response(spring), strict=True):
-                y[:, spring.index] = moved[rows]
-        W = machine.base.regressor(machine.model, q, v, a)
-        parts, efforts = [], []
-        for j in motors:
-            block = np.zeros((len(rows), len(motors), 3))
-            block[:, motors.index(j)] = np.stack([v[:, j], np.sign(v[:, j]), np.ones(len(rows))], axis=1)
-            size = float(np.std(motion.u[rows, j]))
-            parts.append(np.hstack([W[:, j], block.reshape(len(rows), -1)]) / size)
-            efforts.append(motion.u[rows, j] / size)
-        X, y = np.concatenate(parts), np.concatenate(efforts)
-        scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-        return np.asarray(y - X @ (np.linalg.lstsq(X / scale, y, rcond=1e-9)[0] / scale))
-
-    n = len(springs)
-    bounds = np.log([*[STIFFER] * n, *[DAMPED] * n]).T
-    if not motors:
-        return list(springs)
-    found = scipy.optimize.least_squares(
-        left, np.zeros(2 * n), bounds=(bounds[0], bounds[1]), diff_step=0.02, max_nfev=12
-    )
-    return at(found.x)
+def _unexplained(W: Floats, v: Floats, u: Floats, motors: Sequence[int]) -> Floats:
+    """Return what bodies, viscous and dry friction and an offset leave of the motors' efforts, each over its size."""
+    parts, efforts = [], []
+    for k, j in enumerate(motors):
+        block = np.zeros((len(u), len(motors), 3))
+        block[:, k] = np.stack([v[:, j], np.sign(v[:, j]), np.ones(len(u))], axis=1)
+        size = float(np.std(u[:, j]))
+        parts.append(np.hstack([W[:, j], block.reshape(len(u), -1)]) / size)
+        efforts.append(u[:, j] / size)
+    X, y = np.concatenate(parts), np.concatenate(efforts)
+    scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    return np.asarray(y - X @ (np.linalg.lstsq(X / scale, y, rcond=1e-9)[0] / scale))
 
 
 def bending_warnings(bending: Bending | None) -> list[str]:

@@ -61,7 +61,7 @@ def fit_servos(
         motion: prepared log(s), for the disturbance that the axes make for one another.
         raw: the same rows with nothing filtered.
         axes: to look at.
-        tell: called with the stage and the share of this step done.
+        tell: called with the stage and the share of this step done [0 to 1].
         settings: by which it decides.
     """
     assert raw.qr is not None
@@ -165,23 +165,17 @@ def _refinable(
 def in_steps(found: Servos, raw: Motion) -> Servos:
     """Return the controllers closed on a position in the steps in which the log has it, where it has any."""
     steps = {name: lattice(raw.regulated[:, raw.index(name)]) or (0.0, 0.0) for name in found.servos}
-    servos, trials = (
-        {name: replace(servo, encoder=steps[name]) for name, servo in laws.items()}
-        for laws in (found.servos, found.trials)
-    )
-    return replace(found, servos=servos, trials=trials)
+
+    def stepped(laws: Mapping[str, Servo]) -> dict[str, Servo]:
+        return {name: replace(servo, encoder=steps[name]) for name, servo in laws.items()}
+
+    return replace(found, servos=stepped(found.servos), trials=stepped(found.trials))
 
 
 def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
     """Return the plant with friction of its axes multiplied, its table included; see :data:`Factors`."""
     theta, viscous = plant.theta.copy(), np.array(plant.diagonal["viscous"], dtype=float)
-    rows = {row.name: row for row in plant.parameters}
-    effects = list(plant.effects)
-
-    def state(name: str, value: float) -> None:
-        if name in rows:
-            rows[name] = replace(rows[name], value=value)
-
+    effects, changed = list(plant.effects), dict[str, float]()
     for n, (key, effect, s) in enumerate(zip(plant.keys, plant.effects, plant.slices, strict=True)):
         if effect.axis not in factors or effect.axis is None:
             continue
@@ -190,16 +184,15 @@ def with_factors(plant: OpenLoop, factors: Mapping[str, Factors]) -> OpenLoop:
             share = _share(effect, coefficient.name, by)
             if share != 1.0:
                 theta[s.start + k] *= share
-                state(f"{key}.{coefficient.name}", float(theta[s.start + k]))
-        if isinstance(effect, Presliding) and effect.x_s is not None and by[4] != 1.0:
+                changed[f"{key}.{coefficient.name}"] = float(theta[s.start + k])
+        if isinstance(effect, Presliding) and by[4] != 1.0:
+            changed[f"{key}.x_s"] = by[4] * effect.x_s
             effects[n] = replace(effect, x_s=by[4] * effect.x_s)
-            state(f"{key}.x_s", by[4] * effect.x_s)
     for axis, factor in factors.items():
         viscous[plant.machine.axes[axis].index] *= factor[1]
+    table = Parameters(replace(row, value=changed.get(row.name, row.value)) for row in plant.parameters)
     diagonal = {**plant.diagonal, "viscous": viscous}
-    return replace(
-        plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=Parameters(rows.values())
-    )
+    return replace(plant, effects=tuple(effects), theta=theta, diagonal=diagonal, parameters=table)
 
 
 def _share(effect: Effect, coefficient: str, factors: Factors) -> float:
@@ -215,7 +208,7 @@ def _share(effect: Effect, coefficient: str, factors: Factors) -> float:
 def axis_problem(
     plant: OpenLoop, motion: Motion, raw: Motion, vr: Floats, load: Floats, lookup: Lookup, name: str
 ) -> AxisProblem | None:
-    """Return one axis alone, or None if no stretch is long enough."""
+    """Return one axis alone with what loads it [N or N·m], shape (n,), or None if no stretch is long enough."""
     i = plant.machine.axes[name].index
     assert raw.qr is not None
     windows = _windows(raw, vr[:, i])
@@ -252,16 +245,10 @@ def command_velocity(raw: Motion) -> Floats:
 def _windows(
     raw: Motion, vr: Floats, longest: float = 6.0, most: int = 4, least: int = 20
 ) -> tuple[slice, ...]:
-    """Return the windows in which the axis moves most, in order: what is simulated at every evaluation.
+    """Return the windows in which the axis moves most, in order, each ``longest`` [s] long at most.
 
-    Gaps may leave stretches that are over before the rows that count begin.
-
-    Args:
-        raw: log(s) with commands, nothing filtered.
-        vr: velocity of the axis' command, shape (n,).
-        longest: window [s].
-        most: windows.
-        least: rows of a window behind those that are not compared.
+    Gaps may leave stretches that are over before the rows that count begin: ``least`` behind those that are not
+    compared.
     """
     found, least = [], skipped(raw.step) + least
     for s in raw.segments:
@@ -330,7 +317,7 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...], settings: Settings = U
     errors = {form: 0.5 * (e + u) for form, (e, u) in both.items()}
     usual = "black" if trial.machine.passive else "coupled"
     usual = usual if usual in errors else tried[0]
-    best = better(usual, [x for x in tried if x != usual], lambda form: errors[form], settings.other_form)
+    best = better(usual, [x for x in tried if x != usual], lambda form: errors[form], settings.pays)
     if not np.isfinite(errors[best]):
         best = "coupled" if "coupled" in errors else best
     if best != usual:
@@ -349,7 +336,7 @@ def choice(trial: Twin, log: Log, tried: tuple[str, ...], settings: Settings = U
 
 
 def forecast_errors(twin: Twin, log: Log, start: int, form: str) -> tuple[float, float]:
-    """Return the mean errors of e and of u over all axes, each over its RMS; infinite if the loop fails."""
+    """Return the mean errors of e and of u over all axes, each over its RMS [-]; infinite if the loop fails."""
     try:
         said = simulate(twin, log, controller=form)
     except PinotwinError:

@@ -26,9 +26,8 @@ from typing import Any
 import numpy as np
 
 from pinotwin.analysis.disturbance import generalised_disturbance, reacting
-from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-from pinotwin.identification.loop_parts import errors, first_part, loop_data, score, searched_poles
+from pinotwin.identification.loop_parts import both_errors, first_part, loop_data, score, searched_poles
 from pinotwin.identification.settings import USUAL, Settings, better
 from pinotwin.identification.tied import tied, with_lag
 from pinotwin.loop import LoopData, LoopModel, Structure, identify_loop
@@ -59,8 +58,8 @@ def tie_loops(
             model = tied(data, trial, *known)
         except DataError:
             continue
-        taken = better(before, [trial], partial(score, data), settings.tied_no_worse) is trial
-        own = {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
+        taken = better(before, [trial], partial(score, data), settings.no_worse) is trial
+        own = both_errors(data, model, trial)
         row: dict[str, Any] = {"tied": {"free": free.to_dict(), **own, "taken": taken}}
         if taken:
             row |= {"real_poles": model.structure.real_poles, **own}
@@ -87,42 +86,25 @@ def vibration_loops(
         except DataError as error:
             out[axis] = {"note": str(error)}
             continue
-        judged = {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
-        out[axis] = {"model": model.to_dict(), **judged}
+        out[axis] = {"model": model.to_dict(), **both_errors(data, model, trial)}
     return out
 
 
 def vibration_data(
     plant: OpenLoop, motion: Motion, axis: str, passive: str, settings: Settings = USUAL
 ) -> LoopData:
-    """Return inputs and outputs of an axis' loop with the vibration of a passive joint."""
+    """Return inputs and outputs of an axis' loop with the vibration of a passive joint, counted from the ground."""
     i, p = motion.index(axis), motion.index(passive)
-    d = generalised_disturbance(plant, motion, plant.diagonal)
+    d, M = generalised_disturbance(plant, motion, plant.diagonal), plant.diagonal["inertia"]
     plain = loop_data(motion, d, axis, settings)
+    more = (M[p] - plant.diagonal["ground"][p]) * motion.a[:, p] - M[i] * motion.a[:, i]
     return replace(
         plain,
-        d=from_ground(d, motion.a, plant.diagonal, i, p)[:, [i, p]],
+        d=np.column_stack([d[:, i] - M[i] * motion.a[:, p], d[:, p] - d[:, i] + more]),
         outputs=np.column_stack([plain.outputs, motion.v[:, p]]),
         output_names=("e", "u", f"{passive}.v"),
         disturbance_names=("d", passive),
     )
-
-
-def from_ground(d: Floats, a: Floats, diagonal: Mapping[str, Floats], i: int, p: int) -> Floats:
-    """Return the generalised disturbances with axis i and passive joint p counted from the ground.
-
-    Args:
-        d: in joint coordinates, shape (n, nv).
-        a: accelerations of the joints, shape (n, nv).
-        diagonal: M_D, and ``ground``, that of passive joints counted from the ground.
-        i: column of the axis.
-        p: column of the passive joint.
-    """
-    M, ground = diagonal["inertia"], diagonal["ground"]
-    out = d.copy()
-    out[:, i] -= M[i] * a[:, p]
-    out[:, p] += (M[p] - ground[p]) * a[:, p] - d[:, i] - M[i] * a[:, i]
-    return out
 
 
 def _with_mode(plant: OpenLoop, alone: LoopModel, data: LoopData, passive: str) -> LoopModel:

@@ -24,11 +24,10 @@ from pinotwin.twin import OpenLoop
 
 
 @dataclass(frozen=True, eq=False)
-class Parted:
+class CrossValidated:
     """A linear problem of a machine's effects, cross-validated: its rows predicted part by part from the others.
 
     Attributes:
-        machine: whose effects these are.
         effects: with fixed shapes.
         length: rows of the motion.
         rows: which of them the problem holds.
@@ -37,7 +36,6 @@ class Parted:
         held: what the parts predict of one another; None where there are too few rows.
     """
 
-    machine: Machine
     effects: tuple[Effect, ...]
     length: int
     rows: Rows
@@ -61,16 +59,16 @@ class Parted:
             held = held_out(problem, folds=folds, options=fit_options(machine, effects, motion))
         except DataError:
             held = None
-        return cls(machine, tuple(effects), len(motion), rows, problem, folds, held)
+        return cls(tuple(effects), len(motion), rows, problem, folds, held)
 
-    def serves(self, machine: Machine, effects: Sequence[Effect], motion: Motion) -> bool:
+    def serves(self, effects: Sequence[Effect], motion: Motion) -> bool:
         """Whether that of these effects on a motion would be the same; not where columns follow theta."""
-        same = list(map(id, effects)) == list(map(id, self.effects))
-        return same and machine is self.machine and len(motion) == self.length and not needs_model(effects)
+        same = list(map(id, effects)) == list(map(id, self.effects)) and len(motion) == self.length
+        return same and not needs_model(effects)
 
 
 def error_row(y: Floats, error: Floats) -> dict[str, float]:
-    """Return the figures of one axis.
+    """Return the figures of one axis' effort and its error [N or N·m], shape (m,).
 
     ``nrmse`` is divided by the effort's RMS as in the thesis, ``nrmse_std`` by its standard deviation,
     which gravity cannot flatter.
@@ -84,7 +82,7 @@ def error_row(y: Floats, error: Floats) -> dict[str, float]:
 
 
 def whiteness_row(residual: Floats) -> dict[str, float]:
-    """Return lag-one correlation and Durbin-Watson statistic of one axis' residual."""
+    """Return lag-one correlation and Durbin-Watson statistic of one axis' residual, shape (m,)."""
     e = residual - residual.mean()
     power = float(e @ e)
     if power <= 0.0 or len(e) < 3:
@@ -137,19 +135,22 @@ def warnings(
     return out
 
 
-def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None = None) -> dict[str, Any]:
-    """Return the figures of a fitted plant, per axis and together.
+def judge(
+    machine: Machine, plant: Plant, found: OpenLoop, later: Motion | None, settings: Settings
+) -> tuple[dict[str, Any], CrossValidated]:
+    """Return the figures of a fitted plant, per axis and together, and its rows predicted part by part.
 
     Args:
         machine: whose plant it is.
         plant: the fit.
-        parted: its rows predicted part by part.
+        found: the same as a twin holds it.
         later: what was not fitted; adds ``validation`` to every axis.
+        settings: by which it decides.
     """
-    fit = plant.fit
-    problem = fit.problem
+    fit, problem = plant.fit, plant.fit.problem
+    validated = CrossValidated.of(machine, plant.effects, plant.motion, (plant.rows, problem), settings.folds)
     error = problem.y - problem.W @ plant.theta
-    held = np.full(len(problem.y), np.nan) if parted.held is None else parted.held.error
+    held = np.full(len(problem.y), np.nan) if validated.held is None else validated.held.error
     axes = {}
     for joint, rows in problem.slices.items():
         own = error_row(problem.y[rows], error[rows])
@@ -171,7 +172,8 @@ def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None =
         "parameters": len(plant.theta),
         "not_separable": [list(group) for group in fit.group_names()],
         "consistency": None if met is None else {"moved": met.moved, "cost_ratio": ratio},
-        "folds": parted.folds,
+        "folds": validated.folds,
+        "at_bound": [row.name for row in found.parameters if row.verdict == "at its bound"],
         "preparation": list(plant.motion.notes),
     }
     if later is not None:
@@ -182,4 +184,4 @@ def judge(machine: Machine, plant: Plant, parted: Parted, later: Motion | None =
             if machine.names[joint] in axes:
                 axes[machine.names[joint]]["validation"] = error_row(problem.y[rows], error[rows])
         out["validation_source"] = later.source
-    return out
+    return out, validated

@@ -16,28 +16,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
-from pinotwin.arrays import Floats, Mask
+from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import Rows, assemble, choose_rows, thin
 from pinotwin.identification.plant import Plant, fit_options
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import differentiate, low_pass
+from pinotwin.solve.lead import put_back
 from pinotwin.solve.linear import Options, linear
-from pinotwin.solve.problem import Problem
 
-LONGEST = 0.02
-"""Lead beyond which it is another fault of the model [s]; 18 ms is the longest seen on a drive."""
-SURE = 5.0
-"""Standard errors that a lead must differ from zero by to be applied."""
-WORTH = 0.05
-"""Share of the residual's power of its axis that it must explain to be applied."""
-FINEST = 0.025
-"""Standard error that the sampling of a controller leaves in any case, in steps of the log."""
-_FAST = 0.1  # of an axis' top speed: slower rows tell of friction's memory
-_PASSES = 3
 _ORDER = 4  # of the low-pass that the effort went through
 
 
@@ -58,56 +47,59 @@ class Lead:
     significant: bool
 
 
-def find_leads(machine: Machine, motion: Motion, plant: Plant) -> dict[str, Lead]:
+def find_leads(  # noqa: PLR0913, what decides has its default
+    machine: Machine,
+    motion: Motion,
+    plant: Plant,
+    *,
+    longest: float = 0.02,
+    sure: float = 5.0,
+    worth: float = 0.05,
+    finest: float = 0.025,
+    fast: float = 0.1,
+) -> dict[str, Lead]:
     """Return the lead of every axis that the log can tell it of.
 
     Args:
         machine: whose axes they are.
         motion: prepared log(s), efforts as they were logged.
         plant: fitted to it.
+        longest: lead beyond which it is another fault of the model [s]; 18 ms is the longest seen on a drive.
+        sure: standard errors that a lead must differ from zero by to be applied.
+        worth: share of the residual's power of its axis that it must explain to be applied.
+        finest: standard error that the sampling of a controller leaves in any case, in steps of the log.
+        fast: share of an axis' top speed, below which rows tell of friction's memory.
     """
     rows = choose_rows(replace(motion, use=np.ones_like(motion.use)))  # unbroken, to be differentiated
     top = np.abs(motion.v).max(axis=0, initial=0.0)
-    fast = (motion.use & (np.abs(motion.v) > _FAST * top))[rows.sample]
-    mask = np.concatenate([fast[:, joint] for joint in rows.joints])
+    usable = (motion.use & (np.abs(motion.v) > fast * top))[rows.sample]
+    mask = np.concatenate([usable[:, joint] for joint in rows.joints])
     try:
         problem = assemble(motion, plant.effects, rows)
         columns, motors = _columns(machine, motion, problem.W @ plant.theta, rows)
         problem = problem.rows(mask)
         options = fit_options(machine, plant.effects, motion)
         before = linear(problem, replace(options, inference="none")).residual
-        wide = _Widened(problem, options, columns[mask], mask)
-        found, error, after = _search(machine, motion, rows, wide, motors)
+        p, names = problem.parameters, (*problem.names, *(f"lead {k}" for k in motors))
+        wide = replace(problem, W=np.column_stack([problem.W, columns[mask]]), names=names)
+        options, found = _widened(options, len(motors)), np.zeros(len(motors))
+        for inference in ("none", "none", options.inference):
+            y = _efforts(machine, motion, rows, motors, found)[mask]
+            fit = linear(replace(wide, y=y), replace(options, inference=inference))
+            found = np.clip(found + fit.theta[p:], -2.0 * longest, 2.0 * longest)
     except DataError:  # too few such rows
         return {}
     out = {}
-    for motor, lead, spread in zip(motors, found, error, strict=True):
+    for motor, lead, spread in zip(motors, found, np.sqrt(np.diag(fit.covariance)[p:]), strict=True):
         name = machine.names[motor]
         own = problem.slices.get(motor)
         if name not in machine.axes or own is None or not np.isfinite(spread):
             continue
-        share = 1.0 - float(np.sum(after[own] ** 2) / max(np.sum(before[own] ** 2), 1e-300))
-        whole = float(np.hypot(spread, FINEST * motion.step))
-        sure = SURE * whole < abs(lead) < LONGEST and share > WORTH
-        out[name] = Lead(float(lead), whole, share, bool(sure))
+        share = 1.0 - float(np.sum(fit.residual[own] ** 2) / max(np.sum(before[own] ** 2), 1e-300))
+        error = float(np.hypot(spread, finest * motion.step))
+        significant = sure * error < abs(lead) < longest and share > worth
+        out[name] = Lead(float(lead), error, share, bool(significant))
     return out
-
-
-@dataclass(frozen=True)
-class _Widened:
-    """A problem of fast rows, and the columns of the leads beside it.
-
-    Attributes:
-        problem: the rows, shape (m,).
-        options: how it is solved without leads.
-        columns: of the leads, shape (m, k).
-        mask: which of all rows these are.
-    """
-
-    problem: Problem
-    options: Options
-    columns: Floats
-    mask: Mask
 
 
 def _columns(machine: Machine, motion: Motion, effort: Floats, rows: Rows) -> tuple[Floats, list[int]]:
@@ -129,23 +121,6 @@ def _columns(machine: Machine, motion: Motion, effort: Floats, rows: Rows) -> tu
 
 def _ratio(machine: Machine) -> Floats:
     return np.eye(machine.nv) if machine.transmission is None else machine.transmission
-
-
-def _search(
-    machine: Machine, motion: Motion, rows: Rows, wide: _Widened, motors: list[int]
-) -> tuple[Floats, Floats, Floats]:
-    """Return the leads of the motors [s], their standard errors, and the residual with them."""
-    p = wide.problem.parameters
-    names = (*wide.problem.names, *(f"lead {k}" for k in motors))
-    options = _widened(wide.options, len(motors))
-    found, W = np.zeros(len(motors)), np.column_stack([wide.problem.W, wide.columns])
-    for k in range(_PASSES):
-        y = _efforts(machine, motion, rows, motors, found)[wide.mask]
-        last = k == _PASSES - 1
-        inference = options.inference if last else "none"
-        result = linear(replace(wide.problem, W=W, y=y, names=names), replace(options, inference=inference))
-        found = np.clip(found + result.theta[p:], -2.0 * LONGEST, 2.0 * LONGEST)
-    return found, np.sqrt(np.diag(result.covariance)[p:]), result.residual
 
 
 def _widened(options: Options, more: int) -> Options:
@@ -171,8 +146,7 @@ def _efforts(machine: Machine, motion: Motion, rows: Rows, motors: list[int], le
     u = np.nan_to_num(motion.u) @ np.linalg.inv(ratio)
     for k, lead in zip(motors, leads, strict=True):
         for s in motion.segments:
-            t = motion.t[s]
-            u[s, k] = scipy.interpolate.CubicSpline(t, u[s, k])(np.clip(t - lead, t[0], t[-1]))
+            u[s, k] = put_back(motion.t[s], u[s, k], lead)
     joint = u @ ratio
     if motion.external is not None:
         joint = joint + motion.external

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.loop import LoopModel
 from pinotwin.loop.data import LoopData
 from pinotwin.motion import Motion
+from pinotwin.twin import OpenLoop, Parameters
+from pinotwin.twin.parameters import verdict
 
 TRAINED = 2.0 / 3.0
 """Share of the log on which the orders are compared; the rest judges them."""
@@ -40,9 +42,24 @@ class Loops:
     quality: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
+    def table(self, plant: OpenLoop) -> Parameters:
+        """Return the table of a plant with the rows that the loops refined."""
+        rows = {row.name: row for row in plant.parameters}
+        keys = dict(zip(map(id, self.effects), plant.keys, strict=True))
+        for axis in self.refined.values():
+            for effect, name, value, error in axis.numbers():
+                row = rows[f"{keys[id(effect)]}.{name}"]
+                known = row.determined and bool(np.isfinite(error)) and error > 0.0
+                word = verdict(value, error, at_bound=value == 0.0) if known else row.verdict
+                error = error if known else np.nan
+                rows[row.name] = replace(row, value=value, error=error, determined=known, verdict=word)
+        return Parameters(rows.values())
+
 
 def loop_data(motion: Motion, disturbance: Floats, name: str, settings: Settings = USUAL) -> LoopData:
     """Return inputs and outputs of one axis' loop; of a long log twelve pieces in which the axis moves.
+
+    The disturbance is that of all joints [N or N·m], shape (n, nv).
 
     Raises:
         DataError: the axis has no effort, or does not move.
@@ -73,7 +90,7 @@ def _cut(data: LoopData) -> int:
 
 
 def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[str, float]:
-    """Return the normalised RMS error of each output, with the disturbance from measured motion."""
+    """Return the error of each output over its RMS [-], with the disturbance from measured motion."""
     total = np.zeros(len(model.outputs))
     size = np.zeros(len(model.outputs))
     for s in data.segments:
@@ -86,8 +103,13 @@ def errors(data: LoopData, model: LoopModel, *, held_out: bool = False) -> dict[
     return dict(zip(model.outputs, ratio.tolist(), strict=True))
 
 
+def both_errors(data: LoopData, model: LoopModel, trial: LoopModel) -> dict[str, dict[str, float]]:
+    """Return the errors of a loop in the fit [-], and those of its trial on rows that this one did not see."""
+    return {"fit": errors(data, model), "held_out": errors(data, trial, held_out=True)}
+
+
 def score(data: LoopData, model: LoopModel) -> float:
-    """Return the mean error of the outputs on held-out rows, each over its RMS."""
+    """Return the mean error of the outputs on held-out rows, each over its RMS [-]."""
     return float(np.mean(list(errors(data, model, held_out=True).values())))
 
 

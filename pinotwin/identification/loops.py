@@ -25,16 +25,22 @@ from pinotwin.identification.coupled import (
     with_factors,
 )
 from pinotwin.identification.flexible import KEY, tie_loops, vibration_loops
-from pinotwin.identification.loop_parts import Loops, errors, first_part, loop_data, score, searched_poles
+from pinotwin.identification.loop_parts import (
+    Loops,
+    both_errors,
+    errors,
+    first_part,
+    loop_data,
+    score,
+    searched_poles,
+)
 from pinotwin.identification.refine import AxisEffects, axis_effects, refine
 from pinotwin.identification.settings import USUAL, Settings, better
-from pinotwin.identification.table import refined_table
 from pinotwin.log import Log
 from pinotwin.logs.prepare import EvenLogs
 from pinotwin.loop import LoopData, LoopModel, Servo, Structure, close, identify_loop
 from pinotwin.loop.layout import Bounds, lay_out
 from pinotwin.loop.search import starting_points
-from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.twin import OpenLoop, Twin
 
@@ -85,7 +91,7 @@ def close_loops(
         plant: with its diagonal.
         motion: prepared log(s) with commands.
         even: the same, unfiltered.
-        tell: called with the stage and the share of the identification done.
+        tell: called with the stage and the share of the identification done [0 to 1].
         settings: by which it decides.
     """
     if motion.step > settings.slowest:
@@ -103,19 +109,16 @@ def close_loops(
     ]
     if not axes:
         return ClosedLoops(plant, warnings=tuple(said))
-    found = fit_servos(
-        plant, motion, raw, axes, lambda stage, done: tell(stage, 0.45 + 0.25 * done), settings
-    )
+    found = fit_servos(plant, motion, raw, axes, lambda x, done: tell(x, 0.45 + 0.25 * done), settings)
     plant = with_factors(plant, found.factors)
     found, judged = _by_encoders(plant, found, in_steps(found, raw), even.logs[-1], settings)
     error, tracking = judged["held_out"]["coupled"], judged["tracking"]
-    asked = bool(machine.passive or _stated(machine) or len(found.servos) < len(axes))
+    stated = any(shape.stated for shape in machine.loop.values())  # machine.yaml states the order
+    asked = bool(machine.passive or stated or len(found.servos) < len(axes))
     if error is not None and tracking is not None and tracking < settings.good_tracking and not asked:
         closed = _linearised(plant, found.servos, motion, settings)
     else:
-        closed = _black_boxes(
-            plant, motion, axes, lambda stage, done: tell(stage, 0.7 + 0.25 * done), settings
-        )
+        closed = _black_boxes(plant, motion, axes, lambda x, done: tell(x, 0.7 + 0.25 * done), settings)
         judged = choice(closed.twin(servos=found.trials), even.logs[-1], ("coupled", "black"), settings)
         if judged["use"] == "coupled" and error is not None and not asked:
             refined = judged["held_out"]["coupled"] < error
@@ -145,12 +148,7 @@ def _by_encoders(
         found = one[1]["held_out"]["coupled"]
         return np.inf if found is None else float(found)
 
-    return better(tried[0], tried[1:], error, settings.other_form)
-
-
-def _stated(machine: Machine) -> bool:
-    """Whether machine.yaml states the order of a loop."""
-    return any(shape.stated for shape in machine.loop.values())
+    return better(tried[0], tried[1:], error, settings.pays)
 
 
 def _linearised(
@@ -164,16 +162,15 @@ def _linearised(
     for name, servo in servos.items():
         i = plant.machine.axes[name].index
         try:
-            loop = close(servo, float(M[i]), float(C[i]), axis=name)
+            loop = loops[name] = close(servo, float(M[i]), float(C[i]), axis=name)
         except DataError as error:  # what dry friction holds may be unstable without it
             notes.append(f"no poles of {name}: {error}")
             continue
-        loops[name] = loop
-        rows[name] = {"real_poles": loop.structure.real_poles, "pole_pairs": loop.structure.pole_pairs}
-        rows[name]["refined"] = False
+        orders = {"real_poles": loop.structure.real_poles, "pole_pairs": loop.structure.pole_pairs}
+        rows[name] = {**orders, "refined": False}
         try:
             data = loop_data(motion, disturbance, name, settings)
-            rows[name] |= {"fit": errors(data, loop), "held_out": errors(data, loop, held_out=True)}
+            rows[name] |= both_errors(data, loop, loop)
         except DataError as error:  # a log of a few seconds with a hole has no rows for it
             notes.append(f"no held-out error of the loop of {name}: {error}")
     return ClosedLoops(plant, loops, quality={"loops": rows}, warnings=tuple(notes))
@@ -195,7 +192,7 @@ def _black_boxes(
             _fit_loop(found, plant, motion, loop_data(motion, disturbance, name, settings), settings)
         except DataError as error:
             found.notes.append(f"no closed loop of {name}: {error}")
-    refined = replace(plant, effects=found.effects, theta=found.theta, parameters=refined_table(plant, found))
+    refined = replace(plant, effects=found.effects, theta=found.theta, parameters=found.table(plant))
     models, rows = dict(found.models), dict(found.quality)
     if plant.machine.passive:
         for axis, row in vibration_loops(refined, found.models, motion, settings).items():
@@ -225,8 +222,7 @@ def _fit_loop(found: Loops, plant: OpenLoop, motion: Motion, data: LoopData, set
     found.quality[data.axis] = {
         "real_poles": model.structure.real_poles,
         "pole_pairs": model.structure.pole_pairs,
-        "fit": errors(data, model),
-        "held_out": errors(data, trial, held_out=True),
+        **both_errors(data, model, trial),
         "refined": refined is not None,
     }
     if refined is not None:
@@ -292,7 +288,7 @@ def _refined(
         if falls.min() < 1.0 / settings.much_worse or gain < 1.0 / settings.no_worse:
             break
         kept, data, trial, before = refined, renewed, retried, after
-        if gain < settings.settled:
+        if gain * settings.pays < 1.0:
             break
     return data, trial, None if kept is mine else (mine, kept)
 

@@ -11,7 +11,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.effects.scene import without_model
 from pinotwin.errors import DataError
-from pinotwin.identification.judge import Parted
+from pinotwin.identification.judge import CrossValidated
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.motion import Motion
 from pinotwin.signals import autocorrelation, rms
@@ -22,7 +22,9 @@ from pinotwin.twin.misfit import Misfit
 _BANDS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 
 
-def misfit_of(plant: OpenLoop, motion: Motion, known: Parted, settings: Settings = USUAL) -> Misfit | None:
+def misfit_of(
+    plant: OpenLoop, motion: Motion, known: CrossValidated, settings: Settings = USUAL
+) -> Misfit | None:
     """Return what a plant leaves of the logs it was identified from; None where they are too short.
 
     The parts are predicted by least squares on the others, moved by what physical consistency and the
@@ -38,8 +40,8 @@ def misfit_of(plant: OpenLoop, motion: Motion, known: Parted, settings: Settings
     if len(motion) > settings.kept:
         starts = np.linspace(0, len(motion) - (size := settings.kept // 12), 12).astype(int)
         motion = Motion.join([motion.cut(int(s), int(s) + size) for s in starts])
-    if not known.serves(plant.machine, plant.effects, motion):
-        known = Parted.of(plant.machine, plant.effects, plant.scene(motion), folds=settings.folds)
+    if not known.serves(plant.effects, motion):
+        known = CrossValidated.of(plant.machine, plant.effects, plant.scene(motion), folds=settings.folds)
     if known.held is None:
         return None
     theta = known.held.theta + plant.theta - known.held.whole
@@ -50,19 +52,13 @@ def misfit_of(plant: OpenLoop, motion: Motion, known: Parted, settings: Settings
 
 
 def _foreseen(
-    motion: Motion, known: Parted, held: HeldOut, unsure: float = 1.0, least: float = 0.1
+    motion: Motion, known: CrossValidated, held: HeldOut, unsure: float = 1.0, least: float = 0.1
 ) -> Motion:
     """Return the motion without the rows of a joint that the other parts of the logs say nothing of.
 
     Where one part alone goes to a place that a table knows by its own knots, what the others predict there is no
-    validation error. A joint of which little else is left keeps its rows.
-
-    Args:
-        motion: the own logs.
-        known: their rows, part by part.
-        held: what the parts predict of one another.
-        unsure: variance of a prediction, over that of the noise, from which its row tells nothing of the model.
-        least: share of a joint's rows that must be left.
+    validation error. A joint of which little else is left keeps its rows: ``least`` is the share that must be left,
+    ``unsure`` the variance of a prediction, over that of the noise, from which its row tells nothing of the model.
     """
     blind, use = held.unsure(known.problem) > unsure, motion.use.copy()
     sample = known.rows.sample[known.problem.time]
@@ -96,14 +92,12 @@ def _residual(plant: OpenLoop, motion: Motion, theta: Floats, fold: Ints) -> Flo
     return motion.u - effort
 
 
-def _fold_of_rows(known: Parted, length: int) -> Ints:
+def _fold_of_rows(known: CrossValidated, length: int) -> Ints:
     """Return the part each row of the motion belongs to: that of the fitted row before it."""
     order, times = fold_order(known.problem)
     edges = np.linspace(0, times, known.folds + 1).astype(int)
-    out = np.full(length, -1)
-    out[known.rows.sample[known.problem.time]] = np.clip(
-        np.searchsorted(edges, order, side="right") - 1, 0, known.folds - 1
-    )
+    out, fold = np.full(length, -1), np.searchsorted(edges, order, side="right") - 1
+    out[known.rows.sample[known.problem.time]] = np.clip(fold, 0, known.folds - 1)
     there = np.flatnonzero(out >= 0)
     return out[there[np.clip(np.searchsorted(there, np.arange(length), side="right") - 1, 0, None)]]
 

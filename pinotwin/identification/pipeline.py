@@ -12,14 +12,13 @@ import numpy as np
 from pinotwin.analysis.disturbance import diagonal
 from pinotwin.errors import DataError
 from pinotwin.identification.bending import Bending, bend_all, bending_warnings, bends, find_bending, holds
-from pinotwin.identification.judge import Parted, judge, warnings
+from pinotwin.identification.judge import judge, warnings
 from pinotwin.identification.lead import find_leads
 from pinotwin.identification.loops import ClosedLoops, close_loops
 from pinotwin.identification.misfit import misfit_of
-from pinotwin.identification.plant import Plant, fit_plant
+from pinotwin.identification.plant import Plant, fit_plant, open_loop
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.identification.springs import find_springs
-from pinotwin.identification.table import at_bounds, open_loop
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_logs
@@ -79,8 +78,8 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
     tell("judging the plant", 0.4)
     later = _unseen(machine, validate, bending, preparation := _preparation(machine, fit.motion))
     plant = open_loop(machine, fit)
-    parted = Parted.of(machine, fit.effects, fit.motion, (fit.rows, fit.fit.problem), settings.folds)
-    quality = judge(machine, fit, parted, later) | {"leads": leads, "at_bound": at_bounds(plant.parameters)}
+    quality, validated = judge(machine, fit, plant, later, settings)
+    quality["leads"] = leads
     plant, quality["springs"] = _completed(plant, fit.motion, springs, bending, settings)
     loop = loop and fit.motion.qr is not None
     closed = close_loops(plant, fit.motion, even, tell, settings) if loop else ClosedLoops(plant)
@@ -90,7 +89,7 @@ def identify(  # noqa: PLR0913, the public call: every option is a keyword
         data=[_provenance(item, fit.motion) for item in given],
         settings=preparation,
         groups=fit.fit.group_names(),
-        misfit=misfit_of(closed.plant, fit.motion, parted, settings),
+        misfit=misfit_of(closed.plant, fit.motion, validated, settings),
     )
 
 

@@ -132,9 +132,7 @@ class _Through:
     def solve(self, trial: AxisEffects, trust: float = 10.0) -> tuple[Floats, Floats]:
         """Return coefficients and residual of one set of shapes.
 
-        Args:
-            trial: with these shapes.
-            trust: standard errors that a coefficient may move before the open-loop fit holds it back.
+        A coefficient may move ``trust`` of its standard errors before the open-loop fit holds it back.
         """
         A, b = self.columns(trial), self.y.ravel()
         noise = max(float(np.std(b - A @ trial.theta)), 1e-12)
@@ -194,7 +192,8 @@ def axis_effects(
 ) -> AxisEffects | None:
     """Return what can be refined on one axis, or None if there is nothing.
 
-    Effects of more columns than ``most`` (tables) stay as they are: each trial would filter them all.
+    Coefficients and their errors have shape (p,). Effects of more columns than ``most`` (tables) stay as they are:
+    each trial would filter them all.
     """
     mine = [
         (effect, where)

@@ -16,9 +16,8 @@ from pinotwin.identification.settings import better
 from pinotwin.motion import Motion
 from pinotwin.solve.linear import Options, Prior
 from pinotwin.solve.moving import Moving
-from pinotwin.solve.result import LinearFit
+from pinotwin.solve.result import LinearFit, ShapeFit
 from pinotwin.solve.separable import separable
-from pinotwin.solve.shapes import ShapeFit
 
 Found = tuple[LinearFit, tuple[Effect, ...], Floats, Mask]
 

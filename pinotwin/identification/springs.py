@@ -23,7 +23,7 @@ from pinotwin.dynamics.parameters import parameters
 from pinotwin.identification.plant import bodies_of
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.motion import Motion
-from pinotwin.signals.band import vibration_band
+from pinotwin.signals.filters import vibration_band
 from pinotwin.solve.consistency import Evidence, consistent
 from pinotwin.solve.sandwich import long_run
 from pinotwin.twin import OpenLoop
@@ -75,12 +75,7 @@ def _find_spring(
 ) -> tuple[OpenLoop, dict[str, float]]:
     """Return the plant with one joint's spring, and the RMS of what its row leaves and of the spring's torque.
 
-    Args:
-        plant: the motors' rows fitted with the vibration.
-        motion: prepared log(s) with the vibration.
-        joint: the passive one.
-        doubt: share of itself by which a CAD value may be off.
-        memory: correlation time of the residuals [s].
+    The residuals are correlated for about ``memory`` [s].
     """
     machine = plant.machine
     index, base = machine.passive[joint].index, machine.base

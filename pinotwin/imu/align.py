@@ -24,21 +24,13 @@ from pinotwin.solve.sandwich import sandwich
 
 @dataclass(frozen=True)
 class RotationFit:
-    """A rotation y = R x and how well it is known.
+    """A rotation y = R x and how well it is known."""
 
-    Attributes:
-        R: the rotation, (3, 3), determinant +1.
-        cov: covariance of the small rotation vector e in R_true = exp(e) R [rad²], (3, 3).
-        residual: RMS of y - R x, in its unit.
-        spread: second singular value of the excitation over the first, in [0, 1].
-        gravity: whether gravity had to serve as a second direction.
-    """
-
-    R: Floats
-    cov: Floats
-    residual: float
-    spread: float
-    gravity: bool = False
+    R: Floats  # the rotation, (3, 3), determinant +1
+    cov: Floats  # covariance of the small rotation vector e in R_true = exp(e) R [rad²], (3, 3)
+    residual: float  # RMS of y - R x, in its unit
+    spread: float  # second singular value of the excitation over the first, in [0, 1]
+    gravity: bool = False  # whether gravity had to serve as a second direction
 
     @property
     def se(self) -> Floats:

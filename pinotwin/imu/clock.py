@@ -41,25 +41,16 @@ class ClockSegment:
 
 @dataclass(frozen=True)
 class ClockFit:
-    """How the IMU's clock relates to the reference: t_ref = (1 + skew) t_imu + offset.
+    """How the IMU's clock relates to the reference: t_ref = (1 + skew) t_imu + offset."""
 
-    Attributes:
-        offset: reference time at stamp zero of the longest stretch [s].
-        skew: relative rate deviation [-].
-        se_offset: standard error of the offset [s].
-        se_skew: standard error of the skew [-].
-        segments: the stretches that could be placed, in order.
-        residual: RMS of the rate left over [rad/s].
-        size: number of IMU samples.
-    """
-
-    offset: float
-    skew: float
-    se_offset: float
-    se_skew: float
+    offset: float  # reference time at stamp zero of the longest stretch [s]
+    skew: float  # relative rate deviation [-]
+    se_offset: float  # standard error of the offset [s]
+    se_skew: float  # standard error of the skew [-]
+    # the stretches that could be placed, in order
     segments: tuple[ClockSegment, ...] = field(default=(), repr=False)
-    residual: float = 0.0
-    size: int = 0
+    residual: float = 0.0  # RMS of the rate left over [rad/s]
+    size: int = 0  # number of IMU samples
 
     def to_ref(self, t_imu: Floats) -> Floats:
         """Return reference times of all stamps, (n,); NaN on stretches that could not be placed."""
@@ -75,24 +66,15 @@ class ClockFit:
 
 @dataclass(frozen=True)
 class SyncSettings:
-    """How to synchronise.
+    """How to synchronise."""
 
-    Attributes:
-        delay: group delay of the sensor's own filter [s]. delay_sd: its uncertainty [s].
-        smoothing: standard deviation in time of the low-pass on both signals [s].
-        skew: prior standard deviation of the skew [-].
-        minimum: RMS variation of rate that counts as a rotation [rad/s].
-        agreement: least correlation coefficient of the coarse step.
-        least: samples between two restarts of a clock that can be matched.
-    """
-
-    delay: float = 0.0
-    delay_sd: float = 0.0
-    smoothing: float = 0.02
-    skew: float = 2e-4
-    minimum: float = 0.01
-    agreement: float = 0.6
-    least: int = 50
+    delay: float = 0.0  # group delay of the sensor's own filter [s]
+    delay_sd: float = 0.0  # its uncertainty [s]
+    smoothing: float = 0.02  # standard deviation in time of the low-pass on both signals [s]
+    skew: float = 2e-4  # prior standard deviation of the skew [-]
+    minimum: float = 0.01  # RMS variation of rate that counts as a rotation [rad/s]
+    agreement: float = 0.6  # least correlation coefficient of the coarse step
+    least: int = 50  # samples between two restarts of a clock that can be matched
 
 
 def sync(
@@ -132,9 +114,21 @@ def sync(
         )
     if not vector:
         r, y = (np.linalg.norm(x, axis=1, keepdims=True) for x in (r, y))
-    full = _fine(t_ref, r, t_imu, y, placed, s)
-    wider = _fine(t_ref, r, t_imu, y, placed, replace(s, smoothing=1.5 * s.smoothing))
-    return _with_systematics(full, wider, s)
+    pivots, x, cov, residual = _fine(t_ref, r, t_imu, y, placed, s)
+    wider = _fine(t_ref, r, t_imu, y, placed, replace(s, smoothing=1.5 * s.smoothing))[1]
+    # What a stronger low-pass changes is added to the standard errors.
+    se = np.sqrt(np.maximum(np.diag(cov), 0.0) + (2.0 * (x - wider)) ** 2)
+    se[:-1] = np.hypot(se[:-1], s.delay_sd)
+    segments = tuple(
+        ClockSegment(c[0], float(p), float(at), float(e), float(c[2]))
+        for c, p, at, e in zip(placed, pivots, x, se, strict=False)
+    )
+    main, skew = max(segments, key=lambda g: g.rows.stop - g.rows.start), float(x[-1])
+    offset, se_offset = (
+        main.at_pivot - (1.0 + skew) * main.pivot,
+        float(np.hypot(main.se, main.pivot * se[-1])),
+    )
+    return ClockFit(offset, skew, se_offset, float(se[-1]), segments, residual, len(t_imu))
 
 
 def _checked(
@@ -185,18 +179,6 @@ def _smoothed(t: Floats, x: Floats, smoothing: float) -> tuple[Floats, Floats, M
     return grid, gaussian_filter1d(values, width, axis=0, mode="nearest"), bad < 1e-3
 
 
-@dataclass(frozen=True)
-class _Fit:
-    pivots: Floats
-    at_pivot: Floats
-    skew: float
-    cov: Floats  # of (at_pivot..., skew)
-    residual: float
-    rows: list[slice]
-    correlation: list[float]
-    size: int
-
-
 def _fine(
     t_ref: Floats,
     r: Floats,
@@ -204,8 +186,11 @@ def _fine(
     y: Floats,
     placed: list[tuple[slice, float, float]],
     s: SyncSettings,
-) -> _Fit:
-    """Gauss-Newton in the offsets at the pivots and the skew; the gains are linear."""
+) -> tuple[Floats, Floats, Floats, float]:
+    """Return pivots, t_ref there and the skew, their covariance, and the RMS residual, by Gauss-Newton.
+
+    The gains are linear.
+    """
     grid, smooth, _ = _smoothed(t_ref, r, s.smoothing)
     spline = CubicSpline(grid, smooth)
     parts = [_smoothed(t_imu[rows], y[rows], s.smoothing) for rows, _, _ in placed]
@@ -222,17 +207,7 @@ def _fine(
         if np.max(np.abs(dx)) < 1e-9:
             break
     lag = max(1, round(max(0.25, 4.0 * s.smoothing) / float(np.median(np.diff(t_imu)))))
-    cov = sandwich(scores, A, lag)
-    return _Fit(
-        pivots,
-        x[:-1],
-        float(x[-1]),
-        cov,
-        float(np.sqrt(np.mean(e**2))),
-        [p[0] for p in placed],
-        [p[2] for p in placed],
-        len(t_imu),
-    )
+    return pivots, x, sandwich(scores, A, lag), float(np.sqrt(np.mean(e**2)))
 
 
 def _linearised(
@@ -244,20 +219,15 @@ def _linearised(
     s: SyncSettings,
 ) -> tuple[Floats, Floats, Floats]:
     """Return the Jacobian and residual with gains projected out, and scores per sample."""
-    linear, slopes, targets, weights, index, since = [], [], [], [], [], []
+    rows = []
     for i, (t, y, good) in enumerate(parts):
         at = x[i] + (1.0 + x[-1]) * (t - pivots[i]) - s.delay
         use = good & (at > grid[0] + 3 * s.smoothing) & (at < grid[-1] - 3 * s.smoothing)
         if y.shape[1] == 1:  # a magnitude near zero is rectified noise
             use &= y[:, 0] > s.minimum
-        linear.append(spline(at[use]))
-        slopes.append(spline(at[use], 1))
-        targets.append(y[use])
-        index.append(np.full(use.sum(), i))
-        since.append(t[use] - pivots[i])
-        weights.append(np.ones(use.sum()))
-    R, D, Y = np.concatenate(linear), np.concatenate(slopes), np.concatenate(targets)
-    k, dt = np.concatenate(index), np.concatenate(since)
+        at, since = at[use], t[use] - pivots[i]
+        rows.append((spline(at), spline(at, 1), y[use], np.full(len(at), i), since))
+    R, D, Y, k, dt = (np.concatenate(x) for x in zip(*rows, strict=True))
     X = np.hstack([R, np.ones((len(R), 1))])
     gain = np.linalg.lstsq(X, Y, rcond=None)[0]
     e = Y - X @ gain
@@ -275,26 +245,3 @@ def _linearised(
     J = np.stack([c.ravel() for c in free], axis=1)
     scores = np.stack([np.sum(c * e, axis=1) for c in free], axis=1)
     return J, e.ravel(), scores
-
-
-def _with_systematics(full: _Fit, wider: _Fit, s: SyncSettings) -> ClockFit:
-    """Return the fit; what a stronger low-pass changes is added to the standard errors."""
-    se = np.sqrt(np.maximum(np.diag(full.cov), 0.0))
-    shift = 2.0 * np.append(full.at_pivot - wider.at_pivot, full.skew - wider.skew)
-    se = np.sqrt(se**2 + shift**2)
-    se[:-1] = np.hypot(se[:-1], s.delay_sd)
-    segments = tuple(
-        ClockSegment(rows, float(p), float(a), float(e), float(c))
-        for rows, p, a, e, c in zip(full.rows, full.pivots, full.at_pivot, se, full.correlation, strict=False)
-    )
-    main = max(segments, key=lambda g: g.rows.stop - g.rows.start)
-    offset = main.at_pivot - (1.0 + full.skew) * main.pivot
-    return ClockFit(
-        offset,
-        full.skew,
-        float(np.hypot(main.se, main.pivot * se[-1])),
-        float(se[-1]),
-        segments,
-        full.residual,
-        full.size,
-    )

@@ -1,10 +1,9 @@
 """An adaptive extended Kalman filter for orientation, with body-acceleration rejection.
 
 After Sabatini 2006 (DOI 10.1109/TBME.2006.875664; thesis Fig. 6-5), without the magnetometer and
-with the gyro's bias as a state. States: quaternion (sensor to earth), gyro bias, accelerometer
-bias:
+with the gyro's bias as a state. States: quaternion (sensor to earth) and gyro bias:
 
-    q[k+1] = q[k] exp((y - b) h)        y_acc = R(q)' (0, 0, g) + b_acc + noise
+    q[k+1] = q[k] exp((y - b) h)        y_acc = R(q)' (0, 0, g) + noise
 
 The accelerometer corrects only where its magnitude has stayed within ``gate`` of g for ``hold``;
 that is the adaptive part: a moving sensor is integrated, a resting one levelled. (A magnitude that
@@ -26,50 +25,29 @@ from pinotwin.system.kernels import compiled
 
 @dataclass(frozen=True)
 class EkfSettings:
-    """Noise levels and the gate; SI.
+    """Noise levels and the gate; SI."""
 
-    Attributes:
-        gyro_noise: density of the gyro's noise, with room for unmodelled errors [rad/s/sqrt(Hz)].
-        accel_noise: standard deviation of an accepted accelerometer sample about gravity [m/s²].
-        gate: accept a sample when its magnitude is this near to g [m/s²].
-        hold: and has been for so long [s].
-        bias: first gyro bias [rad/s].
-        bias_walk: its random walk [rad/s/sqrt(s)].
-        accel_bias: accelerometer bias [m/s²]; 0 leaves the state out.
-        g: gravity [m/s²].
-    """
-
-    gyro_noise: float = 1e-3
-    accel_noise: float = 1.0
-    gate: float = 0.4
-    hold: float = 0.1
-    bias: float = 0.01
-    bias_walk: float = 2e-5
-    accel_bias: float = 0.0
-    g: float = 9.81
+    gyro_noise: float = 1e-3  # density of the gyro's noise, with room for unmodelled errors [rad/s/sqrt(Hz)]
+    accel_noise: float = 1.0  # standard deviation of an accepted accelerometer sample about gravity [m/s²]
+    gate: float = 0.4  # accept a sample when its magnitude is this near to g [m/s²]
+    hold: float = 0.1  # and has been for so long [s]
+    bias: float = 0.01  # first gyro bias [rad/s]
+    bias_walk: float = 2e-5  # its random walk [rad/s/sqrt(s)]
+    g: float = 9.81  # gravity [m/s²]
 
 
 @dataclass(frozen=True)
 class OrientationTrack:
-    """Orientation with bias, shapes (n, ...).
+    """Orientation with bias, shapes (n, ...)."""
 
-    Attributes:
-        q: quaternions, sensor to earth, (n, 4).
-        bias: gyro bias [rad/s], (n, 3).
-        accel_bias: accelerometer bias [m/s²], (n, 3).
-        used: share of accelerometer samples that passed the gate.
-    """
-
-    q: Floats
-    bias: Floats
-    accel_bias: Floats
-    used: float
+    q: Floats  # quaternions, sensor to earth, (n, 4)
+    bias: Floats  # gyro bias [rad/s], (n, 3)
 
 
 @compiled
 def transition(x, gyr, h):  # type: ignore[no-untyped-def]
-    """Return the next state (10,) and its Jacobian (10, 10): rate ``gyr`` [rad/s] over h [s]."""
-    F = np.eye(10)
+    """Return the next state (7,) and its Jacobian (7, 7): rate ``gyr`` [rad/s] over h [s]."""
+    F = np.eye(7)
     phi = (gyr - x[4:7]) * h
     angle = np.sqrt(phi @ phi)
     c = np.cos(0.5 * angle)
@@ -101,29 +79,27 @@ def transition(x, gyr, h):  # type: ignore[no-untyped-def]
 
 @compiled
 def gravity_rows(x, g):  # type: ignore[no-untyped-def]
-    """Return the predicted specific force (3,) at rest and its Jacobian (3, 10)."""
+    """Return the predicted specific force (3,) at rest and its Jacobian (3, 7)."""
     w, a, b, c = x[0], x[1], x[2], x[3]
     z = np.array([2 * (a * c - w * b), 2 * (b * c + w * a), w * w - a * a - b * b + c * c])
-    H = np.zeros((3, 10))
+    H = np.zeros((3, 7))
     H[0, :4] = np.array([-b, c, -w, a]) * (2 * g)
     H[1, :4] = np.array([a, w, c, b]) * (2 * g)
     H[2, :4] = np.array([w, -a, -b, c]) * (2 * g)
-    for i in range(3):
-        H[i, 7 + i] = 1.0
-    return g * z + x[7:10], H
+    return g * z, H
 
 
 @compiled
 def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
-    """Return predicted and filtered states and how many samples passed the gate.
+    """Return predicted and filtered states and their covariances.
 
     ``turn`` are the rates (n - 1, 3) over the steps; ``noise`` gyro and bias-walk densities
     squared; ``s`` accelerometer variance, gate, g and the samples of the hold.
     """
     n = len(acc)
-    xp, xf = np.empty((n, 10)), np.empty((n, 10))
-    Pp, Pf = np.empty((n, 10, 10)), np.empty((n, 10, 10))
-    x, P, used, run = x0.copy(), P0.copy(), 0, 0
+    xp, xf = np.empty((n, 7)), np.empty((n, 7))
+    Pp, Pf = np.empty((n, 7, 7)), np.empty((n, 7, 7))
+    x, P, run = x0.copy(), P0.copy(), 0
     for k in range(n):
         if k > 0:
             x, F = transition(x, turn[k - 1], h)
@@ -136,7 +112,6 @@ def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
         near = abs(np.sqrt(acc[k] @ acc[k]) - s[2]) < s[1]
         run = run + 1 if near else 0
         if run > 0 and (run >= s[3] or run == k + 1):
-            used += 1
             z, H = gravity_rows(x, s[2])
             PH = P @ H.T
             S = H @ PH + s[0] * np.eye(3)
@@ -146,7 +121,7 @@ def _forward(turn, acc, h, x0, P0, noise, s):  # type: ignore[no-untyped-def]
             P = 0.5 * (P + P.T)
             x[:4] /= np.sqrt(x[:4] @ x[:4])
         xf[k], Pf[k] = x, P
-    return xp, Pp, xf, Pf, used
+    return xp, Pp, xf, Pf
 
 
 @compiled
@@ -155,7 +130,7 @@ def _smooth(turn, h, xp, Pp, xf, Pf):  # type: ignore[no-untyped-def]
     x = xf.copy()
     for k in range(n - 2, -1, -1):
         _, F = transition(xf[k], turn[k], h)
-        ridge = Pp[k + 1] + 1e-18 * np.eye(10)
+        ridge = Pp[k + 1] + 1e-18 * np.eye(7)
         C = np.ascontiguousarray(np.linalg.solve(ridge, F @ Pf[k]).T)
         x[k] = xf[k] + C @ (x[k + 1] - xp[k + 1])
         x[k, :4] /= np.sqrt(x[k, :4] @ x[k, :4])
@@ -189,12 +164,12 @@ def ekf(
     if gyr.shape != acc.shape or gyr.ndim != 2 or gyr.shape[1] != 3 or len(gyr) < 2:
         raise DataError(f"gyr {gyr.shape} and acc {acc.shape} must both be (n, 3) with n >= 2")
     head = acc[: max(1, round(0.1 * rate))].mean(axis=0)
-    x0 = np.concatenate([rot.quaternion_from_gravity(head), np.zeros(6)])
-    P0 = np.diag(np.repeat([2.5e-3, s.bias**2, max(s.accel_bias, 1e-9) ** 2], [4, 3, 3]))
+    x0 = np.concatenate([rot.quaternion_from_gravity(head), np.zeros(3)])
+    P0 = np.diag(np.repeat([2.5e-3, s.bias**2], [4, 3]))
     noise = np.array([0.5 * s.gyro_noise**2, s.bias_walk**2])
     gate = np.array([s.accel_noise**2, s.gate, s.g, s.hold * rate])
     turn = rot.increments(gyr, 1.0 / rate, rule) * rate
-    xp, Pp, x, P, used = _forward(turn, acc, 1.0 / rate, x0, P0, noise, gate)
+    xp, Pp, x, P = _forward(turn, acc, 1.0 / rate, x0, P0, noise, gate)
     if smooth:
         x = _smooth(turn, 1.0 / rate, xp, Pp, x, P)
-    return OrientationTrack(x[:, :4], x[:, 4:7], x[:, 7:10], used / len(gyr))
+    return OrientationTrack(x[:, :4], x[:, 4:7])

@@ -19,38 +19,23 @@ from pinotwin.system.kernels import compiled
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Smoothed states of a linear model.
+    """Smoothed states of a linear model."""
 
-    Attributes:
-        x: states, shape (n, d).
-        P: their covariances, shape (n, d, d).
-        log_likelihood: of the measurements under the model.
-    """
-
-    x: Floats
-    P: Floats
-    log_likelihood: float
+    x: Floats  # states, shape (n, d)
+    P: Floats  # their covariances, shape (n, d, d)
+    log_likelihood: float  # of the measurements under the model
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """The matrices of the module's equations; a leading length of 1 means constant.
+    """The matrices of the module's equations; a leading length of 1 means constant."""
 
-    Attributes:
-        F: transitions, (n - 1 or 1, d, d).
-        u: known inputs, (n - 1, d).
-        Q: covariance of the process noise, (n - 1 or 1, d, d).
-        H: measurement rows, (n or 1, m, d).
-        x0: first state, (d,).
-        P0: its covariance, (d, d).
-    """
-
-    F: Floats
-    u: Floats
-    Q: Floats
-    H: Floats
-    x0: Floats
-    P0: Floats
+    F: Floats  # transitions, (n - 1 or 1, d, d)
+    u: Floats  # known inputs, (n - 1, d)
+    Q: Floats  # covariance of the process noise, (n - 1 or 1, d, d)
+    H: Floats  # measurement rows, (n or 1, m, d)
+    x0: Floats  # first state, (d,)
+    P0: Floats  # its covariance, (d, d)
 
     def smooth(self, z: Floats, variance: Floats) -> Smoothed:
         """Return the smoothed states for measurements (n, m) with variances (n, m)."""

@@ -27,23 +27,14 @@ from pinotwin.imu.whiten import Whitener
 
 @dataclass(frozen=True)
 class Remainder:
-    """The remainder at the sensor's times.
+    """The remainder at the sensor's times."""
 
-    Attributes:
-        t: reference time [s], (m,).
-        x: e, e', e'' [rad, rad/s, rad/s²], (m, 3).
-        sd: their standard deviations, (m, 3).
-        force: standard deviation of the unknown force [rad/s²].
-        seen_t: reference times of the samples themselves [s], (k,).
-        seen_rate: what the fitted model leaves of the gyro, in the link frame [rad/s], (k, 3).
-    """
-
-    t: Floats
-    x: Floats
-    sd: Floats
-    force: float
-    seen_t: Floats
-    seen_rate: Floats
+    t: Floats  # reference time [s], (m,)
+    x: Floats  # e, e', e'' [rad, rad/s, rad/s²], (m, 3)
+    sd: Floats  # their standard deviations, (m, 3)
+    force: float  # standard deviation of the unknown force [rad/s²]
+    seen_t: Floats  # reference times of the samples themselves [s], (k,)
+    seen_rate: Floats  # what the fitted model leaves of the gyro, in the link frame [rad/s], (k, 3)
 
 
 def remainder(m: RunModel, theta: Floats, lay: Layout, R_ST: Floats, whitener: Whitener) -> Remainder:

@@ -36,37 +36,23 @@ _SIZE = 25
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is known beforehand; standard deviations, SI. One set serves all motions.
+    """What is known beforehand; standard deviations, SI. One set serves all motions."""
 
-    Attributes:
-        position: how far the sensor strays from its mean place [m].
-        velocity: how fast it moves [m/s].
-        tau: correlation time of both [s].
-        gyro_noise: density of the gyro's noise, with an allowance for unmodelled errors
-            [rad/s/sqrt(Hz)].
-        accel_noise: likewise of the accelerometer [m/s²/sqrt(Hz)].
-        bias: first gyro bias [rad/s]. bias_walk: its random walk [rad/s/sqrt(s)].
-        gyro_matrix: scale and misalignment of the gyro [-].
-        accel_bias: accelerometer bias [m/s²]; kept small, for it cannot be told from a tilt unless
-            the sensor turns.
-        g: gravity [m/s²]. gravity: its deviation.
-        block: length of the blocks that the smoother steps over [s].
-        iterations: rounds of relinearisation.
-    """
-
-    position: float = 0.5
-    velocity: float = 1.0
-    tau: float = 1.0
+    position: float = 0.5  # how far the sensor strays from its mean place [m]
+    velocity: float = 1.0  # how fast it moves [m/s]
+    tau: float = 1.0  # correlation time of both [s]
+    # density of the gyro's noise, with an allowance for unmodelled errors [rad/s/sqrt(Hz)]
     gyro_noise: float = 5e-4
-    accel_noise: float = 0.02
-    bias: float = 0.02
-    bias_walk: float = 2e-4
-    gyro_matrix: float = 3e-3
+    accel_noise: float = 0.02  # likewise of the accelerometer [m/s²/sqrt(Hz)]
+    bias: float = 0.02  # first gyro bias [rad/s]
+    bias_walk: float = 2e-4  # its random walk [rad/s/sqrt(s)]
+    gyro_matrix: float = 3e-3  # scale and misalignment of the gyro [-]
+    # accelerometer bias [m/s²]; kept small, for it cannot be told from a tilt unless the sensor turns
     accel_bias: float = 5e-3
-    g: float = 9.81
-    gravity: float = 0.05
-    block: float = 0.03
-    iterations: int = 4
+    g: float = 9.81  # gravity [m/s²]
+    gravity: float = 0.05  # its deviation
+    block: float = 0.03  # length of the blocks that the smoother steps over [s]
+    iterations: int = 4  # rounds of relinearisation
 
 
 @dataclass(frozen=True)

@@ -33,31 +33,14 @@ class Layout:
     """Names and places of the parameters: shared ones, then those of one run."""
 
     def __init__(self, loads: int, knots: int) -> None:
-        sizes = {
-            "mode": 2,
-            "gain": loads,
-            "sag": 3,
-            "turn": 3,
-            "cross": 3,
-            "asymmetry": 3,
-            "cubic": 3,
-            "g_sensitivity": 9,
-            "accel_matrix": 9,
-            "accel_bias": 3,
-            "position": 3,
-            "gravity": 3,
-            "accel_delay": 1,
-        }
-        self.at: dict[str, slice] = {}
-        end = 0
-        for name, size in sizes.items():
-            self.at[name] = slice(end, end + size)
-            end += size
-        self.shared = end
-        for name, size in {"clock": 2, "scale": 3, "start": 2, "bias": 3 * knots}.items():
-            self.at[name] = slice(end, end + size)
-            end += size
-        self.size = end
+        triples = ("sag", "turn", "cross", "asymmetry", "cubic")
+        sizes = {"mode": 2, "gain": loads, **dict.fromkeys(triples, 3), "g_sensitivity": 9}
+        sizes |= {"accel_matrix": 9, "accel_bias": 3, "position": 3, "gravity": 3, "accel_delay": 1}
+        self.shared = sum(sizes.values())
+        sizes |= {"clock": 2, "scale": 3, "start": 2, "bias": 3 * knots}
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        self.at = {name: slice(*ends[k : k + 2]) for k, name in enumerate(sizes)}
+        self.size: int = ends[-1]
 
     def __getitem__(self, name: str) -> slice:
         return self.at[name]
@@ -154,10 +137,10 @@ class RunModel:
         # s.a is the whole derivative of a: drive minus the mode's own
         return Response(*(np.concatenate(p, axis=1) for p in parts))
 
-    def combine(self, columns: Response, theta: Floats, lay: Layout) -> tuple[Floats, Floats]:
-        """Return delta, delta', delta'' (n, 3) on the fine clock and the weights of the columns."""
+    def combine(self, columns: Response, theta: Floats, lay: Layout) -> Floats:
+        """Return delta, delta', delta'' (n, 3) on the fine clock."""
         weights = np.concatenate([[0.0, 0.0], theta[lay["gain"]], theta[lay["sag"]], theta[lay["start"]]])
-        return np.stack([c @ weights for c in (columns.x, columns.v, columns.a)], axis=1), weights
+        return np.stack([c @ weights for c in (columns.x, columns.v, columns.a)], axis=1)
 
     def predict(self, theta: Floats, lay: Layout, R_ST: Floats) -> Prediction:
         """Return the readings and the Jacobian; ``R_ST`` is turned by the parameter "turn"."""
@@ -177,7 +160,7 @@ class RunModel:
         self, theta: Floats, lay: Layout, R: Floats, c: Response, at: Floats, f_s: Floats
     ) -> tuple[Floats, Floats]:
         cutoff, step, m = self.priors.gyro_cutoff, self.fine.step, len(at)
-        delta, _ = self.combine(c, theta, lay)
+        delta = self.combine(c, theta, lay)
         cols, _ = interpolate(low_pass(c.v, cutoff, step), at)
         v, v_slope = interpolate(low_pass(delta[:, 1:2], cutoff, step), at)
         w, w_slope = interpolate(self.w, at)
@@ -212,7 +195,7 @@ class RunModel:
         step, m, n = self.fine.step, len(at), c.x.shape[1]
         at = at - theta[lay["accel_delay"]] / step
         g, p = theta[lay["gravity"]], theta[lay["position"]]
-        delta, _ = self.combine(c, theta, lay)
+        delta = self.combine(c, theta, lay)
         f, moved, T = self._force(delta, g, p, at)
         stacked = np.concatenate([c.x, c.v, c.a], axis=1)
         cols, _ = interpolate(low_pass(stacked, self.priors.accel_cutoff, step), at)

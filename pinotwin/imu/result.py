@@ -21,40 +21,24 @@ CORNER = 0.5  # Hz: above it lies the dynamic band
 
 @dataclass(frozen=True)
 class RunResult:
-    """One run; arrays on the servo clock, (n,), SI.
+    """One run; arrays on the servo clock, (n,), SI."""
 
-    Attributes:
-        t: servo clock [s].
-        angle: deflection [rad], its quasi-static part under the load included.
-        velocity: [rad/s].
-        acceleration: [rad/s²].
-        sd_angle: standard deviation of the angle in the dynamic band (above 0.5 Hz) [rad].
-        sd_velocity: [rad/s].
-        sd_acceleration: [rad/s²].
-        quasi_static_sd: standard deviation of the angle's slow part, its mean removed [rad].
-        quasi_static: RMS of that slow part [rad].
-        clock: the clock fit after the batch.
-        scale: gyro scale deviations of the run, (3,). scale_se: their standard errors.
-        bias: gyro bias at the knots [rad/s], (knots, 3).
-        remainder: RMS of the deflection that the mode does not explain [rad].
-        parasitic: rates about the two axes across the joint's [rad/s], (n, 2), up to 50 Hz; the
-            near side of the joint is taken not to rotate. Where it is stiff, they are gyro noise.
-    """
-
-    t: Floats
-    angle: Floats
-    velocity: Floats
-    acceleration: Floats
-    sd_angle: Floats
-    sd_velocity: Floats
-    sd_acceleration: Floats
-    quasi_static_sd: float
-    quasi_static: float
-    clock: ClockFit
-    scale: Floats
-    scale_se: Floats
-    bias: Floats
-    remainder: float
+    t: Floats  # servo clock [s]
+    angle: Floats  # deflection [rad], its quasi-static part under the load included
+    velocity: Floats  # [rad/s]
+    acceleration: Floats  # [rad/s²]
+    sd_angle: Floats  # standard deviation of the angle in the dynamic band (above 0.5 Hz) [rad]
+    sd_velocity: Floats  # [rad/s]
+    sd_acceleration: Floats  # [rad/s²]
+    quasi_static_sd: float  # standard deviation of the angle's slow part, its mean removed [rad]
+    quasi_static: float  # RMS of that slow part [rad]
+    clock: ClockFit  # the clock fit after the batch
+    scale: Floats  # gyro scale deviations of the run, (3,)
+    scale_se: Floats  # their standard errors
+    bias: Floats  # gyro bias at the knots [rad/s], (knots, 3)
+    remainder: float  # RMS of the deflection that the mode does not explain [rad]
+    # rates about the two axes across the joint's [rad/s], (n, 2), up to 50 Hz; the near side of the joint
+    # is taken not to rotate. Where it is stiff, they are gyro noise
     parasitic: Floats
 
     @property
@@ -72,19 +56,13 @@ class RunResult:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """All runs and what they share.
+    """All runs and what they share."""
 
-    Attributes:
-        runs: one result per run.
-        R_ST: mounting, link to sensor, (3, 3). R_ST_cov: covariance of its rotation vector [rad²].
-        theta: shared parameters, in the order of ``layout``. se: their standard errors.
-    """
-
-    runs: tuple[RunResult, ...]
-    R_ST: Floats
-    R_ST_cov: Floats
-    theta: Floats
-    se: Floats
+    runs: tuple[RunResult, ...]  # one result per run
+    R_ST: Floats  # mounting, link to sensor, (3, 3)
+    R_ST_cov: Floats  # covariance of its rotation vector [rad²]
+    theta: Floats  # shared parameters, in the order of layout
+    se: Floats  # their standard errors
     layout: Layout = field(repr=False)
     priors: Priors = field(repr=False)
 
@@ -137,7 +115,7 @@ def run_result(
     rows = slice(None, None, m.fine.factor)
     t = m.fine.t[rows]
     columns = m.columns(theta, lay)
-    delta, _ = m.combine(columns, theta, lay)
+    delta = m.combine(columns, theta, lay)
     extra, extra_sd = _on_clock(t, left)
     places = m.places(lay)
     C = cov[np.ix_(places, places)]

@@ -16,25 +16,16 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 @dataclass(frozen=True)
 class ServoRun:
-    """One run as encoders and rigid kinematics see it, the flexible joint taken as undeflected.
+    """One run as encoders and rigid kinematics see it, the flexible joint taken as undeflected."""
 
-    Attributes:
-        t: servo clock, uniform [s], (n,).
-        R: link axes in the machine frame (columns), (n, 3, 3).
-        w: angular velocity of the link in the link frame [rad/s], (n, 3).
-        a: acceleration of the link's origin in the link frame, without gravity [m/s²], (n, 3).
-        axis: direction of the flexible joint's axis in the link frame, (n, 3).
-        arm: from the joint's axis to the link's origin, in the link frame [m], (n, 3).
-        load: what drives the deflection, one column or several, e.g. minus the rigid-body torque at
-            the joint [N·m], (n,) or (n, k).
-    """
-
-    t: Floats
-    R: Floats
-    w: Floats
-    a: Floats
-    axis: Floats
-    arm: Floats
+    t: Floats  # servo clock, uniform [s], (n,)
+    R: Floats  # link axes in the machine frame (columns), (n, 3, 3)
+    w: Floats  # angular velocity of the link in the link frame [rad/s], (n, 3)
+    a: Floats  # acceleration of the link's origin in the link frame, without gravity [m/s²], (n, 3)
+    axis: Floats  # direction of the flexible joint's axis in the link frame, (n, 3)
+    arm: Floats  # from the joint's axis to the link's origin, in the link frame [m], (n, 3)
+    # what drives the deflection, one column or several, e.g. minus the rigid-body torque at the joint
+    # [N·m], (n,) or (n, k)
     load: Floats
 
     def __post_init__(self) -> None:
@@ -71,53 +62,33 @@ class ImuRun:
 
 @dataclass(frozen=True)
 class Priors:
-    """Knowledge before the fit: starting values and standard deviations, SI.
+    """Knowledge before the fit: starting values and standard deviations, SI."""
 
-    Attributes:
-        frequency: natural frequency of the joint with the motors held [Hz], a guess.
-        damping: damping ratio, a guess.
-        log_frequency: standard deviation of ln(frequency). log_damping: of ln(damping).
-        position: the sensor in the link frame [m], (3,). position_sd: its standard deviation.
-        gravity: acceleration of gravity in the machine frame, (3,). gravity_sd: per component.
-        gyro_cutoff: corner of the gyro's second-order low-pass [Hz], inf for none.
-        accel_cutoff: of the accelerometer's.
-        gyro_delay_sd: uncertainty of the gyro's group delay [s]; it goes into the clock's error.
-        accel_delay: standard deviation of a delay of the accelerometer beyond its low-pass [s].
-        scale: gyro scale deviation, per run and axis.
-        cross: non-orthogonality of the gyro [rad].
-        asymmetry: of the gyro [-]. cubic: share of the rate at the largest rate [-].
-        g_sensitivity: [rad/s/(m/s²)].
-        bias: [rad/s]. bias_walk: random walk of the bias between knots [rad/s/sqrt(s)].
-        knots: spacing of the bias knots [s].
-        accel_matrix: scale and misalignment of the accelerometer [-]. accel_bias: [m/s²].
-        skew: relative clock error [-].
-        sag: quasi-static deflection beyond the load's, for 1 g across the link [rad].
-    """
-
-    frequency: float = 20.0
-    damping: float = 0.05
-    log_frequency: float = 0.3
-    log_damping: float = 0.7
-    position: Floats = field(default_factory=lambda: np.zeros(3))
-    position_sd: float = 0.3
+    frequency: float = 20.0  # natural frequency of the joint with the motors held [Hz], a guess
+    damping: float = 0.05  # damping ratio, a guess
+    log_frequency: float = 0.3  # standard deviation of ln(frequency)
+    log_damping: float = 0.7  # of ln(damping)
+    position: Floats = field(default_factory=lambda: np.zeros(3))  # the sensor in the link frame [m], (3,)
+    position_sd: float = 0.3  # its standard deviation
+    # acceleration of gravity in the machine frame, (3,)
     gravity: Floats = field(default_factory=lambda: GRAVITY)
-    gravity_sd: float = 0.6
-    gyro_cutoff: float = np.inf
-    accel_cutoff: float = np.inf
-    gyro_delay_sd: float = 0.0
-    accel_delay: float = 1e-4
-    scale: float = 4e-3
-    cross: float = 1.5e-3
-    asymmetry: float = 2e-4
-    cubic: float = 2e-4
-    g_sensitivity: float = 1e-5
-    bias: float = 0.01
-    bias_walk: float = 1e-5
-    knots: float = 7.0
-    accel_matrix: float = 3e-3
-    accel_bias: float = 0.05
-    skew: float = 2e-4
-    sag: float = 5e-5
+    gravity_sd: float = 0.6  # per component
+    gyro_cutoff: float = np.inf  # corner of the gyro's second-order low-pass [Hz], inf for none
+    accel_cutoff: float = np.inf  # of the accelerometer's
+    gyro_delay_sd: float = 0.0  # uncertainty of the gyro's group delay [s]; it goes into the clock's error
+    accel_delay: float = 1e-4  # standard deviation of a delay of the accelerometer beyond its low-pass [s]
+    scale: float = 4e-3  # gyro scale deviation, per run and axis
+    cross: float = 1.5e-3  # non-orthogonality of the gyro [rad]
+    asymmetry: float = 2e-4  # of the gyro [-]
+    cubic: float = 2e-4  # share of the rate at the largest rate [-]
+    g_sensitivity: float = 1e-5  # [rad/s/(m/s²)]
+    bias: float = 0.01  # [rad/s]
+    bias_walk: float = 1e-5  # random walk of the bias between knots [rad/s/sqrt(s)]
+    knots: float = 7.0  # spacing of the bias knots [s]
+    accel_matrix: float = 3e-3  # scale and misalignment of the accelerometer [-]
+    accel_bias: float = 0.05  # [m/s²]
+    skew: float = 2e-4  # relative clock error [-]
+    sag: float = 5e-5  # quasi-static deflection beyond the load's, for 1 g across the link [rad]
 
 
 class FineRun:

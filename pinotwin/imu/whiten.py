@@ -15,22 +15,17 @@ from pinotwin.signals import runs
 
 @dataclass(frozen=True)
 class Whitener:
-    """Turns noise into white noise of size one, channel by channel.
+    """Turns noise into white noise of size one, channel by channel."""
 
-    Attributes:
-        taps: prediction-error filters, (channels, order + 1), first tap one.
-        sigma: standard deviation of the innovations, (channels,).
-    """
-
-    taps: Floats
-    sigma: Floats
+    taps: Floats  # prediction-error filters, (channels, order + 1), first tap one
+    sigma: Floats  # standard deviation of the innovations, (channels,)
 
     @classmethod
     def from_rest(cls, x: Floats, rate: float, order: int = 3) -> Whitener:
         """Fit to the stretches of readings (m, 6), gyro and accelerometer, that are at rest.
 
         By Yule and Walker, whose filter is the same forwards and backwards and gentler on short rests than
-        Burg's (:mod:`pinotwin.signals.autoregression`): with that one a scale came out 0.03 % off, not 0.02 %.
+        Burg's (:mod:`pinotwin.signals.noise`): with that one a scale came out 0.03 % off, not 0.02 %.
         """
         still = rest(x[:, :3], x[:, 3:], rate)
         pieces = [x[s] for s in runs(still) if s.stop - s.start > 40 * order]

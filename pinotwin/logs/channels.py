@@ -23,9 +23,6 @@ from pinotwin.signals import clock, segments
 SHORTEST = 20
 """Samples below which a stretch is of no use."""
 
-_ABSURD = 1e12
-"""No position, effort or clock of a machine reaches this in SI [m, rad, N, N·m, s]."""
-
 
 def usable(machine: Machine, log: Log) -> Log:
     """Return a bound log with infinite values as missing ones, if the machine can use it at all.
@@ -53,8 +50,8 @@ def usable(machine: Machine, log: Log) -> Log:
     return log
 
 
-def finite(log: Log) -> Log:
-    """Return a bound log with infinite values as missing ones.
+def finite(log: Log, absurd: float = 1e12) -> Log:
+    """Return a bound log with infinite values as missing ones; no machine reaches ``absurd`` in SI.
 
     Raises:
         LogError: no rows, or a number that no measurement gives, such as a sentinel of 1e30.
@@ -64,10 +61,10 @@ def finite(log: Log) -> Log:
     channels = {}
     for name, x in log.channels.items():
         known = np.isfinite(x)
-        absurd = np.flatnonzero(np.abs(x, where=known, out=np.zeros(len(x))) > _ABSURD)
-        if len(absurd):
+        beyond = np.flatnonzero(np.abs(x, where=known, out=np.zeros(len(x))) > absurd)
+        if len(beyond):
             raise LogError(
-                f"{log.source}: {name}: {x[absurd[0]]:g} in row {absurd[0]} is no measurement in "
+                f"{log.source}: {name}: {x[beyond[0]]:g} in row {beyond[0]} is no measurement in "
                 "SI; remove such rows, or correct the unit under `columns` in machine.yaml"
             )
         channels[name] = x if known.all() else np.where(known, x, np.nan)
@@ -94,7 +91,6 @@ def stretches(machine: Machine, log: Log, shortest: int = SHORTEST) -> list[slic
 
 
 def _used(machine: Machine, log: Log) -> Iterator[str]:
-    """Yield the channels whose numbers preparation uses."""
     names = [f"{name}.{kind}" for name in machine.axes for kind in ("q", "u", "qr", "ql")]
     names += [f"{name}.{kind}" for name in machine.passive for kind in ("q", "v", "a")]
     for name in [*(n for n in names if n in log), *_load_channels(log)]:
@@ -144,14 +140,11 @@ def load_positions(machine: Machine, log: Log) -> Floats | None:
 
     They are in the joint's units and on its side of the transmission; missing values are zero.
     """
-    with_scale = [name for name in machine.axes if f"{name}.ql" in log]
-    if not with_scale:
-        return None
     x = np.full((len(log), machine.nv), np.nan)
-    for name in with_scale:
-        axis = machine.axes[name]
-        x[:, axis.index] = np.nan_to_num(log[f"{name}.ql"]) + axis.zero
-    return x
+    for name, axis in machine.axes.items():
+        if f"{name}.ql" in log:
+            x[:, axis.index] = np.nan_to_num(log[f"{name}.ql"]) + axis.zero
+    return None if np.isnan(x).all() else x
 
 
 def has_commands(machine: Machine, log: Log) -> bool:
@@ -160,14 +153,13 @@ def has_commands(machine: Machine, log: Log) -> bool:
     Raises:
         LogError: some have, others have not.
     """
-    present = [f"{name}.qr" in log for name in machine.axes]
-    if any(present) and not all(present):
-        missing = [n for n, there in zip(machine.axes, present, strict=True) if not there]
+    missing = [name for name in machine.axes if f"{name}.qr" not in log]
+    if missing and len(missing) < len(machine.axes):
         raise LogError(
             f"{log.source}: command missing for axis {', '.join(missing)} (channel "
             f"{missing[0]}.qr) while other axes have theirs; give all of them or none"
         )
-    return all(present)
+    return not missing
 
 
 def efforts(machine: Machine, log: Log) -> Floats:
@@ -183,12 +175,12 @@ def efforts(machine: Machine, log: Log) -> Floats:
         u = log.channels.get(f"{name}.u")
         if u is not None and np.ptp(u[np.isfinite(u)]) > 0.0:
             motor[:, axis.index] = u
-    joint: Floats = motor
-    if machine.transmission is not None:
-        joint = np.empty_like(motor)
-        for j, ratios in enumerate(machine.transmission.T):
-            acts = np.flatnonzero(ratios)  # a motor that does not act must not spoil with its NaN
-            joint[:, j] = motor[:, acts] @ ratios[acts]
+    if machine.transmission is None:
+        return motor
+    joint = np.empty_like(motor)
+    for j, ratios in enumerate(machine.transmission.T):
+        acts = np.flatnonzero(ratios)  # a motor that does not act must not spoil with its NaN
+        joint[:, j] = motor[:, acts] @ ratios[acts]
     return joint
 
 
@@ -227,7 +219,4 @@ def external(machine: Machine, log: Log) -> Floats | None:
     if not wrenches:
         return None
     q = joint_positions(machine, log, "q")
-    total = np.zeros((len(log), machine.nv))
-    for link, wrench in wrenches.items():
-        total += external_effort(machine.model, link, q, wrench)
-    return total
+    return np.sum([external_effort(machine.model, link, q, f) for link, f in wrenches.items()], axis=0)

@@ -13,9 +13,11 @@ from pinotwin.dynamics.excitation import Excitation, excitation
 from pinotwin.dynamics.parameters import parameters
 from pinotwin.errors import InputError, MachineError
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.plausible import unseen
 from pinotwin.logs.prepared import Prepared
 from pinotwin.logs.quality import Finding, Quality
-from pinotwin.logs.unseen import unseen
+from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.machine.urdf import impossible_bodies
@@ -44,7 +46,6 @@ _CONSEQUENCES: Mapping[str, tuple[str, ...]] = {
     "effort_early": ("effort_lead",),
 }
 """Code of a cause -> codes that follow from it on the same axis: the cause alone is worth a line."""
-_ROWS = 20_000  # rows that tell what a log excites: more of the same motion tell nothing new
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,68 +81,52 @@ class Check(Card):
     def as_dict(self) -> dict[str, Any]:
         """Return the result in JSON's types."""
         base = self.machine.base
+        axes = {
+            name: {"joint": x.joint, "rotary": x.rotary, "effects": [effect.name for effect in x.effects]}
+            for name, x in self.machine.axes.items()
+        }
+        parameters = [
+            {"name": label, "meaning": name, "unit": unit, "excited": self.determined.get(label)}
+            for label, name, unit in zip(base.labels, base.names, base.units, strict=True)
+        ]
+        told = ("severity", "channel", "axis", "code", "message")
         return {
             "machine": self.machine.name,
             "ok": self.ok,
-            "axes": {
-                name: {
-                    "joint": axis.joint,
-                    "rotary": axis.rotary,
-                    "effects": [effect.name for effect in axis.effects],
-                }
-                for name, axis in self.machine.axes.items()
-            },
-            "base_parameters": [
-                {
-                    "name": label,
-                    "meaning": name,
-                    "unit": unit,
-                    "excited": self.determined.get(label),
-                }
-                for label, name, unit in zip(base.labels, base.names, base.units, strict=True)
-            ],
-            "findings": [
-                {
-                    "severity": f.severity,
-                    "channel": f.channel,
-                    "axis": f.axis,
-                    "code": f.code,
-                    "message": f.message,
-                }
-                for f in self.findings
-            ],
+            "axes": axes,
+            "base_parameters": parameters,
+            "findings": [{key: getattr(one, key) for key in told} for one in self.findings],
             "log": None if self.quality is None else self.quality.as_dict(),
             "condition": None if self.excited is None else self.excited.condition,
         }
 
 
-def check(machine: MachineLike, log: LogLike | None = None) -> Check:
+def check(machine: MachineLike, log: LogLike | None = None, *, settings: Settings = USUAL) -> Check:
     """Examine a machine, and what a log of it can identify.
 
     Args:
         machine: the machine; or its folder, URDF or bundled name, or a ``pin.Model``.
         log: a servo log of it or its file, raw or in the names of the contract.
+        settings: what is decided by.
     """
     machine = as_machine(machine)
     findings = machine_findings(machine)
     if log is None:
         return Check(machine, tuple(findings))
-    one = Prepared.of(machine, as_log(log))
+    one = Prepared.of(machine, as_log(log), settings=settings)
     findings += one.findings
-    excited, determined = None, {}
+    excited = None
     if one.quality.ok and not any(f.code == "unusable" for f in one.findings):
         findings += unseen(machine, one.motion, one.efforts) if one.efforts else []
         try:
             excited = _excitation(machine, one.motion)
-        except InputError as error:
-            findings.append(Finding("error", "", str(error), "unusable"))
-        else:
             findings += _excitation_findings(machine, excited)
-            known = set(excited.determined)
-            determined = {label: label in known for label in machine.base.labels}
-    findings = _causes(findings)
+        except InputError as error:
+            findings.append(finding("unusable", why=str(error)))
+    known = set() if excited is None else set(excited.determined)
+    determined = {} if excited is None else {label: label in known for label in machine.base.labels}
     order = {"error": 0, "warning": 1, "info": 2}
-    findings.sort(key=lambda f: order[f.severity])
+    findings = sorted(_causes(findings), key=lambda f: order[f.severity])
     return Check(machine, tuple(findings), one.quality, excited, determined)
 
 
@@ -159,28 +144,19 @@ def _causes(findings: Sequence[Finding]) -> list[Finding]:
 def machine_findings(machine: Machine) -> list[Finding]:
     """Return what the tree of a machine, and its URDF, say."""
     root = read_tree(machine.urdf)
-    out = [Finding("warning", part, f"URDF: {text}") for part, text in incomplete(root).items()]
+    out = [finding("urdf_invalid", part, problems=text) for part, text in incomplete(root).items()]
     for joint, problem in impossible_bodies(machine.model).items():
-        text = f"what it moves cannot exist: {problem}; correct the <inertial> of its links"
-        out.append(Finding("error", joint, text))
+        out.append(finding("body_impossible", joint, problem=problem))
     for joint, leader in mimics(root).items():
         if joint not in machine.model.names:
-            text = f"follows {leader!r} in the URDF (mimic); held at zero here"
-            out.append(Finding("warning", joint, text))
+            out.append(finding("joint_mimics", joint, leader=repr(leader)))
     for link in root.findall("link"):
         if link.find("inertial") is None and _is_child_of_moving(root, str(link.get("name"))):
-            out.append(
-                Finding(
-                    "warning",
-                    str(link.get("name")),
-                    "link of a moving joint without <inertial>: its mass counts as zero",
-                )
-            )
+            out.append(finding("link_massless", str(link.get("name"))))
     without = machine.base.without_effect
     if without:
         shown = ", ".join(without[:6]) + (" ..." if len(without) > 6 else "")
-        text = f"{len(without)} inertial parameters have no effect on any joint torque: {shown}"
-        out.append(Finding("info", "", text))
+        out.append(finding("no_effect", count=len(without), names=shown))
     return out
 
 
@@ -191,10 +167,10 @@ def _is_child_of_moving(root: Any, link: str) -> bool:
     return False
 
 
-def _excitation(machine: Machine, motion: Motion) -> Excitation:
-    """Return what a log's usable rows tell of the base parameters, joints weighed by effort."""
+def _excitation(machine: Machine, motion: Motion, most: int = 20_000) -> Excitation:
+    """Return what some usable rows of a log tell of the base parameters, joints weighed by effort."""
     inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
-    inside = inside[:: max(1, len(inside) // _ROWS)]
+    inside = inside[:: max(1, len(inside) // most)]
     w = machine.base.regressor(machine.model, motion.q[inside], motion.v[inside], motion.a[inside])
     rows = []
     for joint in range(machine.nv):
@@ -224,17 +200,7 @@ def _excitation_findings(machine: Machine, excited: Excitation) -> list[Finding]
     meaning = dict(zip(machine.base.labels, machine.base.names, strict=True))
     for group in excited.unexcited:
         names = [meaning[name] for name in group.names]
-        if len(names) == group.free == 1:
-            text = f"{names[0]}: this log does not excite it; move the axes that carry it harder"
-        else:
-            text = f"not separable on this log: {'; '.join(names)}"
-        out.append(Finding("warning", "", text))
-    out.append(
-        Finding(
-            "info",
-            "",
-            f"{len(excited.determined)} of {len(excited.names)} base parameters can be identified, "
-            f"condition {excited.condition:.3g}",
-        )
-    )
-    return out
+        code = "not_excited" if len(names) == group.free == 1 else "not_separable"
+        out.append(finding(code, names="; ".join(names)))
+    counts = {"count": len(excited.determined), "of": len(excited.names)}
+    return [*out, finding("identifiable", **counts, condition=excited.condition)]

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -23,23 +24,11 @@ import scipy
 from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 from pinotwin.log import Log
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import clock, lagrange_error, runs
 
-BRIDGED = 2
-"""Samples missing in a row that are bridged."""
-
-_JITTER = 0.02  # scatter of the intervals, in steps, from which the motion is asked
-_NO_CLOCK = 0.3  # share of intervals off by half a step or more, from which there is no clock
-_SMOOTHER = 0.5  # ratio of roughness at which one clock is better than another
 _WINDOW = 21  # rows over which the velocity is taken
-_SLOW = 0.05  # of the top speed (all axes together): slower rows do not tell their tick
 _PASSES = 4  # of velocity and ticks
-_SHIFTS = (0.0, 1.0, -1.0, 2.0, -2.0)  # ticks by which a skip is tried longer or shorter
-_STANDS_OUT = (
-    100.0  # times the usual squared roughness of a row, from which a skip may be too long or too short
-)
-_CUBIC = 4  # rows that a cubic passes through whatever they are
-_WHOLE = 0.15  # median distance of the advance from whole ticks, if there is such a clock
 
 
 @dataclass(frozen=True)
@@ -57,12 +46,13 @@ class _Ticks:
     step: float
 
 
-def even_clock(log: Log, axes: Sequence[str]) -> Log:
+def even_clock(log: Log, axes: Sequence[str], settings: Settings = USUAL) -> Log:
     """Return a bound log on an even clock with short holes bridged; its notes say what was done.
 
     Args:
         log: bound log with ``t`` and the positions of the axes.
         axes: axes whose positions tell the clock.
+        settings: what is decided by.
     """
     stamped = np.isfinite(log.t)
     even = log if stamped.all() else log.rows(stamped)
@@ -71,33 +61,29 @@ def even_clock(log: Log, axes: Sequence[str]) -> Log:
     except DataError:  # refused with its channel where the log's stretches are taken
         return log
     steps = np.diff(even.t) / said.step
-    if np.mean((steps < 0.5) | (steps > 1.5)) > _NO_CLOCK:
+    if np.mean((steps < 0.5) | (steps > 1.5)) > settings.no_clock:
         return log  # refused there too
     notes: list[str] = []
     if not stamped.all():
         notes.append(f"t: {int((~stamped).sum())} rows without a stamp left out")
-    ticks = _by_index(even.t, said.step)
-    remade = said.jitter_rms > _JITTER * said.step
+    ticks = _by_index(even.t, said.step, settings.bridged)
+    remade = said.jitter_rms > settings.jitter * said.step
     if remade:
-        ticks, remade, told = _told(even, axes, ticks, said.jitter_rms)
+        ticks, remade, told = _told(even, axes, ticks, said.jitter_rms, settings.smoother)
         notes.append(told)
-    even = _at_ticks(even, ticks, remade, notes)
-    return _filled(even, notes)
+    even = _at_ticks(even, ticks, remade, notes, settings.bridged)
+    return _filled(even, notes, settings.bridged)
 
 
-def _by_index(t: Floats, step: float) -> _Ticks:
+def _by_index(t: Floats, step: float, bridged: int) -> _Ticks:
     """Return the ticks if every row is the next sample, but for whole gaps."""
-    parts = _parts(t, step)
-    at = _sum(np.maximum(1.0, np.round(np.diff(t) / step)), parts, len(t))
+    dt = np.diff(t)
+    edges = [0, *(np.flatnonzero((dt <= 0.0) | (dt > (bridged + 1.5) * step)) + 1).tolist(), len(t)]
+    parts = tuple(slice(a, b) for a, b in pairwise(edges))
+    at = _sum(np.maximum(1.0, np.round(dt / step)), parts, len(t))
     ticks = sum(at[p.stop - 1] for p in parts)
     mean = sum(t[p.stop - 1] - t[p.start] for p in parts) / ticks if ticks else step
     return _Ticks(at, parts, float(mean))
-
-
-def _parts(t: Floats, step: float) -> tuple[slice, ...]:
-    dt = np.diff(t)
-    edges = np.flatnonzero((dt <= 0.0) | (dt > (BRIDGED + 1.5) * step)) + 1
-    return tuple(slice(int(a), int(b)) for a, b in zip(np.r_[0, edges], np.r_[edges, len(t)], strict=True))
 
 
 def _sum(advance: Floats, parts: Sequence[slice], n: int) -> Floats:
@@ -107,22 +93,24 @@ def _sum(advance: Floats, parts: Sequence[slice], n: int) -> Floats:
     return at
 
 
-def _told(log: Log, axes: Sequence[str], index: _Ticks, jitter: float) -> tuple[_Ticks, bool, str]:
+def _told(
+    log: Log, axes: Sequence[str], index: _Ticks, jitter: float, smoother: float
+) -> tuple[_Ticks, bool, str]:
     """Return the ticks over which the positions are smoothest, whether stamps are remade, and a note."""
     t, step = log.t, index.step
     q = np.column_stack([_known(log[f"{name}.q"]) for name in axes])
     q = (q - q.mean(axis=0)) / np.maximum(q.std(axis=0), 1e-12)
     stamps = _Ticks(_sum(np.diff(t) / step, index.parts, len(t)), index.parts, step)
-    moved = _by_motion(t, q, index)
+    moved = _by_motion(t, q, index, smoother)
     rough = {name: _roughness(q, x) for name, x in (("rows", index), ("stamps", stamps), ("motion", moved))}
     scatter = f"t: stamps scatter by {100 * jitter / step:.2g} % of a step"
-    if rough["rows"] <= _SMOOTHER * rough["stamps"] and rough["rows"] <= 1.5 * rough["motion"]:
+    if rough["rows"] <= smoother * rough["stamps"] and rough["rows"] <= 1.5 * rough["motion"]:
         return index, True, f"{scatter} around an even clock, estimated from the motion and used"
-    if moved is not None and rough["motion"] <= _SMOOTHER * min(rough["rows"], rough["stamps"]):
+    if moved is not None and rough["motion"] <= smoother * min(rough["rows"], rough["stamps"]):
         held = int(np.isnan(moved.at).sum())
         found = f"the motion shows a clock of {1.0 / moved.step:.4g} Hz below, which was used"
         return moved, True, f"{scatter}; {found} ({held} rows repeat a sample)"
-    if rough["stamps"] <= _SMOOTHER * rough["rows"]:
+    if rough["stamps"] <= smoother * rough["rows"]:
         rate = f"interpolated to an even clock of {1.0 / step:.4g} Hz"
         return stamps, True, f"{scatter} and so does the motion: {rate}"
     return index, False, f"{scatter}; the motion shows no better clock, rows are taken as evenly sampled"
@@ -134,27 +122,28 @@ def _known(x: Floats) -> Floats:
     return np.interp(np.arange(len(x)), good, x[good]) if len(good) else np.zeros(len(x))
 
 
-def _by_motion(t: Floats, q: Floats, index: _Ticks) -> _Ticks | None:
-    """Return the ticks by which the positions (n, k) advance, or None if not by whole ones."""
+def _by_motion(t: Floats, q: Floats, index: _Ticks, smoother: float, whole: float = 0.15) -> _Ticks | None:
+    """Return the ticks by which the positions (n, k) advance, or None if their median is ``whole`` off whole ones."""
     step = index.step
     at = _sum(np.diff(t) / step, index.parts, len(t))
     for _ in range(_PASSES):  # velocity and step are those of the clock found before
         away = np.concatenate([_advance(at, q, part, np.diff(t[part]) / step) for part in index.parts])
-        if not len(away) or np.median(away) > _WHOLE:
+        if not len(away) or np.median(away) > whole:
             return None
         slopes = [np.polyfit(at[p], t[p], 1)[0] for p in index.parts if p.stop - p.start > _WINDOW]
         sizes = [p.stop - p.start for p in index.parts if p.stop - p.start > _WINDOW]
         step = float(np.average(slopes, weights=sizes))
     for part in index.parts:
         at[part][1:][np.diff(at[part]) < 0.25] = np.nan
-        _settle(at[part], q[part])
+        _settle(at[part], q[part], smoother)
     return _Ticks(at, index.parts, step)
 
 
-def _settle(at: Floats, q: Floats) -> None:
+def _settle(at: Floats, q: Floats, smoother: float, stands_out: float = 100.0) -> None:
     """Move, in place, what follows a skip by a tick or two where that makes the positions (n, k) far smoother.
 
-    A longer skip bends the velocity that it is itself told by: five ticks are taken for four, and stay so.
+    A longer skip bends the velocity that it is itself told by: five ticks are taken for four, and stay so. Tried is
+    one whose squared roughness ``stands_out`` so many times from that of a usual row.
     """
     kept = np.flatnonzero(np.isfinite(at))
     if len(kept) <= _WINDOW:
@@ -165,10 +154,12 @@ def _settle(at: Floats, q: Floats) -> None:
         for k in np.flatnonzero(np.diff(at[kept]) > 1.5):
             near = kept[max(0, k - 3) : k + 5]
             later = near > kept[k]
-            shifts = [s for s in _SHIFTS if at[kept[k + 1]] - at[kept[k]] + s > 0.5]
+            shifts = [s for s in (0.0, 1.0, -1.0, 2.0, -2.0) if at[kept[k + 1]] - at[kept[k]] + s > 0.5]
             rough = [float(np.sum(lagrange_error(at[near] + s * later, q[near]) ** 2)) for s in shifts]
-            best = int(np.argmin(rough)) if len(near) > _CUBIC else 0
-            if rough[0] > _STANDS_OUT * usual and rough[best] < _SMOOTHER**2 * rough[0]:
+            best = (
+                int(np.argmin(rough)) if len(near) > 4 else 0
+            )  # a cubic passes through four whatever they are
+            if rough[0] > stands_out * usual and rough[best] < smoother**2 * rough[0]:
                 at[kept[k + 1] :] += shifts[best]
                 moved = True
         if not moved:
@@ -186,7 +177,7 @@ def _advance(at: Floats, q: Floats, part: slice, stamped: Floats) -> Floats:
     v = slope[:, :-1] / np.maximum(slope[:, -1:], 0.1)
     v = 0.5 * (v[1:] + v[:-1])
     power = np.sum(v**2, axis=1)
-    fast = power > _SLOW**2 * power.max(initial=0.0)
+    fast = power > 0.05**2 * power.max(initial=0.0)  # slower rows do not tell their tick
     steps = np.sum(v * np.diff(q[part], axis=0), axis=1) / np.maximum(power, 1e-300)
     whole = np.maximum(np.round(steps), 0.0)
     at[part.start + 1 : part.stop] = np.cumsum(np.where(fast, whole, stamped))
@@ -205,7 +196,7 @@ def _roughness(q: Floats, ticks: _Ticks | None) -> float:
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else np.inf
 
 
-def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str]) -> Log:
+def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str], bridged: int) -> Log:
     """Return the log at every tick of its parts; nothing is touched where every row is the next one."""
     grids = [_grid(ticks.at[part]) for part in ticks.parts]
     sampled = [np.unique(np.round(x[np.isfinite(x)])) for x in (ticks.at[p] for p in ticks.parts)]
@@ -229,7 +220,7 @@ def _at_ticks(log: Log, ticks: _Ticks, remade: bool, notes: list[str]) -> Log:
         if remade:
             start = log.t[part][kept][0]
             if start > end - 10.0 * ticks.step:  # the break between two parts stays one
-                start = max(start, end + (BRIDGED + 2) * ticks.step)
+                start = max(start, end + (bridged + 2) * ticks.step)
             columns["t"][-1] = start + grid * ticks.step
         end = columns["t"][-1][-1]
     return log.with_channels({name: np.concatenate(x) for name, x in columns.items()})
@@ -257,8 +248,8 @@ def _between(at: Floats, x: Floats, grid: Floats, smooth: bool) -> Floats:
     return np.asarray(new, dtype=float)
 
 
-def _filled(log: Log, notes: list[str]) -> Log:
-    """Return the log with holes of at most ``BRIDGED`` values in a channel bridged."""
+def _filled(log: Log, notes: list[str], bridged: int) -> Log:
+    """Return the log with holes of at most ``bridged`` values in a channel bridged."""
     filled = {}
     for name, x in log.channels.items():
         hole = ~np.isfinite(x)
@@ -268,14 +259,14 @@ def _filled(log: Log, notes: list[str]) -> Log:
         for start, stop in ((s.start, s.stop) for s in runs(hole)):
             inner = start >= 4 and stop <= len(x) - 4
             around = slice(start - 2, stop + 2)
-            if inner and stop - start <= BRIDGED and hole[around].sum() == stop - start:
+            if inner and stop - start <= bridged and hole[around].sum() == stop - start:
                 short[start:stop] = _even(log.t[start - 1 : stop + 1])
         if short.any():
             rows, known = np.arange(len(x), dtype=float), ~hole
             new = x.copy()
             new[short] = _between(rows[known], x[known], rows, name.endswith((".q", ".qr", ".ql")))[short]
             filled[name] = new
-            notes.append(f"{name}: {int(short.sum())} missing values bridged, at most {BRIDGED} in a row")
+            notes.append(f"{name}: {int(short.sum())} missing values bridged, at most {bridged} in a row")
     return log.with_channels({**log.channels, **filled}, notes)
 
 

@@ -6,41 +6,25 @@ names, and one that runs the other way, spoil the efforts of all axes: the whole
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.logs.effort_alone import drives
-from pinotwin.logs.explained import Course, Explained, basis_of, explained, left_of
+from pinotwin.logs.explained import Course, Explained, explained
 from pinotwin.logs.quality import Finding
+from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.settings import Settings
 from pinotwin.machine import Machine
 
-_CLOSER = 0.2  # what is left of two efforts, the product of both shares, relative to what it is now
-_NEITHER = 0.9  # the same of each of them alone: neither may be spoiled for the other's sake
-_PLAIN = 0.005  # share of an effort's power below which a better fit is not worth a word
-_CLEAR = 0.05  # the same from which it is one, and what must be left of an effort for positions to be doubted
-_FINDINGS = {  # what was found -> signal, words, code
-    "effort": (
-        "u",
-        "the effort of {0} fits the motion of {1} and the other way round: exchange their columns "
-        "in machine.yaml (or those of their positions)",
-        "effort_exchanged",
-    ),
-    "position": (
-        "q",
-        "with the positions of {0} and {1} exchanged the efforts of the machine fit: exchange the columns of "
-        "position and command in machine.yaml",
-        "position_exchanged",
-    ),
-    "sign": (
-        "q",
-        "with the position of {0} reversed the efforts of the machine fit: give the columns of its position and "
-        "command in machine.yaml a negative factor",
-        "position_sign",
-    ),
+_CODES = {
+    "effort": ("u", "effort_exchanged"),
+    "position": ("q", "position_exchanged"),
+    "sign": ("q", "position_sign"),
 }
+"""What was found -> signal, code."""
 
 
 def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]) -> Iterator[Finding]:
@@ -52,23 +36,29 @@ def exchanged(machine: Machine, u: Floats, at: Course, axes: Sequence[Explained]
         at: rows of it.
         axes: those whose efforts are no nonsense by themselves.
     """
-    bases = [(b.name, b.rows, basis_of(b.columns)) for b in axes]
-    left = {(a.name, name): left_of(a.u[rows], basis) for name, rows, basis in bases for a in axes}
-    own = {a.name: left[a.name, a.name] for a in axes}
+    limit, of = at.settings, {axis.name: axis for axis in axes}
+    own = {name: axis.left for name, axis in of.items()}
     place = {name: machine.axes[name].index for name in own}
+    doubted = max(own.values(), default=0.0) > limit.clear
+
+    def put_back(other: Course, *who: str) -> float:
+        now = _left(machine, u, other)
+        return _of_positions(own, now, who, limit) if set(own) <= set(now) else 1.0
+
     ratios: dict[tuple[str, ...], float] = {}
     for a, b in combinations(own, 2):
-        ratios["effort", a, b] = _ratio([own[a], own[b]], [left[a, b], left[b, a]])
-        if max(own[a], own[b]) > _CLEAR:
-            ratios["position", a, b] = _put_back(machine, u, at.exchanged(place[a], place[b]), own, (a, b))
-    for a in own if max(own.values(), default=0.0) > _CLEAR else ():
-        ratios["sign", a] = _put_back(machine, u, at.turned(place[a]), own, (a,))
+        crossed = [of[b].left_of(of[a].u), of[a].left_of(of[b].u)]
+        ratios["effort", a, b] = _ratio([own[a], own[b]], crossed, limit)
+        if max(own[a], own[b]) > limit.clear:
+            ratios["position", a, b] = put_back(at.exchanged(place[a], place[b]), a, b)
+    for a in own if doubted else ():
+        ratios["sign", a] = put_back(at.turned(place[a]), a)
     done: set[str] = set()
     for (what, *names), ratio in sorted(ratios.items(), key=lambda item: item[1]):
-        if ratio < _CLOSER and not done & set(names):
+        if ratio < limit.closer and not done & set(names):
             done |= set(names)
-            signal, text, code = _FINDINGS[what]
-            yield Finding("warning", ", ".join(f"{n}.{signal}" for n in names), text.format(*names), code)
+            signal, code = _CODES[what]
+            yield finding(code, ", ".join(f"{n}.{signal}" for n in names), a=names[0], b=names[-1])
 
 
 def not_told(machine: Machine, u: Floats, at: Course, sound: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -83,62 +73,57 @@ def not_told(machine: Machine, u: Floats, at: Course, sound: Sequence[str]) -> I
         at: rows of it.
         sound: axes of which nothing was found.
     """
-    axes = list(explained(machine, u, at))
-    bases = {b.name: (b.rows, basis_of(b.columns)) for b in axes}
-    own = {a.name: left_of(a.u[a.rows], bases[a.name][1]) for a in axes}
+    limit, of = at.settings, {axis.name: axis for axis in explained(machine, u, at)}
+    own = {name: axis.left for name, axis in of.items()}
     place = {name: machine.axes[name].index for name in own}
+
     tried = [name for name in own if name in sound]
     for a, b in combinations(tried, 2):
-        i, j = place[a], place[b]
-        other = at.exchanged(i, j)
-        crossed = [left_of(u[bases[x][0], k], bases[x][1]) for x, k in ((a, j), (b, i))]
-        if _ratio(crossed, [own[b], own[a]]) >= _CLOSER:
-            order = np.arange(u.shape[1])
-            order[[i, j]] = j, i
-            if not _is_seen(_left(machine, u[:, order], at), _left(machine, u[:, order], other), (a, b)):
+        other = at.exchanged(place[a], place[b])
+        crossed = [of[a].left_of(of[b].u), of[b].left_of(of[a].u)]
+        if _ratio(crossed, [own[b], own[a]], limit) >= limit.closer:
+            swapped = u.copy()
+            swapped[:, [place[a], place[b]]] = u[:, [place[b], place[a]]]
+            if not _is_seen(_left(machine, swapped, at), _left(machine, swapped, other), (a, b), limit):
                 yield "effort", a, b
-        if not _is_seen(_left(machine, u, other), own, (a, b)):
+        if not _is_seen(_left(machine, u, other), own, (a, b), limit):
             yield "position", a, b
     for a in tried:
         turned = list(explained(machine, u, at.turned(place[a])))
-        if not _is_seen(_shares(turned), own, (a,)) and not any(map(drives, turned)):
+        if not _is_seen({x.name: x.left for x in turned}, own, (a,), limit) and not any(map(drives, turned)):
             yield "sign", a
 
 
 def _left(machine: Machine, u: Floats, at: Course) -> dict[str, float]:
-    return _shares(explained(machine, u, at))
+    return {axis.name: axis.left for axis in explained(machine, u, at)}
 
 
-def _shares(axes: Iterable[Explained]) -> dict[str, float]:
-    return {x.name: left_of(x.u[x.rows], basis_of(x.columns)) for x in axes}
-
-
-def _is_seen(spoiled: Mapping[str, float], own: Mapping[str, float], who: Sequence[str]) -> bool:
+def _is_seen(
+    spoiled: Mapping[str, float], own: Mapping[str, float], who: Sequence[str], limit: Settings
+) -> bool:
     """Whether positions that leave ``spoiled`` of the efforts would be named, as those that are leave ``own``."""
     if not set(own) <= set(spoiled):
         return False
-    doubted = max(spoiled[n] for n in (who if len(who) > 1 else own)) > _CLEAR
-    return doubted and _of_positions(spoiled, own, who) < _CLOSER
+    doubted = max(spoiled[n] for n in (who if len(who) > 1 else own)) > limit.clear
+    return doubted and _of_positions(spoiled, own, who, limit) < limit.closer
 
 
-def _put_back(machine: Machine, u: Floats, at: Course, own: Mapping[str, float], who: Sequence[str]) -> float:
-    """Return the ratio of what is left of all efforts with other positions of some axes, 1 where it is no better.
+def _of_positions(
+    own: Mapping[str, float], now: Mapping[str, float], who: Sequence[str], limit: Settings
+) -> float:
+    """Return the ratio of what is left of all efforts with other positions of ``who`` to what is left as they are.
 
     Two that were exchanged must both be closer; where one was reversed it may be another that is.
     """
-    now = _left(machine, u, at)
-    return _of_positions(own, now, who) if set(own) <= set(now) else 1.0
-
-
-def _of_positions(own: Mapping[str, float], now: Mapping[str, float], who: Sequence[str]) -> float:
-    """Return the ratio of what is left of all efforts with other positions of ``who`` to what is left as they are."""
     every = float(np.prod([now[n] / own[n] for n in own]))
     if len(who) == 1:
-        return every if any(own[n] - now[n] > _CLEAR and now[n] < 0.5 * own[n] for n in own) else 1.0
-    return max(every, _ratio([own[n] for n in who], [now[n] for n in who]))
+        closer = any(own[n] - now[n] > limit.clear and now[n] < 0.5 * own[n] for n in own)
+        return every if closer else 1.0
+    return max(every, _ratio([own[n] for n in who], [now[n] for n in who], limit))
 
 
-def _ratio(own: Sequence[float], other: Sequence[float]) -> float:
+def _ratio(own: Sequence[float], other: Sequence[float], limit: Settings) -> float:
     """Return the product of two shares over that of what they are now; 1 where either is not clearly smaller."""
-    closer = all(o - x > _PLAIN and x < _NEITHER * o for o, x in zip(own, other, strict=True))
+    pairs = zip(own, other, strict=True)
+    closer = all(o - x > limit.plain and x < limit.neither * o for o, x in pairs)
     return float(np.prod(other) / np.prod(own)) if closer else 1.0

@@ -6,19 +6,21 @@ whether a motion can be that of an effort at all, on which axis, at which instan
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.dynamics.parameters import parameters
+from pinotwin.logs.settings import Settings
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.solve.jackknife import jackknife
+from pinotwin.solve.lead import Lag, lag
 
-REACH = 0.06  # longest lag that is looked for [s]
-BLOCKS = 8
-_ROWS = 4000
+BLOCKS = 8  # of the log, left out in turn
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class Course:
     Attributes:
         rows: their numbers, shape (n,).
         use: which of them each axis may use, shape (n, nv). q, v, a: of every axis, shape (n, nv).
+        reach: samples in which a lag is looked for.
+        settings: what is decided by.
     """
 
     rows: Ints
@@ -35,23 +39,41 @@ class Course:
     q: Floats
     v: Floats
     a: Floats
+    reach: int
+    settings: Settings
 
     def exchanged(self, i: int, j: int) -> Course:
         """Return the same with the positions of two axes exchanged."""
         order = np.arange(self.q.shape[1])
         order[[i, j]] = j, i
-        return Course(self.rows, self.use[:, order], self.q[:, order], self.v[:, order], self.a[:, order])
+        q, v, a = (x[:, order] for x in (self.q, self.v, self.a))
+        return replace(self, use=self.use[:, order], q=q, v=v, a=a)
 
     def turned(self, i: int) -> Course:
         """Return the same with the position of an axis reversed."""
         sign = np.ones(self.q.shape[1])
         sign[i] = -1.0
-        return Course(self.rows, self.use, sign * self.q, sign * self.v, sign * self.a)
+        return replace(self, q=sign * self.q, v=sign * self.v, a=sign * self.a)
+
+    def thinned(self, most: int) -> Course:
+        """Return the same with about so many of its rows."""
+        few = slice(None, None, max(1, len(self.rows) // most))
+        q, v, a = (x[few] for x in (self.q, self.v, self.a))
+        return replace(self, rows=self.rows[few], use=self.use[few], q=q, v=v, a=a)
 
 
 @dataclass(frozen=True)
 class Explained:
-    """One axis: its effort, its rows, and there what may cause it; the last three columns are friction and 1."""
+    """One axis: its effort, its rows, and there what may cause it.
+
+    Attributes:
+        u: effort of the whole motion, shape (n,).
+        rows: those that are looked at, shape (m,). v, a: of the axis there.
+        rigid: effort of the URDF's masses there, shape (m,).
+        columns: of all causes, shape (m, k); the last three are friction and 1. basis: orthonormal, of these.
+        reach: samples in which a lag is looked for.
+        settings: what is decided by.
+    """
 
     name: str
     rotary: bool
@@ -61,20 +83,52 @@ class Explained:
     a: Floats
     rigid: Floats
     columns: Floats
+    basis: Floats
+    reach: int
+    settings: Settings
 
     @property
     def friction(self) -> slice:
         """The columns of friction."""
         return slice(self.columns.shape[1] - 3, self.columns.shape[1] - 1)
 
+    @property
+    def left(self) -> float:
+        """Share of the power of its effort that nothing accounts for."""
+        return self.left_of(self.u)
 
-def course(motion: Motion, reach: int) -> Course | None:
-    """Return rows of a motion, ``reach`` samples away from every gap; None where there are too few."""
+    def left_of(self, u: Floats) -> float:
+        """Return the share of the power of another effort, shape (n,), that the motion of this axis leaves."""
+        return left_of(u[self.rows], self.basis)
+
+    def lag(self) -> Lag:
+        """Return its effort at its best lag."""
+        return lag(self.u, self.rows, self.basis, self.reach, blocks=BLOCKS)
+
+    def scale(self, y: Floats, *, rotor: bool = False) -> tuple[float, float, float]:
+        """Return an effort over that of the URDF, its standard error, and its share of what friction leaves.
+
+        With ``rotor`` the axis' own acceleration is explained apart: a geared motor adds inertia that is in no URDF.
+        """
+        if not np.ptp(self.rigid) > 0:
+            return 1.0, np.inf, 0.0
+        columns = np.column_stack([self.rigid, self.columns[:, -3:], *([self.a] if rotor else [])])
+        own = basis_of(columns[:, 1:])
+        without = y - own @ (own.T @ y)
+        scale, error, theta = fitted(columns, y, np.eye(columns.shape[1])[0])
+        rest = y - columns @ theta
+        return scale, error, 1.0 - float(rest @ rest) / max(float(without @ without), 1e-300)
+
+
+def course(motion: Motion, settings: Settings, most: int = 4000) -> Course | None:
+    """Return about so many rows of a motion, away from every gap; None where there are too few."""
+    reach = int(np.ceil(settings.lag_reach / motion.step))
     inside = np.concatenate([np.arange(s.start + reach, s.stop - reach) for s in motion.segments])
-    inside = inside[:: max(1, len(inside) // _ROWS)]
+    inside = inside[:: max(1, len(inside) // most)]
     if len(inside) < 20 * BLOCKS:
         return None
-    return Course(inside, motion.use[inside], motion.q[inside], motion.v[inside], motion.a[inside])
+    moved = motion.q[inside], motion.v[inside], motion.a[inside]
+    return Course(inside, motion.use[inside], *moved, reach, settings)
 
 
 def explained(machine: Machine, u: Floats, at: Course) -> Iterator[Explained]:
@@ -97,8 +151,10 @@ def explained(machine: Machine, u: Floats, at: Course) -> Iterator[Explained]:
         if min(np.mean(v > 0), np.mean(v < 0)) < 0.02:
             continue  # one direction only: friction is a constant there
         own = [a, np.sin(q), np.cos(q)] if axis.rotary else [a]
-        columns = [w[:, np.abs(w).max(axis=0) > 0], *own, v, np.sign(v), np.ones(len(rows))]
-        yield Explained(name, axis.rotary, effort, rows, v, a, w @ beta, np.column_stack(columns))
+        parts: Sequence[Floats] = [w[:, np.abs(w).max(axis=0) > 0], *own, v, np.sign(v), np.ones(len(rows))]
+        columns = np.column_stack(parts)
+        causes = w @ beta, columns, basis_of(columns)
+        yield Explained(name, axis.rotary, effort, rows, v, a, *causes, at.reach, at.settings)
 
 
 def basis_of(columns: Floats) -> Floats:
@@ -113,3 +169,16 @@ def left_of(u: Floats, basis: Floats) -> float:
     power = float(np.sum((u - u.mean()) ** 2))
     rest = u - basis @ (basis.T @ u)
     return float(rest @ rest) / power if power > 0 else 1.0
+
+
+def fitted(columns: Floats, y: Floats, measure: Floats) -> tuple[float, float, Floats]:
+    """Return ``measure @ theta`` of a least-squares fit, its standard error by the jackknife, and theta."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    scaled = columns / size
+    whole = np.linalg.lstsq(scaled, y, rcond=1e-6)[0] / size
+    values = []
+    for low, high in pairwise(np.linspace(0, len(y), BLOCKS + 1).astype(int)):
+        keep = np.r_[0:low, high : len(y)]
+        values.append(measure @ (np.linalg.lstsq(scaled[keep], y[keep], rcond=1e-6)[0] / size))
+    error = float(np.sqrt(jackknife(np.array(values)[:, None])[0, 0]))
+    return float(measure @ whole), error, whole

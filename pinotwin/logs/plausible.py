@@ -4,61 +4,75 @@ Nothing is fitted for its own sake here. Each effort is explained by the base pa
 their values, and by friction of its own axis (both linear), and the tests only use what no machine can break:
 friction takes power out of a motion, an effort acts at once, on its own axis, and with the size that the
 URDF's masses ask for, give or take a few times. A jackknife over blocks of the log says how sure a sign is.
+
+What would not be seen on this motion if it were so is said too: each axis of which nothing was found is spoiled
+once more, and the same tests are asked. What they do not name they could not have named in the log itself either:
+two axes that move alike, an effort that is nearly all friction.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from pinotwin.log import Log
-from pinotwin.logs.effort_alone import Examined, Fit, alone, late, names_of, scaled, turned_round
-from pinotwin.logs.exchanged import exchanged
-from pinotwin.logs.explained import REACH, course, explained
+from pinotwin.logs.effort_alone import (
+    Examined,
+    alone,
+    is_reversed,
+    is_unsigned,
+    late,
+    named,
+    scaled,
+    turned_round,
+)
+from pinotwin.logs.exchanged import exchanged, not_told
+from pinotwin.logs.explained import Explained, course, explained
 from pinotwin.logs.quality import Finding
-from pinotwin.logs.quality.sampling import SLOW
+from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.units import ELECTRICAL, si_factor
 
+_WORDS = {
+    "effort": "exchanged efforts of {0}",
+    "position": "exchanged positions of {0}",
+    "sign": "a position that runs the other way of {0}",
+}
+
 
 @one_blas_thread
-def examined(machine: Machine, motion: Motion, log: Log) -> Examined | None:
+def examined(machine: Machine, motion: Motion, log: Log, settings: Settings = USUAL) -> Examined | None:
     """Say which efforts of a log cannot be those of its axes, and why; None where too little moves to say it.
 
     Args:
         machine: the machine.
         motion: the log, prepared.
         log: the same, bound (SI), as the file has it.
+        settings: what is decided by.
     """
-    if motion.step > 1.0 / SLOW:
+    if motion.step > 1.0 / settings.slow_rate:
         return None  # accelerations, and when a motion turns, fall between the samples
-    reach = int(np.ceil(REACH / motion.step))
-    at = course(motion, reach)
+    at = course(motion, settings)
     if at is None:
         return None
     axes = tuple(explained(machine, motion.u, at))
-    out = []
-    fits: dict[str, Fit] = {}
-    for axis in axes:
-        raw = log.channels.get(f"{axis.name}.u", axis.u)
-        found, fit = alone(axis, raw, reach)
-        if found is None:
-            fits[axis.name] = fit
-        else:
-            out.append(found)
-    clear = [axis for axis in axes if axis.name in fits]
+    fits = {axis.name: axis.lag() for axis in axes}
+    nonsense = {x.name: alone(x, log.channels.get(f"{x.name}.u", x.u), fits[x.name]) for x in axes}
+    clear = [axis for axis in axes if nonsense[axis.name] is None]
+    out = [one for one in nonsense.values() if one is not None]
     swapped = list(exchanged(machine, motion.u, at, clear))
-    out += swapped
-    named = {name for finding in swapped for name in names_of(finding)}
-    rest = [axis for axis in clear if axis.name not in named]
-    out += late(rest, fits, motion.step)
-    out += turned_round(rest, fits)
-    reverse = {name for finding in out if finding.code == "effort_sign" for name in names_of(finding)}
+    rest = [axis for axis in clear if axis.name not in named(swapped)]
+    wrong_sign = list(turned_round(rest, fits))
+    out += [*swapped, *late(rest, fits, motion.step), *wrong_sign]
     for axis in rest:
-        if axis.name not in reverse:
+        if axis.name not in named(wrong_sign):
             out += scaled(axis, fits[axis.name])
-    return Examined(tuple(out), at, axes, fits, reach)
+    return Examined(tuple(out), at, axes)
 
 
 def unit_findings(log: Log) -> list[Finding]:
@@ -72,13 +86,40 @@ def unit_findings(log: Log) -> list[Finding]:
         electrical = name.endswith(".u") and unit in ELECTRICAL
         if electrical and abs(log.scale.get(name, (0.0, 0.0))[0]) == si_factor(unit):
             of.setdefault(ELECTRICAL[unit], []).append(name)
-    return [
-        Finding(
-            "warning",
-            ", ".join(names),
-            f"in {unit} (no factor under columns): read N and N·m as {unit} below. Coupled axes, gravity and payload "
-            "need the factor (torque constant x gear)",
-            "effort_unit",
-        )
-        for unit, names in of.items()
-    ]
+    return [finding("effort_unit", ", ".join(names), unit=unit) for unit, names in of.items()]
+
+
+@one_blas_thread
+def unseen(machine: Machine, motion: Motion, efforts: Examined) -> list[Finding]:
+    """Say in one line what would go unnamed on this motion, tried on a thousand of its rows.
+
+    Args:
+        machine: the machine.
+        motion: the log, prepared.
+        efforts: what was found of its efforts.
+    """
+    at, sound = efforts.at.thinned(1000), [axis.name for axis in efforts.sound]
+    of: dict[str, list[str]] = {}
+    for axis in explained(machine, motion.u, at):
+        for what in _of_effort(axis, motion.step) if axis.name in sound else ():
+            of.setdefault(what, []).append(axis.name)
+    for what, *who in not_told(machine, motion.u, at, sound):
+        of.setdefault(_WORDS[what], []).append(" and ".join(who))
+    said = "; ".join(words.format(", ".join(who)) for words, who in of.items())
+    return [finding("not_told", what=said)] if of else []
+
+
+def _of_effort(axis: Explained, step: float, lag: float = 0.02, unit: float = 9.0) -> Iterator[str]:
+    """Yield what would go unnamed of one effort: so late [s], so many times too large, or without its sign."""
+    behind = replace(axis, u=np.roll(axis.u, round(lag / step)))
+    if not list(late([behind], {axis.name: behind.lag()}, step)):
+        yield "an effort of {0} that is 20 ms late"
+    fit = axis.lag()
+    if not all(list(scaled(replace(axis, u=f * axis.u), fit)) for f in (unit, 1.0 / unit)):
+        yield "a wrong effort unit on {0}"
+    if not is_reversed(replace(axis, u=-axis.u), fit):
+        yield "a wrong effort sign on {0}"
+    low, high = np.percentile(axis.u[axis.rows], (0.5, 99.5))
+    hangs = low > 0.1 * high or high < 0.1 * low
+    if not hangs and not is_unsigned(replace(axis, u=np.abs(axis.u)), np.abs(axis.u)):
+        yield "a missing effort sign on {0}"

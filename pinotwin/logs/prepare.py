@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError, LogError
@@ -34,22 +33,14 @@ from pinotwin.logs.columns import bind
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.quality.axes import inspect_axes
 from pinotwin.logs.quality.sampling import resample as interpolated
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import DataSettings, LeftOut, Machine
 from pinotwin.machine.given import MachineLike, as_machine
 from pinotwin.motion import Motion
-from pinotwin.signals import (
-    clock,
-    differentiate,
-    edge_samples,
-    low_pass,
-    rms,
-    segments,
-    suggest_cutoff,
-)
+from pinotwin.signals import clock, differentiate, edge_samples, low_pass, rms, segments, suggest_cutoff
+from pinotwin.solve.lead import put_back
 
 _DECIMATOR = 25  # samples that the filter of `decimate_zero_phase` needs
-_SAME_RATE = 0.01  # logs whose rates differ by less are the same clock, measured twice
-_GROSS = 0.5  # difference of a measured speed from the position's, over its RMS, that is no measurement's
 
 
 def prepare(  # noqa: PLR0913, the public call: every option is a keyword
@@ -62,6 +53,7 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
     resample: float | None = None,
     leave_out: Sequence[LeftOut] | None = None,
     lead: Mapping[str, float] | None = None,
+    settings: Settings = USUAL,
 ) -> Motion:
     """Return one log, or several of the same machine, ready for identification and prediction.
 
@@ -76,6 +68,7 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
         resample: rate of the even clock to put the logs on [Hz].
         leave_out: rows that are no measurement, as :class:`~pinotwin.machine.DataSettings` has them.
         lead: axis -> time by which its effort is ahead of its position [s]; the effort is put back by it.
+        settings: what is decided by.
 
     Raises:
         LogError: a channel is missing or unusable; the message names it.
@@ -88,7 +81,8 @@ def prepare(  # noqa: PLR0913, the public call: every option is a keyword
         resample=resample or machine.data.resample,
         leave_out=machine.data.leave_out if leave_out is None else tuple(leave_out),
     )
-    return EvenLogs.of(machine, logs, how).motion(machine, cutoff=cutoff, decimate=decimate, lead=lead)
+    even = EvenLogs.of(machine, logs, how, settings)
+    return even.motion(machine, cutoff=cutoff, decimate=decimate, lead=lead)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +92,17 @@ class EvenLogs:
     Attributes:
         logs: in the names of the contract.
         how: how they were made, and are filtered where nothing else is asked for.
+        settings: what is decided by.
     """
 
     logs: tuple[Log, ...]
     how: DataSettings
+    settings: Settings = USUAL
 
     @classmethod
-    def of(cls, machine: Machine, logs: Sequence[Log], how: DataSettings) -> EvenLogs:
+    def of(
+        cls, machine: Machine, logs: Sequence[Log], how: DataSettings, settings: Settings = USUAL
+    ) -> EvenLogs:
         """Return logs, raw or in the names of the contract, on the clock of the slowest of them.
 
         Raises:
@@ -113,7 +111,8 @@ class EvenLogs:
         """
         if not logs:
             raise DataError(f"{machine.name}: no log given; give at least one")
-        return cls(tuple(_at_one_rate(machine, [_regular(machine, item, how) for item in logs])), how)
+        even = [_regular(machine, item, how, settings) for item in logs]
+        return cls(tuple(_at_one_rate(machine, even, settings)), how, settings)
 
     def motion(
         self,
@@ -129,18 +128,18 @@ class EvenLogs:
         if corner is None:
             corner = min(_corner(machine, item) for item in self.logs)
         how = replace(self.how, cutoff=corner, decimate=decimate or self.how.decimate)
-        parts = [_prepare_one(machine, item, how, leads) for item in self.logs]
+        parts = [_prepare_one(machine, item, how, leads, self.settings) for item in self.logs]
         return Motion.join(parts) if len(parts) > 1 else parts[0]
 
 
-def _regular(machine: Machine, log: Log, how: DataSettings) -> Log:
+def _regular(machine: Machine, log: Log, how: DataSettings, settings: Settings) -> Log:
     """Return a log in the names and units of the contract, on an even clock.
 
     Its notes say what was done to it, no longer what was read.
     """
     bound = replace(usable(machine, bind(log, machine.columns)), notes=())
     bound = without(bound, how.leave_out)
-    even = even_clock(bound, list(machine.axes))
+    even = even_clock(bound, list(machine.axes), settings)
     return even if how.resample is None else _resampled(even, how.resample)
 
 
@@ -158,27 +157,23 @@ def without(log: Log, leave_out: Sequence[LeftOut]) -> Log:
         return log
     out = np.zeros(len(log), dtype=bool)
     for file, first, last in leave_out:
-        if file in ("", log.source, Path(log.source).name):
-            out |= (
-                _rows_with(log, first, last) if isinstance(first, str) else (log.t >= first) & (log.t <= last)
+        if file not in ("", log.source, Path(log.source).name):
+            continue
+        if not isinstance(first, str):
+            out |= (log.t >= first) & (log.t <= last)
+        elif first in log:  # a feed rate, a program number
+            out |= np.isclose(log[first], last, rtol=1e-9, atol=0.0)
+        else:
+            raise DataError(
+                f"{log.source}: data.leave_out asks for the channel {first!r}, which this log lacks; map it "
+                "under columns, or name the files that have it: leave_out: {FILE: [{CHANNEL: VALUE}]}"
             )
     if out.all():
         raise DataError(f"{log.source}: data.leave_out leaves no row; leave less out")
     if not out.any():
         return log
-    note = f"{int(out.sum())} rows left out as data.leave_out says"
     kept = log.rows(~out)
-    return kept.with_channels(kept.channels, [note])
-
-
-def _rows_with(log: Log, channel: str, value: float) -> Mask:
-    """Return the rows where a channel, such as a feed rate or a program number, has a value."""
-    if channel not in log:
-        raise DataError(
-            f"{log.source}: data.leave_out asks for the channel {channel!r}, which this log lacks; map it "
-            "under columns, or name the files that have it: leave_out: {FILE: [{CHANNEL: VALUE}]}"
-        )
-    return np.isclose(log[channel], value, rtol=1e-9, atol=0.0)
+    return kept.with_channels(kept.channels, [f"{int(out.sum())} rows left out as data.leave_out says"])
 
 
 def _resampled(log: Log, rate: float) -> Log:
@@ -191,19 +186,15 @@ def _resampled(log: Log, rate: float) -> Log:
         if name != "t":
             parts = [p for p in segments(log.t, valid=np.isfinite(x)) if p.stop - p.start > SHORTEST]
             smooth[name] = low_pass(x, now, 0.4 * rate, segments=parts)
-    said = interpolated(log.with_channels({**log.channels, **smooth}), rate)
-    notes = [note for note in said.notes if "may alias" not in note]
-    return replace(said, notes=(*notes, f"low-passed at {0.4 * rate:.4g} Hz before"))
+    said = interpolated(log.with_channels({**log.channels, **smooth}), rate, smooth=True)
+    return replace(said, notes=(*said.notes, f"low-passed at {0.4 * rate:.4g} Hz before"))
 
 
-def _at_one_rate(machine: Machine, logs: Sequence[Log]) -> list[Log]:
-    """Return the logs at the rate of the slowest of them."""
+def _at_one_rate(machine: Machine, logs: Sequence[Log], settings: Settings) -> list[Log]:
     rates = [1.0 / _step(log.t, stretches(machine, log)) for log in logs]
     slowest = min(rates)
-    if max(rates) <= (1.0 + _SAME_RATE) * slowest:
-        return list(logs)
-    pairs = zip(logs, rates, strict=True)
-    return [x if rate <= (1.0 + _SAME_RATE) * slowest else _resampled(x, slowest) for x, rate in pairs]
+    same = (1.0 + settings.same_rate) * slowest
+    return [x if rate <= same else _resampled(x, slowest) for x, rate in zip(logs, rates, strict=True)]
 
 
 def _corner(machine: Machine, log: Log) -> float:
@@ -218,7 +209,9 @@ def _step(t: Floats, parts: Sequence[slice]) -> float:
     return duration / sum(s.stop - s.start - 1 for s in parts)
 
 
-def _prepare_one(machine: Machine, log: Log, how: DataSettings, leads: Mapping[str, float]) -> Motion:
+def _prepare_one(
+    machine: Machine, log: Log, how: DataSettings, leads: Mapping[str, float], settings: Settings
+) -> Motion:
     parts = stretches(machine, log, max(SHORTEST, 3 * how.order + 1))
     step = _step(log.t, parts)
     rate = 1.0 / step
@@ -229,7 +222,7 @@ def _prepare_one(machine: Machine, log: Log, how: DataSettings, leads: Mapping[s
     q, v, a = smoother.derivatives(joint_positions(machine, log, "q"))
     moves = _moves(machine, log, parts)
     q[:, ~moves], v[:, ~moves], a[:, ~moves] = q[_rows_of(parts)][:, ~moves].mean(axis=0), 0.0, 0.0
-    v, a, notes = _measured_derivatives(machine, log, (v, a), smoother, moves)
+    v, a, notes = _measured_derivatives(machine, log, (v, a), smoother, moves, settings.other_speed)
     u, load = efforts(machine, _put_back(log, leads, parts)), external(machine, log)
     if how.filter_effort:
         u = np.where(np.isfinite(u), smoother.smooth(np.nan_to_num(u)), np.nan)
@@ -238,7 +231,7 @@ def _prepare_one(machine: Machine, log: Log, how: DataSettings, leads: Mapping[s
     if has_commands(machine, log):
         qr, vr, ar = smoother.derivatives(joint_positions(machine, log, "qr"))
     ql = load_positions(machine, log)
-    thin = _decimation(how.decimate, corner, rate)
+    thin = how.decimate or (max(1, int(rate / (5.0 * corner))) if np.isfinite(corner) else 1)
     edge = edge_samples(corner, rate, how.order)
     head, tail = how.drop if how.drop is not None else (edge, edge)
     head += int(np.ceil(max(0.0, *leads.values()) * rate - 1e-9))
@@ -287,16 +280,10 @@ def _on_load(machine: Machine, log: Log) -> tuple[bool, ...]:
 
 def _put_back(log: Log, leads: Mapping[str, float], parts: Sequence[slice]) -> Log:
     """Return the log with every effort put back by the time that it is ahead: ``u(t - lead)``, by splines."""
-    moved = {}
-    for name, lead in leads.items():
-        channel = f"{name}.u"
-        if lead == 0.0 or channel not in log:
-            continue
-        u = log[channel].copy()
+    moved = {f"{name}.u": log[f"{name}.u"].copy() for name, x in leads.items() if x and f"{name}.u" in log}
+    for channel, u in moved.items():
         for part in parts:
-            t = log.t[part]
-            u[part] = scipy.interpolate.CubicSpline(t, log[channel][part])(np.clip(t - lead, t[0], t[-1]))
-        moved[channel] = u
+            u[part] = put_back(log.t[part], u[part], leads[channel.removesuffix(".u")])
     return log.with_channels({**log.channels, **moved}) if moved else log
 
 
@@ -336,8 +323,7 @@ class Smoother:
 
 def _trimmed(parts: Sequence[slice], head: int, tail: int, shortest: int, source: str) -> tuple[slice, ...]:
     """Return the stretches without the samples that the filter's start-up touches."""
-    out = [slice(s.start + head, s.stop - tail) for s in parts]
-    out = [s for s in out if s.stop - s.start >= shortest]
+    out = [slice(s.start + head, s.stop - tail) for s in parts if s.stop - s.start >= shortest + head + tail]
     if not out:
         longest = max(s.stop - s.start for s in parts)
         raise DataError(
@@ -348,23 +334,15 @@ def _trimmed(parts: Sequence[slice], head: int, tail: int, shortest: int, source
     return tuple(out)
 
 
-def _decimation(given: int | None, cutoff: float, rate: float) -> int:
-    if given is not None:
-        return int(given)
-    if not np.isfinite(cutoff):
-        return 1
-    return max(1, int(rate / (5.0 * cutoff)))
-
-
 def _measured_derivatives(
-    machine: Machine, log: Log, found: tuple[Floats, Floats], smoother: Smoother, moves: Mask
+    machine: Machine, log: Log, motion: tuple[Floats, Floats], smoother: Smoother, moves: Mask, other: float
 ) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Use the measured velocity of a joint, or its acceleration; say of which.
 
     Without a measured one the acceleration comes from the velocity like that of every axis: what a
     difference loses at the joint's frequency must be lost on both sides of its equation.
     """
-    v, a = found[0].copy(), found[1].copy()
+    v, a = (x.copy() for x in motion)
     for name, part in machine.passive.items():
         if f"{name}.v" in log:
             v[:, part.index] = smoother.smooth(np.nan_to_num(log[f"{name}.v"]))
@@ -378,8 +356,9 @@ def _measured_derivatives(
     for name, axis in machine.axes.items():
         for channel, motor in ((f"{name}.v", motor_v), (f"{name}.a", motor_a)):
             if channel in log and moves[axis.index] and np.isfinite(log[channel][rows]).all():
-                _agrees(log, channel, motor[rows, axis.index], smoother)
-                motor[:, axis.index] = smoother.smooth(np.nan_to_num(log[channel]))
+                given = smoother.smooth(np.nan_to_num(log[channel]))
+                _agrees(log, channel, motor[rows, axis.index], given[rows], other)
+                motor[:, axis.index] = given
                 used.append(channel)
         if used and used[-1] == f"{name}.v":
             motor_a[:, axis.index] = smoother.slope(motor_v[:, axis.index])
@@ -389,12 +368,10 @@ def _measured_derivatives(
     return motor_v @ back, motor_a @ back, (f"{', '.join(used)} as measured",)
 
 
-def _agrees(log: Log, channel: str, derivative: Floats, smoother: Smoother) -> None:
+def _agrees(log: Log, channel: str, derivative: Floats, given: Floats, other: float) -> None:
     """Refuse a measured speed or acceleration that is not that of the position."""
-    rows = _rows_of(smoother.stretches)
-    given = smoother.smooth(np.nan_to_num(log[channel]))[rows]
     off = rms(given - derivative) / max(rms(derivative), 1e-300)
-    if off > _GROSS:
+    if off > other:
         what = "second derivative" if channel.endswith(".a") else "derivative"
         raise LogError(
             f"{log.source}: {channel}: is not the position's {what} (differs by {100 * off:.0f} %); correct "

@@ -17,6 +17,8 @@ from pinotwin.logs.effort_alone import Examined
 from pinotwin.logs.plausible import examined, unit_findings
 from pinotwin.logs.prepare import prepare, without
 from pinotwin.logs.quality import Finding, Limits, Quality, inspect
+from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 
@@ -28,21 +30,30 @@ class Prepared:
     Attributes:
         machine: whose log it is.
         log: in the names and SI units of the contract.
-        settings: options of :func:`pinotwin.prepare`, such as a twin's own; what is not given comes from machine.yaml.
+        options: of :func:`pinotwin.prepare`, such as a twin's own; what is not given comes from machine.yaml.
+        settings: what is decided by.
     """
 
     machine: Machine
     log: Log
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    settings: Settings = USUAL
 
     @classmethod
-    def of(cls, machine: Machine, log: Log, settings: Mapping[str, Any] | None = None) -> Prepared:
+    def of(
+        cls,
+        machine: Machine,
+        log: Log,
+        options: Mapping[str, Any] | None = None,
+        *,
+        settings: Settings = USUAL,
+    ) -> Prepared:
         """Return a log of a machine, raw or in the names of the contract, to be made ready.
 
         Raises:
             LogError: a mapped column is missing, or a unit is unknown.
         """
-        return cls(machine, bind(log, machine.columns), settings or {})
+        return cls(machine, bind(log, machine.columns), options or {}, settings)
 
     @cached_property
     def motion(self) -> Motion:
@@ -52,19 +63,19 @@ class Prepared:
             LogError: a channel is missing or unusable.
             DataError: too little of the log can be used.
         """
-        return prepare(self.machine, self.log, **self.settings)
+        return prepare(self.machine, self.log, **self.options, settings=self.settings)
 
     @cached_property
     def quality(self) -> Quality:
         """What the channels are worth, before anything is fitted."""
         rotary = {name: axis.rotary for name, axis in self.machine.axes.items()}
         kept = without(self.log, self.machine.data.leave_out)
-        return inspect(finite(kept), rotary, _limits(self.machine))
+        return inspect(finite(kept), rotary, _limits(self.machine), self.settings)
 
     @cached_property
     def efforts(self) -> Examined | None:
         """What the efforts of the axes are worth; None where no axis has motion and effort."""
-        return examined(self.machine, self.motion, self.log)
+        return examined(self.machine, self.motion, self.log, self.settings)
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -75,7 +86,7 @@ class Prepared:
         try:
             efforts = self.efforts
         except InputError as error:
-            return (*found, Finding("error", "", str(error), "unusable"))
+            return (*found, finding("unusable", why=str(error)))
         return (*found, *(efforts.findings if efforts else ()), *unit_findings(self.log))
 
     @property

@@ -9,14 +9,10 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.motion import Motion
 
-LATEST = 0.25
-"""Most that one run may begin later than the other [s]."""
-COMMANDED, MEASURED = 0.01, 0.05
-"""Largest difference between repeats, over the standard deviation: of commands, of measured positions."""
-_ROWS = 2000  # compared at most
+_LATEST = 0.25  # that one run may begin later than the other [s]
 
 
-def same_motion(a: Motion, b: Motion) -> bool:
+def same_motion(a: Motion, b: Motion, commanded: float = 0.01, measured: float = 0.05) -> bool:
     """Return whether two prepared logs are repeats of one motion.
 
     Commands are compared where both logs have them, else measured positions, which scatter more and may
@@ -25,22 +21,22 @@ def same_motion(a: Motion, b: Motion) -> bool:
     Args:
         a: one log, prepared.
         b: another of the same machine.
+        commanded: largest difference of the commands, over their standard deviation.
+        measured: the same of measured positions.
     """
-    x, y, allowed = a.q, b.q, MEASURED
+    x, y, allowed = a.q, b.q, measured
     if a.qr is not None and b.qr is not None:
-        x, y, allowed = a.qr, b.qr, COMMANDED
+        x, y, allowed = a.qr, b.qr, commanded
     n = min(len(x), len(y))
     if a.names != b.names or n < 0.9 * max(len(x), len(y)) or abs(a.step - b.step) > 0.01 * a.step:
         return False
-    size = np.maximum(x.std(axis=0), y.std(axis=0))
-    moving = size > 1e-3 * size.max(initial=0.0)
-    if not moving.any():
+    x, y = _scaled(x, y)
+    if not x.size:
         return False
-    x, y, size = x[:, moving], y[:, moving], size[moving]
-    shift = _shift(x / size, y / size, round(LATEST / a.step))
+    shift = _shift(x, y, round(_LATEST / a.step))
     x, y = (x[shift:], y) if shift >= 0 else (x, y[-shift:])
     n = min(len(x), len(y))
-    off = np.sqrt(np.mean((x[:n] - y[:n]) ** 2, axis=0)) / size
+    off = np.sqrt(np.mean((x[:n] - y[:n]) ** 2, axis=0))
     return bool(off.max() < allowed)
 
 
@@ -55,19 +51,23 @@ def labels(motions: Sequence[Motion]) -> tuple[int, ...]:
 
 def shift_between(a: Motion, b: Motion) -> int:
     """Return by how many rows repeat ``a`` runs later than ``b``, told from their measured positions."""
-    size = np.maximum(a.q.std(axis=0), b.q.std(axis=0))
+    x, y = _scaled(a.q, b.q)
+    return _shift(x, y, round(_LATEST / a.step)) if x.size else 0
+
+
+def _scaled(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return the columns of the axes that move in either, over their standard deviation."""
+    size = np.maximum(x.std(axis=0), y.std(axis=0))
     moving = size > 1e-3 * size.max(initial=0.0)
-    if not moving.any():
-        return 0
-    return _shift(a.q[:, moving] / size[moving], b.q[:, moving] / size[moving], round(LATEST / a.step))
+    return x[:, moving] / size[moving], y[:, moving] / size[moving]
 
 
-def _shift(x: Floats, y: Floats, reach: int) -> int:
+def _shift(x: Floats, y: Floats, reach: int, most: int = 2000) -> int:
     """Return by how many rows ``x`` runs later than ``y``: where they differ least, both of shape (n, k)."""
     n = min(len(x), len(y)) - 2 * reach
     if n < 50:
         return 0
-    rows = reach + np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(int))
+    rows = reach + np.unique(np.linspace(0, n - 1, min(n, most)).astype(int))
     best, least = 0, np.inf
     for width in (max(1, reach // 25), 1):  # coarse, then fine around it
         for s in range(best - 25 * width, best + 25 * width + 1, width):

@@ -19,9 +19,6 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
 from pinotwin.motion import Motion
 
-MINIMUM_ROWS = 64
-"""Fewest samples from which a loop is identified."""
-
 
 @dataclass(frozen=True)
 class LoopData:
@@ -126,15 +123,15 @@ class LoopData:
         """Return the same channels with other segments."""
         return replace(self, segments=tuple(segments))
 
-    def require_motion(self) -> None:
-        """Refuse data from which no loop can be identified.
+    def require_motion(self, rows: int = 64) -> None:
+        """Refuse data from which no loop can be identified, among them fewer rows than these.
 
         Raises:
             DataError: too short, or the axis never moves, or an output or disturbance is constant.
         """
-        if self.rows < MINIMUM_ROWS:
+        if self.rows < rows:
             raise DataError(
-                f"{self.axis}: {self.rows} samples in unbroken segments, at least {MINIMUM_ROWS} "
+                f"{self.axis}: {self.rows} samples in unbroken segments, at least {rows} "
                 "are needed to identify the loop; give a longer log"
             )
         inside = np.concatenate([np.arange(s.start, s.stop) for s in self.segments])
@@ -163,22 +160,27 @@ def command_rates(qr: Floats, step: float) -> tuple[Floats, Floats]:
     return spline(t, 1), spline(t, 2)
 
 
+def rates(qr: Floats, step: float, vr: Floats | None, ar: Floats | None) -> tuple[Floats, Floats]:
+    """Return velocity and acceleration of a command as given, by spline where they are not."""
+    if vr is None:
+        vr, spline = command_rates(qr, step)
+        return vr, spline if ar is None else ar
+    return vr, command_rates(vr, step)[0] if ar is None else ar
+
+
 def _rates(data: LoopData) -> tuple[Floats, Floats]:
     n = len(data.qr)
-    given = [None if x is None else np.asarray(x, dtype=float).ravel() for x in (data.vr, data.ar)]
-    for name, x in zip(("vr", "ar"), given, strict=True):
+    vr, ar = (None if x is None else np.asarray(x, dtype=float).ravel() for x in (data.vr, data.ar))
+    for name, x in (("vr", vr), ("ar", ar)):
         if x is not None and len(x) != n:
             raise DataError(f"{data.axis}: {name} has {len(x)} samples, the command has {n}")
-    if given[0] is not None and given[1] is not None:
-        return given[0], given[1]
+    if vr is not None and ar is not None:
+        return vr, ar
     velocity, acceleration = np.zeros(n), np.zeros(n)
     for s in data.segments:
-        if given[0] is None:
-            velocity[s], acceleration[s] = command_rates(data.qr[s], data.step)
-        else:
-            velocity[s] = given[0][s]
-            acceleration[s] = command_rates(given[0][s], data.step)[0]
-    return velocity, acceleration if given[1] is None else given[1]
+        given = (None if x is None else x[s] for x in (vr, ar))
+        velocity[s], acceleration[s] = rates(data.qr[s], data.step, *given)
+    return velocity, acceleration if ar is None else ar
 
 
 def _columns(values: Floats, n: int, what: str) -> Floats:

@@ -1,16 +1,20 @@
-"""Identify the closed loop of an axis: poles searched, numerators projected out (thesis 4.2.3)."""
+"""Identify the closed loop of an axis: poles searched, numerators projected out (thesis 4.2.3).
+
+What a model leaves is never white, so the covariance is the sandwich H^-1 M H^-1 with M from block sums of
+the score (:func:`pinotwin.solve.sandwich.batch_means`).
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from pinotwin.arrays import Floats
+from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 from pinotwin.loop.data import LoopData
 from pinotwin.loop.fit import LoopFit, ParameterFit
@@ -18,11 +22,9 @@ from pinotwin.loop.layout import Bounds, Layout, Parameter, lay_out
 from pinotwin.loop.model import LoopModel
 from pinotwin.loop.projection import Misfit, Projection, Scales
 from pinotwin.loop.search import Found, search
+from pinotwin.loop.sections import discretise
 from pinotwin.loop.structure import Structure
-from pinotwin.loop.uncertainty import Covariance, covariance
-
-AT_BOUND = 1e-3
-"""A parameter this close to a bound, in parts of the logarithmic interval, has ended on it."""
+from pinotwin.solve.sandwich import batch_means
 
 
 def identify_loop(
@@ -87,10 +89,10 @@ def _model(data: LoopData, layout: Layout, theta: Floats, residues: Floats) -> L
     )
 
 
-def on_bound(layout: Layout, theta: Floats) -> Floats:
-    """Return -1, 0 or 1 per parameter: on its lower bound, inside, on its upper bound."""
+def on_bound(layout: Layout, theta: Floats, share: float = 1e-3) -> Floats:
+    """Return -1, 0 or 1 per parameter: on its lower bound, inside, on its upper bound, to a share of their width."""
     low, high = layout.box
-    near = AT_BOUND * (high - low)
+    near = share * (high - low)
     return np.where(theta <= low + near, -1, np.where(theta >= high - near, 1, 0))
 
 
@@ -182,3 +184,81 @@ def _numerator_errors(
             total += ((then - now) / 1e-3) ** 2
     names = [f"{o}/{i}" for o in model.outputs for i in model.inputs]
     return {n: tuple(np.sqrt(e).tolist()) for n, e in zip(names, errors, strict=True)}
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of the poles and of what follows from them.
+
+    Attributes:
+        poles: of the logarithms of the free parameters, shape (np, np); NaN rows for those held.
+        joint: of (all logarithms, all scaled residues), held ones zero, shape (np + ny nc,)
+            squared.
+        blocks: number of blocks.
+    """
+
+    poles: Floats
+    joint: Floats
+    blocks: int
+
+
+def covariance(projection: Projection, theta: Floats, held: Mask) -> Covariance:
+    """Return the covariance at the optimum.
+
+    Args:
+        projection: the separable problem.
+        theta: logarithms of the parameters at the optimum, shape (np,).
+        held: parameters on a bound, taken as known, shape (np,).
+    """
+    tangents, scores = _linearised(projection, theta)
+    ny, nc = projection.layout.outputs, projection.layout.residues
+    count = len(theta)
+    free = [t[:, np.concatenate([~held, np.ones(t.shape[1] - count, dtype=bool)])] for t, _ in tangents]
+    # Columns: free poles, then the free directions of the residues, output after output.
+    poles = int(np.sum(~held))
+    total = poles + sum(t.shape[1] - poles for t in free)
+    H, S = np.zeros((total, total)), np.zeros((len(free[0]), total))
+    T = np.zeros((count + ny * nc, total))
+    T[np.flatnonzero(~held), np.arange(poles)] = 1.0
+    at = poles
+    for k, G in enumerate(free):
+        places = np.concatenate([np.arange(poles), np.arange(at, at + G.shape[1] - poles)])
+        H[np.ix_(places, places)] += G.T @ G
+        S[:, places] += G * scores[k][:, None]
+        rows = slice(count + k * nc, count + (k + 1) * nc)
+        to_residues = tangents[k][1]
+        T[rows, :poles] = to_residues[:, :count][:, ~held]
+        T[rows, at : at + G.shape[1] - poles] = to_residues[:, count:]
+        at += G.shape[1] - poles
+    own, blocks = batch_means(H, S, poles or total, ny * len(S))
+    joint = T @ own @ T.T
+    found = joint[:count, :count].copy()
+    found[held], found[:, held] = np.nan, np.nan
+    return Covariance(found, joint, blocks)
+
+
+def _linearised(projection: Projection, theta: Floats) -> tuple[list[tuple[Floats, Floats]], list[Floats]]:
+    """Return per output (tangent (n, np + nz), that of the residues (nc, np + nz)), residual."""
+    sections = projection.layout.shaped(theta)
+    discrete = discretise(sections, projection.step)
+    wide = projection.filtered(discrete)
+    lengths = projection.blocks[:, 1] - projection.blocks[:, 0]
+    rows = np.concatenate([wide[m, :, :n].T for m, n in enumerate(lengths)])
+    misfit = projection.evaluate(theta)
+    tangents, residuals = [], []
+    columns = projection.columns
+    phi = rows[:, columns.phi]
+    for k, c in enumerate(misfit.residues):
+        ties = projection.layout.ties(sections, k, projection.scales.gains(k))
+        directions, moves = ties.particular()[1], ties.moves(c)
+        slopes = np.zeros((len(rows), len(theta)))
+        for i, pairs in enumerate(columns.slopes):
+            slopes[:, i] = rows[:, pairs[:, 0]] @ c[pairs[:, 1]]
+        to_residues = np.concatenate([moves, directions], axis=1)
+        tangent = phi @ to_residues
+        tangent[:, : len(theta)] += slopes
+        both = np.column_stack([tangent, rows[:, columns.output + k] - phi @ c])
+        projection.clear_free(discrete, sections, both)
+        tangents.append((both[:, :-1], to_residues))
+        residuals.append(both[:, -1])
+    return tangents, residuals

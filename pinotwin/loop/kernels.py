@@ -17,32 +17,8 @@ def flush(x: float) -> float:
 
 
 @compiled(nogil=True)
-def filter_first(c: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
-    """Filter by a first-order section and by its derivative with respect to log p.
-
-    Args:
-        c: A, B0, B1, dA, dB0, dB1.
-        w: input, shape (n,).
-        blocks: start, stop, and 1 where a new segment begins, shape (m, 3).
-        start_state: state at the start of a segment beside the equilibrium of the first input.
-        out: state and its derivative, shape (m, 2, rows).
-    """
-    x, dx = 0.0, 0.0
-    for m in range(len(blocks)):
-        first = blocks[m, 0]
-        for k in range(first, blocks[m, 1]):
-            if k == first and blocks[m, 2] == 1:
-                x, dx = w[k] + start_state[0], 0.0
-            else:
-                dx = flush(c[0] * dx + c[3] * x + c[4] * w[k - 1] + c[5] * w[k])
-                x = flush(c[0] * x + c[1] * w[k - 1] + c[2] * w[k])
-            out[m, 0, k - first] = x
-            out[m, 1, k - first] = dx
-
-
-@compiled(nogil=True)
-def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
-    """Filter by a second-order section and by its derivatives with respect to log wn, log zeta.
+def filter_section(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Floats, out: Floats) -> None:
+    """Filter by a section and by its derivatives with respect to log p, or to log wn and log zeta.
 
     Args:
         A: A, dA by wn, dA by zeta, shape (3, 2, 2).
@@ -50,7 +26,8 @@ def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Fl
         w: input, shape (n,).
         blocks: start, stop, and 1 where a new segment begins, shape (m, 3).
         start_state: states at the start of a segment beside the equilibrium of the first input.
-        out: the two states, then their derivatives by wn, by zeta, shape (m, 6, rows).
+        out: the two states, then their derivatives by wn, by zeta, shape (m, 6, rows); of a first-order section its
+            state and the derivative of that, shape (m, 2, rows).
     """
     x = 0.0
     y = 0.0
@@ -74,9 +51,11 @@ def filter_second(A: Floats, B: Floats, w: Floats, blocks: Ints, start_state: Fl
                 q = A[0, 1, 0] * x + A[0, 1, 1] * y + B[0, 0, 1] * v + B[1, 0, 1] * z
                 x, y = flush(p), flush(q)
             i = k - first
-            out[m, 0, i], out[m, 1, i] = x, y
-            out[m, 2, i], out[m, 3, i] = dx, dy
-            out[m, 4, i], out[m, 5, i] = ex, ey
+            if out.shape[1] == 2:
+                out[m, 0, i], out[m, 1, i] = x, dx
+            else:
+                out[m, 0, i], out[m, 1, i], out[m, 2, i] = x, y, dx
+                out[m, 3, i], out[m, 4, i], out[m, 5, i] = dy, ex, ey
 
 
 @compiled(nogil=True)

@@ -268,4 +268,12 @@ def _parameters(sections: Sequence[Section], step: float, bounds: Bounds) -> tup
             raise InputError(f"bounds: no searched parameter {name!r}; {nearest(name, names)}")
         if not 0 < low < high:
             raise InputError(f"bounds of {name}: ({low}, {high}); expected 0 < lower < upper")
-    return tuple(Parameter(*f, *bounds.get(f[0], usual_bounds(f[0], step))) for f in found)
+        if not name.startswith("zeta") and low >= 0.5 / step:
+            raise InputError(
+                f"bounds of {name}: ({low}, {high}); the log shows nothing above {0.5 / step:g} Hz"
+            )
+    out = []
+    for name, place, value in found:
+        low, high = bounds.get(name, usual_bounds(name, step))
+        out.append(Parameter(name, place, value, low, high if "zeta" in name else min(high, 0.5 / step)))
+    return tuple(out)

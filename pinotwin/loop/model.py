@@ -13,11 +13,10 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError, TwinError, nearest
 from pinotwin.loop import kernels
-from pinotwin.loop.data import command_rates
+from pinotwin.loop.data import rates
 from pinotwin.loop.fit import LoopFit
 from pinotwin.loop.layout import Layout, lay_out
-from pinotwin.loop.modal import ModalStep
-from pinotwin.loop.sections import continuous, discretise
+from pinotwin.loop.sections import ModalStep, continuous, discretise
 from pinotwin.loop.structure import Section, Structure
 
 if TYPE_CHECKING:
@@ -201,7 +200,8 @@ class LoopModel:
             step: sampling interval [s]; that of the identified data where absent.
         """
         h = step or self.step
-        velocity, acceleration = self._rates(np.asarray(qr, dtype=float), h, vr, ar)
+        given = (None if x is None else np.asarray(x, dtype=float) for x in (vr, ar))
+        velocity, acceleration = rates(np.asarray(qr, dtype=float), h, *given)
         w = np.column_stack([np.asarray(d, dtype=float), velocity])
         if w.shape[1] != len(self.disturbances) + 1:
             raise DataError(
@@ -222,13 +222,6 @@ class LoopModel:
             out,
         )
         return out
-
-    def _rates(self, qr: Floats, step: float, vr: Floats | None, ar: Floats | None) -> tuple[Floats, Floats]:
-        velocity, acceleration = (None if x is None else np.asarray(x, dtype=float) for x in (vr, ar))
-        if velocity is None:
-            velocity, spline = command_rates(qr, step)
-            return velocity, spline if acceleration is None else acceleration
-        return velocity, command_rates(velocity, step)[0] if acceleration is None else acceleration
 
     def _output(self, name: str) -> int:
         return _place(name, self.outputs, f"{self.axis}: no output")

@@ -39,6 +39,7 @@ from pinotwin.loop.sections import Discrete, discretise
 from pinotwin.loop.structure import Section
 
 BLOCK = 1000
+"""Rows that are filtered and factored at once."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ class Projection:
         out = np.zeros((len(self.blocks), self.columns.width, BLOCK))
         for slot, at in zip(self.layout.slots, self.columns.starts, strict=True):
             part = out[:, at : at + 2 if slot.order == 1 else at + 6]
-            run_filter(discrete, slot.section, slot.order, self.inputs[slot.input], self.blocks, part)
+            run_filter(discrete, slot.section, self.inputs[slot.input], self.blocks, part)
         for m, (start, stop, _) in enumerate(self.blocks):
             out[m, self.columns.direct, : stop - start] = self.direct[:, start:stop]
             out[m, self.columns.output :, : stop - start] = self.outputs[:, start:stop]

@@ -13,11 +13,6 @@ from pinotwin.loop.layout import Layout
 from pinotwin.loop.sections import Discrete
 from pinotwin.loop.structure import Section
 
-FORGOTTEN = 18.0
-"""A free response is left out after this many of its time constants (1e-8 of its start)."""
-PANEL = 8
-"""Columns that are reflected at once."""
-
 
 def free_places(layout: Layout) -> list[Ints]:
     """Return, per parameter, pairs (column of dF, column of F)."""
@@ -33,17 +28,11 @@ def free_places(layout: Layout) -> list[Ints]:
     return [np.array(pairs, dtype=np.intp).reshape(-1, 2) for pairs in places]
 
 
-def run_filter(discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, out: Floats) -> None:
-    """Filter one input by one section into ``out``, from the equilibrium of its first sample."""
-    _run(discrete, s, order, w, blocks, np.zeros(2), out)
-
-
-def _run(discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, start: Floats, out: Floats) -> None:
-    if order == 1:
-        parts = (discrete.A[s, 0, 0], discrete.B0[s, 0], discrete.B1[s, 0])
-        slopes = (discrete.dA[s, 0, 0, 0], discrete.dB0[s, 0, 0], discrete.dB1[s, 0, 0])
-        kernels.filter_first(np.array(parts + slopes), w, blocks, start, out)
-        return
+def run_filter(
+    discrete: Discrete, s: int, w: Floats, blocks: Ints, out: Floats, start: Floats | None = None
+) -> None:
+    """Filter one input by one section into ``out``, from a state beside the equilibrium of its first sample."""
+    start = np.zeros(2) if start is None else start
     A = np.concatenate([discrete.A[s][None], discrete.dA[s]])
     B = np.stack(
         [
@@ -51,11 +40,11 @@ def _run(discrete: Discrete, s: int, order: int, w: Floats, blocks: Ints, start:
             np.concatenate([discrete.B1[s][None], discrete.dB1[s]]),
         ]
     )
-    kernels.filter_second(A, B, w, blocks, start, out)
+    kernels.filter_section(A, B, w, blocks, start, out)
 
 
-def memory(sections: Sequence[Section], step: float) -> int:
-    """Return after how many samples the slowest free response is forgotten."""
+def memory(sections: Sequence[Section], step: float, constants: float = 18.0) -> int:
+    """Return after how many samples the slowest free response is forgotten: of its time constants, to 1e-8."""
     rates = []
     for section in sections:
         if section.order == 1:
@@ -64,7 +53,7 @@ def memory(sections: Sequence[Section], step: float) -> int:
             wn, zeta = section.values
             over = max(zeta * zeta - 1.0, 0.0) ** 0.5
             rates.append(wn / (zeta + over) if over else wn * zeta)
-    return int(np.ceil(FORGOTTEN / (min(rates) * step)))
+    return int(np.ceil(constants / (min(rates) * step)))
 
 
 def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
@@ -75,7 +64,7 @@ def free_response(layout: Layout, discrete: Discrete, n: int) -> Floats:
         own = []
         for j in range(section.order):
             out = np.zeros((1, 2 if section.order == 1 else 6, n))
-            _run(discrete, s, section.order, silent, block, np.eye(2)[j], out)
+            run_filter(discrete, s, silent, block, out, np.eye(2)[j])
             own.append(out[0])
         values += [x[0] for x in own]
         for i in range(section.order):
@@ -98,13 +87,13 @@ def triangle(blocks: Floats) -> Floats:
     return out
 
 
-def _factor(rows: Floats) -> Floats:
+def _factor(rows: Floats, panel: int = 8) -> Floats:
     """Return the triangular factor of rows in Fortran order, which are overwritten.
 
     LAPACK itself, since numpy copies and transposes every block twice on the way; and the routine that works off a
     few columns at a time: dgeqrf takes blocks this narrow column by column, three times as long.
     """
-    reflected, *_ = scipy.linalg.lapack.dgeqrt(min(PANEL, *rows.shape), rows, overwrite_a=True)
+    reflected, *_ = scipy.linalg.lapack.dgeqrt(min(panel, *rows.shape), rows, overwrite_a=True)
     return np.triu(reflected[: rows.shape[1]])
 
 

@@ -64,14 +64,10 @@ def starting_points(layout: Layout, count: int = 12) -> Floats:
     if not len(low):
         return np.zeros((1, 0))
     points = scipy.stats.qmc.Halton(len(low), scramble=False).random(count + 1)[1:]
-    narrow_low, narrow_high = low.copy(), high.copy()
-    plain = np.empty(len(low))
-    for i, p in enumerate(layout.parameters):
-        usual = _usual(p.name, layout.structure.pole_pairs)
-        narrow_low[i] = np.clip(np.log(usual[0] * p.scale), low[i], high[i])
-        narrow_high[i] = np.clip(np.log(usual[2] * p.scale), low[i], high[i])
-        plain[i] = np.clip(np.log(usual[1] * p.scale), low[i], high[i])
-    starts = narrow_low + points * (narrow_high - narrow_low)
+    pairs, scale = layout.structure.pole_pairs, np.array([[p.scale] for p in layout.parameters])
+    usual = np.log(scale * [_usual(p.name, pairs) for p in layout.parameters]).T
+    lowest, plain, highest = np.clip(usual, low, high)
+    starts = np.asarray(lowest + points * (highest - lowest))
     starts[0] = plain
     return starts
 

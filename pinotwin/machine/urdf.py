@@ -216,10 +216,11 @@ def with_inertias(path: Path, model: pin.Model) -> bytes:
             joint = joint_above.get(str(joint.find("parent").get("link")))  # type: ignore[union-attr]
         if joint is None or first is None:  # fixed to the base
             continue
+        body = model.inertias[model.getJointId(joint.get("name"))]
         for inertial in link.findall("inertial"):
             link.remove(inertial)
         if joint is first:
-            link.insert(0, inertial_element(model.inertias[model.getJointId(joint.get("name"))]))
+            link.insert(0, inertial_element(body))
     return etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
 
 

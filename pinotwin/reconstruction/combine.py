@@ -23,17 +23,11 @@ _KINDS = (("angle", "sd_angle"), ("velocity", "sd_velocity"), ("acceleration", "
 
 @dataclass(frozen=True)
 class Combined:
-    """A mean over runs.
+    """A mean over runs."""
 
-    Attributes:
-        mean: (n, ...).
-        sd: standard deviation of the mean, same shape.
-        spread: standard deviation between runs (one number per channel): the noise ceiling.
-    """
-
-    mean: Floats
-    sd: Floats
-    spread: Floats
+    mean: Floats  # (n, ...)
+    sd: Floats  # standard deviation of the mean, same shape
+    spread: Floats  # standard deviation between runs (one number per channel): the noise ceiling
 
 
 def combine(runs: Sequence[Floats], sd: Sequence[Floats]) -> Combined:

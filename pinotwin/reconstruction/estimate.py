@@ -60,7 +60,7 @@ def reconstruct_vibration(
     """
     machine = as_machine(machine)
     s = settings or Settings()
-    tell = report or _silent
+    tell = report or (lambda stage, done: None)
     joint = passive_joint(machine, s.joint)
     servo = [bound(machine, log) for log in as_logs(servo_logs)]
     if not servo:
@@ -91,10 +91,6 @@ def reconstruct_vibration(
         unused=unused(sensors, prior),
         notes=_notes(sensors, runs),
     )
-
-
-def _silent(stage: str, done: float) -> None:
-    del stage, done
 
 
 @dataclass(frozen=True)

@@ -16,25 +16,15 @@ from pinotwin.reconstruction.sensor_log import imu_run
 
 @dataclass(frozen=True)
 class Orientation:
-    """Where a sensor pointed.
+    """Where a sensor pointed."""
 
-    Attributes:
-        t: time on the sensor's clock, even [s], shape (n,).
-        q: quaternions w, x, y, z from the sensor to the earth (z up), heading as at the start, (n, 4).
-        inclination: angle between the sensor's z axis and the vertical [rad], (n,).
-        rate: sampling rate [Hz].
-        missing: share of the samples that were interpolated over holes in the log.
-        force: specific force along the sensor's axes [m/s²], (n, 3).
-        remade: whether the clock was uneven and the log was interpolated to an even one.
-    """
-
-    t: Floats
-    q: Floats
-    inclination: Floats
-    rate: float
-    missing: float
-    force: Floats
-    remade: bool
+    t: Floats  # time on the sensor's clock, even [s], shape (n,)
+    q: Floats  # quaternions w, x, y, z from the sensor to the earth (z up), heading as at the start, (n, 4)
+    inclination: Floats  # angle between the sensor's z axis and the vertical [rad], (n,)
+    rate: float  # sampling rate [Hz]
+    missing: float  # share of the samples that were interpolated over holes in the log
+    force: Floats  # specific force along the sensor's axes [m/s²], (n, 3)
+    remade: bool  # whether the clock was uneven and the log was interpolated to an even one
 
     def channels(self) -> dict[str, Floats]:
         """Return ``t, qw, qx, qy, qz, inclination``."""

@@ -18,25 +18,15 @@ from pinotwin.reconstruction.servo import Piece
 
 @dataclass(frozen=True)
 class Motion3:
-    """Angle, velocity and acceleration of the passive joint; arrays (n,), NaN where unknown, SI.
+    """Angle, velocity and acceleration of the passive joint; arrays (n,), NaN where unknown, SI."""
 
-    Attributes:
-        t: servo clock [s].
-        q: angle [rad], with the slow part that the load explains.
-        v: velocity [rad/s].
-        a: acceleration [rad/s²].
-        sd_q: standard deviation of the angle above 0.5 Hz [rad].
-        sd_v: of the velocity [rad/s].
-        sd_a: of the acceleration [rad/s²].
-    """
-
-    t: Floats
-    q: Floats
-    v: Floats
-    a: Floats
-    sd_q: Floats
-    sd_v: Floats
-    sd_a: Floats
+    t: Floats  # servo clock [s]
+    q: Floats  # angle [rad], with the slow part that the load explains
+    v: Floats  # velocity [rad/s]
+    a: Floats  # acceleration [rad/s²]
+    sd_q: Floats  # standard deviation of the angle above 0.5 Hz [rad]
+    sd_v: Floats  # of the velocity [rad/s]
+    sd_a: Floats  # of the acceleration [rad/s²]
 
     @property
     def known(self) -> Mask:
@@ -46,60 +36,38 @@ class Motion3:
 
 @dataclass(frozen=True)
 class SensorRun:
-    """One stretch of one run as one IMU saw it.
+    """One stretch of one run as one IMU saw it."""
 
-    Attributes:
-        run: number of the run.
-        piece: the stretch of the servo log.
-        imu: the IMU's record.
-        found: what the batch estimate says about it.
-    """
-
-    run: int
-    piece: Piece
-    imu: ImuRun = field(repr=False)
-    found: RunResult = field(repr=False)
+    run: int  # number of the run
+    piece: Piece  # the stretch of the servo log
+    imu: ImuRun = field(repr=False)  # the IMU's record
+    found: RunResult = field(repr=False)  # what the batch estimate says about it
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """One IMU over all runs.
+    """One IMU over all runs."""
 
-    Attributes:
-        name: "imu1", "imu2".
-        link: the link that carries it.
-        batch: the whole estimate.
-        runs: its stretches.
-        sources: its log of every run.
-        nonlinear: hardening and hysteresis as shares of the spring's torque at the largest
-            deflection, where the joint showed them.
-    """
-
-    name: str
-    link: str
-    batch: BatchResult = field(repr=False)
-    runs: tuple[SensorRun, ...]
-    sources: tuple[str, ...]
+    name: str  # "imu1", "imu2"
+    link: str  # the link that carries it
+    batch: BatchResult = field(repr=False)  # the whole estimate
+    runs: tuple[SensorRun, ...]  # its stretches
+    sources: tuple[str, ...]  # its log of every run
+    # hardening and hysteresis as shares of the spring's torque at the largest deflection, where the joint
+    # showed them
     nonlinear: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Unused:
-    """What is left of an IMU's raw signals; RMS per axis and run [rad/s] and [m/s²].
+    """What is left of an IMU's raw signals; RMS per axis and run [rad/s] and [m/s²]."""
 
-    Attributes:
-        fitted: the IMU that found the deflection. predicted: the one that was not used.
-        gyro: left with that deflection. gyro_rigid: without any deflection.
-        gyro_noise: standard deviation at rest; NaN where the log has no rest.
-        accel: the same of the accelerometer. accel_rigid, accel_noise: likewise.
-    """
-
-    fitted: str
-    predicted: str
-    gyro: float
-    gyro_rigid: float
-    gyro_noise: float
-    accel: float
+    fitted: str  # the IMU that found the deflection
+    predicted: str  # the one that was not used
+    gyro: float  # left with that deflection
+    gyro_rigid: float  # without any deflection
+    gyro_noise: float  # standard deviation at rest; NaN where the log has no rest
+    accel: float  # the same of the accelerometer. accel_rigid, accel_noise: likewise
     accel_rigid: float
     accel_noise: float
 

@@ -43,19 +43,12 @@ class Joints:
 
 @dataclass(frozen=True)
 class Piece:
-    """An unbroken stretch of a servo log.
+    """An unbroken stretch of a servo log."""
 
-    Attributes:
-        rows: rows of the log in it, shape (k,).
-        t: their stamps [s], (k,).
-        joints: the same stretch on a uniform clock.
-        run: what the batch estimate takes of it.
-    """
-
-    rows: Ints
-    t: Floats
-    joints: Joints
-    run: ServoRun
+    rows: Ints  # rows of the log in it, shape (k,)
+    t: Floats  # their stamps [s], (k,)
+    joints: Joints  # the same stretch on a uniform clock
+    run: ServoRun  # what the batch estimate takes of it
 
 
 def bound(machine: Machine, log: Log) -> Log:

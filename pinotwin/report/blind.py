@@ -9,12 +9,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from pinotwin.report.blind_plots import calibration_figure, matrix_figure, rho_figure
-from pinotwin.report.blocks import Block, Html, Plot, Tile, chip, notes, paragraph, table, tiles
+import numpy as np
+import plotly.graph_objects as go
+
+from pinotwin.report.blocks import Tile, tiles
+from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, line, points, style
 from pinotwin.report.page import Page
 
 STATES = {"aim": ("aim", "good"), "must": ("must", "fair"), "below": ("missed", "bad")}
 """State of a row -> words and kind of its chip."""
+FIRST = (
+    "healthy machine accused of anything",
+    "top-1 effect and axis, rho ≥ 0.1",
+    "both of two, weaker rho ≥ 0.1",
+    "outside the catalogue recognised",
+    "expected calibration error",
+)
+"""Scores in large print."""
 
 
 class Scored(Protocol):
@@ -28,29 +39,23 @@ class Scored(Protocol):
 def bench_page(bench: Scored) -> Page:
     """Return the page of a scored bench."""
     d = bench.document()
-    page = Page("The withheld bench", _subtitle(d))
-    page = page.section("Result", paragraph(_headline(d), "verdict"), tiles(_tiles(d)))
-    page = page.section(
-        "Scores",
-        *_scores(d),
-        intro="An effect is put into the truth of a machine and "
-        "withheld from its model; logs and model go to the diagnosis, the truth does "
-        "not. rho is the power of the residual over the power of the noise, taken from "
-        "simulations without noise.",
-    )
-    page = page.section("What is taken for what", *_confusion(d), intro=_TAKEN)
-    page = page.section("How far a stated probability can be trusted", *_calibration(d))
-    dots = Plot(rho_figure(d["answers"]), "Every single effect", "Each mark is one case.")
-    page = page.section("By size of the residual", dots)
-    return page.section("Diagnoses that broke off", *_errors(d))
-
-
-_TAKEN = "Rows: what was put in. Columns: what was named first. Single effects with rho of at least 0.1."
-
-
-def _subtitle(d: Mapping[str, Any]) -> str:
     kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in d["cases"].items())
-    return f"{len(d['answers'])} of {d['planned']} cases: {kinds} · {', '.join(d['machines'])}"
+    found = d["calibration"]
+    given = {
+        "headline": _headline(d),
+        "tiles_": tiles(_tile({r["name"]: r for r in d["scores"]}[name]) for name in FIRST),
+        "scores": d["scores"],
+        "figure": _figure,
+        "counts": _counts,
+        "states": STATES,
+        "confusion": matrix_figure(d["confusion"]) if d["confusion"] else None,
+        "calibration": found,
+        "reliability": calibration_figure(found["bins"]) if found else None,
+        "rho": rho_figure(d["answers"]),
+        "errors": [f"case {x['case']}: {x['error']}" for x in d["errors"]],
+    }
+    said = f"{len(d['answers'])} of {d['planned']} cases: {kinds} · {', '.join(d['machines'])}"
+    return Page("The withheld bench", said, template="blind", given=given)
 
 
 def _headline(d: Mapping[str, Any]) -> str:
@@ -63,30 +68,9 @@ def _headline(d: Mapping[str, Any]) -> str:
     return f"{len(held) - len(below)} of {len(held)} scores reach what they must; missed: {'; '.join(below)}."
 
 
-def _tiles(d: Mapping[str, Any]) -> list[Tile]:
-    wanted = (
-        "healthy machine accused of anything",
-        "top-1 effect and axis, rho ≥ 0.1",
-        "both of two, weaker rho ≥ 0.1",
-        "outside the catalogue recognised",
-        "expected calibration error",
-    )
-    by_name = {r["name"]: r for r in d["scores"]}
-    out = []
-    for name in wanted:
-        row = by_name[name]
-        words, kind = STATES.get(row["state"], ("", ""))
-        out.append(Tile(name, _figure(row), f"{_counts(row)}; must {row['must']}", words, kind))
-    return out
-
-
-def _scores(d: Mapping[str, Any]) -> list[Block]:
-    rows = [
-        [r["name"], _figure(r), _counts(r), r["must"], r["aim"], _state(r["state"]), r["note"]]
-        for r in d["scores"]
-    ]
-    header = ("score", "figure", "counts", "must", "aim", "", "how it is counted")
-    return [table(header, rows, numeric=(1, 2))]
+def _tile(row: Mapping[str, Any]) -> Tile:
+    words, kind = STATES.get(row["state"], ("", ""))
+    return Tile(row["name"], _figure(row), f"{_counts(row)}; must {row['must']}", words, kind)
 
 
 def _figure(row: Mapping[str, Any]) -> str:
@@ -100,31 +84,93 @@ def _counts(row: Mapping[str, Any]) -> str:
     return f"{share['hits']}/{share['of']}" if share else f"N = {row['count']}"
 
 
-def _state(state: str) -> Html | str:
-    if state not in STATES:
-        return ""
-    return chip(*STATES[state])
+LAST = ("none", "unexplained", "partly_explained", "explained", "unknown", "error")
+"""Answers that name no effect: to the right of the matrix."""
 
 
-def _confusion(d: Mapping[str, Any]) -> list[Block]:
-    have = d["confusion"]
-    return [Plot(matrix_figure(have), "Measured", "Share of each row; counts in the cells.")] if have else []
-
-
-def _calibration(d: Mapping[str, Any]) -> list[Block]:
-    found = d["calibration"]
-    if found is None:
-        return [paragraph("Fewer than ten answers: too few to say.")]
-    note = f"Expected calibration error {found['error']:.3f}, Brier score {found['brier']:.3f}."
-    return [
-        Plot(
-            calibration_figure(found["bins"]),
-            "Stated probability against how often it was right",
-            note,
+def matrix_figure(matrix: Mapping[str, Mapping[str, float]]) -> go.Figure:
+    """Return true effect against answer; colour is the share of the row."""
+    rows = list(matrix)
+    names = {k for row in matrix.values() for k in row}
+    columns = [r for r in rows if r in names]
+    columns += sorted(names - set(columns) - set(LAST)) + [k for k in LAST if k in names]
+    z = np.array([[matrix[r].get(c, 0.0) for c in columns] for r in rows], dtype=float)
+    share = z / np.maximum(z.sum(axis=1, keepdims=True), 1e-12)
+    text = [[_cell(v) for v in row] for row in z]
+    figure = go.Figure(
+        go.Heatmap(
+            x=columns,
+            y=rows,
+            z=np.where(z > 0.0, share, np.nan),
+            text=text,
+            texttemplate="%{text}",
+            textfont={"color": "#1b1f24", "size": 12},
+            xgap=2,
+            ygap=2,
+            zmin=0.0,
+            zmax=1.0,
+            hoverongaps=False,
+            showscale=False,
+            colorscale=[[0.0, "#fdf0d5"], [0.5, "#8fc1c5"], [1.0, "#2fa6a0"]],
+            hovertemplate="%{y} → %{x}: %{z:.0%}<extra></extra>",
         )
-    ]
+    )
+    style(figure, 130 + 24 * len(rows), legend=False)
+    figure.update_xaxes(side="top", showgrid=False, tickangle=-50, type="category")
+    figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False, type="category")
+    return figure
 
 
-def _errors(d: Mapping[str, Any]) -> Sequence[Block]:
-    lines = [f"case {x['case']}: {x['error']}" for x in d["errors"]]
-    return [notes(lines)] if lines else []
+def _cell(value: float) -> str:
+    if value <= 0.0:
+        return ""
+    return f"{value:.0f}" if float(value).is_integer() else f"{value:.2f}"
+
+
+def calibration_figure(bins: Sequence[Sequence[float]]) -> go.Figure:
+    """Return the reliability diagram: stated probability against share right, with 90 % intervals."""
+    stated = np.array([b[0] for b in bins], dtype=float)
+    right = np.array([b[1] for b in bins], dtype=float)
+    count = np.array([b[2] for b in bins], dtype=float)
+    low, high = _interval(right * count, count)
+    even = line(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "perfectly calibrated", MEASURED, width=1.2)
+    figure = go.Figure(even.update(line_dash="dot", hoverinfo="skip"))
+    marks = points(stated, right, "answers, in bins of equal number", ACCENT, (high - right, right - low))
+    hover = "stated %{x:.2f}, right %{y:.2f}<extra></extra>"
+    figure.add_trace(marks.update(mode="lines+markers", line_width=1.4, hovertemplate=hover))
+    style(figure, 380, x="stated probability", y="share right")
+    figure.update_xaxes(range=[0.0, 1.02])
+    return figure.update_yaxes(range=[0.0, 1.05])
+
+
+def _interval(hits: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Wilson's 90 % interval of shares (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
+    z = 1.645
+    p = hits / of
+    centre = (p + z * z / (2.0 * of)) / (1.0 + z * z / of)
+    half = z * np.sqrt(p * (1.0 - p) / of + z * z / (4.0 * of * of)) / (1.0 + z * z / of)
+    return np.minimum(centre - half, p), np.maximum(centre + half, p)
+
+
+def rho_figure(answers: Sequence[Mapping[str, Any]]) -> go.Figure:
+    """Return every single case: rho against effect, right or wrong."""
+    single = [a for a in answers if a["kind"] == "single" and a["sizes"]]
+    names = sorted({a["truth"][0][0] for a in single})
+    figure = go.Figure()
+    kinds = (("named right", ACCENT, True), ("not", RESIDUAL, False))
+    for words, colour, wanted in kinds:
+        some = [a for a in single if bool(a["is_right"]) == wanted]
+        sizes, effects = [max(a["sizes"][0], 1e-4) for a in some], [a["truth"][0][0] for a in some]
+        marks = points(sizes, effects, words, colour).update(text=[_said(a) for a in some])
+        hover = "%{text}, rho %{x:.2g}<extra></extra>"
+        marks.update(marker_size=9, marker_symbol="circle" if wanted else "x", hovertemplate=hover)
+        figure.add_trace(marks)
+    style(figure, 120 + 22 * len(names))
+    figure.update_xaxes(type="log", title_text="rho: power of the residual over that of the noise")
+    figure.add_vline(x=0.1, line={"color": MEASURED, "width": 1, "dash": "dot"})
+    return figure.update_yaxes(categoryorder="array", categoryarray=names[::-1], type="category")
+
+
+def _said(a: Mapping[str, Any]) -> str:
+    named = ", ".join(f"{n[0]} on {n[1]}" for n in a["named"]) or a["verdict"]
+    return f"{a['machine']}, {a['situation']}: {named}"

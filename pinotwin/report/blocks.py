@@ -115,20 +115,12 @@ def templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
+        extensions=["jinja2.ext.do"],
     )
-    words = (
-        paragraph,
-        heading,
-        notes,
-        bullets,
-        chip,
-        tiles,
-        table,
-        display.percent,
-        display.number,
-        display.seconds,
-    )
-    made.globals |= {f.__name__: f for f in words}
+    pieces = (paragraph, heading, notes, bullets, chip, tiles, table)
+    numbers = (display.percent, display.number, display.seconds, display.elided)
+    made.globals |= {f.__name__: f for f in (*pieces, *numbers)}
+    made.filters["each"] = lambda form, values: ", ".join(form % x for x in values)
     return made
 
 
@@ -184,4 +176,4 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]], numeric: Sequ
     """
     head = [(title, "num" if k in numeric else "") for k, title in enumerate(header)]
     cells = [[(x, *column) for x, column in zip(row, head, strict=True)] for row in rows]
-    return macro("table", head, cells)
+    return macro("cells", head, cells)

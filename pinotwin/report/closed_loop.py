@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from pinotwin.analysis.decomposition import Decomposition, decompose
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
+from pinotwin.loop.servo import SHAPES, Servo
+from pinotwin.machine import Machine
 from pinotwin.report import display
-from pinotwin.report.blocks import (
-    Block,
-    Html,
-    Plot,
-    Tabs,
-    bullets,
-    chip,
-    heading,
-    paragraph,
-    table,
-)
+from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, heading, paragraph, table
 from pinotwin.report.closed_loop_plots import (
     cause_shares_figure,
     causes_figure,
@@ -32,11 +22,13 @@ from pinotwin.report.closed_loop_plots import (
     response_figure,
     scale_of,
 )
-from pinotwin.report.controllers import servo_table
 from pinotwin.simulation.score import compare
 from pinotwin.twin import Twin
 
 Scores = Mapping[str, Mapping[str, Mapping[str, float]]]
+"""Axis -> signal -> errors, as :func:`pinotwin.simulation.score.compare` returns them."""
+Column = Callable[[str, str, Mapping[str, float]], object]
+"""A cell of a score table, of axis, signal and their errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,59 +70,58 @@ def closed_loop_blocks(twin: Twin, log: Log) -> list[Block]:
     try:
         found = predict(twin, log)
     except PinotwinError as error:
-        said: list[Block] = [paragraph(f"The command could not be simulated: {error}")]
-        return [*said, *structure_blocks(twin)]
+        return [paragraph(f"The command could not be simulated: {error}"), *structure_blocks(twin)]
     return [*response_blocks(twin, found), *structure_blocks(twin), *cause_blocks(twin, found)]
 
 
 def response_blocks(twin: Twin, found: Predicted) -> list[Block]:
     """Return the response beside the measurement, and its errors."""
-    rotary = _rotary(twin)
-    figure = response_figure(rotary, found.log, found.black)
-    out: list[Block] = [
-        Plot(
-            figure,
-            f"Predicted from the command of {display.elided(found.log.source)}",
-            "Nothing measured enters the prediction. Drag to zoom: all follow.",
-        ),
-    ]
+    rotary = {name: axis.rotary for name, axis in twin.machine.axes.items() if name in twin.loops}
+    title = f"Predicted from the command of {display.elided(found.log.source)}"
+    note = "Nothing measured enters the prediction. Drag to zoom: all follow."
+    out: list[Block] = [Plot(response_figure(rotary, found.log, found.black), title, note)]
     if any(measured_signals(found.log, axis) for axis in rotary):
         out += [heading("Error of the prediction"), score_table(twin, found)]
-    if found.notes:
-        out.append(bullets(dict.fromkeys(found.notes)))
-    return out
+    return [*out, *([bullets(dict.fromkeys(found.notes))] if found.notes else [])]
+
+
+def scores_table(
+    machine: Machine, scores: Scores, columns: Mapping[str, Column], last: Sequence[Sequence[object]] = ()
+) -> Html:
+    """Return the errors of a prediction, a row for each signal of each axis: the table of every page.
+
+    Args:
+        machine: whose axes they are.
+        scores: the errors.
+        columns: header -> what stands below it, beside axis, signal and RMS error.
+        last: rows below them.
+    """
+    rows: list[Sequence[object]] = []
+    for axis, signals in scores.items():
+        for signal, row in signals.items():
+            scale = scale_of(signal, machine.axes[axis].rotary, row["rms"])
+            rms = display.number(row["rms"] * scale.factor, scale.unit)
+            rows.append(
+                [axis, display.SIGNALS[signal], rms, *(f(axis, signal, row) for f in columns.values())]
+            )
+    header = ("axis", "signal", "RMS error", *columns)
+    return table(
+        header, [*rows, *last], numeric=[k for k, name in enumerate(header) if k > 1 and name != "grade"]
+    )
 
 
 def score_table(twin: Twin, found: Predicted) -> Html:
     """Return the normalised RMS errors of the prediction, and their mean."""
-    black = compare(twin.machine, found.log, found.black)
-    rows: list[list[object]] = []
-    each = []
-    for axis, turns in _rotary(twin).items():
-        for signal, score in black.get(axis, {}).items():
-            scale = scale_of(signal, turns, np.array([score["rms"]]))
-            each.append(score["nrmse"])
-            rows.append(
-                [
-                    axis,
-                    "tracking error" if signal == "e" else "effort",
-                    display.number(score["rms"] * scale.factor, scale.unit),
-                    display.percent(score["nrmse"]),
-                    display.percent(score["nrmse_std"]),
-                    _held_out(twin.quality, axis, signal),
-                ]
-            )
-    if len(rows) > 1:
-        rows.append(["mean", "", "", display.percent(math.fsum(each) / len(each)), "", ""])
-    header = (
-        "axis",
-        "signal",
-        "RMS error",
-        "of RMS",
-        "of standard deviation",
-        "loop alone, held out",
-    )
-    return table(header, rows, numeric=range(2, 6))
+    scores = compare(twin.machine, found.log, found.black)
+    scores = {axis: scores[axis] for axis in twin.machine.axes if axis in scores and axis in twin.loops}
+    each = [row["nrmse"] for signals in scores.values() for row in signals.values()]
+    mean = [["mean", "", "", display.percent(math.fsum(each) / len(each)), "", ""]] if len(each) > 1 else []
+    columns: dict[str, Column] = {
+        "of RMS": lambda axis, signal, row: display.percent(row["nrmse"]),
+        "of standard deviation": lambda axis, signal, row: display.percent(row["nrmse_std"]),
+        "loop alone, held out": lambda axis, signal, row: _held_out(twin.quality, axis, signal),
+    }
+    return scores_table(twin.machine, scores, columns, mean)
 
 
 def _held_out(quality: Mapping[str, Any], axis: str, signal: str) -> str:
@@ -142,26 +133,18 @@ def _held_out(quality: Mapping[str, Any], axis: str, signal: str) -> str:
 
 def structure_blocks(twin: Twin) -> list[Block]:
     """Return poles and gains of every axis."""
-    out: list[Block] = [
-        heading("Poles"),
-        paragraph(
-            "Poles of the closed loop of each axis, with the bounds within which they were "
-            "searched. ζ is the damping ratio.",
-            "lead",
-        ),
-        pole_table(twin),
-    ]
+    searched = (
+        "Poles of the closed loop of each axis, with the bounds within which they were searched. "
+        "ζ is the damping ratio."
+    )
+    out: list[Block] = [heading("Poles"), paragraph(searched, "lead"), pole_table(twin)]
     if twin.servos:
-        out += [
-            heading("Controller"),
-            paragraph(
-                "The law that is simulated around the axis; effort in N or N·m. Determined: the 90 % interval "
-                "reaches no further than a tenth of the gain. Tied: position gain and 1/ti cannot be "
-                "separated; only their sum and product, shown below, are identified.",
-                "lead",
-            ),
-            servo_table(twin.servos),
-        ]
+        law = (
+            "The law that is simulated around the axis; effort in N or N·m. Determined: the 90 % interval "
+            "reaches no further than a tenth of the gain. Tied: position gain and 1/ti cannot be "
+            "separated; only their sum and product, shown below, are identified."
+        )
+        out += [heading("Controller"), paragraph(law, "lead"), servo_table(twin.servos)]
     return out
 
 
@@ -169,34 +152,20 @@ def pole_table(twin: Twin) -> Html:
     """Return the poles of all axes (thesis Tables 4-4 and 7-3)."""
     rows = []
     for axis, loop in twin.loops.items():
-        loop_rows = loop.pole_table()
-        for row in loop_rows:
+        for k, row in enumerate(loop.pole_table()):
             unit = "" if row["unit"] == "-" else row["unit"]
             bounds = "" if "lower" not in row else f"{row['lower']:.3g} to {row['upper']:.3g}"
             pair = row.get("interval")
             interval = "" if pair is None else f"{pair[0]:.4g} to {pair[1]:.4g}"
-            first = row is loop_rows[0]
-            rows.append(
-                [
-                    axis if first else "",
-                    _pole_name(row["name"]),
-                    f"{row['value']:.4g}",
-                    unit,
-                    bounds,
-                    interval,
-                    _pole_chip(row),
-                ]
-            )
+            first, value = "" if k else axis, f"{row['value']:.4g}"
+            rows.append([first, _pole_name(row["name"]), value, unit, bounds, interval, _pole_chip(row)])
     header = ("axis", "pole", "value", "unit", "searched", "95 % interval", "")
     return table(header, rows, numeric=(2, 4, 5))
 
 
 def _pole_name(name: str) -> str:
-    for start, words in (
-        ("zeta", "damping ratio ζ"),
-        ("wn", "pole pair ω"),
-        ("pff", "feed-forward pole "),
-    ):
+    starts = {"zeta": "damping ratio ζ", "wn": "pole pair ω", "pff": "feed-forward pole "}
+    for start, words in starts.items():
         if name.startswith(start):
             return f"{words}{name.removeprefix(start)}"
     return f"real pole {name}"
@@ -212,27 +181,73 @@ def _pole_chip(row: Mapping[str, Any]) -> Html:
 
 def cause_blocks(twin: Twin, found: Predicted) -> list[Block]:
     """Return which cause makes how much of the tracking error, and the disturbances over time."""
+    notes = {
+        "disturbance": "What the motor must work against beside the axis' own mean inertia and damping.",
+        "error": "Each part, sent through the identified loop on its own; the parts add up.",
+    }
     panels: dict[str, list[Block]] = {}
     for axis in found.parts.axes:
         turns = twin.machine.axes[axis].rotary
         panels[axis] = [
             Plot(
-                causes_figure(found.parts, axis, turns, "disturbance"),
-                f"{axis}: disturbance by cause",
-                "What the motor must work against beside the axis' own mean inertia and damping.",
-            ),
-            Plot(
-                causes_figure(found.parts, axis, turns, "error"),
-                f"{axis}: tracking error by cause",
-                "Each part, sent through the identified loop on its own; the parts add up.",
-            ),
+                causes_figure(found.parts, axis, turns, what),
+                f"{axis}: {'tracking ' if what == 'error' else ''}{what} by cause",
+                note,
+            )
+            for what, note in notes.items()
         ]
-    return [
-        heading("Causes of the tracking error"),
-        Plot(cause_shares_figure(found.parts)),
-        Tabs(panels),
-    ]
+    shares = Plot(cause_shares_figure(found.parts))
+    return [heading("Causes of the tracking error"), shares, Tabs(panels)]
 
 
-def _rotary(twin: Twin) -> dict[str, bool]:
-    return {name: axis.rotary for name, axis in twin.machine.axes.items() if name in twin.loops}
+def servo_table(servos: Mapping[str, Servo]) -> Html:
+    """Return the gains and lags of the controllers that are simulated, with their 90 % intervals.
+
+    Where kp and 1/ti are not determined one by one, their sum and product stand below them.
+    """
+    rows: list[list[object]] = []
+    for axis, servo in servos.items():
+        told, determined = servo.intervals(), servo.determined()
+        both = {k: x for k, x in servo.combined().items() if k in told and not _each(servo, determined)}
+        for name, value in {**servo.named(), **both}.items():
+            factor, unit = (1e3, "ms") if name in SHAPES else (1.0, "")
+            low, high = (factor * x for x in told.get(name, (value, value)))
+            between = f"{low:.4g} to {high:.4g}" if high > low else ""
+            first = all(row[0] != axis for row in rows)
+            shown = f"{factor * value:.4g} {unit}".strip()
+            remark = _remark(servo, name, determined)
+            rows.append([axis if first else "", _SERVO.get(name, name), shown, between, remark])
+    return table(("axis", "gain", "value", "90 % interval", ""), rows, numeric=(2, 3))
+
+
+def _each(servo: Servo, determined: Mapping[str, bool]) -> bool:
+    """Whether each of the gains that a combination is made of is determined by itself."""
+    return all(determined.get(name, True) for name in (("ffv",) if servo.form == "pid" else ("kp", "rate")))
+
+
+def _remark(servo: Servo, name: str, determined: Mapping[str, bool]) -> Html:
+    if determined.get(name, True):
+        return chip("determined", "good", "within a tenth of itself") if name in determined else Html("")
+    if name in ("kp", "rate") and servo.tied:
+        return chip(
+            "tied", "fair", f"or {servo.other[name]:.4g}: kp and 1/ti the other way round fit as well"
+        )
+    return chip("not determined", "fair", "its interval is wider than a tenth of it on either side")
+
+
+_SERVO = {
+    "kp": "position gain kp",
+    "kv": "velocity gain kv",
+    "rate": "1/ti",
+    "ki": "integral gain ki",
+    "kd": "derivative gain kd",
+    "ffv": "velocity feed-forward",
+    "ffa": "acceleration feed-forward",
+    "weight": "set-point weight",
+    "velocity_lag": "lag of the velocity",
+    "output_lag": "lag of the current loop",
+    "dead": "dead time",
+    "kp + rate": "kp + 1/ti",
+    "kp * rate": "kp / ti",
+    "kd + ffv": "kd + ffv",
+}

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from pinotwin.analysis.decomposition import COMMAND, Decomposition
 from pinotwin.arrays import Floats
 from pinotwin.log import Log
 from pinotwin.report import display
-from pinotwin.report.figures import ACCENT, MEASURED, SOFT, line, style, visible_rows
+from pinotwin.report.display import SIGNALS
+from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time, share_bars
 
 CAUSES = {
     COMMAND: ("the command itself", "#7f8ea3"),
@@ -27,14 +27,11 @@ CAUSES = {
 }
 """Cause -> its name and its colour, the same in every plot."""
 
-_LEAST = 0.002  # share of all below which a cause is not drawn
-_DEGREE = 180.0 / np.pi
-
 
 def error_scale(rotary: bool, largest: float) -> display.Scale:
     """Return the scale of a tracking error: µm or mm, mdeg or °, by its largest magnitude [SI]."""
-    if rotary and largest * _DEGREE < 1.0:
-        return display.Scale(1e3 * _DEGREE, "mdeg")
+    if rotary and np.degrees(largest) < 1.0:
+        return display.Scale(np.degrees(1e3), "mdeg")
     return display.position(rotary, largest)
 
 
@@ -52,10 +49,19 @@ def measured_signals(log: Log, axis: str, predicted: Log | None = None) -> dict[
     return out
 
 
-def scale_of(signal: str, rotary: bool, x: Floats) -> display.Scale:
+def scale_of(signal: str, rotary: bool, x: Floats | float) -> display.Scale:
     """Return the scale of ``e`` or ``u``."""
     of = error_scale if signal == "e" else display.effort
-    return of(rotary, display.largest(x))
+    return of(rotary, display.largest(np.atleast_1d(x)))
+
+
+def response_panel(log: Log, predicted: Log, axis: str, signal: str, rotary: bool, title: str = "") -> Panel:
+    """Return a measured and predicted signal of an axis, to be drawn over time."""
+    lines = [Line("predicted", predicted[f"{axis}.{signal}"], ACCENT, 1.1)]
+    measured = measured_signals(log, axis, predicted).get(signal)
+    if measured is not None:
+        lines.insert(0, Line("measured", measured, MEASURED, 2.6))
+    return Panel(f"<b>{axis}</b> {title or SIGNALS[signal]}", lines, scale_of(signal, rotary, lines[0].y))
 
 
 def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log) -> go.Figure:
@@ -66,60 +72,28 @@ def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log) -> go.
         log: what was measured, in the names of the contract.
         predicted: simulated from the command.
     """
-    count = 2 * len(rotary)
-    figure = make_subplots(
-        rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.03 / max(count / 2, 1) ** 0.5
-    )
+    panels = [
+        response_panel(log, predicted, axis, s, turns) for axis, turns in rotary.items() for s in SIGNALS
+    ]
     points = max(3000 // max(len(rotary), 1), 1200)
-    for k, (axis, turns) in enumerate(rotary.items()):
-        measured = measured_signals(log, axis, predicted)
-        for i, signal in enumerate(("e", "u")):
-            lines = [("predicted", predicted[f"{axis}.{signal}"], ACCENT, 1.1)]
-            if signal in measured:
-                lines.insert(0, ("measured", measured[signal], MEASURED, 2.6))
-            scale = scale_of(signal, turns, lines[0][1])
-            rows = visible_rows([y for _, y, _, _ in lines], points)
-            for name, y, colour, width in lines:
-                trace = line(
-                    log.t[rows], scale(y[rows]), name, colour, width=width, legend=k + i == 0, unit=scale.unit
-                )
-                figure.add_trace(trace, row=2 * k + i + 1, col=1)
-            title = "tracking error" if signal == "e" else "effort"
-            figure.update_yaxes(title_text=f"<b>{axis}</b> {title} [{scale.unit}]", row=2 * k + i + 1, col=1)
-    figure.update_xaxes(title_text="time [s]", row=count, col=1)
-    return style(figure, 70 + 175 * count)
+    return over_time(log.t, panels, 70 + 175 * len(panels), points=points)
 
 
-def cause_shares_figure(parts: Decomposition) -> go.Figure:
-    """Return the share of each cause in every axis' tracking error as stacked bars (Fig. 4-16)."""
-    shares = {axis: parts.shares(axis) for axis in parts.axes}
-    figure = go.Figure()
-    for cause, (name, colour) in CAUSES.items():
-        axes = [axis for axis in parts.axes if shares[axis].get(cause, 0.0) > _LEAST]
-        if not axes:
-            continue
-        values = [100.0 * shares[axis][cause] for axis in axes]
-        figure.add_bar(
-            y=axes,
-            x=values,
-            name=name,
-            orientation="h",
-            marker_color=colour,
-            hovertemplate="%{x:.1f} %<extra>%{fullData.name}</extra>",
-            text=[f"{x:.0f} %" if x >= 6 else "" for x in values],
-            textposition="inside",
-            insidetextanchor="middle",
-            textangle=0,
-            textfont={"color": "#fff"},
-        )
-    style(figure, 110 + 46 * len(parts.axes))
-    figure.update_layout(barmode="stack", bargap=0.35, legend_traceorder="normal")
-    figure.update_xaxes(title_text="share of the summed integrals of |error| [%]", range=[0, 100])
-    figure.update_yaxes(autorange="reversed", showgrid=False, type="category")
-    return figure
+def cause_shares_figure(parts: Decomposition, least: float = 0.002) -> go.Figure:
+    """Return the share of each cause in every axis' tracking error as stacked bars (Fig. 4-16).
+
+    Args:
+        parts: disturbances and errors by cause.
+        least: share of all below which a cause is not drawn.
+    """
+    rows = {axis: {k: x for k, x in parts.shares(axis).items() if x > least} for axis in parts.axes}
+    looks = {cause: look for cause, look in CAUSES.items() if any(cause in row for row in rows.values())}
+    return share_bars(rows, looks, "share of the summed integrals of |error| [%]")
 
 
-def causes_figure(parts: Decomposition, axis: str, rotary: bool, what: str) -> go.Figure:
+def causes_figure(
+    parts: Decomposition, axis: str, rotary: bool, what: str, least: float = 0.002
+) -> go.Figure:
     """Return the parts of one axis' disturbance (Fig. 4-15) or error (Fig. 4-14) over time.
 
     Args:
@@ -127,16 +101,12 @@ def causes_figure(parts: Decomposition, axis: str, rotary: bool, what: str) -> g
         axis: axis.
         rotary: whether it turns.
         what: ``disturbance`` or ``error``.
+        least: share of all below which a cause is not drawn.
     """
     mine = (parts.disturbances if what == "disturbance" else parts.errors)[axis]
     total = parts.disturbance(axis) if what == "disturbance" else parts.error(axis)
     size = {cause: float(np.sqrt(np.mean(x**2))) for cause, x in mine.items()}
-    drawn = [c for c in CAUSES if size.get(c, 0.0) > _LEAST * sum(size.values())]
+    drawn = [c for c in CAUSES if size.get(c, 0.0) > least * sum(size.values())]
+    lines = [Line("sum", total, SOFT, 1.0), *(Line(CAUSES[c][0], mine[c], CAUSES[c][1]) for c in drawn)]
     scale = scale_of("u" if what == "disturbance" else "e", rotary, total)
-    rows = visible_rows([total, *(mine[c] for c in drawn[:3])], 2000)
-    t = parts.t[rows]
-    figure = go.Figure(line(t, scale(total[rows]), "sum", SOFT, width=1.0, unit=scale.unit))
-    for cause in drawn:
-        name, colour = CAUSES[cause]
-        figure.add_trace(line(t, scale(mine[cause][rows]), name, colour, unit=scale.unit))
-    return style(figure, 330, x="time [s]", y=f"{what} [{scale.unit}]")
+    return over_time(parts.t, [Panel(what, lines, scale)], 330, points=2000)

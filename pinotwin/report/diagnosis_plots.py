@@ -12,17 +12,7 @@ from scipy.signal import welch
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.result import Gap, Region, Traces
 from pinotwin.report import display
-from pinotwin.report.figures import (
-    ACCENT,
-    RESIDUAL,
-    broken,
-    dots,
-    line,
-    some_rows,
-    style,
-    visible_rows,
-)
-from pinotwin.studies.overlay import binned
+from pinotwin.report.figures import ACCENT, RESIDUAL, Line, Panel, clouds, line, over_time, style
 
 
 @dataclass(frozen=True)
@@ -73,28 +63,15 @@ def bars(gap: Gap, *, acts: bool) -> list[Bar]:
 def shrink_figure(items: Sequence[Bar], signal: str, rotary: bool) -> go.Figure:
     """Return the bars of one axis."""
     scale = signal_scale(signal, rotary, max(b.value for b in items))
-    values = [b.value * scale.factor for b in items]
-    figure = go.Figure(
-        go.Bar(
-            y=[b.name for b in items],
-            x=values,
-            orientation="h",
-            marker_color=[b.colour for b in items],
-            hoverinfo="skip",
-        )
-    )
-    for b, value in zip(items, values, strict=True):
-        figure.add_annotation(
-            x=value,
-            y=b.name,
-            text=f"{value:.3g} {scale.unit}",
-            xanchor="left",
-            xshift=6,
-            showarrow=False,
-        )
-    style(figure, 66 + 34 * len(items), legend=False)
+    values, names = [b.value * scale.factor for b in items], [b.name for b in items]
+    colours = [b.colour for b in items]
+    figure = go.Figure(go.Bar(y=names, x=values, orientation="h", marker_color=colours, hoverinfo="skip"))
+    for name, value in zip(names, values, strict=True):
+        text = f"{value:.3g} {scale.unit}"
+        figure.add_annotation(x=value, y=name, text=text, xanchor="left", xshift=6, showarrow=False)
+    style(figure, 66 + 34 * len(items), x=f"RMS [{scale.unit}]", legend=False)
     figure.update_layout(bargap=0.35)
-    figure.update_xaxes(title_text=f"RMS [{scale.unit}]", range=[0, 1.3 * max(*values, 1e-300)])
+    figure.update_xaxes(range=[0, 1.3 * max(*values, 1e-300)])
     return figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False)
 
 
@@ -104,19 +81,20 @@ def signal_scale(signal: str, rotary: bool, largest: float) -> display.Scale:
     return of(rotary, largest)
 
 
+def _shown(given: Traces) -> list[tuple[str, Floats, str]]:
+    """Return name, values and colour of log minus model, before and after the named effects."""
+    after = [("with the cause", given.after, ACCENT)] if closes(given) else []
+    return [("model today", given.before, RESIDUAL), *after]
+
+
 def gap_figure(given: Traces, rotary: bool) -> go.Figure:
     """Return log minus model over time, before and after the named effects."""
     step = np.diff(given.t)
     usual = float(np.median(step)) if len(step) else 1.0
     block = np.r_[0, np.cumsum(step > 3.0 * usual)].astype(np.intp)
-    rows = visible_rows([given.before, given.after])
     scale = display.effort(rotary, display.largest(given.before))
-    t, before, after = broken(rows, block, given.t, given.before, given.after)
-    figure = go.Figure(line(t, scale(before), "model today", RESIDUAL, unit=scale.unit))
-    if closes(given):
-        trace = line(t, scale(after), "with the cause", ACCENT, width=1.1, unit=scale.unit)
-        figure.add_trace(trace)
-    return style(figure, 300, x="time [s]", y=f"log minus model [{scale.unit}]")
+    panel = Panel("log minus model", [Line(*line) for line in _shown(given)], scale)
+    return over_time(given.t, [panel], 300, block=block)
 
 
 def spectrum_figure(given: Traces, rotary: bool) -> go.Figure:
@@ -132,15 +110,11 @@ def spectrum_figure(given: Traces, rotary: bool) -> go.Figure:
     width = min(stretch.stop - stretch.start, max(round(2.0 / usual), 16))
     scale = display.effort(rotary, display.largest(given.before))
     figure = go.Figure()
-    shown = [("model today", given.before, RESIDUAL)]
-    if closes(given):
-        shown.append(("with the cause", given.after, ACCENT))
-    for name, y, colour in shown:
+    for name, y, colour in _shown(given):
         f, power = welch(y[stretch], 1.0 / usual, nperseg=width)
         figure.add_trace(line(f[1:], scale(np.sqrt(power[1:])), name, colour))
-    style(figure, 300)
-    figure.update_xaxes(title_text="frequency [Hz]")
-    return figure.update_yaxes(title_text=f"log minus model [{scale.unit}/√Hz]", type="log")
+    style(figure, 300, x="frequency [Hz]", y=f"log minus model [{scale.unit}/√Hz]")
+    return figure.update_yaxes(type="log")
 
 
 def against_figure(given: Traces, x: Floats, rotary: bool, against: str) -> go.Figure:
@@ -152,20 +126,7 @@ def against_figure(given: Traces, x: Floats, rotary: bool, against: str) -> go.F
         rotary: whether the axis turns.
         against: ``velocity`` or ``position``.
     """
-    of = display.velocity if against == "velocity" else display.position
-    across = of(rotary, display.largest(x))
+    across = signal_scale("v" if against == "velocity" else "e", rotary, display.largest(x))
     up = display.effort(rotary, display.largest(given.before))
-    rows = some_rows(len(x), points=1500)
-    shown = [("model today", given.before, RESIDUAL)]
-    if closes(given):
-        shown.append(("with the cause", given.after, ACCENT))
-    figure = go.Figure()
-    for name, y, colour in shown:
-        cloud = dots(across(x[rows]), up(y[rows]), name, colour)
-        figure.add_trace(cloud.update(legendgroup=name))
-    for name, y, colour in shown:
-        if len(x) >= 40 and np.ptp(x) > 0.0:
-            bins = binned(x, y, 40)
-            median = line(across(bins.x), up(bins.median), name, colour, width=2.4, legend=False)
-            figure.add_trace(median)
+    figure = clouds(x, _shown(given), across, up)
     return style(figure, 300, x=f"{against} [{across.unit}]", y=f"log minus model [{up.unit}]")

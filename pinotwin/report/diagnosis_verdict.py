@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 
 from pinotwin.diagnosis.conclusion.sizes import first_text, times_text, told
@@ -13,11 +12,10 @@ from pinotwin.diagnosis.result import Diagnosis, Found, Shrink
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
-from pinotwin.report.blocks import Html, chip
+from pinotwin.report.blocks import Html, Tile, tiles
 from pinotwin.report.diagnosis_plots import signal_scale
 from pinotwin.twin import Twin
 
-MOST = 3  # causes and axes that the headline speaks of
 SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
 """From the grade that matters most on."""
 
@@ -30,15 +28,16 @@ def grade_of(d: Diagnosis, axis: str) -> Grade:
     return d.grade(axis, "u" if "u" in row else next(iter(row)))
 
 
-def headline(d: Diagnosis) -> list[str]:
-    """Return the answer in a few sentences, the most important first."""
+def headline(d: Diagnosis, most: int = 3) -> list[str]:
+    """Return the answer in a few sentences, the most important first, of ``most`` causes and axes."""
+    rest = [*_possible(d), *_controllers(d), *_stays(d, most), *_errors(d)]
     if d.verdict == "none":
         first = (
             "Log and twin agree: no change found."
             if d.situation == "change"
             else "Log and model agree: no missing effect found."
         )
-        return [first, *_stays(d), *_errors(d)]
+        return [first, *_stays(d, most), *_errors(d)]
     if not d.effects:
         gone = _gone(d)
         open_axes = [
@@ -47,17 +46,17 @@ def headline(d: Diagnosis) -> list[str]:
         if gone and not open_axes:
             axes = joined([f"axis {a}" for a in gone])
             agree = f"The efforts agree with the twin; the controller of {axes} does not."
-            return [agree, *_possible(d), *_controllers(d), *_stays(d), *_errors(d)]
+            return [agree, *rest]
         where = joined([f"axis {a}" for a in open_axes] or ["this machine"])
         none = f"Log and model differ on {where}, and no known effect explains the residual."
         unsure = f"Log and model differ on {where}; no cause is certain enough to be named."
         said = [unsure if d.possible else none] if open_axes or not d.remains else []
-        return [*said, *_possible(d), *_controllers(d), *_stays(d), *_errors(d)]
-    lines = [_cause(d, e) for e in d.effects[:MOST]]
-    if len(d.effects) > MOST:
-        rest = joined([on_axis(e.effect, e.axis) for e in d.effects[MOST:]])
-        lines.append(f"Also found: {rest}.")
-    return [*lines, *_possible(d), *_controllers(d), *_stays(d), *_errors(d)]
+        return [*said, *rest]
+    lines = [_cause(d, e) for e in d.effects[:most]]
+    if len(d.effects) > most:
+        others = joined([on_axis(e.effect, e.axis) for e in d.effects[most:]])
+        lines.append(f"Also found: {others}.")
+    return [*lines, *rest]
 
 
 def _controllers(d: Diagnosis) -> list[str]:
@@ -114,11 +113,11 @@ def named_data(d: Diagnosis, x: Shrink) -> str:
     return f"{'fitted to' if x.on == 'fitted logs' else 'cross-validated on'} {files}"
 
 
-def _stays(d: Diagnosis) -> list[str]:
-    """Return what is left, axis by axis, as the grades have it."""
+def _stays(d: Diagnosis, most: int) -> list[str]:
+    """Return what is left, axis by axis, as the grades have it, of ``most`` axes."""
     out: list[str] = []
     for axis, row in d.gap.items():
-        if "u" not in row or len(out) >= MOST:
+        if "u" not in row or len(out) >= most:
             continue
         word, g = d.grade(axis, "u"), row["u"]
         scale = signal_scale("u", rotary_axes(d).get(axis, False), g.rms)
@@ -172,34 +171,11 @@ def axis_cards(d: Diagnosis) -> Html:
                 beside.append(f"noise {g.noise * scale.factor:.3g}")
             if g.misfit == g.misfit:
                 beside.append(f"validation error {g.misfit * scale.factor:.3g} {scale.unit}")
-            parts.append(
-                f'<div class="name"><span>{escape(SIGNALS.get(signal, signal))}</span>'
-                f"{chip(printed(word), KIND[word], MEANING[word]).text}</div>"
-                f'<div class="big{"" if signal == "u" else " small"}">{escape(value)}</div>'
-                f'<div class="note">{escape(" · ".join(beside))}</div>'
-            )
-        cards.append(f'<div class="tile"><h3>Axis {escape(axis)}</h3>{"".join(parts)}</div>')
-    return Html(f'<div class="tiles">{"".join(cards)}</div>')
-
-
-def ground(d: Diagnosis) -> list[str]:
-    """Return how to read the cards, and what the verdict rests on."""
-    words = list(dict.fromkeys(d.grade(a, s) for a, row in d.gap.items() for s in row))
-    out = ["Large print: RMS residual (measured minus predicted), today and with the named causes modelled."]
-    out += [f"{printed(w).capitalize()}: {MEANING[w]}." for w in words]
-    noise = {
-        "repeats": "The noise was measured as the difference of repeated runs.",
-        "assumed": "The noise is assumed, because no motion was recorded twice.",
-    }
-    if d.noise in noise:
-        out.append(noise[d.noise])
-    if any("e" in row for row in d.gap.values()):
-        out.append(
-            "Tracking error: compared with the closed-loop prediction from the command. The effort decides the verdict."
-        )
-    if d.quick:
-        out.append("Quick run: the candidates were screened but not verified.")
-    return out
+            name, note = SIGNALS.get(signal, signal), " · ".join(beside)
+            small = signal != "u"
+            parts.append(Tile(name, value, note, printed(word), KIND[word], MEANING[word], small))
+        cards.append(Tile(heading=f"Axis {axis}", parts=tuple(parts)))
+    return tiles(cards)
 
 
 def machine_of(d: Diagnosis) -> Machine | None:

@@ -24,14 +24,17 @@ class Scale:
         return np.asarray(x * self.factor, dtype=float)
 
 
+SI = Scale(1.0, "")
+"""As the number stands in the file."""
+SIGNALS = {"e": "tracking error", "u": "effort"}
+"""Signal of a simulation -> its name."""
+
+
 def position(rotary: bool, largest: float) -> Scale:
     """Return the scale of a position whose largest magnitude is given [m or rad]."""
     if rotary:
-        return (
-            Scale(_DEGREE, "°")
-            if largest * _DEGREE >= 0.01 or largest == 0.0
-            else Scale(3600.0 * _DEGREE, "″")
-        )
+        fine = 0.0 < largest * _DEGREE < 0.01
+        return Scale(3600.0 * _DEGREE, "″") if fine else Scale(_DEGREE, "°")
     return Scale(1e3, "mm") if largest >= 2e-3 else Scale(1e6, "µm")
 
 

@@ -1,4 +1,4 @@
-"""What all plots share: colours, layout, and how a long log is thinned for the screen.
+"""What all plots share: colours, layout, the kinds of plot, and how a long log is thinned for the screen.
 
 Colours written ``var(--...)`` follow the page's theme; the colours of effects are fixed, so that an
 effect looks the same in every plot. They are mid-tones that read on white and on black.
@@ -6,11 +6,21 @@ effect looks the same in every plot. They are mid-tones that read on white and o
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import EFFECTS
+from pinotwin.report.display import SI, Scale
+from pinotwin.studies.overlay import binned
 
 ACCENT = "var(--accent)"
 MEASURED = "var(--measured)"
@@ -24,9 +34,6 @@ _EFFECTS = {
     "gravity": "#59a14f",
 }
 _OTHERS = ("#8c6bb1", "#41ab5d", "#c994c7", "#fd8d3c", "#6baed6", "#bd9e39")
-POINTS = 3000
-"""Points of a line that a page holds; more would not be seen."""
-_SCATTER = 1800
 
 
 def effect_name(key: str) -> str:
@@ -42,35 +49,16 @@ def effect_colour(key: str) -> str:
 
 def style(figure: go.Figure, height: int, *, x: str = "", y: str = "", legend: bool = True) -> go.Figure:
     """Give a figure the look of the page, and its axes their titles."""
-    figure.update_layout(
-        template="none",
-        height=height,
-        showlegend=legend,
-        hovermode="closest",
-        paper_bgcolor="rgba(0,0,0,0)",
-        plot_bgcolor="rgba(0,0,0,0)",
-        margin={"l": 64, "r": 16, "t": 34 if legend else 14, "b": 44},
-        font={"size": 12.5, "family": "system-ui, sans-serif"},
-        legend={
-            "orientation": "h",
-            "x": 0,
-            "y": 1,
-            "yanchor": "bottom",
-            "xanchor": "left",
-            "bgcolor": "rgba(0,0,0,0)",
-            "itemsizing": "constant",
-        },
-    )
-    both = {
-        "showgrid": True,
-        "ticks": "",
-        "automargin": True,
-        "title_standoff": 8,
-        "title_font": {"size": 12.5},
-    }
-    figure.update_xaxes(zeroline=False, **both, **({"title_text": x} if x else {}))
-    figure.update_yaxes(zeroline=True, **both, **({"title_text": y} if y else {}))
-    return figure
+    look = _look()
+    figure.update_layout(look["layout"], height=height, showlegend=legend, margin_t=34 if legend else 14)
+    figure.update_xaxes(look["axis"], zeroline=False, **({"title_text": x} if x else {}))
+    return figure.update_yaxes(look["axis"], zeroline=True, **({"title_text": y} if y else {}))
+
+
+@cache
+def _look() -> dict[str, Any]:
+    """Return the look that all figures share: the style sheet of the plots."""
+    return dict(json.loads((files("pinotwin.report") / "figure.json").read_text(encoding="utf-8")))
 
 
 def line(
@@ -108,7 +96,164 @@ def dots(x: Floats, y: Floats, name: str, colour: str = MEASURED) -> go.Scatter:
     )
 
 
-def visible_rows(signals: list[Floats], points: int = POINTS) -> Ints:
+def points(
+    x: Floats | Sequence[object],
+    y: Floats | Sequence[float | None],
+    name: str,
+    colour: str,
+    error: tuple[Floats, Floats] | None = None,
+    unit: str = "",
+) -> go.Scatter:
+    """Return marks with bars that reach ``error`` above and below them."""
+    bars = None
+    if error is not None:
+        bars = {"type": "data", "symmetric": False, "array": error[0], "arrayminus": error[1]}
+        bars |= {"thickness": 1, "width": 0, "color": colour}
+    hover = f"%{{y:.4g}} {unit}<extra>{name}</extra>"
+    looks = {"color": colour, "size": 7, "line": {"width": 0}}
+    return go.Scatter(x=x, y=y, mode="markers", name=name, marker=looks, error_y=bars, hovertemplate=hover)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line over time.
+
+    Attributes:
+        name: in the legend, where a name stands once.
+        y: values [SI], shape (m,).
+        colour: of the line.
+        width: of the line [px].
+        legend: whether the legend has it.
+        t: times of its own [s], where they are not those of the plot, shape (m,).
+    """
+
+    name: str
+    y: Floats
+    colour: str
+    width: float = 1.3
+    legend: bool = True
+    t: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One of several plots over the same time.
+
+    Attributes:
+        title: of its axis, without the unit.
+        lines: what is drawn.
+        scale: from SI to what is shown.
+        tall: height relative to the others.
+    """
+
+    title: str
+    lines: Sequence[Line]
+    scale: Scale = SI
+    tall: float = 1.0
+
+
+def over_time(
+    t: Floats, panels: Sequence[Panel], height: int, *, block: Ints | None = None, points: int = 3000
+) -> go.Figure:
+    """Return plots below each other over one time axis; they zoom together.
+
+    Args:
+        t: times [s], shape (m,).
+        panels: from above to below.
+        height: of the whole [px].
+        block: number of the stretch that a row belongs to, shape (m,); no line bridges two.
+        points: of a line that are kept, roughly; peaks stay.
+    """
+    count, named = len(panels), set[str]()
+    tall = [panel.tall for panel in panels]
+    figure = make_subplots(count, 1, shared_xaxes=True, row_heights=tall, vertical_spacing=0.04 / count**0.5)
+    for row, panel in enumerate(panels, 1):
+        rows = visible_rows([x.y for x in panel.lines], points)
+        for x in panel.lines:
+            at, y = broken(rows, block, t if x.t is None else x.t, x.y)
+            shown = x.legend and x.name not in named
+            named |= {x.name} if shown else set()
+            trace = line(
+                at, panel.scale(y), x.name, x.colour, width=x.width, legend=shown, unit=panel.scale.unit
+            )
+            figure.add_trace(trace, row, 1)
+        unit = f" [{panel.scale.unit}]" if panel.scale.unit else ""
+        few = 4 if panel.tall < max(tall) else None
+        figure.update_yaxes(title_text=f"{panel.title}{unit}", nticks=few, row=row, col=1)
+    figure.update_xaxes(title_text="time [s]", row=count, col=1)
+    return style(figure, height, legend=bool(named))
+
+
+def share_bars(
+    shares: Mapping[str, Mapping[str, float]],
+    looks: Mapping[str, tuple[str, str]],
+    title: str,
+    said: Callable[[str, str], str] | None = None,
+) -> go.Figure:
+    """Return stacked bars, one for each axis.
+
+    Args:
+        shares: axis -> name of a part -> its share, 0 to 1.
+        looks: name of a part -> its words and colour, in the order of drawing; the residual is hatched.
+        title: what the shares are of.
+        said: what the pointer shows of a part of an axis beside its share.
+    """
+    figure = go.Figure()
+    for name, (words, colour) in looks.items():
+        axes = [axis for axis, row in shares.items() if name in row]
+        values = [100.0 * shares[axis][name] for axis in axes]
+        hatch = {"shape": "/", "size": 6, "fgcolor": RESIDUAL, "fillmode": "replace"}
+        figure.add_bar(
+            y=axes,
+            x=values,
+            name=words,
+            orientation="h",
+            customdata=said and [said(axis, name) for axis in axes],
+            marker={"color": colour, "pattern": hatch if colour == RESIDUAL else None},
+            hovertemplate=("%{customdata}, " if said else "") + "%{x:.1f} %<extra>%{fullData.name}</extra>",
+            text=[f"{x:.0f} %" if x >= 6 else "" for x in values],
+            textposition="inside",
+            insidetextanchor="middle",
+            textangle=0,
+            textfont={"color": SOFT if colour == RESIDUAL else "#fff"},
+        )
+    style(figure, 110 + 46 * len(shares), x=title)
+    figure.update_layout(barmode="stack", bargap=0.35, legend_traceorder="normal")
+    figure.update_xaxes(range=[0, 100])
+    return figure.update_yaxes(autorange="reversed", showgrid=False, type="category")
+
+
+def clouds(
+    x: Floats, series: Sequence[tuple[str, Floats, str]], across: Scale, up: Scale, points: int = 1500
+) -> go.Figure:
+    """Return points over position or speed with the medians of forty bins; of one cloud also its middle half.
+
+    Args:
+        x: position or speed [SI], shape (m,).
+        series: name, values [SI] of shape (m,) and colour of each cloud.
+        across: scale of ``x``.
+        up: scale of the values.
+        points: of a cloud that are drawn.
+    """
+    rows, single = some_rows(len(x), points=points), len(series) == 1
+    figure = go.Figure()
+    for name, y, colour in series:
+        cloud = dots(across(x[rows]), up(y[rows]), name, MEASURED if single else colour)
+        figure.add_trace(cloud.update(legendgroup=name))
+    if len(x) < 40 or np.ptp(x) <= 0.0:
+        return figure
+    for name, y, colour in series:
+        bins = binned(x, y, 40)
+        if single:
+            both, ends = np.r_[bins.x, bins.x[::-1]], np.r_[bins.high, bins.low[::-1]]
+            band = line(across(both), up(ends), "middle half", colour, width=0)
+            figure.add_trace(band.update(fill="toself", fillcolor=colour, opacity=0.22, hoverinfo="skip"))
+        name = "median" if single else name
+        figure.add_trace(line(across(bins.x), up(bins.median), name, colour, width=2.2, legend=single))
+    return figure
+
+
+def visible_rows(signals: list[Floats], points: int = 3000) -> Ints:
     """Return the rows that a screen needs: the extremes of every signal per pixel, shape (k,).
 
     Peaks survive, unlike when every so many-th row is taken.
@@ -131,15 +276,14 @@ def visible_rows(signals: list[Floats], points: int = POINTS) -> Ints:
     return np.unique(np.minimum(np.concatenate(keep), m - 1))
 
 
-def broken(rows: Ints, block: Ints, *arrays: Floats) -> list[Floats]:
+def broken(rows: Ints, block: Ints | None, *arrays: Floats) -> list[Floats]:
     """Return arrays at ``rows`` with a NaN where the log breaks, so that no line bridges it."""
-    breaks = np.flatnonzero(np.diff(block[rows])) + 1
+    breaks = np.zeros(0, dtype=int) if block is None else np.flatnonzero(np.diff(block[rows])) + 1
     return [np.insert(np.asarray(x[rows], dtype=float), breaks, np.nan) for x in arrays]
 
 
-def some_rows(count: int, among: Ints | None = None, points: int = _SCATTER) -> Ints:
+def some_rows(count: int, points: int = 1800) -> Ints:
     """Return rows for a cloud of points, at random so that no pattern of the log is aliased."""
-    rows = np.arange(count) if among is None else among
-    if len(rows) <= points:
-        return rows
-    return np.sort(np.random.default_rng(0).choice(rows, points, replace=False))
+    if count <= points:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, points, replace=False))

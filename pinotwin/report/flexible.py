@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from pinotwin.analysis.modal import modes
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind
-from pinotwin.report import display
-from pinotwin.report.blocks import Block, Html, Plot, heading, paragraph, table
-from pinotwin.report.closed_loop_plots import measured_signals, scale_of
-from pinotwin.report.figures import ACCENT, MEASURED, SOFT, line, style, visible_rows
+from pinotwin.report.closed_loop_plots import response_panel
+from pinotwin.report.display import Scale, percent, rounded
+from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time
 from pinotwin.simulation import compare, wide_loops
 from pinotwin.twin import Twin
 
-_POINTS = 2500
 
-
-def flexible_blocks(twin: Twin, log: Log) -> list[Block]:
-    """Return the blocks on passive joints of a twin with closed loops; none without such joints.
+def flexible_content(twin: Twin, log: Log) -> dict[str, Any]:
+    """Return what templates/flexible.html shows of the passive joints of a twin with closed loops; {} without any.
 
     Args:
         twin: what was identified.
@@ -29,112 +27,57 @@ def flexible_blocks(twin: Twin, log: Log) -> list[Block]:
     """
     found = [name for name in twin.machine.passive if f"{name}.spring" in twin.keys]
     if not found or not twin.loops:
-        return []
+        return {}
     log = bind(log, twin.machine.columns)
     try:
         black = twin.simulate(log)
     except PinotwinError as error:
-        return [paragraph(f"The vibration could not be simulated: {error}")]
-    out: list[Block] = []
-    for joint in found:
-        out.append(
-            Plot(
-                vibration_figure(twin, log, black, joint),
-                f"Vibration of {joint}, and what it does to the axes",
-                "From the command alone. Where one axis holds its speed and another accelerates, the "
-                "ringing in its tracking error came through the structure; it changes with the "
-                "posture of the lowest plot.",
-            ),
-        )
-        out += [heading(f"Spring of {joint}"), spring_table(twin, joint)]
-    return [*out, *_wide(twin, log, black)]
+        return {"error": str(error)}
+    joints = {joint: (vibration_figure(twin, log, black, joint), _spring(twin, joint)) for joint in found}
+    loops = wide_loops(twin)
+    poles = {axis: loop.pole_table() for axis, loop in loops.items()}
+    return {"joints": joints, "poles": poles, **(_compared(twin, log, black, list(loops)) if loops else {})}
 
 
 def vibration_figure(twin: Twin, log: Log, predicted: Log, joint: str) -> go.Figure:
     """Return velocity of a passive joint, tracking errors and posture over one time axis."""
-    axes = [name for name in twin.machine.axes if name in twin.loops]
-    tilting = [name for name in axes if twin.machine.axes[name].rotary]
-    count = 2 + len(axes)
-    figure = make_subplots(rows=count, cols=1, shared_xaxes=True, vertical_spacing=0.03)
-    rows = visible_rows([predicted[f"{joint}.v"]], _POINTS)
-    t = log.t[rows]
-
-    def draw(row: int, y: np.ndarray, name: str, colour: str, width: float) -> None:
-        trace = line(t, y[rows], name, colour, width=width, legend=row == 1)
-        figure.add_trace(trace, row=row, col=1)
-
-    if f"{joint}.v" in log:
-        draw(1, np.degrees(log[f"{joint}.v"]), "measured", MEASURED, 2.4)
-    draw(1, np.degrees(predicted[f"{joint}.v"]), "predicted", ACCENT, 1.1)
-    figure.update_yaxes(title_text=f"<b>{joint}</b> velocity [deg/s]", row=1, col=1)
-    for k, axis in enumerate(axes, 2):
-        measured = measured_signals(log, axis).get("e")
-        e = predicted[f"{axis}.e"]
-        scale = scale_of("e", twin.machine.axes[axis].rotary, e if measured is None else measured)
-        if measured is not None:
-            draw(k, scale(measured), "measured", MEASURED, 2.4)
-        draw(k, scale(e), "predicted", ACCENT, 1.1)
-        figure.update_yaxes(title_text=f"<b>{axis}</b> error [{scale.unit}]", row=k, col=1)
-    for axis in tilting:
-        draw(count, np.degrees(log[f"{axis}.qr"]), axis, SOFT, 1.2)
-    figure.update_yaxes(title_text="posture [deg]", row=count, col=1)
-    figure.update_xaxes(title_text="time [s]", row=count, col=1)
-    return style(figure, 70 + 165 * count)
+    axes = {name: axis.rotary for name, axis in twin.machine.axes.items() if name in twin.loops}
+    v, degrees = f"{joint}.v", float(np.degrees(1.0))
+    lines = [Line("measured", log[v], MEASURED, 2.4)] if v in log else []
+    lines.append(Line("predicted", predicted[v], ACCENT, 1.1))
+    panels = [Panel(f"<b>{joint}</b> velocity", lines, Scale(degrees, "deg/s"))]
+    panels += [response_panel(log, predicted, name, "e", turns, "error") for name, turns in axes.items()]
+    tilts = [Line(name, log[f"{name}.qr"], SOFT, 1.2, legend=False) for name, turns in axes.items() if turns]
+    panels += [Panel("posture", tilts, Scale(degrees, "deg"))] if tilts else []
+    return over_time(log.t, panels, 70 + 165 * len(panels), points=2500)
 
 
-def spring_table(twin: Twin, joint: str) -> Html:
-    """Return stiffness and damping of a passive joint, and the mode that they make."""
-    held = modes(twin)
+def _spring(twin: Twin, joint: str) -> list[list[object]]:
+    """Return stiffness and damping of a passive joint, and the modes that they make: rows of a table."""
     rows: list[list[object]] = []
     for name, word in (("k", "stiffness"), ("c", "damping")):
         p = twin.parameter(f"{joint}.spring.{name}")
-        shown, doubt = display.rounded(p.value, 1.96 * p.error)
+        shown, doubt = rounded(p.value, 1.96 * p.error)
         rows.append([word, f"{shown} ± {doubt}", p.unit])
-    rows += [
-        [f"mode {k + 1}, motors held", f"{m.frequency:.2f}, ζ {m.damping:.4f}", "Hz"]
-        for k, m in enumerate(held.modes)
-    ]
+    for k, m in enumerate(modes(twin).modes, 1):
+        rows.append([f"mode {k}, motors held", f"{m.frequency:.2f}, ζ {m.damping:.4f}", "Hz"])
     row = twin.quality.get("springs", {}).get(joint)
     if row and row["load"] > 0.0:
-        share = display.percent(row["residual"] / row["load"])
-        rows.append(["left of the joint's equation", share, "of its spring"])
-    return table(("", "value, 95 %", "unit"), rows, numeric=(1,))
+        share = percent(row["residual"] / row["load"])
+        rows.append(["residual of the joint's equation", share, "of its spring"])
+    return rows
 
 
-def _wide(twin: Twin, log: Log, black: Log) -> list[Block]:
-    """Return the loops that hold the vibration as an output: poles, and how well they predict."""
-    loops = wide_loops(twin)
-    if not loops:
-        return []
-    out: list[Block] = [
-        heading("Loops with the vibration as output"),
-        paragraph(
-            "The axis on a passive joint as one linear system with the link's disturbance as "
-            "further input and its velocity as further output (thesis Eq. 5.8). The lightly "
-            "damped pair is the structure.",
-            "lead",
-        ),
-    ]
-    rows = [
-        [
-            axis,
-            row["name"].replace("wn", "pair ω").replace("zeta", "ζ"),
-            f"{row['value']:.4g}",
-            "" if row["unit"] == "-" else row["unit"],
-        ]
-        for axis, loop in loops.items()
-        for row in loop.pole_table()
-    ]
-    out.append(table(("axis", "pole", "value", "unit"), rows, numeric=(2,)))
+def _compared(twin: Twin, log: Log, black: Log, axes: list[str]) -> dict[str, Any]:
+    """Return how well the loops that hold the vibration as an output predict, beside the others."""
     try:
         wide = twin.simulate(log, controller="vibration")
     except PinotwinError as error:
-        return [*out, paragraph(f"They could not be simulated: {error}")]
+        return {"wide_error": str(error)}
     scores = [compare(twin.machine, log, x) for x in (black, wide)]
-    cells = [
-        [axis, signal, *(display.percent(s[axis][signal]["nrmse"]) for s in scores)]
-        for axis in loops
+    rows = [
+        [axis, signal, *(percent(s[axis][signal]["nrmse"]) for s in scores)]
+        for axis in axes
         for signal in scores[0].get(axis, {})
     ]
-    header = ("axis", "signal", "spring with its own states", "loop with the vibration")
-    return [*out, table(header, cells, numeric=(2, 3))]
+    return {"compared": rows}

@@ -20,7 +20,6 @@ from typing import Any, Self
 from urllib.parse import quote
 
 from pinotwin.report.blocks import Block, Html, Plot, macro, paragraph, table, templates
-from pinotwin.report.display import seconds
 
 
 def asset(name: str) -> str:
@@ -74,46 +73,13 @@ class Page:
     def html(self) -> str:
         """Return the page as one text."""
         writer = _Writer()
-        tools = {f.__name__: f for f in (writer.show, writer.plot, writer.section, plotly)}
+        tools = {"show": writer.show, "plot": writer.plot, "section": writer.section, "plotly": plotly}
         own = {k: getattr(self, k) for k in ("title", "subtitle", "sections")}
-        own |= {"beside": files_block(self.files), "provenance": provenance_blocks(self.made)}
+        own |= {"beside": files_block(self.files), "provenance": macro("provenance", self.made)}
         looks = {"css": asset("page.css"), "script": asset("page.js")}
         lists = {"figures": writer.figures, "links": writer.links}
         template = templates().get_template(f"{self.template}.html")
         return template.render(**self.given, **own, **looks, **lists, **tools)
-
-
-def provenance_blocks(given: Mapping[str, Any]) -> list[Block]:
-    """Return the provenance of a result: facts and a table of the logs; nothing where none is known."""
-    if not given:
-        return []
-    facts = {"pinotwin": given.get("version", ""), "machine": given.get("machine", "")}
-    if given.get("date"):
-        facts["made"] = given["date"]
-    if given.get("seconds_taken") is not None:
-        facts["took"] = seconds(float(given["seconds_taken"]))
-    facts |= {str(k).replace("_", " "): _said(v) for k, v in dict(given.get("options", {})).items()}
-    if given.get("twin_from"):
-        facts["twin identified from"] = ", ".join(str(row.get("source", "")) for row in given["twin_from"])
-    rows = [
-        [
-            *(row.get(key, "") for key in ("source", "role", "rows")),
-            "" if row.get("seconds") is None else seconds(float(row["seconds"])),
-            macro(
-                "mono",
-                f"{row['sha256'][:16]}…" if row.get("sha256") else f"numbers: {row.get('fingerprint', '')}",
-            ),
-        ]
-        for row in given.get("logs", ())
-    ]
-    header = ("log", "used as", "rows", "length", "SHA-256 of the file")
-    return [macro("facts", facts), *([table(header, rows, numeric=(2, 3))] if rows else [])]
-
-
-def _said(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return (", ".join(map(str, value)) or "none") if isinstance(value, list | tuple) else str(value)
 
 
 def files_block(files: Sequence[tuple[str, str]]) -> list[Block]:

@@ -18,13 +18,13 @@ from pinotwin.diagnosis.phrases import joined
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
 from pinotwin.report import display
-from pinotwin.report.blocks import Block, Html, Plot, bullets, chip, notes, paragraph, table
+from pinotwin.report.blocks import Html, chip, table
+from pinotwin.report.closed_loop import Column, Scores, scores_table
 from pinotwin.report.closed_loop_plots import measured_signals, response_figure, scale_of
-from pinotwin.report.page import Page, files_block, provenance_blocks
+from pinotwin.report.display import SIGNALS
+from pinotwin.report.page import Page
 from pinotwin.simulation.score import bound, compare
 from pinotwin.twin import Twin
-
-SIGNALS = {"e": "tracking error", "u": "effort"}
 
 GRADES = {
     "within misfit": ("good", "no larger than the simulation error on held-out data of the twin"),
@@ -42,6 +42,13 @@ FORMS = {
     "black": "identified transfer functions",
     "vibration": "transfer functions with the vibration of the passive joint",
 }
+LAWS = {
+    "cascade": "position P around velocity PI",
+    "pid": "position PID",
+    "proportional": "cascade without an integral",
+    "general": "cascade with a set-point weight",
+}
+"""Form of a controller -> its name."""
 
 
 def simulation_report(
@@ -62,29 +69,38 @@ def simulation_report(
         files: name and content of what lies beside the page, to link to.
         made: ``date``, ``seconds_taken`` and further ``options``, where they are known.
     """
-    return simulation_page(twin, log, predicted, form, files, made or {}).html()
-
-
-def simulation_page(
-    twin: Twin,
-    log: Log,
-    predicted: Log,
-    form: str,
-    files: Sequence[tuple[str, str]],
-    made: Mapping[str, Any],
-) -> Page:
-    """Return the same report as a :class:`Page`."""
-    log = bound(twin.machine, log)
-    scores = compare(twin.machine, log, predicted)
-    page = Page(
-        f"{twin.machine.name}: simulation",
-        f"from the command of {display.elided(log.source)} alone · {FORMS.get(form, form)}",
-    )
-    page = page.section("Answer", *_answer(twin, predicted, scores, form))
-    page = page.section("Over time", *_over_time(twin, log, predicted))
-    page = page.section("Closed loop", _loop_table(twin, form), intro="What is simulated around each axis.")
-    page = page.section("Files", *files_block(files))
-    return page.section("How this was made", *provenance_blocks(_provenance(twin, log, form, made)))
+    machine, known = twin.machine, dict(made or {})
+    log = bound(machine, log)
+    scores = compare(machine, log, predicted)
+    grades = {
+        (axis, s): grade_of(judged_error(row), expected_error(twin, axis, s, form))
+        for axis, signals in scores.items()
+        for s, row in signals.items()
+    }
+    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
+    legend = {printed(word).capitalize(): GRADES[word][1] for word in grades.values()}
+    content = {
+        "sentences": _sentences(scores, grades),
+        "table_": _score_table(twin, scores, grades, form) if scores else _sizes(predicted, rotary),
+        "legend": legend,
+        "said": list(dict.fromkeys(predicted.notes)),
+        "response": response_figure(rotary, log, predicted),
+        "measured": any(measured_signals(log, axis) for axis in rotary),
+        "twin": twin,
+        "coupled": form == "coupled",
+        "laws": LAWS,
+    }
+    options = {"controller": form, **known.get("options", {})}
+    facts = {"twin_from": [dict(row) for row in twin.data], **known, "options": options}
+    subtitle = f"from the command of {display.elided(log.source)} alone · {FORMS.get(form, form)}"
+    return Page(
+        f"{machine.name}: simulation",
+        subtitle,
+        template="simulation",
+        given=content,
+        files=files,
+        made=made_of(machine, [(log, "command")], **facts),
+    ).html()
 
 
 def grade_of(error: float, expected: float | None) -> str:
@@ -119,125 +135,42 @@ def judged_error(row: Mapping[str, float]) -> float:
     return row["moving"] if math.isfinite(row["moving"]) else row["nrmse"]
 
 
-def _answer(twin: Twin, predicted: Log, scores: Mapping[str, Any], form: str) -> list[Block]:
-    rotary = dict(zip(twin.machine.names, twin.machine.rotary, strict=True))
+def _score_table(twin: Twin, scores: Scores, grades: Mapping[tuple[str, str], str], form: str) -> Html:
+    def share(x: float | None) -> str:
+        return "–" if x is None or x != x else display.percent(x)
+
+    columns: dict[str, Column] = {
+        "of the RMS": lambda axis, s, row: share(row["nrmse"]),
+        "moving": lambda axis, s, row: share(row["moving"]),
+        "at rest": lambda axis, s, row: share(row["resting"]),
+        "expected": lambda axis, s, row: share(expected_error(twin, axis, s, form)),
+        "grade": lambda axis, s, row: chip(printed(grades[axis, s]), *GRADES[grades[axis, s]]),
+    }
+    return scores_table(twin.machine, scores, columns)
+
+
+def _sentences(scores: Scores, grades: Mapping[tuple[str, str], str]) -> list[str]:
     if not scores:
-        head = ("axis", "signal", "RMS", "largest")
-        rows = [
-            [axis, SIGNALS[s], *_sizes(predicted[f"{axis}.{s}"], s, rotary[axis])]
-            for axis in twin.machine.axes
-            for s in SIGNALS
-        ]
-        said = "The log holds the command alone, so there is nothing to hold the prediction against."
-        return [paragraph(said, "verdict"), table(head, rows, numeric=(2, 3)), *_said(predicted)]
-    graded = [
-        (axis, s, row, expected_error(twin, axis, s, form))
-        for axis, signals in scores.items()
-        for s, row in signals.items()
-    ]
-    words = {(axis, s): grade_of(judged_error(row), known) for axis, s, row, known in graded}
-    table_rows = [_row(axis, s, row, known, rotary[axis]) for axis, s, row, known in graded]
-    header = (
-        "axis",
-        "signal",
-        "RMS error",
-        "of the RMS",
-        "moving",
-        "at rest",
-        "expected",
-        "grade",
-    )
-    legend = [f"{printed(w).capitalize()}: {GRADES[w][1]}." for w in dict.fromkeys(words.values())]
-    reading = Html(
-        f"<details><summary>how to read this</summary>{bullets([*READING, *legend]).text}</details>"
-    )
-    out: list[Block] = [paragraph(text, "verdict") for text in _sentences(scores, words)]
-    return [*out, table(header, table_rows, numeric=range(2, 7)), reading, *_said(predicted)]
-
-
-READING = (
-    "RMS error: predicted minus measured. Of the RMS: the same over the RMS of what was measured.",
-    "Moving, at rest: rows whose command moves or stands, over the RMS of all rows. At rest dry friction holds "
-    "any effort up to its level, so the command does not determine the effort there.",
-    "Expected: the error on held-out data of the identification, the larger one of the whole simulation and of this "
-    "axis' closed loop. The grade compares the error in motion with it.",
-)
-
-
-def _sentences(scores: Mapping[str, Any], words: Mapping[tuple[str, str], str]) -> list[str]:
+        return ["The log holds the command alone, so there is nothing to hold the prediction against."]
     out: list[str] = []
     for signal, name in SIGNALS.items():
         each = {axis: row[signal]["nrmse"] for axis, row in scores.items() if signal in row}
         if each:
             sizes = joined([f"{display.percent(x)} on {axis}" for axis, x in each.items()])
             out.append(f"RMS error of the {name}, over its RMS: {sizes}.")
-    far = [f"{SIGNALS[s]} of {axis}" for (axis, s), word in words.items() if word == "far above misfit"]
+    far = [f"{SIGNALS[s]} of {axis}" for (axis, s), word in grades.items() if word == "far above misfit"]
     if far:
         out.append(f"Much larger error than in validation: {joined(far)}. Run pinotwin diagnose.")
     return out
 
 
-def _row(axis: str, signal: str, row: Mapping[str, float], known: float | None, turns: bool) -> list[object]:
-    scale = scale_of(signal, turns, np.array([row["rms"]]))
-    word = grade_of(judged_error(row), known)
-    shares = [row["nrmse"], row["moving"], row["resting"], math.nan if known is None else known]
-    return [
-        axis,
-        SIGNALS[signal],
-        display.number(row["rms"] * scale.factor, scale.unit),
-        *("–" if x != x else display.percent(x) for x in shares),
-        chip(printed(word), *GRADES[word]),
-    ]
-
-
-def _sizes(x: np.ndarray, signal: str, turns: bool) -> list[str]:
-    rms, most = float(np.sqrt(np.mean(x**2))), display.largest(x)
-    scale = scale_of(signal, turns, np.array([most]))
-    return [display.number(value * scale.factor, scale.unit) for value in (rms, most)]
-
-
-def _said(predicted: Log) -> list[Block]:
-    return [notes(dict.fromkeys(predicted.notes))] if predicted.notes else []
-
-
-def _over_time(twin: Twin, log: Log, predicted: Log) -> list[Block]:
-    rotary = dict(zip(twin.machine.names, twin.machine.rotary, strict=True))
-    axes = {axis: rotary[axis] for axis in twin.machine.axes}
-    drawn = "Grey: measured. Blue: predicted. " if any(measured_signals(log, axis) for axis in axes) else ""
-    note = (
-        f"{drawn}Nothing measured enters the prediction. Drag to zoom: all follow; double-click to go back."
-    )
-    return [Plot(response_figure(axes, log, predicted), "Tracking error and effort", note)]
-
-
-def _loop_table(twin: Twin, form: str) -> Html:
+def _sizes(predicted: Log, rotary: Mapping[str, bool]) -> Html:
+    """Return how large each predicted signal is."""
     rows = []
-    for axis in twin.machine.axes:
-        servo, loop = twin.servos.get(axis), twin.loops.get(axis)
-        if form == "coupled":
-            what = (
-                "follows its command exactly"
-                if servo is None
-                else f"controller: {LAWS.get(servo.form, servo.form)}"
-            )
-            told = "" if servo is None else ", ".join(f"{k} {v:.4g}" for k, v in servo.named().items() if v)
-        else:
-            what = "follows its command exactly" if loop is None else "transfer functions"
-            told = "" if loop is None else "poles as in the report of identify"
-        rows.append([axis, what, told])
-    return table(("axis", "closed loop", "numbers (SI)"), rows)
-
-
-LAWS = {
-    "cascade": "position P around velocity PI",
-    "pid": "position PID",
-    "proportional": "cascade without an integral",
-    "general": "cascade with a set-point weight",
-}
-"""Form of a controller -> its name."""
-
-
-def _provenance(twin: Twin, log: Log, form: str, made: Mapping[str, Any]) -> dict[str, Any]:
-    options = {"controller": form, **made.get("options", {})}
-    rest = {"twin_from": [dict(row) for row in twin.data], **made, "options": options}
-    return made_of(twin.machine, [(log, "command")], **rest)
+    for axis, turns in rotary.items():
+        for signal, name in SIGNALS.items():
+            x = predicted[f"{axis}.{signal}"]
+            most, scale = display.largest(x), scale_of(signal, turns, x)
+            sizes = (float(np.sqrt(np.mean(x**2))), most)
+            rows.append([axis, name, *(display.number(value * scale.factor, scale.unit) for value in sizes)])
+    return table(("axis", "signal", "RMS", "largest"), rows, numeric=(2, 3))

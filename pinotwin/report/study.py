@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Plot, notes, table
 from pinotwin.report.closed_loop_plots import causes_figure
-from pinotwin.report.page import Page, files_block, provenance_blocks
+from pinotwin.report.page import Page, files_block
 from pinotwin.report.study_plots import figure_of
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
@@ -43,8 +43,6 @@ KINDS = {
 
 
 Rows = Sequence[Sequence[object]]
-SHOWN = 20
-"""A table with more rows is a file beside the page, not a part of it."""
 
 
 @dataclass
@@ -89,7 +87,7 @@ class Studied:
         title = KINDS[kind].split(" (")[0].capitalize() + (f": {of.replace('_', ', ')}" if of else "")
         shown = [[_short(cell) for cell in row] for row in rows]
         link = [(f"{name}.csv", f"{len(rows)} rows: {', '.join(header)}")]
-        short = len(rows) <= SHOWN
+        short = len(rows) <= 20
         below = [table(header, shown, numeric=range(1, len(header)))] if short else files_block(link)
         self.page = self.page.section(title, notes([finding]), Plot(figure), *below)
 
@@ -141,11 +139,11 @@ def study(
     if out.left_out:
         out.page = out.page.section("Left out", notes(out.left_out))
     if not out.tables:
-        raise DataError("; ".join(out.left_out) or "no study was asked for")
+        raise DataError("; ".join(out.left_out) or "no study was chosen")
     span = None if window is None else ",".join(f"{x:g}" for x in window)
     how = made(began, only=kinds, axis=list(axes) or "all", window=span)
     told = made_of(machine, [(one, "studied") for one in logs], **how)
-    out.page = out.page.section("How this was made", *provenance_blocks(told))
+    out.page = replace(out.page, made=told)
     return out
 
 
@@ -165,8 +163,9 @@ def _one(
     elif twin is None:
         raise InputError("needs a twin")
     elif kind == "errors":
+        found = decompose(twin, logs[0], window)
         for name in names:
-            _errors(out, decompose(twin, logs[0], window), name, machine.axis(name).rotary)
+            _errors(out, found, name, machine.axis(name).rotary)
     else:
         make, seen = _without if kind == "without" else _overlays, evidence(twin, logs)
         for name in names:

@@ -13,8 +13,12 @@ from pinotwin.report.figures import (
     ACCENT,
     MEASURED,
     RESIDUAL,
+    Line,
+    Panel,
     dots,
     line,
+    over_time,
+    points,
     some_rows,
     style,
     visible_rows,
@@ -41,50 +45,30 @@ def overlay_figure(given: Overlay) -> go.Figure:
     of = display.velocity if given.against == "velocity" else display.position
     across = of(given.rotary, display.largest(given.x))
     up = display.effort(given.rotary, display.largest(given.extracted))
-    rows = some_rows(len(given.x))
-    bins = given.bins
-    figure = go.Figure(
-        dots(across(given.x[rows]), up(given.extracted[rows]), "measured minus all other effects")
-    )
-    figure.add_trace(
-        go.Scatter(
-            x=across(bins.x),
-            y=up(bins.median),
-            mode="markers",
-            name="median of the data",
-            marker={"color": MEASURED, "size": 6, "line": {"width": 0}},
-            error_y={
-                "type": "data",
-                "symmetric": False,
-                "array": up(bins.high - bins.median),
-                "arrayminus": up(bins.median - bins.low),
-                "thickness": 1,
-                "width": 0,
-                "color": MEASURED,
-            },
-            hovertemplate=f"%{{y:.4g}} {up.unit}<extra>median</extra>",
-        )
-    )
-    figure.add_trace(line(across(given.grid), up(given.curve), "model", ACCENT, width=2.2))
+    rows, bins = some_rows(len(given.x)), given.bins
+    cloud = dots(across(given.x[rows]), up(given.extracted[rows]), "measured minus all other effects")
+    ends = up(bins.high - bins.median), up(bins.median - bins.low)
+    medians = points(across(bins.x), up(bins.median), "median of the data", MEASURED, ends, unit=up.unit)
+    model = line(across(given.grid), up(given.curve), "model", ACCENT, width=2.2)
+    figure = go.Figure([cloud, medians, model])
     style(figure, 330, x=f"{given.against} [{across.unit}]", y=f"{given.axis} [{up.unit}]")
     low, high = np.percentile(given.extracted, [0.5, 99.5])
     low, high = min(low, given.curve.min()), max(high, given.curve.max())
     margin = 0.12 * max(high - low, 1e-12)
-    span = [float((low - margin) * up.factor), float((high + margin) * up.factor)]
-    figure.update_yaxes(range=span)
-    return figure
+    return figure.update_yaxes(range=[float(x * up.factor) for x in (low - margin, high + margin)])
 
 
 @figure_of.register
 def removal_figure(given: WithAndWithout) -> go.Figure:
     """Return measured effort, and predictions with and without some effects, over time."""
-    up = display.effort(given.rotary, display.largest(given.measured))
-    rows = some_rows(len(given.t))
-    figure = go.Figure(line(given.t[rows], up(given.measured[rows]), "measured", MEASURED))
     words = ", ".join(key.rpartition(".")[2] for key in given.left_out)
-    figure.add_trace(line(given.t[rows], up(given.without[rows]), f"without {words}", RESIDUAL))
-    figure.add_trace(line(given.t[rows], up(given.complete[rows]), "all effects", ACCENT))
-    return style(figure, 330, x="time [s]", y=f"{given.axis} [{up.unit}]")
+    lines = [
+        Line("measured", given.measured, MEASURED),
+        Line(f"without {words}", given.without, RESIDUAL),
+        Line("all effects", given.complete, ACCENT),
+    ]
+    scale = display.effort(given.rotary, display.largest(given.measured))
+    return over_time(given.t, [Panel(given.axis, lines, scale)], 330)
 
 
 @figure_of.register
@@ -96,14 +80,12 @@ def amount_figure(given: ErrorAgainstData) -> go.Figure:
         (given.held_out, "on held-out data", ACCENT, None),
     ):
         trace = line(given.seconds, 100.0 * y, name, colour, width=2, unit="%")
-        trace.update(mode="lines+markers", line_dash=dash)
-        figure.add_trace(trace)
-    style(figure, 330)
-    figure.update_xaxes(title_text="length of the data fitted [s]", rangemode="tozero")
+        figure.add_trace(trace.update(mode="lines+markers", line_dash=dash))
+    style(figure, 330, x="length of the data fitted [s]", y="error norm / effort norm [%]")
+    figure.update_xaxes(rangemode="tozero")
     top = 130.0 * float(np.nanmedian(given.held_out))
     worst = 105.0 * float(np.nanmax(np.r_[given.fitted, given.held_out]))
-    figure.update_yaxes(title_text="error norm / effort norm [%]", range=[0, min(3 * top, worst)])
-    return figure
+    return figure.update_yaxes(range=[0, min(3 * top, worst)])
 
 
 @figure_of.register
@@ -118,18 +100,11 @@ def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> 
         horizontal_spacing=0.09,
         subplot_titles=("held-out error", f"effort of {chosen}"),
     )
+    hover = "%{y:.3g} %<extra>%{x}</extra>"
     for name, colour in (("decoupled", RESIDUAL), ("coupled", ACCENT)):
         errors = [100.0 * getattr(given.axes[a], f"{name}_error")["nrmse_std"] for a in names]
-        figure.add_bar(
-            x=names,
-            y=errors,
-            name=name,
-            legendgroup=name,
-            marker_color=colour,
-            row=1,
-            col=1,
-            hovertemplate="%{y:.3g} %<extra>%{x}</extra>",
-        )
+        bar = go.Bar(x=names, y=errors, name=name, legendgroup=name, marker_color=colour, hovertemplate=hover)
+        figure.add_trace(bar, row=1, col=1)
     row = given.axes[chosen]
     rows = visible_rows([row.u, row.decoupled])
     scale = display.effort(row.rotary, display.largest(row.u))
@@ -145,5 +120,4 @@ def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> 
     figure.update_layout(barmode="group", margin_t=64, legend_y=1.1)
     figure.update_yaxes(title_text="RMS error / standard deviation [%]", row=1, col=1)
     figure.update_xaxes(title_text="time [s]", row=1, col=2)
-    figure.update_yaxes(title_text=f"[{scale.unit}]", row=1, col=2)
-    return figure
+    return figure.update_yaxes(title_text=f"[{scale.unit}]", row=1, col=2)

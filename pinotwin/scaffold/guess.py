@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+import yaml
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.logs.columns import bind, is_contract_name
-from pinotwin.logs.files.layout import is_clock
+from pinotwin.logs.files.cells import is_clock
 from pinotwin.scaffold.evidence import distance, is_counter, lead, moves, push, smoothness, varies
 from pinotwin.scaffold.names import family, is_set_value, read_label
 from pinotwin.units import COUNTS, SI_FACTOR
@@ -47,16 +49,25 @@ class Guess:
     rate: float | None = None
 
     @property
-    def yaml(self) -> str:
-        """The entry under ``columns`` of a machine.yaml, its reason as comment."""
+    def entry(self) -> dict[str, Any]:
+        """What a machine.yaml says of the channel under ``columns``."""
         if self.rate is not None:
-            entry = f"{{rate: {self.rate:g}}}"
-        else:
-            parts = [f"column: {quoted(self.column or '')}"]
-            parts += [f"unit: {quoted(self.unit)}"] if self.unit else []
-            parts += [f"factor: {self.factor:g}"] if self.factor != 1.0 else []
-            entry = "{" + ", ".join(parts) + "}"
-        return f"{quoted(self.channel)}: {entry}  # {self.reason}"
+            return {"rate": self.rate}
+        stated = {"column": self.column, "unit": self.unit, "factor": self.factor}
+        return {key: value for key, value in stated.items() if value not in ("", 1.0)}
+
+    @property
+    def yaml(self) -> str:
+        """The line under ``columns`` of a machine.yaml, its reason as comment."""
+        return f"{in_one_line({self.channel: self.entry})}  # {self.reason}"
+
+
+def in_one_line(entry: Mapping[str, Any]) -> str:
+    """Return an entry of a mapping as YAML has it in one line."""
+    text = yaml.safe_dump(
+        dict(entry), default_flow_style=True, sort_keys=False, allow_unicode=True, width=np.inf
+    )
+    return str(text).strip()[1:-1]
 
 
 @dataclass(frozen=True)
@@ -95,6 +106,11 @@ class _Table:
         if channel not in self.taken and channel not in self.named:
             self.taken[channel] = Guess(channel, column, reason)
             self.used.add(column)
+
+    def values(self, channel: str) -> Floats | None:
+        """Return the numbers of a channel that is given or named."""
+        guess = self.taken.get(channel)
+        return self.log.channels.get(channel if guess is None else guess.column or "")
 
     def free(self) -> list[str]:
         return [c for c in self.log.channels if c not in self.used]
@@ -202,7 +218,7 @@ def _by_behaviour(table: _Table) -> None:
         said = f"the two follow each other within {apart:.2%}"
         table.give(f"{axis}.qr", command, f"{said}, and this {why}; axis by order: guessed")
         table.give(f"{axis}.q", position, f"{said}; axis by order: guessed")
-    held = [(a, table.log[table.taken[f"{a}.q"].column or ""]) for a in table.axes if f"{a}.q" in table.taken]
+    held = [(a, q) for a in table.axes if (q := table.values(f"{a}.q")) is not None]
     for column in (c for c in free if c not in table.used | alike):
         shares = {axis: push(q, table.log[column], table.step or 1.0).share for axis, q in held}
         best = max(shares, key=lambda a: shares[a], default=None)
@@ -317,7 +333,7 @@ def _efforts(table: _Table) -> list[str]:
     """Turn efforts that come with the wrong sign, and ask for the size of electrical ones."""
     questions = []
     for axis in table.axes:
-        guess, q = table.taken.get(f"{axis}.u"), _position(table, axis)
+        guess, q = table.taken.get(f"{axis}.u"), table.values(f"{axis}.q")
         if guess is None or guess.column is None:
             continue
         column = guess.column
@@ -342,36 +358,21 @@ def _efforts(table: _Table) -> list[str]:
     return questions
 
 
-def _position(table: _Table, axis: str) -> Floats | None:
-    guess = table.taken.get(f"{axis}.q")
-    if guess is not None and guess.column is not None:
-        return table.log[guess.column]
-    return table.log.channels.get(f"{axis}.q")
-
-
 def _missing(table: _Table) -> list[str]:
     """Say which signals of the axes were not found, and of which axes nothing was."""
-    lacking: dict[str, list[str]] = {"q": [], "u": [], "qr": []}
-    unknown: list[str] = []
-    for axis in table.axes:
-        held = {s for s in lacking if f"{axis}.{s}" in table.taken or f"{axis}.{s}" in table.named}
-        if not held:
-            unknown.append(axis)
-        for signal in lacking if held else ():
-            if signal not in held:
-                lacking[signal].append(f"{axis}.{signal}")
     means = {
         "q": "no column found for the position; add it under `columns`",
         "u": "no column found for the effort; without it nothing of the axis is identified",
         "qr": "no command found; the plant is still identified, the closed loop is not",
     }
+    lacking: dict[str, list[str]] = {signal: [] for signal in means}
+    unknown = []
+    for axis in table.axes:
+        absent = [s for s in means if f"{axis}.{s}" not in {*table.taken, *table.named}]
+        if len(absent) == len(means):
+            unknown.append(axis)
+            continue
+        for signal in absent:
+            lacking[signal].append(f"{axis}.{signal}")
     said = [f"{', '.join(names)}: {means[signal]}" for signal, names in lacking.items() if names]
-    if unknown:
-        said.append(f"{', '.join(unknown)}: no column found; add them under `columns`")
-    return said
-
-
-def quoted(text: str) -> str:
-    """Return a name as YAML takes it."""
-    plain = text.replace(".", "").replace("_", "").isalnum() and not text[0].isdigit()
-    return text if plain else '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return said + ([f"{', '.join(unknown)}: no column found; add them under `columns`"] if unknown else [])

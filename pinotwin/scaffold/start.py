@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -31,7 +32,7 @@ from pinotwin.scaffold.chain import (
     parse_chain,
     write_urdf,
 )
-from pinotwin.scaffold.guess import Guesses, guess_columns, quoted
+from pinotwin.scaffold.guess import Guesses, guess_columns, in_one_line
 from pinotwin.system.writing import as_path, whole_folder
 
 ROTOR = {True: 0.01, False: 1.0}
@@ -206,13 +207,7 @@ def _travel(
     log: Log, guesses: Guesses, axes: Mapping[str, tuple[str, bool]]
 ) -> dict[str, tuple[float, float]]:
     """Return limits a tenth beyond what the log reaches [m or rad], for axes that do not turn endlessly."""
-    entries = {
-        g.channel: {"column": g.column, "unit": g.unit, "factor": g.factor}
-        if g.rate is None
-        else {"rate": g.rate}
-        for g in guesses.found
-        if g.channel.endswith(".q")
-    }
+    entries = {g.channel: g.entry for g in guesses.found if g.channel.endswith(".q")}
     try:
         bound = bind(log, parse_columns(entries, "columns"))
     except InputError:
@@ -247,7 +242,6 @@ def _assumed(chain: Chain, sizes: Sizes, measured: set[str]) -> list[str]:
 def _write_yaml(
     task: _Task, name: str, axes: Mapping[str, str], guesses: Guesses, rotors: Mapping[str, float]
 ) -> None:
-    own = {axis: f", rotor_inertia: {size:g}" for axis, size in rotors.items()}
     lines = [
         "# Written by `pinotwin new`. Every guess says why: correct what is wrong, then `pinotwin check`.",
         f"name: {name}",
@@ -255,10 +249,11 @@ def _write_yaml(
     ]
     lines += [f"meshes: {Path(task.meshes).resolve()}"] if task.meshes else []
     lines += ["axes:  # what acts beside the rigid body; more effects: stribeck, ripple, position_table..."]
-    lines += [
-        f"  {quoted(axis)}: {{joint: {quoted(joint)}, effects: [viscous, coulomb]{own.get(axis, '')}}}"
-        for axis, joint in axes.items()
-    ]
+    for axis, joint in axes.items():
+        entry: dict[str, Any] = {"joint": joint, "effects": ["viscous", "coulomb"]}
+        if axis in rotors:
+            entry["rotor_inertia"] = rotors[axis]
+        lines.append(f"  {in_one_line({axis: entry})}")
     text = "\n".join(lines) + "\n" + (_columns(guesses) if guesses.found else "")
     (task.folder / "machine.yaml").write_text(text, encoding="utf-8")
 

@@ -25,6 +25,8 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 
 Segments = Sequence[slice] | None
+BAND = (1.0, 60.0)
+"""In which a structure vibrates: slower is motion, faster is noise [Hz]."""
 
 
 def low_pass(x: Floats, rate: float, cutoff: float, order: int = 4, segments: Segments = None) -> Floats:
@@ -188,6 +190,25 @@ def edge_samples(cutoff: float, rate: float, order: int = 4) -> int:
 def interior(n: int, edge: int, segments: Segments = None) -> Mask:
     """Return which of ``n`` rows are at least ``edge`` samples inside their stretch."""
     keep = np.zeros(n, dtype=bool)
-    for part in (slice(0, n),) if segments is None else segments:
+    for part in _stretches(keep, segments):
         keep[part.start + edge : max(part.start + edge, part.stop - edge)] = True
     return keep
+
+
+def edge_rows(n: int, rate: float) -> int:
+    """Return how many of n rows at either end :func:`vibration_band` cuts."""
+    return min(round(0.5 * rate / BAND[0]), n // 8)
+
+
+def vibration_band(x: Floats, rate: float) -> Floats:
+    """Return signals (n, k) within the band, zero phase, ends cut.
+
+    Args:
+        x: an unbroken stretch.
+        rate: of its sampling [Hz].
+    """
+    low, high = BAND
+    sos = scipy.signal.butter(2, (low, min(high, 0.4 * rate)), "bandpass", fs=rate, output="sos")
+    edge = edge_rows(len(x), rate)
+    y = scipy.signal.sosfiltfilt(sos, x, axis=0, padlen=min(len(x) - 1, 3 * edge))
+    return np.asarray(y[edge : len(x) - edge], dtype=float)

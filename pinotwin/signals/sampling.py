@@ -165,3 +165,9 @@ def uniform(
     if not times:
         raise DataError("no unbroken stretch to resample; check the time axis")
     return np.concatenate(times), np.concatenate(values), tuple(parts)
+
+
+def hats(x: Floats, low: float, high: float, count: int) -> Floats:
+    """Return the weights of knots from ``low`` to ``high``, zero beyond, shape (n, count)."""
+    place = (x - low) / (high - low) * (count - 1)
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count))))

@@ -14,9 +14,8 @@ rate: beyond there is nothing but noise of the effort.
 Always 99 % of every axis' velocity power stays, for the friction's sake. The
 spectrum is taken of the second difference, so that slow motion does not leak into weak high
 frequencies, and averaged over half octaves, so that a line is no edge.
-Measured: EMPS 130 Hz (its authors took 100), TX40 43 Hz, LWR4 7.6 Hz, Panda 34 Hz. The effort has no say: between
-15 and 60 Hz the Panda's does not follow its accelerations, but up to half of it follows the position (ripple of the
-gears, on rows that were not fitted), and a corner below would hide that from every effect that might explain it.
+The effort has no say: where it does not follow the acceleration it may still follow the position (ripple of the
+gears), and a corner below would hide that from every effect that might explain it.
 """
 
 from __future__ import annotations
@@ -30,17 +29,6 @@ import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import DataError
-
-BEARABLE = 0.01
-"""Largest share of noise in the acceleration's power."""
-NEEDED = 0.99
-"""Share of the velocity's power that stays in any case."""
-BAND = 0.9999
-"""Share of the acceleration's power below the motion's band."""
-FEW_LAGS = 8
-"""Lags up to which an autocorrelation is summed directly: no transform of the whole signal."""
-MARGIN = 2.0
-"""Corner over the end of the motion's band, at most."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +87,9 @@ def _without_trend(windows: Floats) -> Floats:
     return windows - windows.mean(axis=-1, keepdims=True) - slope[..., None] * ramp
 
 
-def suggest_cutoff(q: Floats, rate: float, segments: Sequence[slice] | None = None) -> float:
+def suggest_cutoff(
+    q: Floats, rate: float, segments: Sequence[slice] | None = None, *, margin: float = 2.0
+) -> float:
     """Return the corner [Hz] of the low-pass that suits the acceleration of these positions.
 
     See the module's docstring for the rule. Axes that do not move have no say.
@@ -108,6 +98,7 @@ def suggest_cutoff(q: Floats, rate: float, segments: Sequence[slice] | None = No
         q: measured positions, shape (n,) or (n, k).
         rate: sampling rate [Hz].
         segments: unbroken stretches; None: one.
+        margin: corner over the end of the motion's band, at most.
 
     Returns:
         the corner, or infinity if the motion reaches the Nyquist frequency (or nothing moves).
@@ -130,15 +121,23 @@ def suggest_cutoff(q: Floats, rate: float, segments: Sequence[slice] | None = No
         return np.inf
     wanted, bearable, needed, band = np.array(known).T
     corner = max(min(wanted.max(), bearable.min()), needed.max())
-    if MARGIN * band.max() < rate / 5.0:  # above, no row could be spared
-        corner = min(corner, max(MARGIN * band.max(), needed.max()))
+    if margin * band.max() < rate / 5.0:  # above, no row could be spared
+        corner = min(corner, max(margin * band.max(), needed.max()))
     return np.inf if corner >= 0.45 * rate else float(corner)
 
 
-def _corner(f: Floats, density: Floats, rate: float) -> tuple[float, float, float, float] | None:
+def _corner(
+    f: Floats,
+    density: Floats,
+    rate: float,
+    bearable: float = 0.01,
+    needed: float = 0.99,
+    band: float = 0.9999,
+) -> tuple[float, float, float, float] | None:
     """Return the corners that one axis asks for, can bear, and needs, and where its motion's band ends.
 
-    None if it does not move.
+    None if it does not move. The shares are of noise in the acceleration's power that is bearable, of the velocity's
+    power that stays in any case, and of the acceleration's power below the motion's band.
     """
     gain = (2.0 * np.sin(np.pi * f / rate) * rate) ** 4
     smooth = _half_octave_means(f, density)
@@ -152,14 +151,14 @@ def _corner(f: Floats, density: Floats, rate: float) -> tuple[float, float, floa
     top = (f > 0.6 * rate / 2) & (f < 0.95 * rate / 2)
     noise = np.median(density[top] / gain[top]) * gain if drowns else 0.0 * gain
     motion = np.clip(density - noise, 0.0, None)
-    too_much = np.flatnonzero(np.cumsum(noise) > BEARABLE * motion[: least + 1].sum())
+    too_much = np.flatnonzero(np.cumsum(noise) > bearable * motion[: least + 1].sum())
     speed = np.cumsum(motion[1 : least + 1] / f[1 : least + 1] ** 2)
     power = np.cumsum(motion[: least + 1])
     return (
         float(f[end]) if drowns else np.inf,
         float(f[too_much[0]]) if len(too_much) else np.inf,
-        float(f[1 + np.searchsorted(speed, NEEDED * speed[-1])]),
-        float(f[np.searchsorted(power, BAND * power[-1])]) if drowns else np.inf,
+        float(f[1 + np.searchsorted(speed, needed * speed[-1])]),
+        float(f[np.searchsorted(power, band * power[-1])]) if drowns else np.inf,
     )
 
 
@@ -179,10 +178,8 @@ def autocorrelation(x: Floats, max_lag: int) -> Floats:
     x = np.asarray(x, dtype=float) - np.mean(x)
     if len(x) <= max_lag or not x.any():
         raise DataError(f"autocorrelation to lag {max_lag} needs a longer signal that varies")
-    if max_lag <= FEW_LAGS:
+    if max_lag <= 8:  # no transform of the whole signal
         r = np.array([x[k:] @ x[: len(x) - k] for k in range(max_lag + 1)])
         return r / r[0]
-    size = 1 << int(2 * len(x) - 1).bit_length()
-    power = np.abs(np.fft.rfft(x, size)) ** 2
-    r = np.fft.irfft(power, size)[: max_lag + 1]
-    return r / r[0]
+    r = scipy.signal.correlate(x, x, method="fft")[len(x) - 1 : len(x) + max_lag]
+    return np.asarray(r / r[0])

@@ -25,14 +25,6 @@ from pinotwin.signals import segments
 
 FEWEST = 8
 """Rows below which there is nothing to simulate."""
-START = 10
-"""Rows from which it is told how a command begins."""
-JUMP = 10.0
-"""Acceleration of a command's first row over the largest of the rows after it, above which it begins with a step."""
-STANDS = 1e-3
-"""Share of the command's top speed below which an axis stands at the first row."""
-_SHOWN = 5
-_BLOCK = 50000
 
 
 @dataclass(frozen=True)
@@ -172,8 +164,8 @@ def _require(machine: Machine, log: Log, held: Iterable[str]) -> None:
     for name in ("t", *names):
         bad = np.flatnonzero(~np.isfinite(log[name]))
         if len(bad):
-            rows = ", ".join(str(k + 1) for k in bad[:_SHOWN])
-            more = f" and {len(bad) - _SHOWN} more" if len(bad) > _SHOWN else ""
+            rows = ", ".join(str(k + 1) for k in bad[:5])
+            more = f" and {len(bad) - 5} more" if len(bad) > 5 else ""
             raise LogError(
                 f"{log.source}: channel {name} is not a number in row {rows}{more}; a command must have "
                 "no holes: cut the log there"
@@ -213,7 +205,7 @@ def _joint_commands(machine: Machine, log: Log) -> Floats:
     return q
 
 
-def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats) -> Floats:
+def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats, block: int = 50000) -> Floats:
     """Return J(q)^T f of the logged loads, at the commanded posture.
 
     The tracking error turns J by micrometres over the arm of the load: not worth a loop.
@@ -223,8 +215,8 @@ def _external(machine: Machine, log: Log, t: Floats, clock: Floats, q: Floats) -
     for link, logged in wrenches.items():
         wrench = np.stack([np.interp(clock, t, values) for values in logged.T], axis=1)
         acts: Mask = np.any(wrench != 0.0, axis=1)
-        for start in range(0, len(q), _BLOCK):
-            rows = start + np.flatnonzero(acts[start : start + _BLOCK])
+        for start in range(0, len(q), block):
+            rows = start + np.flatnonzero(acts[start : start + block])
             if len(rows):
                 total[rows] += external_effort(machine.model, link, q[rows], wrench[rows])
     return total
@@ -234,23 +226,31 @@ def _is_load(channel: str) -> bool:
     return channel.rsplit(".", 1)[-1] in LOAD_SIGNALS
 
 
-def beginning(qr: Floats, vr: Floats, step: float) -> tuple[Floats, Floats]:
+def beginning(
+    qr: Floats, vr: Floats, step: float, rows: int = 10, jump: float = 10.0, stands: float = 1e-3
+) -> tuple[Floats, Floats]:
     """Return position and velocity of the two rows that a machine begins with, shape (2, nv) each.
 
-    They are those of the command (``qr``, ``vr``, shape (n, nv)), unless it cannot have come in so.
+    They are those of the command, unless it cannot have come in so. A simulation begins in equilibrium with velocity
+    and acceleration of the command, as a log that was cut out of a motion does. An axis that stands has no
+    acceleration yet, whatever the first move asks for, and one whose command begins with a step had the velocity of
+    the rows after it: an integral would be wound up for the step's acceleration.
 
-    A simulation begins in equilibrium with velocity and acceleration of the command, as a log that was cut out of a
-    motion does. An axis that stands has no acceleration yet, whatever the first move asks for, and one whose command
-    begins with a step had the velocity of the rows after it: wound up for the step's acceleration, the integral of a
-    PID held 28 kN for a machine of 0.7 kN.
+    Args:
+        qr: command, shape (n, nv).
+        vr: its velocity.
+        step: sampling interval [s].
+        rows: from which it is told how a command begins.
+        jump: acceleration of the first row over the largest of those, above which the command begins with a step.
+        stands: share of the command's top speed below which an axis stands.
     """
-    h, qr = step, qr[: START + 1]
+    h, qr = step, qr[: rows + 1]
     first = (6.0 * (qr[1] - qr[0]) / h - 4.0 * vr[0] - 2.0 * vr[1]) / h
     slopes = np.diff(qr, axis=0)[1:] / h
     later = np.diff(slopes, axis=0) / h
-    steps = np.abs(first) > JUMP * np.abs(later).max(axis=0)
+    steps = np.abs(first) > jump * np.abs(later).max(axis=0)
     v = np.where(steps, np.median(slopes, axis=0), vr[0])
     a = np.where(steps, np.median(later, axis=0), first)
-    stands = np.abs(v) <= STANDS * np.abs(vr).max(axis=0)
-    v, a = np.where(stands, 0.0, v), np.where(stands, 0.0, a)
+    still = np.abs(v) <= stands * np.abs(vr).max(axis=0)
+    v, a = np.where(still, 0.0, v), np.where(still, 0.0, a)
     return np.stack([qr[0], qr[0] + h * v + 0.5 * h * h * a]), np.stack([v, v + h * a])

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.stepping import inlined, leaf
@@ -96,7 +95,27 @@ def substeps(sampling: float, longest: float = LONGEST) -> int:
 @leaf
 def law_of(laws, j):  # type: ignore[no-untyped-def]
     """Return the law in a row of an array (nv, WIDTH)."""
-    return Law(*to_fixed_tuple(laws[j], WIDTH))  # type: ignore[call-arg]
+    return Law(
+        laws[j, 0],
+        laws[j, 1],
+        laws[j, 2],
+        laws[j, 3],
+        laws[j, 4],
+        laws[j, 5],
+        laws[j, 6],
+        laws[j, 7],
+        laws[j, 8],
+        laws[j, 9],
+        laws[j, 10],
+        laws[j, 11],
+        laws[j, 12],
+        laws[j, 13],
+        laws[j, 14],
+        laws[j, 15],
+        laws[j, 16],
+        laws[j, 17],
+        laws[j, 18],
+    )
 
 
 @inlined

@@ -26,8 +26,8 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import Effect
 from pinotwin.effects.direction import default_width
-from pinotwin.effects.effect import Paired, Slipping
-from pinotwin.effects.presliding import ELEMENTS, yields
+from pinotwin.effects.effect import Paired
+from pinotwin.effects.presliding import ELEMENTS, Presliding, yields
 from pinotwin.effects.scene import moves
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
@@ -262,7 +262,7 @@ def _memories(
     """Return 1/x_s, play, m and d of every element, in the order of its tables, shape (m, 4)."""
     out = {(i, shape): np.array([1.0 / shape[0], 0.0, 0.0, 0.0]) for i, shape in found}
     for effect, theta in effects:
-        assert isinstance(effect, Slipping)
+        assert isinstance(effect, Presliding)
         i = machine.names.index(effect.axis)
         row = out[i, _bend(effect, machine.rotary[i])]
         row[1] = max(row[1], effect.play or 0.0)

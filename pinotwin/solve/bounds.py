@@ -15,12 +15,9 @@ from pinotwin.arrays import Floats, Mask
 from pinotwin.errors import DataError
 from pinotwin.solve.rank import Rank
 
-WEAK = 1e-6
-"""Weight of the rows that hold unseen directions at the prior, relative to a unit column."""
-
 
 def bounded(
-    R: Floats, z: Floats, lower: Floats, upper: Floats, start: Floats, rank: Rank
+    R: Floats, z: Floats, lower: Floats, upper: Floats, start: Floats, rank: Rank, weak: float = 1e-6
 ) -> tuple[Floats, Mask]:
     """Return theta within its bounds and the mask of active bounds, each of shape (p,).
 
@@ -31,28 +28,25 @@ def bounded(
         upper: largest values, shape (p,).
         start: prior mean, held where the data are silent, shape (p,).
         rank: analysis of R.
+        weak: weight of the rows that hold unseen directions at the prior, relative to a unit column.
     """
     if (lower > upper).any():
         raise DataError("a lower bound lies above its upper bound")
     length = np.linalg.norm(R, axis=0)
     unit = np.where(length > 0, 1.0 / np.where(length > 0, length, 1.0), rank.scale)
     hold = rank.null.T / rank.scale
-    A = np.concatenate([R, WEAK * hold]) * unit
-    b = np.concatenate([z, WEAK * (hold @ start)])
+    A = np.concatenate([R, weak * hold]) * unit
+    b = np.concatenate([z, weak * (hold @ start)])
     low, high = lower / unit, upper / unit
     limited = np.isfinite(low) | np.isfinite(high)
     theta = np.zeros(len(unit))
     Q, T = np.linalg.qr(A[:, ~limited])
-    theta[limited] = _within(*_without(Q, A[:, limited], b), low[limited], high[limited])
+    rest = A[:, limited] - Q @ (Q.T @ A[:, limited])  # the unbounded columns follow anyway
+    theta[limited] = _within(rest, b - Q @ (Q.T @ b), low[limited], high[limited])
     if (~limited).any():
         theta[~limited] = np.linalg.lstsq(T, Q.T @ (b - A[:, limited] @ theta[limited]), rcond=None)[0]
     theta = np.clip(theta * unit, lower, upper)
     return theta, (theta <= lower) | (theta >= upper)
-
-
-def _without(Q: Floats, A: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Return columns and right side with the unbounded columns projected out: they follow anyway."""
-    return A - Q @ (Q.T @ A), b - Q @ (Q.T @ b)
 
 
 def _within(A: Floats, b: Floats, low: Floats, high: Floats) -> Floats:

@@ -7,7 +7,7 @@ Every piece of rows is reduced once to its R factor, so that all folds cost abou
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -18,9 +18,6 @@ from pinotwin.errors import DataError
 from pinotwin.solve.linear import Options, Reduced, reduce, solve
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.tsqr import r_factor
-
-RIDGE = 1e-6
-"""Of what all rows tell of a column: what is called of one that the fitted rows do not hold."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ class HeldOut:
     fold: Ints
     whole: Floats
 
-    def unsure(self, problem: Problem) -> Floats:
+    def unsure(self, problem: Problem, ridge: float = 1e-6) -> Floats:
         """Return the variance of each row's prediction over that of the noise, shape (rows,).
 
         Of a regular fit it is a few parameters over the number of rows. Beyond one the rows that were fitted tell
@@ -57,13 +54,14 @@ class HeldOut:
 
         Args:
             problem: whose rows these are.
+            ridge: share of what all rows tell of a column that holds where the fitted rows do not have it.
         """
         out = np.empty(len(problem.y))
         N = self.factors.transpose(0, 2, 1) @ self.factors
         size = np.sqrt(np.maximum(np.diagonal(N, axis1=1, axis2=2).max(axis=0), 1e-300))
         weight = 1.0 / self.sigma[problem.axis_place]
         for k, each in enumerate(N):
-            spread = np.linalg.inv(each / np.outer(size, size) + RIDGE * np.eye(len(size)))
+            spread = np.linalg.inv(each / np.outer(size, size) + ridge * np.eye(len(size)))
             for i, part in problem.slices.items():
                 own, rows = problem.filled[i], np.flatnonzero(self.fold[part] == k) + part.start
                 x = problem.W[np.ix_(rows, own)] * weight[rows, None] / size[own]
@@ -92,8 +90,10 @@ def held_out(
     guard = times // (20 * folds) if guard is None else guard
     edges = np.linspace(0, times, folds + 1).astype(int)
     cuts = np.unique(np.clip(np.concatenate([edges - guard, edges, edges + guard]), 0, times))
-    pieces = [_piece(problem.rows((order >= a) & (order < b))) for a, b in pairwise(cuts)]
-    whole = solve(_merge(problem, pieces), options)
+    pieces = [
+        reduce(problem.rows((order >= a) & (order < b)), tuple(problem.slices)) for a, b in pairwise(cuts)
+    ]
+    whole = solve(_merge(pieces), options)
     options = replace(options, sigma=whole.sigma)
     theta = np.empty((folds, problem.parameters))
     held = np.empty((folds, problem.parameters, problem.parameters))
@@ -101,7 +101,7 @@ def held_out(
     for k, (a, b) in enumerate(pairwise(edges)):
         outside = (cuts[1:] <= a - guard) | (cuts[:-1] >= b + guard)
         chosen = [piece for piece, use in zip(pieces, outside, strict=True) if use]
-        found = solve(_merge(problem, chosen), options)
+        found = solve(_merge(chosen), options)
         theta[k], held[k] = found.theta, found.factor
         inside = (order >= a) & (order < b)
         error[inside], fold[inside] = problem.y[inside] - problem.W[inside] @ theta[k], k
@@ -115,25 +115,11 @@ def fold_order(problem: Problem) -> tuple[Ints, int]:
     return order, int(order.max()) + 1
 
 
-Piece = tuple[tuple[int, ...], Reduced]
-"""Axes that some rows have, and the factors of these: the rows themselves would be the problem once more."""
-
-
-def _piece(problem: Problem) -> Piece:
-    return tuple(problem.slices), reduce(problem)
-
-
-def _merge(problem: Problem, chosen: Iterable[Piece]) -> Reduced:
-    """Return the factors of several pieces together, an axis without rows as zeros."""
-    width = problem.parameters + 1
-    stacks: dict[int, list[Floats]] = {i: [np.zeros((1, width))] for i in problem.slices}
-    rows = dict.fromkeys(problem.slices, 0)
-    for axes, reduced in chosen:
-        for i, F, n in zip(axes, reduced.factors, reduced.rows, strict=True):
-            stacks[i].append(F)
-            rows[i] += n
-    factors = tuple(r_factor(np.concatenate(stacks[i])) for i in problem.slices)
-    return Reduced(factors, tuple(rows.values()))
+def _merge(chosen: Sequence[Reduced]) -> Reduced:
+    """Return the factors of several pieces together: the rows themselves would be the problem once more."""
+    factors = zip(*(piece.factors for piece in chosen), strict=True)
+    rows = zip(*(piece.rows for piece in chosen), strict=True)
+    return Reduced(tuple(r_factor(np.concatenate(F)) for F in factors), tuple(map(sum, rows)))
 
 
 def _sizes(problem: Problem, error: Floats) -> tuple[Floats, Floats, Floats]:

@@ -9,7 +9,7 @@ Each axis is reduced once to the R factor of ``[W_i y_i]``, so that the iteratio
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -113,21 +113,17 @@ class Solution:
         return analyse(self.factor, self.options.tolerance, None if prior is None else prior.std)
 
 
-def reduce(problems: Problem | Iterable[Problem]) -> Reduced:
-    """Return the factors of a problem, or of its consecutive pieces read one after the other."""
-    pieces = [problems] if isinstance(problems, Problem) else problems
-    factors: dict[int, Floats] = {}
-    rows: dict[int, int] = {}
-    for piece in pieces:
-        for i, part in piece.slices.items():
-            own = piece.filled[i]
-            factor = np.zeros((len(own) + 1, piece.parameters + 1))
-            block = np.column_stack([piece.W[part, own], piece.y[part]])
-            factor[:, [*own, -1]] = r_factor(block)
-            factors[i] = r_factor(np.concatenate([factors[i], factor])) if i in factors else factor
-            rows[i] = rows.get(i, 0) + len(block)
-    order = sorted(factors)
-    return Reduced(tuple(factors[i] for i in order), tuple(rows[i] for i in order))
+def reduce(problem: Problem, axes: Sequence[int] | None = None) -> Reduced:
+    """Return the factors of a problem's axes, or of some others too, of which it may have no rows."""
+    factors, rows = [], []
+    for i in problem.slices if axes is None else axes:
+        part = problem.slices.get(i, slice(0, 0))
+        own = problem.filled.get(i, np.zeros(0, dtype=np.intp))
+        factor = np.zeros((len(own) + 1, problem.parameters + 1))
+        factor[:, [*own, -1]] = r_factor(np.column_stack([problem.W[part, own], problem.y[part]]))
+        factors.append(factor)
+        rows.append(part.stop - part.start)
+    return Reduced(tuple(factors), tuple(rows))
 
 
 def linear(problem: Problem, options: Options | None = None) -> LinearFit:
@@ -175,7 +171,7 @@ def solve(reduced: Reduced, options: Options | None = None) -> Solution:
     """Return theta and the noise levels of a reduced problem.
 
     Args:
-        reduced: factors, e.g. of a log too long to hold.
+        reduced: factors.
         options: how; ``inference`` is not used.
     """
     options = options or Options()

@@ -11,9 +11,6 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import DataError
 
-STEP = 1e-6
-"""Step of the difference quotient, relative to the size of a search coordinate."""
-
 
 @dataclass(frozen=True)
 class Moving:
@@ -84,13 +81,16 @@ class Moving:
         """Return the columns at search coordinates, shape (rows, p)."""
         return np.asarray(self.columns(self.values(x)), float)
 
-    def slopes(self, x: Floats, theta: Floats) -> Floats:
-        """Return the derivative of ``columns @ theta`` in search coordinates, shape (rows, s)."""
+    def slopes(self, x: Floats, theta: Floats, size: float = 1e-6) -> Floats:
+        """Return the derivative of ``columns @ theta`` in search coordinates, shape (rows, s).
+
+        By difference quotients of a size relative to that of a coordinate.
+        """
         low, high = self.bounds
         out = []
         for k in range(len(x)):
             step = np.zeros(len(x))
-            step[k] = STEP * max(abs(x[k]), 1e-3 * (high[k] - low[k]), 1e-9)
+            step[k] = size * max(abs(x[k]), 1e-3 * (high[k] - low[k]), 1e-9)
             above, below = np.minimum(x + step, high), np.maximum(x - step, low)
             change = self.values(above)[k] - self.values(below)[k]
             slope = (self.at(above) - self.at(below)) @ theta

@@ -43,11 +43,6 @@ class Limits:
     upper: Floats
     tolerance: float
 
-    @property
-    def any(self) -> bool:
-        """Whether any bound is finite."""
-        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
-
 
 @dataclass(frozen=True)
 class Polished:
@@ -119,7 +114,7 @@ class VariableProjection:
         )
         free = np.ones(len(theta), bool)
         outside = (theta < self._limits.lower) | (theta > self._limits.upper)
-        if self._limits.any and outside.any():
+        if outside.any():
             rank = analyse(r_factor(W), self._limits.tolerance)
             start = np.zeros(len(theta))
             theta, active = bounded(W, y, self._limits.lower, self._limits.upper, start, rank)

@@ -11,7 +11,6 @@ per candidate, so the block's whole grid is scanned, the best basins are kept, a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -19,24 +18,7 @@ import scipy
 from pinotwin.arrays import Floats
 from pinotwin.solve.moving import Moving
 from pinotwin.solve.projection import RANK, Projection, Span
-
-KEPT = 4
-"""Basins of a block that are refined."""
-RIDGE = 1e-10
-"""Share of a candidate's length that must lie outside the other columns."""
-
-
-@dataclass(frozen=True)
-class Basin:
-    """A local optimum of one block's shapes.
-
-    Attributes:
-        x: search coordinates, shape (s,).
-        gain: drop of the weighted sum of squares that the block brings there.
-    """
-
-    x: Floats
-    gain: float
+from pinotwin.solve.result import Basin
 
 
 class Scan:
@@ -53,6 +35,7 @@ class Scan:
         b: int,
         others: Sequence[tuple[int, Floats]],
         sigma: Floats,
+        kept: int = 4,
     ) -> None:
         """Project out the fixed columns and those of other blocks.
 
@@ -61,7 +44,9 @@ class Scan:
             b: which block.
             others: (block, columns) of the blocks to hold.
             sigma: noise level per axis.
+            kept: basins that are refined.
         """
+        self.kept = kept
         self.block: Moving = projection.moving[b]
         self.evaluations = 0
         pieces = [(k, C, projection.numbers(k)) for k, C in others]
@@ -106,7 +91,7 @@ class Scan:
         values, vectors = np.linalg.eigh(gram / (scale[:, :, None] * scale[:, None, :]))
         slope = (np.swapaxes(left, 1, 2) @ self._residual) / scale
         part = np.squeeze(np.swapaxes(vectors, 1, 2) @ slope[:, :, None], axis=2)
-        good = values > np.maximum(RIDGE, RANK * values[:, -1:])
+        good = values > np.maximum(1e-10, RANK * values[:, -1:])  # what lies outside the other columns
         return np.sum(np.where(good, part**2 / np.where(good, values, 1.0), 0.0), axis=1)
 
     def basins(self, start: Floats, refine: bool = True) -> list[Basin]:
@@ -137,7 +122,7 @@ class Scan:
         padded = np.concatenate([[-np.inf], gains, [-np.inf]])
         peak = (gains >= padded[:-2]) & (gains >= padded[2:])
         order = np.flatnonzero(peak)[np.argsort(-gains[peak], kind="stable")]
-        return [Basin(points[i], float(gains[i])) for i in order[:KEPT]]
+        return [Basin(points[i], float(gains[i])) for i in order[: self.kept]]
 
     def _best(self, basins: Sequence[Basin]) -> list[Basin]:
         """Return the best few basins, of neighbours within half a grid cell only the best."""
@@ -145,7 +130,7 @@ class Scan:
         for basin in sorted(basins, key=lambda b: -b.gain):
             if not any(self._same(basin.x, kept.x) for kept in out):
                 out.append(basin)
-        return out[:KEPT]
+        return out[: self.kept]
 
     def _same(self, one: Floats, other: Floats) -> bool:
         """Return whether two points lie within half a cell of the grid."""

@@ -25,15 +25,9 @@ from pinotwin.solve.polish import Limits, Polished, VariableProjection, polish
 from pinotwin.solve.problem import Problem
 from pinotwin.solve.projection import Projection
 from pinotwin.solve.rank import analyse
+from pinotwin.solve.result import SeparableFit, ShapeFit
 from pinotwin.solve.scan import Basin, Scan
-from pinotwin.solve.shapes import SeparableFit, ShapeFit
 
-SWEEPS = 3
-"""Most sweeps over the blocks after the first look at each."""
-RIVAL = 0.9
-"""Share of the best gain from which another basin counts as a rival."""
-POLISHED = 3
-"""Most rival basins that are polished beside the best."""
 GLANCE, NEAR = 4, 1.02
 """Evaluations after which a rival is given up, unless its cost is below this many times the best one's by then: the
 search converges quadratically, so that little is left to fall."""
@@ -98,7 +92,7 @@ class _Search:
             self.scan(b, columns, refine=False)
         self.reweigh()
 
-    def sweep(self) -> None:
+    def sweep(self, most: int = 3) -> None:
         """Scan every unknown block with the others in place, strongest first, until none jumps.
 
         A block is scanned again if one with rows of its own has jumped since: what reaches it through coefficients
@@ -106,7 +100,7 @@ class _Search:
         """
         columns = [m.at(x) for m, x in zip(self.moving, self.x, strict=True)]
         stale = set(self.unknown)
-        for _ in range(SWEEPS):
+        for _ in range(most):
             for b in sorted(stale, key=lambda b: -self.basins[b][0].gain):
                 before = self.x[b]
                 self.scan(b, [(k, C) for k, C in enumerate(columns) if k != b])
@@ -178,17 +172,17 @@ class _Search:
             self.evaluations += best.evaluations
         return best
 
-    def starts(self) -> list[Floats]:
-        """Return the best combination, then those with one block in a rival basin."""
+    def starts(self, rival: float = 0.9, most: int = 3) -> list[Floats]:
+        """Return the best combination, then at most a few with one block in a basin of nearly as much gain."""
         best = np.concatenate(self.x)
         rivals: list[tuple[float, Floats]] = []
         for b, basins in enumerate(self.basins):
-            for rival in basins[1:]:
-                if rival.gain >= RIVAL * basins[0].gain:
-                    x = [*self.x[:b], rival.x, *self.x[b + 1 :]]
-                    rivals.append((basins[0].gain - rival.gain, np.concatenate(x)))
+            for basin in basins[1:]:
+                if basin.gain >= rival * basins[0].gain:
+                    x = [*self.x[:b], basin.x, *self.x[b + 1 :]]
+                    rivals.append((basins[0].gain - basin.gain, np.concatenate(x)))
         rivals.sort(key=lambda pair: pair[0])
-        return [best, *(x for _, x in rivals[:POLISHED])]
+        return [best, *(x for _, x in rivals[:most])]
 
     def judge(self, best: Polished) -> SeparableFit:
         """Return the result with the covariance of coefficients and shapes together."""

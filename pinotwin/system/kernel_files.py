@@ -22,7 +22,6 @@ from typing import Any
 import numba
 from numba.core.caching import IndexDataCacheFile, _Cache
 from numba.core.compiler import CompileResult
-from numba.core.dispatcher import Dispatcher
 from numba.misc.appdirs import AppDirs
 
 
@@ -35,7 +34,7 @@ def dispatcher(function: Any, options: Mapping[str, Any]) -> Any:
     """
     made: Any = numba.njit(**options)(function)
     folder = _folder()
-    if folder is not None and isinstance(made, Dispatcher):  # with NUMBA_DISABLE_JIT it is none
+    if folder is not None and made is not function:  # as it is with NUMBA_DISABLE_JIT
         recipe = repr((numba.__version__, sys.version, sorted(options.items()), *_recipe(function, set())))
         made._cache = _Files(folder, f"{function.__module__}.{function.__name__}", recipe)  # type: ignore[attr-defined]
     return made

@@ -170,7 +170,7 @@ class Twin(OpenLoop, Drawn):
         return document(self)
 
     def save(self, folder: str | Path) -> Path:
-        """Write ``twin.json``, ``machine.yaml`` and ``<name>.urdf`` into a folder."""
+        """Write ``twin.json``, ``machine.yaml``, ``<name>.urdf`` and two files of arrays into a folder."""
         from pinotwin.twin.files import save
 
         return save(self, as_path(folder, "folder"))

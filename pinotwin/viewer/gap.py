@@ -12,7 +12,6 @@ from pinotwin.diagnosis.result import Diagnosis
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
-from pinotwin.motion import Motion
 from pinotwin.twin import Twin
 from pinotwin.viewer.meshes import GREY, Colour
 from pinotwin.viewer.panel import panel
@@ -26,8 +25,6 @@ COLOURS: dict[Grade, Colour] = {
     "above misfit": (0.85, 0.74, 0.42),
 }
 """Grade -> colour of the axis; grey where nothing was found."""
-JUDGED = 0.05
-"""Distance to the nearest row that was judged within which what causes leave is drawn [s]."""
 
 
 def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
@@ -39,7 +36,10 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
         log: what it plays.
     """
     twin = found.subject if isinstance(found.subject, Twin) else None
-    motion = found.prepared[0].motion if found.prepared else _motion(twin, machine, log)
+    if found.prepared:
+        motion = found.prepared[0].motion
+    else:
+        motion = prepare(machine, log, decimate=1) if twin is None else twin.motion(log)
     tracks = with_causes(tracks_of(machine, motion, twin), found, float(motion.t[0]))
     visual = visual_model(machine.model, machine.urdf, machine.meshes)
     shades = {str(name): (*GREY, 1.0) for name in machine.model.names}
@@ -49,28 +49,24 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
     return panel(drawn, machine, tracks=tracks, subtitle=_told(found, machine.axes))
 
 
-def with_causes(tracks: Tracks, found: Diagnosis, begin: float) -> Tracks:
+def with_causes(tracks: Tracks, found: Diagnosis, begin: float, near: float = 0.05) -> Tracks:
     """Return a playback in which the gap of every axis with a named cause is followed by what the causes leave of it.
 
     Args:
         tracks: of the first of the diagnosed logs.
         found: the diagnosis.
         begin: time of that log at which the playback begins [s].
+        near: distance to the nearest row that was judged within which what causes leave is drawn [s].
     """
     named = {str(e.axis) for e in found.effects}
     series = {name: dict(held) for name, held in tracks.series.items()}
     for trace in found.traces:
         if trace.log == 0 and trace.axis in named and "gap" in series.get(trace.axis, {}) and len(trace.t):
             at = tracks.t + begin
-            near = np.abs(trace.t[np.searchsorted(trace.t, at).clip(max=len(trace.t) - 1)] - at)
-            left = np.where(near < JUDGED, np.interp(at, trace.t, trace.after), np.nan)
+            away = np.abs(trace.t[np.searchsorted(trace.t, at).clip(max=len(trace.t) - 1)] - at)
+            left = np.where(away < near, np.interp(at, trace.t, trace.after), np.nan)
             series[trace.axis]["gap"] = [*series[trace.axis]["gap"], ("with the causes", "#2b6cb0", left)]
     return replace(tracks, series=series)
-
-
-def _motion(twin: Twin | None, machine: Machine, log: Log) -> Motion:
-    """Return a log prepared as the diagnosis saw it."""
-    return prepare(machine, log, decimate=1) if twin is None else twin.motion(log)
 
 
 def _grade(found: Diagnosis, axis: str) -> Grade:

@@ -6,6 +6,7 @@ a COLLADA file's unit is honoured and its ``up_axis`` is not; a URDF's material 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,7 +21,6 @@ from pinotwin.arrays import Floats, Ints
 Colour = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
 GREY: Colour = (0.66, 0.69, 0.72)
-_SMOOTH = np.cos(np.radians(30.0))  # neighbouring faces that turn by less are shaded as one surface
 
 
 @dataclass(frozen=True)
@@ -121,23 +121,15 @@ def _unit(scene: Any) -> float:
 def _surface(points: Floats, faces: Ints) -> tuple[Floats, Ints]:
     """Return vertices and faces, a vertex once for every smooth surface it belongs to.
 
-    A browser makes the normals anew from these, so that edges stay sharp and round things round.
+    A browser makes the normals anew from these, so that edges stay sharp and round things round: neighbouring
+    faces that turn by less than 30 degrees are shaded as one surface.
     """
     import trimesh
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
 
     points, where = np.unique(points.astype(np.float32), axis=0, return_inverse=True)
-    faces = where.reshape(-1)[faces]
-    normal = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    pairs = trimesh.graph.face_adjacency(faces=faces)
-    pairs = pairs[np.einsum("ij,ij->i", normal[pairs[:, 0]], normal[pairs[:, 1]]) > _SMOOTH]
-    joined = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(faces), len(faces)))
-    surface = connected_components(joined, directed=False)[1]
-    keys = faces * np.int64(surface.max() + 1) + surface[:, None]
-    kept, corner = np.unique(keys, return_inverse=True)
-    return points[kept // (surface.max() + 1)], corner.reshape(-1, 3)
+    mesh = trimesh.Trimesh(points, where.reshape(-1)[faces], process=False)
+    smooth = trimesh.graph.smooth_shade(mesh, angle=math.radians(30.0), facet_minarea=None)
+    return np.asarray(smooth.vertices, dtype=np.float32), np.asarray(smooth.faces)
 
 
 def _own_colour(visual: Any) -> Rgba | None:

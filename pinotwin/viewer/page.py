@@ -22,21 +22,6 @@ import umsgpack
 
 _SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 
-_LOADER = """const PACKED = "{packed}";
-const COMMANDS = {commands};
-async function draw_all(viewer) {{
-  const bytes = Uint8Array.from(atob(PACKED), c => c.charCodeAt(0));
-  const opened = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const all = new Uint8Array(await new Response(opened).arrayBuffer());
-  for (const pieces of COMMANDS) {{
-    const whole = new Uint8Array(pieces.reduce((sum, [from, to]) => sum + to - from, 0));
-    let at = 0;
-    for (const [from, to] of pieces) {{ whole.set(all.subarray(from, to), at); at += to - from; }}
-    viewer.handle_command_bytearray(whole);
-  }}
-}}"""
-_SHARED = 64  # bytes from which an array is looked for among those that the page holds already
-
 
 class Command(Protocol):
     """Anything that meshcat can send."""
@@ -77,15 +62,14 @@ class Page:
         return Page(dict(self.messages))
 
     def script(self) -> str:
-        """Return meshcat's own script."""
-        return _SCRIPT.read_text(encoding="utf-8")
+        """Return meshcat's own script, packed."""
+        return _packed(_SCRIPT.read_bytes())
 
-    def loader(self) -> str:
-        """Return JavaScript with a function ``draw_all(viewer)``, the same in every run.
+    def commands(self) -> tuple[str, str]:
+        """Return all commands as one compressed text, and each as pieces of it in JSON; the same in every run.
 
-        Meshcat gives every shape a random name (UUID); here they are numbered in the order of drawing.
-        All commands lie in one compressed text; a command is a list of pieces of it, so that an array
-        that several commands hold, such as a mesh drawn twice, lies there once.
+        Meshcat gives every shape a random name (UUID); here they are numbered in the order of drawing. An array
+        that several commands hold, such as a mesh drawn twice, lies in the text once.
         """
         pool, held, known = bytearray(), dict[bytes, list[int]](), dict[str, str]()
         commands = []
@@ -96,8 +80,11 @@ class Page:
                 pieces += [packed[at:begin], array]
                 at = begin + len(array)
             commands.append([_kept(piece, pool, held) for piece in [*pieces, packed[at:]]])
-        text = base64.b64encode(zlib.compress(bytes(pool), 9)).decode()
-        return _LOADER.format(packed=text, commands=json.dumps(commands, separators=(",", ":")))
+        return _packed(bytes(pool)), json.dumps(commands, separators=(",", ":"))
+
+
+def _packed(content: bytes) -> str:
+    return base64.b64encode(zlib.compress(content, 9)).decode()
 
 
 def _kept(piece: bytes, pool: bytearray, held: dict[bytes, list[int]]) -> list[int]:
@@ -108,14 +95,14 @@ def _kept(piece: bytes, pool: bytearray, held: dict[bytes, list[int]]) -> list[i
     return held[piece]
 
 
-def _arrays(value: Any) -> Iterator[bytes]:
-    """Yield the bytes of every long array of a message, in its order."""
+def _arrays(value: Any, least: int = 64) -> Iterator[bytes]:
+    """Yield the bytes of every array of a message of at least so many bytes, in its order."""
     if isinstance(value, dict):
         value = list(value.values())
     if isinstance(value, list | tuple):
         for item in value:
-            yield from _arrays(item)
-    elif isinstance(value, umsgpack.Ext) and len(value.data) >= _SHARED:
+            yield from _arrays(item, least)
+    elif isinstance(value, umsgpack.Ext) and len(value.data) >= least:
         yield value.data
 
 

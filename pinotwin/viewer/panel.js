@@ -1,4 +1,27 @@
-// The panel beside meshcat: sliders, time, plots, ghost, labels. DATA comes from the page.
+// The panel beside meshcat: sliders, time, plots, ghost, labels. MESHCAT, PACKED, COMMANDS and DATA come from the page.
+const TITLES = {
+  effort: "Effort", gap: "Residual: measured minus model", error: "Tracking error", parts: "Effort by cause",
+};
+async function unpacked(text) {
+  const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const opened = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(opened).arrayBuffer());
+}
+async function meshcat_viewer(pane) {
+  const script = document.createElement("script");
+  script.textContent = new TextDecoder().decode(await unpacked(MESHCAT));
+  document.head.appendChild(script);
+  return new MeshCat.Viewer(pane);
+}
+async function draw_all(viewer) {
+  const all = await unpacked(PACKED);
+  for (const pieces of COMMANDS) {
+    const whole = new Uint8Array(pieces.reduce((sum, [from, to]) => sum + to - from, 0));
+    let at = 0;
+    for (const [from, to] of pieces) { whole.set(all.subarray(from, to), at); at += to - from; }
+    viewer.handle_command_bytearray(whole);
+  }
+}
 (async function () {
   const $ = (id) => document.getElementById(id);
   const make = (tag, text, parent, cls) => {
@@ -8,12 +31,12 @@
     if (parent) parent.appendChild(e);
     return e;
   };
-  const state = { q: DATA.q.slice(), k: 0, playing: false, factor: DATA.factor, axis: 0 };
+  const state = { q: DATA.q.slice(), k: 0, playing: false, factor: 100, axis: 0 };
   const frames = DATA.frames;
 
   // Without WebGL: a still picture, and the plots.
   const probe = document.createElement("canvas");
-  const viewer = probe.getContext("webgl2") || probe.getContext("webgl") ? new MeshCat.Viewer($("pane")) : null;
+  const viewer = probe.getContext("webgl2") || probe.getContext("webgl") ? await meshcat_viewer($("pane")) : null;
   window.viewer = viewer;
   if (viewer) await draw_all(viewer);
   else {
@@ -260,7 +283,7 @@
     if (!axis.series) return;
     Object.entries(axis.series).forEach(([kind, lines]) => {
       const canvas = $("plot-" + kind);
-      if (canvas) plot(canvas, DATA.titles[kind], kind === "error" ? axis.error_unit : axis.effort_unit, lines);
+      if (canvas) plot(canvas, TITLES[kind], kind === "error" ? axis.error_unit : axis.effort_unit, lines);
     });
   }
   if (frames) {

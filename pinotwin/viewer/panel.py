@@ -7,11 +7,12 @@ that a slider needs no server. Nothing is loaded from elsewhere, and two runs wr
 from __future__ import annotations
 
 import base64
-import html
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import meshcat.geometry as mg
 import numpy as np
@@ -19,57 +20,15 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.machine import Machine
-from pinotwin.viewer.meshes import Rgba
-from pinotwin.viewer.scene import ROOT, Scene, add_copy, place_joints
+from pinotwin.viewer.scene import ROOT, Scene, add_copy, place_joints, visual_model
 from pinotwin.viewer.stage import corners, framing, set_stage
 from pinotwin.viewer.still import still
 from pinotwin.viewer.tracks import Tracks
 
-_Layer = tuple[str, str, bool, list[str], dict[str, bool]]
-"""Text, colour, whether shown at first, nodes, and what else it does."""
+if TYPE_CHECKING:
+    from jinja2 import Template
+
 GHOST, OTHER = "ghost", "overlay"
-_POSTURES = 24  # so many of a motion's postures decide how far away the camera stands
-FLAT = "This browser has no WebGL: a still picture of the first posture."
-TITLES = {
-    "effort": "Effort",
-    "gap": "Residual: measured minus model",
-    "error": "Tracking error",
-    "parts": "Effort by cause",
-}
-_SHELL = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">
-<title>{title}</title><link rel="icon" href="data:,"><style>{css}</style></head>
-<body><div id="view"><div id="pane"></div><img id="still" alt="" hidden><p id="flat" hidden>{flat}</p>
-<div id="labels"></div></div>
-<aside><h1>{title}</h1><p>{subtitle}</p>
-<h2>Posture</h2><div id="sliders"></div><div id="postures"></div>
-<h2>Shown</h2><div id="layers"></div>
-<div id="ghosted" hidden><h2>Tracking error enlarged <span id="times"></span></h2>
-<input id="factor" type="range" min="0" max="4" step="0.05"></div></aside>
-<footer><div id="bar"><button id="play">play</button><select id="axis"></select>
-<input id="time" type="range" min="0" value="0"><span id="now"></span></div><div id="plots"></div></footer>
-<script>{meshcat}</script>
-<script>
-{loader}
-const DATA = {data};
-{script}
-</script></body></html>
-"""
-
-
-@dataclass(frozen=True)
-class Overlay:
-    """A second machine in the same picture.
-
-    Attributes:
-        machine: with the same axes.
-        visual: its shapes.
-        colour: red, green, blue, opacity.
-    """
-
-    machine: Machine
-    visual: pin.GeometryModel
-    colour: Rgba = (0.17, 0.42, 0.69, 0.45)
 
 
 def panel(
@@ -77,7 +36,7 @@ def panel(
     machine: Machine,
     *,
     tracks: Tracks | None = None,
-    overlay: Overlay | None = None,
+    overlay: Machine | None = None,
     subtitle: str = "",
 ) -> str:
     """Return the page of a drawn machine.
@@ -89,7 +48,9 @@ def panel(
         overlay: a second machine, drawn through the first.
         subtitle: line below the name.
     """
-    rows = drawn.q[None] if tracks is None else tracks.q[:: max(1, len(tracks.q) // _POSTURES)]
+    rows = (
+        drawn.q[None] if tracks is None else tracks.q[:: max(1, len(tracks.q) // 24)]
+    )  # what the camera sees
     scene = replace(drawn, page=drawn.page.copy(), q=rows[0])
     points = np.concatenate([corners(scene.model, scene.visual, row) for row in rows])
     set_stage(scene.viewer(), points)
@@ -100,31 +61,43 @@ def panel(
         add_copy(scene, drawn.model, drawn.visual, GHOST, (0.95, 0.62, 0.15, 0.35))
         bodies.append(_body(drawn.model, GHOST) | {"ghost": True})
     if overlay is not None:
-        add_copy(scene, overlay.machine.model, overlay.visual, OTHER, overlay.colour)
-        bodies.append(_body(overlay.machine.model, OTHER, machine, overlay.machine))
+        visual = visual_model(overlay.model, overlay.urdf, overlay.meshes)
+        add_copy(scene, overlay.model, visual, OTHER, (0.17, 0.42, 0.69, 0.45))
+        bodies.append(_body(overlay.model, OTHER, machine, overlay))
     data = {
         "q": scene.q.tolist(),
         "bodies": bodies,
         "axes": _axes(machine, tracks),
         "postures": _postures(machine, scene.q),
         "layers": _layers(scene, tracks, overlay),
-        "titles": TITLES,
-        "factor": 100,
         "stage": framing(points),
         "still": base64.b64encode(still(scene.model, scene.visual, scene.q).png).decode(),
         "frames": None if tracks is None else tracks.frames(),
     }
-    folder = files("pinotwin.viewer")
-    return _SHELL.format(
-        title=html.escape(drawn.name),
-        subtitle=html.escape(subtitle),
-        css=(folder / "panel.css").read_text(encoding="utf-8"),
-        script=(folder / "panel.js").read_text(encoding="utf-8"),
+    packed, commands = scene.page.commands()
+    return _template().render(
+        title=drawn.name,
+        subtitle=subtitle,
+        css=_asset("panel.css"),
+        script=_asset("panel.js"),
         meshcat=scene.page.script(),
-        loader=scene.page.loader(),
-        flat=FLAT,
+        packed=packed,
+        commands=commands,
         data=json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
     )
+
+
+def _asset(name: str) -> str:
+    return (files("pinotwin.viewer") / name).read_text(encoding="utf-8")
+
+
+@cache
+def _template() -> Template:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    loader = PackageLoader("pinotwin.viewer")
+    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
+    return made.get_template("panel.html")
 
 
 def _body(
@@ -164,19 +137,10 @@ def _axes(machine: Machine, tracks: Tracks | None) -> list[dict[str, Any]]:
         limited = max(abs(low), abs(high)) < 1e3
         if not limited:
             low, high = (-np.pi, np.pi) if part.rotary else (-0.5, 0.5)
-        row: dict[str, Any] = {
-            "name": part.name,
-            "path": f"{ROOT}/{part.joint}",
-            "column": part.index,
-            "low": low,
-            "high": high,
-            "limited": limited,
-            "unit": "°" if part.rotary else "mm",
-            "scale": float(np.rad2deg(1.0)) if part.rotary else 1e3,
-            "digits": 1,
-            "effort_unit": "N·m" if part.rotary else "N",
-            "error_unit": "mrad" if part.rotary else "µm",
-        }
+        kind = ("°", float(np.rad2deg(1.0)), "N·m", "mrad") if part.rotary else ("mm", 1e3, "N", "µm")
+        row: dict[str, Any] = dict(zip(("unit", "scale", "effort_unit", "error_unit"), kind, strict=True))
+        row |= {"name": part.name, "path": f"{ROOT}/{part.joint}", "column": part.index, "digits": 1}
+        row |= {"low": low, "high": high, "limited": limited}
         if tracks is not None and part.name in tracks.series:
             row["series"], row["full"] = tracks.lines(part.name), tracks.full.get(part.name)
         out.append(row)
@@ -195,29 +159,31 @@ def _postures(machine: Machine, q: Floats) -> dict[str, list[float]]:
     return out
 
 
-def _layers(scene: Scene, tracks: Tracks | None, overlay: Overlay | None) -> list[dict[str, Any]]:
+def _layers(scene: Scene, tracks: Tracks | None, overlay: Machine | None) -> list[dict[str, Any]]:
     """Return what can be shown or hidden, with its colour: the legend."""
     joints = [f"{ROOT}/{name}" for name in list(scene.model.names)[1:]]
     drawn = {path for _, path, _ in scene.page.messages}
+    rows: list[dict[str, Any]] = []
 
-    def having(part: str) -> list[str]:
-        return [f"{j}/{part}" for j in joints if any(p.startswith(f"/meshcat/{j}/{part}") for p in drawn)]
+    def add(text: str, shade: str, paths: Sequence[str] = (), *, on: bool = False, **more: bool) -> None:
+        rows.append({"text": text, "colour": shade, "on": on, "paths": [*paths], **more})
 
-    rows: list[_Layer] = [("names of the axes", "#b9c0c9", True, [], {"labels": True})]
-    for part, text, shade, on in (
-        ("frame", "joint frames: x red, y green, z blue", "#3e9b5f", True),
-        ("mass", "centres of mass, volume as the mass", "#c2378b", False),
-        ("inertia", "inertia ellipsoids: same inertia, even density", "#6b5bd2", False),
+    add("names of the axes", "#b9c0c9", on=True, labels=True)
+    for part, text, shade in (
+        ("frame", "joint frames: x red, y green, z blue", "#3e9b5f"),
+        ("mass", "centres of mass, volume as the mass", "#c2378b"),
+        ("inertia", "inertia ellipsoids: same inertia, even density", "#6b5bd2"),
     ):
-        if having(part):
-            rows.append((text, shade, on, having(part), {}))
+        paths = [f"{j}/{part}" for j in joints if any(p.startswith(f"/meshcat/{j}/{part}") for p in drawn)]
+        if paths:
+            add(text, shade, paths, on=part == "frame")
     if tracks is not None and tracks.qr is not None:
-        rows.append(("command, the error enlarged", "#f29e26", False, [GHOST], {}))
+        add("command, the error enlarged", "#f29e26", [GHOST])
     if tracks is not None and tracks.full:
-        rows.append(("colour: effort residual, red where large", "#cc211a", False, [], {"tint": True}))
+        add("colour: effort residual, red where large", "#cc211a", tint=True)
     if overlay is not None:
-        rows.append((f"overlaid: {overlay.machine.name}", "#2b6cb0", True, [OTHER], {}))
-    return [{"text": t, "colour": c, "on": on, "paths": paths} | more for t, c, on, paths, more in rows]
+        add(f"overlaid: {overlay.name}", "#2b6cb0", [OTHER], on=True)
+    return rows
 
 
 def _ellipsoids(scene: Scene) -> None:

@@ -23,10 +23,8 @@ from pinotwin.system.writing import write_bytes
 from pinotwin.viewer.scene import joint_poses, visual_model
 from pinotwin.viewer.still import triangles_of
 
-FRAMES = 1500
-"""Postures of a recording; signals are kept whole."""
-SIGNALS = {"e": "tracking error", "u": "effort"}
-UNITS = {"e": ("m", "rad"), "u": ("N", "N·m")}
+SIGNALS = {"e": ("tracking error", "m", "rad"), "u": ("effort", "N", "N·m")}
+"""Signal -> its name, and its units on a slide and on an axis that turns."""
 
 
 def check_recording(path: str | Path) -> None:
@@ -81,7 +79,7 @@ def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Lo
     t = np.asarray(log.t - log.t[0])
     for axis in machine.axes:
         turns = machine.axis(axis).rotary
-        for signal, name in SIGNALS.items():
+        for signal, (name, *units) in SIGNALS.items():
             lines = {} if predicted is None else {"predicted": predicted[f"{axis}.{signal}"]}
             if signal == "u" and f"{axis}.u" in log:
                 lines["measured"] = log[f"{axis}.u"]
@@ -89,20 +87,17 @@ def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Lo
                 lines["measured"] = log[f"{axis}.qr"] - log[machine.regulated(axis)]
             for who, y in lines.items():
                 entity = rr.new_entity_path([axis, name, who])
-                stream.log(
-                    entity,
-                    rr.SeriesLines(names=f"{axis} {name} [{UNITS[signal][turns]}], {who}"),
-                    static=True,
-                )
+                label = rr.SeriesLines(names=f"{axis} {name} [{units[turns]}], {who}")
+                stream.log(entity, label, static=True)
                 time = rr.TimeColumn("time", duration=t)
                 stream.send_columns(entity, indexes=[time], columns=rr.Scalars.columns(scalars=y))
 
 
-def _machine(rr: ModuleType, stream: Any, machine: Machine, moves: Log) -> None:
-    """Write the shapes once, in the frames of their joints, and the frames over time."""
+def _machine(rr: ModuleType, stream: Any, machine: Machine, moves: Log, frames: int = 1500) -> None:
+    """Write the shapes once, in the frames of their joints, and those of ``frames`` postures over time."""
     motion = prepare(machine, moves, decimate=1)
     model = machine.model
-    rows = np.unique(np.linspace(0, len(motion) - 1, min(FRAMES, len(motion))).astype(int))
+    rows = np.unique(np.linspace(0, len(motion) - 1, min(frames, len(motion))).astype(int))
     start = joint_poses(model, pin.neutral(model))
     stream.log("machine", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     shapes = triangles_of(model, visual_model(model, machine.urdf, machine.meshes), pin.neutral(model))
@@ -118,6 +113,5 @@ def _machine(rr: ModuleType, stream: Any, machine: Machine, moves: Log) -> None:
             translation=[pose[joint].translation for pose in poses],
             quaternion=[pin.Quaternion(pose[joint].rotation).coeffs() for pose in poses],
         )
-        stream.send_columns(
-            rr.new_entity_path(["machine", model.names[joint]]), indexes=[time], columns=moved
-        )
+        entity = rr.new_entity_path(["machine", model.names[joint]])
+        stream.send_columns(entity, indexes=[time], columns=moved)

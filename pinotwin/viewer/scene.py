@@ -18,12 +18,11 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.errors import InputError, MachineError, nearest
+from pinotwin.errors import InputError, nearest
 from pinotwin.machine.urdf import without_missing_meshes
 from pinotwin.viewer.meshes import GREY, Rgba, parts_of
 from pinotwin.viewer.page import Message, Page
-from pinotwin.viewer.posture import configuration
-from pinotwin.viewer.stage import bounds, corners, set_stage
+from pinotwin.viewer.stage import corners, diagonal, set_stage
 
 ROOT = "machine"
 _AXIS_COLOURS = (0xC8453B, 0x3E9B5F, 0x3B74B8)
@@ -121,32 +120,11 @@ def _add_shape(
     visual.addGeometryObject(body)
 
 
-def scene(
-    urdf_path: str | Path,
-    meshes: Sequence[str | Path] = (),
-    *,
-    posture: Mapping[str, float] | None = None,
-    frames: bool = False,
-    masses: bool = False,
-) -> Scene:
-    """Draw the machine of a URDF; see :func:`draw`.
-
-    Raises:
-        MachineError: the URDF cannot be loaded.
-    """
-    try:
-        model = pin.buildModelFromUrdf(str(urdf_path))
-    except (ValueError, RuntimeError) as error:
-        raise MachineError(f"{urdf_path}: not a URDF that loads ({error})") from None
-    visual = visual_model(model, urdf_path, meshes)
-    return draw(model, visual, posture=posture, frames=frames, masses=masses)
-
-
 def draw(
     model: pin.Model,
     visual: pin.GeometryModel,
+    q: Floats | None = None,
     *,
-    posture: Mapping[str, float] | None = None,
     frames: bool = False,
     masses: bool = False,
     name: str | None = None,
@@ -156,21 +134,18 @@ def draw(
     Args:
         model: the kinematics.
         visual: the shapes.
-        posture: joint name -> position [m or rad]; joints not named are at zero.
+        q: the posture, shape (nq,); at zero where None.
         frames: draw a triad at every joint (x red, y green, z blue).
         masses: draw a sphere at every centre of mass, its volume in proportion to the mass.
         name: the machine's name; otherwise the URDF's.
-
-    Raises:
-        InputError: the posture names a joint that does not exist.
     """
-    q = configuration(model, posture)
+    q = np.asarray(pin.neutral(model) if q is None else q, dtype=float)
     drawn = Scene(model, visual, Page(), q, name or model.name)
     points = corners(model, visual, q)
     set_stage(drawn.viewer(), points)
     for shape in visual.geometryObjects:
         _draw_shape(drawn, joint_path(model, shape.parentJoint), shape)
-    size = bounds(points).size
+    size = diagonal(points)
     if frames:
         _draw_frames(drawn, 0.12 * size)
     if masses:

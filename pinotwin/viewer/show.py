@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html as markup
+import re
 import tempfile
 import webbrowser
 from collections.abc import Mapping
@@ -15,15 +16,16 @@ import pinocchio as pin
 
 from pinotwin.analysis.modal import Modes, animate
 from pinotwin.arrays import Floats
+from pinotwin.errors import InputError, nearest
 from pinotwin.log import Log
 from pinotwin.logs.files import read_argument
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.system.writing import write_text
 from pinotwin.twin import Twin
-from pinotwin.viewer.panel import Overlay, panel
-from pinotwin.viewer.posture import parse_posture
-from pinotwin.viewer.scene import Scene, draw, missing_meshes, visual_model
+from pinotwin.units import SI_FACTOR
+from pinotwin.viewer.panel import panel
+from pinotwin.viewer.scene import draw, missing_meshes, visual_model
 from pinotwin.viewer.tracks import Tracks, tracks_of
 
 Subject: TypeAlias = Machine | Twin | pin.Model | str | Path
@@ -94,7 +96,8 @@ def view(
     machine, twin = _subject(subject)
     named = _posture(machine, posture)
     q = machine.posture(named)
-    drawn = _draw(machine, q, frames)
+    visual = visual_model(machine.model, machine.urdf, machine.meshes)
+    drawn = draw(machine.model, visual, q, frames=frames, masses=frames, name=machine.name)
     tracks, subtitle = None, HINT
     if mode is not None:
         tracks, subtitle = _vibrating(*mode)
@@ -102,10 +105,7 @@ def view(
         tracks, subtitle = _playing(machine, twin, log)
     notes = [missing_meshes(machine.urdf, machine.meshes), *([] if tracks else _off(machine, q, named))]
     notes = [note for note in notes if note]
-    other = None
-    if overlay is not None:
-        second, _ = _subject(overlay)
-        other = Overlay(second, visual_model(second.model, second.urdf, second.meshes))
+    other = None if overlay is None else _subject(overlay)[0]
     told = ". ".join([subtitle, *notes])
     page = panel(drawn, machine, tracks=tracks, overlay=other, subtitle=told)
     found = View(machine.name, page, dict(zip(machine.names, q.tolist(), strict=True)), tuple(notes))
@@ -144,12 +144,6 @@ def _off(machine: Machine, q: Floats, named: Mapping[str, float]) -> list[str]:
     return [text.format(", ".join(names[found])) for found, text in texts if found.any()]
 
 
-def _draw(machine: Machine, q: Floats, extras: bool) -> Scene:
-    visual = visual_model(machine.model, machine.urdf, machine.meshes)
-    values = {part.joint: float(q[part.index]) for part in machine.parts}
-    return draw(machine.model, visual, posture=values, frames=extras, masses=extras, name=machine.name)
-
-
 def _playing(machine: Machine, twin: Twin | None, log: Log | str | Path) -> tuple[Tracks, str]:
     """Return the playback of a log, with the model's effort where there is a twin."""
     subtitle = "playing a log" if isinstance(log, Log) else f"playing {Path(log).name}"
@@ -164,3 +158,45 @@ def _vibrating(found: Modes, number: int) -> tuple[Tracks, str]:
     mode = found.modes[number - 1]
     said = f"mode {number}: {mode.frequency:.1f} Hz, damping {mode.damping:.3f}, enlarged and slowed"
     return Tracks(t, q), said
+
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_LENGTHS = ("m", "mm", "um", "µm", "nm", "inch", "in")
+_ANGLES = ("rad", "mrad", "urad", "deg", "°", "mdeg", "arcmin", "arcsec", "rev", "turn")
+
+
+def parse_posture(text: str, rotary: Mapping[str, bool]) -> dict[str, float]:
+    """Return the posture that a text like ``Y=0.1,A=30deg`` means, in m and rad; a bare number is SI.
+
+    Args:
+        text: ``axis=value`` pairs between commas; the value may carry a unit of its kind.
+        rotary: the axes that exist, and whether each turns.
+
+    Raises:
+        InputError: an axis, a number or a unit is not understood; the message says which.
+    """
+    posture: dict[str, float] = {}
+    for item in filter(None, (part.strip() for part in text.split(","))):
+        axis, equals, value = (word.strip() for word in item.partition("="))
+        if not equals:
+            raise InputError(f"posture: expected axis=value, found {item!r}, e.g. Y=0.1,A=30deg")
+        if axis not in rotary:
+            raise InputError(f"posture: no axis {axis!r}; {nearest(axis, rotary)}")
+        if axis in posture:
+            raise InputError(f"posture: axis {axis!r} is given twice")
+        posture[axis] = _position(axis, value, rotary[axis])
+    return posture
+
+
+def _position(axis: str, value: str, turns: bool) -> float:
+    """Return the position [m or rad] that the text of one value means."""
+    found = _NUMBER.match(value)
+    if found is None:
+        raise InputError(f"posture: {value!r} of axis {axis!r} is not a number")
+    unit = value[found.end() :].strip() or ("rad" if turns else "m")
+    known = _ANGLES if turns else _LENGTHS
+    if unit not in known:
+        moves = "turns" if turns else "slides"
+        hint = nearest(unit, known)
+        raise InputError(f"posture: unit {unit!r} does not fit axis {axis!r}, which {moves}; {hint}")
+    return float(found[0]) * SI_FACTOR[unit]

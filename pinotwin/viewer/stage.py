@@ -28,29 +28,6 @@ _SKY = ([0.97, 0.98, 0.99], [0.83, 0.87, 0.90])
 _FLOOR = (0xD4D8DB, 0x666768)  # colour, own light: bright, yet it shows shadows
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """Axis-aligned box in the world [m].
-
-    Attributes:
-        low: smallest coordinates, shape (3,).
-        high: largest coordinates, shape (3,).
-    """
-
-    low: Floats
-    high: Floats
-
-    @property
-    def centre(self) -> Floats:
-        """Centre of the box [m]."""
-        return np.asarray((self.low + self.high) / 2)
-
-    @property
-    def size(self) -> float:
-        """Diagonal of the box [m]."""
-        return float(np.linalg.norm(self.high - self.low))
-
-
 def corners(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> Floats:
     """Return the corners of every shape's bounding box in the world [m], shape (8 shapes, 3).
 
@@ -70,9 +47,9 @@ def corners(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> Floats:
     return np.concatenate(found)
 
 
-def bounds(points: Floats) -> Bounds:
-    """Return the box around points of shape (n, 3)."""
-    return Bounds(points.min(axis=0), points.max(axis=0))
+def diagonal(points: Floats) -> float:
+    """Return the diagonal of the box around points of shape (n, 3) [m]."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 @dataclass(frozen=True)
@@ -107,7 +84,7 @@ def aim(points: Floats) -> Camera:
     right /= np.linalg.norm(right)
     up = np.cross(back, right)
     slope = math.tan(math.radians(FIELD_OF_VIEW) / 2)
-    target = bounds(points).centre
+    target = 0.5 * (points.min(axis=0) + points.max(axis=0))
     distance = 1.0
     for _ in range(4):  # moving the target changes the perspective a little, hence again
         relative = points - target
@@ -125,47 +102,53 @@ def set_stage(viewer: meshcat.Visualizer, points: Floats) -> None:
     Meshcat's camera orbits the origin of its world and nothing else, so the drawing is moved until
     the camera's target lies there; ``viewer`` must be the root of the drawing.
     """
-    box, camera = bounds(points), aim(points)
+    size, camera = diagonal(points), aim(points)
     to_target = np.eye(4)
     to_target[:3, 3] = -camera.target
     viewer.set_transform(to_target)
-    _set_background(viewer, box)
-    _set_lights(viewer, box.size)
-    _set_camera(viewer, camera.offset, box.size)
+    _set_background(viewer, points, size)
+    _set_lights(viewer, size)
+    x, y, z = (float(value) for value in camera.offset)
+    lens = {"fov": FIELD_OF_VIEW, "near": 0.01 * size, "far": 100.0 * size}
+    _set(viewer["/Cameras/default/rotated/<object>"], **lens, position=[x, z, -y])  # its own frame has y up
 
 
-def _set_background(viewer: meshcat.Visualizer, box: Bounds) -> None:
+def _set(node: meshcat.Visualizer, **properties: Any) -> None:
+    for key, value in properties.items():
+        node.set_property(key, value)
+
+
+def _set_background(viewer: meshcat.Visualizer, points: Floats, size: float) -> None:
     top, bottom = _SKY
-    viewer["/Background"].set_property("top_color", top)
-    viewer["/Background"].set_property("bottom_color", bottom)
-    viewer["/Grid"].set_property("visible", False)
-    viewer["/Axes"].set_property("visible", False)
-    floor = viewer["floor"]
-    square = 8.0 * box.size * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    _set(viewer["/Background"], top_color=top, bottom_color=bottom)
+    _set(viewer["/Grid"], visible=False)
+    _set(viewer["/Axes"], visible=False)
+    square = 8.0 * size * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     sheet = mg.TriangularMeshGeometry(square, np.array([[0, 1, 2], [0, 2, 3]]))
     # One-sided (side=0): from below one looks through it.
-    floor.set_object(sheet, mg.MeshLambertMaterial(color=_FLOOR[0], emissive=_FLOOR[1], side=0))
-    pose = np.eye(4)
-    pose[:3, 3] = [*box.centre[:2], box.low[2] - 1e-4 * box.size]
-    floor.set_transform(pose)
+    viewer["floor"].set_object(sheet, mg.MeshLambertMaterial(color=_FLOOR[0], emissive=_FLOOR[1], side=0))
+    low, high, pose = points.min(axis=0), points.max(axis=0), np.eye(4)
+    pose[:3, 3] = [*(0.5 * (low + high))[:2], low[2] - 1e-4 * size]
+    viewer["floor"].set_transform(pose)
 
 
 def _set_lights(viewer: meshcat.Visualizer, size: float) -> None:
     """One key light with soft shadows from the upper left, two weak ones, and the ambient."""
-    _place(viewer, "SpotLight", size * np.array([-1.1, -1.5, 2.4]))
-    viewer["/Lights/SpotLight"].set_property("visible", True)
-    _light(viewer, "SpotLight", intensity=0.32, castShadow=True, angle=0.45, penumbra=0.9)
-    _place(viewer, "PointLightNegativeX", size * np.array([2.2, -1.4, 0.9]))
-    _light(viewer, "PointLightNegativeX", intensity=0.16, distance=0.0)
-    _place(viewer, "PointLightPositiveX", size * np.array([-2.2, -1.6, 0.7]))
-    _light(viewer, "PointLightPositiveX", intensity=0.12, distance=0.0)
-    _place(viewer, "FillLight", np.array([0.3, -0.4, 1.0]))
-    _light(viewer, "FillLight", intensity=0.12)
-    _light(viewer, "AmbientLight", intensity=0.46)
-
-
-def _place(viewer: meshcat.Visualizer, name: str, at: Floats) -> None:
-    viewer[f"/Lights/{name}/<object>"].set_property("position", [float(x) for x in at])
+    for name, at, looks in (
+        (
+            "SpotLight",
+            (-1.1, -1.5, 2.4),
+            {"intensity": 0.32, "castShadow": True, "angle": 0.45, "penumbra": 0.9},
+        ),
+        ("PointLightNegativeX", (2.2, -1.4, 0.9), {"intensity": 0.16, "distance": 0.0}),
+        ("PointLightPositiveX", (-2.2, -1.6, 0.7), {"intensity": 0.12, "distance": 0.0}),
+        ("FillLight", (0.3 / size, -0.4 / size, 1.0 / size), {"intensity": 0.12}),
+        ("AmbientLight", None, {"intensity": 0.46}),
+    ):
+        if at is not None:
+            _set(viewer[f"/Lights/{name}/<object>"], position=[size * x for x in at])
+        _light(viewer, name, **looks)
+    _set(viewer["/Lights/SpotLight"], visible=True)
 
 
 def _light(viewer: meshcat.Visualizer, name: str, **properties: Any) -> None:
@@ -173,12 +156,3 @@ def _light(viewer: meshcat.Visualizer, name: str, **properties: Any) -> None:
     path = f"/Lights/{name}/<object>"
     for key, value in properties.items():
         viewer.window.send(Message({"type": "set_property", "path": path, "property": key, "value": value}))
-
-
-def _set_camera(viewer: meshcat.Visualizer, offset: Floats, size: float) -> None:
-    x, y, z = (float(value) for value in offset)
-    lens = viewer["/Cameras/default/rotated/<object>"]
-    lens.set_property("fov", FIELD_OF_VIEW)
-    lens.set_property("near", 0.01 * size)
-    lens.set_property("far", 100.0 * size)
-    lens.set_property("position", [x, z, -y])  # the camera's own frame has y up

@@ -20,7 +20,6 @@ from pinotwin.viewer.meshes import GREY, Colour, Rgba, parts_of
 from pinotwin.viewer.stage import FIELD_OF_VIEW, aim, corners
 
 BASE = (0.52, 0.55, 0.58)
-_FINE = 2  # samples per pixel and direction
 _LIGHT = np.array([0.25, -0.65, 0.72]) / np.linalg.norm([0.25, -0.65, 0.72])
 
 
@@ -45,6 +44,7 @@ def still(
     q: Floats,
     colours: Mapping[str, Colour] | None = None,
     size: tuple[int, int] = (760, 480),
+    fine: int = 2,
 ) -> Still:
     """Draw a machine.
 
@@ -54,11 +54,12 @@ def still(
         q: the posture, shape (nq,).
         colours: joint name -> colour of what it carries, 0 to 1, grey where it is not named; None: its own.
         size: width and height [pixels].
+        fine: samples of a pixel in either direction.
     """
     from PIL import Image
 
     bodies = triangles_of(model, visual, q)
-    width, height = size[0] * _FINE, size[1] * _FINE
+    width, height = size[0] * fine, size[1] * fine
     camera = aim(corners(model, visual, q))
     shown = [_project(triangles, camera.target, camera.offset, width, height) for _, triangles, _ in bodies]
     depth = np.full((height, width), np.inf)
@@ -73,18 +74,19 @@ def still(
     rgb = paint[np.maximum(owner, 0)] * (0.45 + 0.55 * shade * _edges(owner, shade))[..., None]
     rgba = np.concatenate([rgb, (owner >= 0).astype(float)[..., None]], axis=2)
     rgba[..., :3] *= rgba[..., 3:]
-    small = rgba.reshape(size[1], _FINE, size[0], _FINE, 4).mean(axis=(1, 3))
+    small = rgba.reshape(size[1], fine, size[0], fine, 4).mean(axis=(1, 3))
     small[..., :3] /= np.maximum(small[..., 3:], 1e-6)
     held = io.BytesIO()
     image = Image.fromarray(np.round(255 * np.clip(small, 0.0, 1.0)).astype(np.uint8), "RGBA")
     image.quantize(128, method=Image.Quantize.FASTOCTREE).save(held, "PNG", optimize=True)
-    return Still(held.getvalue(), size, _middles(model, bodies, shown, owner))
+    middles = _middles(model, bodies, shown, owner).items()
+    return Still(held.getvalue(), size, {name: (x / fine, y / fine) for name, (x, y) in middles})
 
 
 def _middles(
     model: pin.Model, bodies: Sequence[tuple[int, Floats, Rgba]], shown: Sequence[Floats], owner: Ints
 ) -> dict[str, tuple[float, float]]:
-    """Return the middle of what is seen of every joint's body; of a hidden one, of what is there [pixels]."""
+    """Return the middle of what is seen of every joint's body; of a hidden one, of what is there [samples]."""
     out = {}
     for j in range(1, model.njoints):
         mine = [k for k, (joint, _, _) in enumerate(bodies) if joint == j]
@@ -95,7 +97,7 @@ def _middles(
             middle = np.array([np.median(x), np.median(y)])
         else:
             middle = np.concatenate([shown[k] for k in mine])[..., :2].reshape(-1, 2).mean(axis=0)
-        out[str(model.names[j])] = (float(middle[0]) / _FINE, float(middle[1]) / _FINE)
+        out[str(model.names[j])] = (float(middle[0]), float(middle[1]))
     return out
 
 

@@ -15,10 +15,6 @@ from pinotwin.twin import Twin
 
 POINTS = 1200
 """Frames of a playback; more would make the page large and look the same."""
-EDGE = 10
-"""Rows at both ends of a stretch of which the gap is not shown: their derivatives are one-sided."""
-CAUSES = 6
-"""Effects drawn per axis: those with the largest effort."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +61,17 @@ def _colour(key: str) -> str:
     return "#888888" if kind is None else kind.colour
 
 
-def tracks_of(machine: Machine, motion: Motion, twin: Twin | None = None) -> Tracks:
+def tracks_of(
+    machine: Machine, motion: Motion, twin: Twin | None = None, edge: int = 10, most: int = 6
+) -> Tracks:
     """Return the playback of a motion; with a twin, its effort and the gap beside the measured one.
 
     Args:
         machine: whose motion it is.
         motion: the prepared log.
         twin: the model to compare with, or None.
+        edge: rows at both ends of a stretch of which the gap is not shown: their derivatives are one-sided.
+        most: effects drawn per axis, those with the largest effort.
     """
     rows = np.unique(np.linspace(0, len(motion) - 1, min(POINTS, len(motion))).astype(int))
     parts = {} if twin is None else twin.parts(motion)
@@ -80,7 +80,7 @@ def tracks_of(machine: Machine, motion: Motion, twin: Twin | None = None) -> Tra
     full = {}
     settled = np.zeros(len(motion), dtype=bool)
     for s in motion.segments:
-        settled[s.start + EDGE : s.stop - EDGE] = True
+        settled[s.start + edge : s.stop - edge] = True
     for name, axis in machine.axes.items():
         i = axis.index
         u = motion.u[:, i]
@@ -92,7 +92,7 @@ def tracks_of(machine: Machine, motion: Motion, twin: Twin | None = None) -> Tra
             known = np.abs(gap[np.isfinite(gap)])
             full[name] = float(np.percentile(known, 99.0)) if known.any() else 1.0
             sizes = {key: float(np.sqrt(np.mean(p[:, i] ** 2))) for key, p in parts.items()}
-            largest = sorted((k for k in sizes if sizes[k] > 0.0), key=lambda k: -sizes[k])[:CAUSES]
+            largest = sorted((k for k in sizes if sizes[k] > 0.0), key=lambda k: -sizes[k])[:most]
             held["parts"] = [(key, _colour(key), parts[key][rows, i]) for key in largest]
         if motion.qr is not None:
             error = motion.error[:, i] * (1e3 if axis.rotary else 1e6)

@@ -18,38 +18,31 @@ from pinotwin.virtual.parameters import Layout
 from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.tree import perturbed, tilted, with_hidden_joint, with_payload
 from pinotwin.virtual.truth import Passive, Truth
+from pinotwin.virtual.withholding import changed
 
 
 def resolve(folder: Folder, model: pin.Model, cad: Tree) -> tuple[Truth, dict[str, Scale]]:
     """Return the truth without gaps, and the reference sizes of every axis."""
-    joints = {n: model.getJointId(j) - 1 for n, j in folder.axes.items()}
-    rng = np.random.default_rng([folder.truth.seed, 2])
-    for kind, given, known in (
-        ("axis", folder.truth.axes, folder.axes),
-        ("passive joint", folder.truth.passive, folder.passive),
-    ):
-        for name in given:
-            if name not in known:
-                raise MachineError(f"{folder.name}: virtual.yaml: no {kind} {name!r}; {nearest(name, known)}")
+    truth, joints = folder.truth, {n: model.getJointId(j) - 1 for n, j in folder.axes.items()}
+    rng = np.random.default_rng([truth.seed, 2])
+    given = [("axis", n, folder.axes) for n in truth.axes]
+    for kind, name, known in [*given, *(("passive joint", n, folder.passive) for n in truth.passive)]:
+        if name not in known:
+            raise MachineError(f"{folder.name}: virtual.yaml: no {kind} {name!r}; {nearest(name, known)}")
     axes: dict[str, AxisTruth] = {}
     travels = np.zeros((model.nv, 2))
     for name, j in joints.items():
-        given_axis = folder.truth.axes.get(name, AxisTruth())
-        limits = resolved_limits(given_axis.limits, model, j, bool(cad.rotary[j]))
-        off = 1.0 + rng.choice((-1.0, 1.0)) * rng.uniform(*folder.truth.inertial_error)
-        rotor = fallback(given_axis.drive.rotor, folder.rotors.get(name, 0.0) * off)
-        top = given_axis.controller.effort_limit or folder.limits.get(name)
-        axes[name] = replace(
-            given_axis,
-            limits=limits,
-            drive=replace(given_axis.drive, rotor=rotor),
-            controller=replace(given_axis.controller, effort_limit=top),
-        )
+        axis = truth.axes.get(name, AxisTruth())
+        limits = resolved_limits(axis.limits, model, j, bool(cad.rotary[j]))
+        off = 1.0 + rng.choice((-1.0, 1.0)) * rng.uniform(*truth.inertial_error)
+        axis = changed(axis, "drive", rotor=fallback(axis.drive.rotor, folder.rotors.get(name, 0.0) * off))
+        top = axis.controller.effort_limit or folder.limits.get(name)
+        axes[name] = replace(changed(axis, "controller", effort_limit=top), limits=limits)
         travels[j] = limits.travel or (0.0, 0.0)
     sizes = scales(cad, joints, axes, travels)
     axes = {name: resolved_axis(axis, sizes[name]) for name, axis in axes.items()}
-    passive = {n: folder.truth.passive.get(n, Passive(frequency=25.0)) for n in folder.passive}
-    return replace(folder.truth, axes=axes, passive=passive), sizes
+    passive = {n: truth.passive.get(n, Passive(frequency=25.0)) for n in folder.passive}
+    return replace(truth, axes=axes, passive=passive), sizes
 
 
 def true_tree(
@@ -86,27 +79,25 @@ def _with_bends(
     home = np.zeros(model.nv)
     for name, axis in truth.axes.items():
         home[index[name]] = float(np.mean(axis.limits.travel or (0.0, 0.0)))
-    names = list(model.names)[1:]
-    at = {j: j for j in range(model.nv)}  # CAD joint -> its drive joint in the true tree
-    body = dict(at)
+    links = list(model.names)[1:]
+    names = list(links)
     bend: dict[str, int] = {}
+    at = {j: j for j in range(model.nv)}  # CAD joint -> its drive joint in the true tree
     for name in sorted(folder.axes, key=lambda n: -index[n]):
-        spec = truth.axes[name].bend
+        spec, j = truth.axes[name].bend, index[name]
         if spec is None:
             continue
-        j = index[name]
         tree = with_hidden_joint(tree, j, spec.share)
         home = np.insert(home, j + 1, 0.0)
         names.insert(j + 1, f"{names[j]}~")
         at = {k: v + (k > j) for k, v in at.items()}
-        body = {k: v + (k >= j) for k, v in body.items()}
-        bend = {k: v + 1 for k, v in bend.items()}
-        bend[name] = j + 1
+        bend = {**{k: v + 1 for k, v in bend.items()}, name: j + 1}
     drive = {n: at[index[n]] for n in folder.axes}
+    behind = {drive[n]: j for n, j in bend.items()}
     layout = Layout(
         axes=tuple(folder.axes),
         drive=drive,
-        body={n: body[k] for k, n in enumerate(list(model.names)[1:])},
+        body={n: behind.get(at[k], at[k]) for k, n in enumerate(links)},
         passive={n: at[index[n]] for n in folder.passive},
         bend=bend,
         home=home,
@@ -125,18 +116,15 @@ def _groups(tree: Tree, drives: list[int]) -> Ints:
 
 def link_frames(model: pin.Model, layout: Layout) -> dict[str, tuple[int, Floats, Floats]]:
     """Return, for every link of the URDF, its joint in the true tree and its frame there."""
-    names = list(model.names)
-    frames = {}
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY and frame.parentJoint > 0:
-            joint = layout.body[names[frame.parentJoint]]
-            placement = frame.placement
-            frames[frame.name] = (
-                joint,
-                np.array(placement.rotation),
-                np.array(placement.translation),
-            )
-    return frames
+    links = [f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 0]
+    return {
+        f.name: (
+            layout.body[model.names[f.parentJoint]],
+            np.array(f.placement.rotation),
+            np.array(f.placement.translation),
+        )
+        for f in links
+    }
 
 
 def bodies_of(folder: Folder, model: pin.Model, cad: Tree) -> dict[str, Body]:
@@ -146,9 +134,7 @@ def bodies_of(folder: Folder, model: pin.Model, cad: Tree) -> dict[str, Body]:
     out = {}
     for name, joint in folder.axes.items():
         i = model.getJointId(joint)
-        links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == i]
-        x, y, z = (float(v) for v in cad.axis[i - 1])
-        wx, wy, wz = (float(v) for v in data.oMi[i].rotation @ cad.axis[i - 1])
-        mass = float(cad.mass[i - 1]) or 1.0
-        out[name] = Body(joint, links[0] if links else "", (x, y, z), (wx, wy, wz), mass)
+        links = (f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == i)
+        own, world = (tuple(map(float, x)) for x in (cad.axis[i - 1], data.oMi[i].rotation @ cad.axis[i - 1]))
+        out[name] = Body(joint, next(links, ""), own, world, float(cad.mass[i - 1]) or 1.0)
     return out

@@ -16,15 +16,9 @@ N_STATE = 3
 
 @kernel
 def control_step(P, i, s, command, q, period):  # type: ignore[no-untyped-def]
-    """Return the effort command of one axis and advance its controller.
+    """Return the effort command of axis ``i`` and advance its row of ``s``, shape (na, 3).
 
-    Args:
-        P: parameter table, shape (na, N_COLUMNS).
-        i: the axis.
-        s: states of the controllers, shape (na, 3); row ``i`` is changed.
-        command: commanded position, velocity and acceleration.
-        q: measured position.
-        period: control period [s].
+    ``command`` is position, velocity and acceleration, ``q`` the measured position.
     """
     qr, vr, ar = command
     e = qr - q

@@ -14,41 +14,22 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.virtual.axis_truth import (
-    CONTACT,
-    AxisTruth,
-    Controller,
-    Drive,
-    EffortSensor,
-    Encoder,
-    Friction,
-    Limits,
-)
+from pinotwin.virtual.axis_truth import CONTACT, AxisTruth, Controller, Drive, Friction, Limits
 from pinotwin.virtual.mass import gravity_at, inertia_at
 from pinotwin.virtual.rigid import Tree
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Reference sizes of one axis, from CAD.
+    """Reference sizes of one axis, from CAD."""
 
-    Attributes:
-        rotary: whether the axis turns.
-        inertia: largest diagonal inertia over the travel, rotor included [kg or kg·m²].
-        least: smallest inertia over the travel with the other joints free, without a rotor.
-        hold: largest effort against gravity [N or N·m].
-        rated: effort at the acceleration limit, gravity included [N or N·m].
-        speed: speed limit.
-        travel: span of the travel [m or rad].
-    """
-
-    rotary: bool
-    inertia: float
-    least: float
-    hold: float
-    rated: float
-    speed: float
-    travel: float
+    rotary: bool  # whether the axis turns
+    inertia: float  # largest diagonal inertia over the travel, rotor included [kg or kg·m²]
+    least: float  # smallest inertia over the travel with the other joints free, without a rotor
+    hold: float  # largest effort against gravity [N or N·m]
+    rated: float  # effort at the acceleration limit, gravity included [N or N·m]
+    speed: float  # speed limit
+    travel: float  # span of the travel [m or rad]
 
 
 def resolved_limits(limits: Limits, model: pin.Model, joint: int, rotary: bool) -> Limits:
@@ -69,39 +50,59 @@ def resolved_limits(limits: Limits, model: pin.Model, joint: int, rotary: bool) 
     return Limits(speed, acceleration, jerk, travel)
 
 
-def survey(tree: Tree, travels: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the largest diagonal inertia, the smallest free one, and the largest holding effort.
+def scales(
+    tree: Tree, joints: Mapping[str, int], axes: Mapping[str, AxisTruth], travels: Floats
+) -> dict[str, Scale]:
+    """Return the reference sizes of every axis, from postures drawn over the travels.
 
     Args:
         tree: the machine as CAD believes.
+        joints: axis -> its joint.
+        axes: with their limits.
         travels: lowest and highest position of every joint, shape (nv, 2).
     """
     rng = np.random.default_rng(0)
-    nv = len(travels)
-    inertia, least, hold = np.zeros(nv), np.full(nv, np.inf), np.zeros(nv)
-    for q in [travels.mean(axis=1), *rng.uniform(travels[:, 0], travels[:, 1], (40, nv))]:
-        M = inertia_at(tree, q)
-        inertia = np.maximum(inertia, np.diag(M))
-        least = np.minimum(least, 1.0 / np.diag(np.linalg.inv(M)))
-        hold = np.maximum(hold, np.abs(gravity_at(tree, q)))
-    return inertia, least, hold
+    postures = [travels.mean(axis=1), *rng.uniform(travels[:, 0], travels[:, 1], (40, len(travels)))]
+    masses = [inertia_at(tree, q) for q in postures]
+    inertia = np.max([np.diag(M) for M in masses], axis=0)
+    least = np.min([1.0 / np.diag(np.linalg.inv(M)) for M in masses], axis=0)
+    hold = np.max([np.abs(gravity_at(tree, q)) for q in postures], axis=0)
+    out = {}
+    for name, j in joints.items():
+        limits = axes[name].limits
+        total = float(inertia[j]) + (axes[name].drive.rotor or 0.0)
+        rated = total * (limits.acceleration or 0.0) + float(hold[j])
+        sizes = (total, float(least[j]), float(hold[j]), rated, limits.speed or 0.0)
+        out[name] = Scale(bool(tree.rotary[j]), *sizes, float(np.ptp(travels[j])))
+    return out
 
 
 def resolved_axis(axis: AxisTruth, scale: Scale) -> AxisTruth:
     """Return the truth of an axis without gaps."""
-    friction = _friction(axis.friction, scale)
-    controller = _controller(axis.controller, scale, friction)
+    friction = replace(
+        axis.friction,
+        coulomb=fallback(axis.friction.coulomb, 0.06 * scale.rated),
+        viscous=fallback(axis.friction.viscous, 0.08 * scale.rated / scale.speed),
+        stribeck_speed=fallback(axis.friction.stribeck_speed, 0.015 * scale.speed),
+        presliding=fallback(axis.friction.presliding, 2e-5 if scale.rotary else 5e-6),
+    )
+    limit = axis.controller.effort_limit or 3.0 * scale.rated + 2.0 * scale.hold
+    effort = replace(
+        axis.effort,
+        white=fallback(axis.effort.white, 0.004 * scale.rated),
+        coloured=fallback(axis.effort.coloured, 0.002 * scale.rated),
+        resolution=fallback(axis.effort.resolution, 2.0 * limit / 2**14),
+    )
+    step = fallback(axis.encoder.resolution, 5e-7 if scale.rotary else 2e-8)
+    encoder = replace(axis.encoder, resolution=step, noise=fallback(axis.encoder.noise, 0.5 * step))
+    controller = _controller(axis.controller, scale, friction, limit)
     drive = _drive(axis.drive, scale)
-    assert controller.effort_limit is not None
-    effort = _effort(axis.effort, scale, controller.effort_limit)
-    encoder = _encoder(axis.encoder, scale.rotary)
     return replace(
         axis, friction=friction, controller=controller, drive=drive, effort=effort, encoder=encoder
     )
 
 
-def _controller(given: Controller, scale: Scale, friction: Friction) -> Controller:
-    limit = given.effort_limit or 3.0 * scale.rated + 2.0 * scale.hold
+def _controller(given: Controller, scale: Scale, friction: Friction, limit: float) -> Controller:
     carried = 0.0
     if given.kind == "pid":
         p, w, zeta = given.poles or (55.0, 10.0, 0.75)
@@ -128,16 +129,6 @@ def _controller(given: Controller, scale: Scale, friction: Friction) -> Controll
     )
 
 
-def _friction(given: Friction, scale: Scale) -> Friction:
-    return replace(
-        given,
-        coulomb=fallback(given.coulomb, 0.06 * scale.rated),
-        viscous=fallback(given.viscous, 0.08 * scale.rated / scale.speed),
-        stribeck_speed=fallback(given.stribeck_speed, 0.015 * scale.speed),
-        presliding=fallback(given.presliding, 2e-5 if scale.rotary else 5e-6),
-    )
-
-
 def _drive(given: Drive, scale: Scale) -> Drive:
     frequency, rotor = given.frequency, given.rotor or 0.0
     if given.backlash > 0.0 and frequency == 0.0:
@@ -147,39 +138,6 @@ def _drive(given: Drive, scale: Scale) -> Drive:
     return replace(given, frequency=frequency, rotor=rotor)
 
 
-def _encoder(given: Encoder, rotary: bool) -> Encoder:
-    resolution = fallback(given.resolution, 5e-7 if rotary else 2e-8)
-    return replace(given, resolution=resolution, noise=fallback(given.noise, 0.5 * resolution))
-
-
-def _effort(given: EffortSensor, scale: Scale, limit: float) -> EffortSensor:
-    return replace(
-        given,
-        white=fallback(given.white, 0.004 * scale.rated),
-        coloured=fallback(given.coloured, 0.002 * scale.rated),
-        resolution=fallback(given.resolution, 2.0 * limit / 2**14),
-    )
-
-
 def fallback(value: float | None, other: float) -> float:
     """Return the value, or the other where there is none."""
     return other if value is None else value
-
-
-def scales(
-    tree: Tree, joints: Mapping[str, int], axes: Mapping[str, AxisTruth], travels: Floats
-) -> dict[str, Scale]:
-    """Return the reference sizes of every axis; ``axes`` must have their limits."""
-    inertia, least, hold = survey(tree, travels)
-    out = {}
-    for name, j in joints.items():
-        limits = axes[name].limits
-        assert limits.speed is not None
-        assert limits.acceleration is not None
-        assert limits.travel is not None
-        total = float(inertia[j]) + (axes[name].drive.rotor or 0.0)
-        rated = total * limits.acceleration + float(hold[j])
-        span = limits.travel[1] - limits.travel[0]
-        size = (total, float(least[j]), float(hold[j]), rated)
-        out[name] = Scale(bool(tree.rotary[j]), *size, limits.speed, span)
-    return out

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -22,21 +21,13 @@ from pinotwin.virtual.withholding import changed, limited
 
 @dataclass(frozen=True)
 class Body:
-    """What an axis moves.
+    """What an axis moves."""
 
-    Attributes:
-        joint: URDF joint.
-        link: link behind it.
-        direction: joint axis in the joint frame.
-        world: joint axis in the world, at home.
-        mass: mass of the body [kg].
-    """
-
-    joint: str
-    link: str
-    direction: tuple[float, float, float]
-    world: tuple[float, float, float]
-    mass: float
+    joint: str  # URDF joint
+    link: str  # link behind it
+    direction: tuple[float, ...]  # joint axis in the joint frame
+    world: tuple[float, ...]  # joint axis in the world, at home
+    mass: float  # mass of the body [kg]
 
 
 Bodies = Mapping[str, Body]
@@ -44,23 +35,14 @@ Bodies = Mapping[str, Body]
 
 @dataclass(frozen=True)
 class Dose:
-    """How much of an effect, where, and with what scale of the axis.
+    """How much of an effect, where, and with what scale of the axis."""
 
-    Attributes:
-        axis: axis name.
-        size: relative size [-].
-        value: SI quantity in place of the size, or None.
-        scale: reference sizes of the axis.
-        rng: for what is left to chance (phases, periods, times).
-        body: what the axis moves.
-    """
-
-    axis: str
-    size: float
-    value: float | None
-    scale: Scale
-    rng: np.random.Generator
-    body: Body
+    axis: str  # axis name
+    size: float  # relative size [-]
+    value: float | None  # SI quantity in place of the size, or None
+    scale: Scale  # reference sizes of the axis
+    rng: np.random.Generator  # for what is left to chance (phases, periods, times)
+    body: Body  # what the axis moves
 
     def of(self, reference: float) -> float:
         """Return the SI quantity: the value if given, else size times the reference."""
@@ -207,10 +189,10 @@ def _payload(truth: Truth, d: Dose, *, lever: float) -> Truth:
 
 
 def _pulses(truth: Truth, d: Dose) -> Truth:
-    peak = _triple(d.of(d.scale.rated) * np.asarray(d.body.world))
-    load: dict[str, Any] = {"moment" if d.scale.rotary else "force": peak}
+    none, peak = (0.0, 0.0, 0.0), _triple(d.of(d.scale.rated) * np.asarray(d.body.world))
+    load = (none, peak) if d.scale.rotary else (peak, none)
     times = np.cumsum(d.rng.uniform(0.8, 3.0, 4)).tolist()
-    pulses = [replace(Pulse(d.body.link, t, 0.05, logged=False), **load) for t in times]
+    pulses = [Pulse(d.body.link, t, 0.05, *load, logged=False) for t in times]
     return replace(truth, external=(*truth.external, *pulses))
 
 

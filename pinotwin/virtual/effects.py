@@ -15,7 +15,7 @@ import numpy as np
 
 from pinotwin.errors import InputError, nearest
 from pinotwin.virtual.defaults import Scale
-from pinotwin.virtual.doses import INJECT, INJECT_MACHINE, OUTSIDE, Bodies, Body, Dose
+from pinotwin.virtual.doses import INJECT, INJECT_MACHINE, OUTSIDE, Bodies, Dose
 from pinotwin.virtual.truth import Truth
 from pinotwin.virtual.withholding import WITHHOLD, WITHHOLD_MACHINE
 
@@ -24,31 +24,25 @@ Request = Mapping[str, object] | str
 
 def parse(request: Request) -> dict[str, object]:
     """Return a request as a mapping with the keys effect, axis, size, value and seed."""
-    if isinstance(request, str):
-        name, _, size = request.partition("=")
-        effect, _, axis = name.partition(":")
-        out: dict[str, object] = {"effect": effect.strip()}
-        if axis.strip():
-            out["axis"] = axis.strip()
-        if size:
-            try:
-                out["size"] = float(size)
-            except ValueError:
-                raise InputError(f"effect {request!r}: the size must be a number") from None
-        return out
-    for key in request:
-        if key not in ("effect", "axis", "size", "value", "seed"):
-            known = "known: axis, effect, seed, size, value"
-            raise InputError(f"effect {dict(request)!r}: unknown key {key!r}; {known}")
-    return dict(request)
+    if not isinstance(request, str):
+        for key in request:
+            if key not in ("effect", "axis", "size", "value", "seed"):
+                known = "known: axis, effect, seed, size, value"
+                raise InputError(f"effect {dict(request)!r}: unknown key {key!r}; {known}")
+        return dict(request)
+    name, _, size = request.partition("=")
+    effect, _, axis = (x.strip() for x in name.partition(":"))
+    out: dict[str, object] = {"effect": effect, **({"axis": axis} if axis else {})}
+    try:
+        return {**out, "size": float(size)} if size else out
+    except ValueError:
+        raise InputError(f"effect {request!r}: the size must be a number") from None
 
 
 def _axes_of(axis: object, truth: Truth) -> list[str]:
-    if axis is None:
-        return list(truth.axes)
-    if axis not in truth.axes:
+    if axis is not None and axis not in truth.axes:
         raise InputError(f"no axis {axis!r}; {nearest(str(axis), truth.axes)}")
-    return [str(axis)]
+    return list(truth.axes) if axis is None else [str(axis)]
 
 
 def withhold_all(truth: Truth, requests: Sequence[str]) -> Truth:
@@ -59,13 +53,10 @@ def withhold_all(truth: Truth, requests: Sequence[str]) -> Truth:
         if name in WITHHOLD_MACHINE:
             truth = WITHHOLD_MACHINE[name](truth)
         elif name in WITHHOLD:
-            axes = dict(truth.axes)
-            for axis in _axes_of(item.get("axis"), truth):
-                axes[axis] = WITHHOLD[name](axes[axis])
-            truth = replace(truth, axes=axes)
+            less = {a: WITHHOLD[name](truth.axes[a]) for a in _axes_of(item.get("axis"), truth)}
+            truth = replace(truth, axes={**truth.axes, **less})
         else:
-            known = [*WITHHOLD, *WITHHOLD_MACHINE]
-            raise InputError(f"cannot withhold {name!r}; {nearest(name, known)}")
+            raise InputError(f"cannot withhold {name!r}; {nearest(name, [*WITHHOLD, *WITHHOLD_MACHINE])}")
     return truth
 
 
@@ -80,29 +71,18 @@ def inject_all(
         scales: reference sizes of the axes.
         bodies: what each axis moves.
     """
+    known = {**INJECT, **OUTSIDE}
     for request in requests:
         item = parse(request)
-        name = str(item["effect"])
-        known = {**INJECT, **OUTSIDE}
+        name, value = str(item["effect"]), item.get("value")
         if name not in known and name not in INJECT_MACHINE:
             raise InputError(f"cannot inject {name!r}; {nearest(name, [*known, *INJECT_MACHINE])}")
+        size, si = float(str(item.get("size", 0.1))), None if value is None else float(str(value))
         for axis in _axes_of(item.get("axis"), truth):
-            dose = _dose(item, axis, scales[axis], bodies[axis])
+            rng = np.random.default_rng([int(str(item.get("seed", 0))), sum(map(ord, axis))])
+            dose = Dose(axis, size, si, scales[axis], rng, bodies[axis])
             if name in INJECT_MACHINE:
                 truth = INJECT_MACHINE[name](truth, dose)
             else:
                 truth = replace(truth, axes={**truth.axes, axis: known[name](truth.axes[axis], dose)})
     return truth
-
-
-def _dose(item: Mapping[str, object], axis: str, scale: Scale, body: Body) -> Dose:
-    value = item.get("value")
-    seed = int(str(item.get("seed", 0)))
-    return Dose(
-        axis=axis,
-        size=float(str(item.get("size", 0.1))),
-        value=None if value is None else float(str(value)),
-        scale=scale,
-        rng=np.random.default_rng([seed, sum(map(ord, axis))]),
-        body=body,
-    )

@@ -17,27 +17,17 @@ from pinotwin.virtual.truth import Truth
 
 @dataclass(frozen=True)
 class Folder:
-    """What a virtual machine is made from.
+    """What a virtual machine is made from."""
 
-    Attributes:
-        name: name of the machine.
-        urdf: path of the URDF, or its text.
-        axes: axis name -> joint name.
-        passive: passive name -> joint name.
-        truth: the sealed truth.
-        rotors: axis -> nominal reflected rotor inertia [kg or kg·m²].
-        limits: axis -> effort limit of the drive [N or N·m].
-        gravity: in the axes of the URDF's root [m/s²]; the usual one when None.
-    """
-
-    name: str
-    urdf: Path | str
-    axes: Mapping[str, str]
-    passive: Mapping[str, str]
-    truth: Truth
+    name: str  # name of the machine
+    urdf: Path | str  # path of the URDF, or its text
+    axes: Mapping[str, str]  # axis name -> joint name
+    passive: Mapping[str, str]  # passive name -> joint name
+    truth: Truth  # the sealed truth
+    # axis -> nominal reflected rotor inertia [kg or kg·m²]
     rotors: Mapping[str, float] = field(default_factory=dict)
-    limits: Mapping[str, float] = field(default_factory=dict)
-    gravity: tuple[float, ...] | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)  # axis -> effort limit of the drive [N or N·m]
+    gravity: tuple[float, ...] | None = None  # in the axes of the URDF's root [m/s²]; the usual one when None
 
 
 def read_folder(path: Path | str) -> Folder:

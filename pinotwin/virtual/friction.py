@@ -11,7 +11,9 @@ sine to 1 at z_s: below breakaway it is a spring that nothing makes creep, at sp
 GMS (Al-Bender et al. 2005, doi:10.1109/TAC.2005.858676): parallel spring-slider elements. One that sticks
 is a spring, until it carries its share of ``g(v)``; from then until its speed turns round it slips, and its
 force follows that share late. So friction lags behind a speed that changes, and nothing creeps under a
-load or a vibration that stays below breakaway, which LuGre does (Dupont et al. 2002) and no machine.
+load or a vibration that stays below breakaway, which LuGre does (Dupont et al. 2002)
+and no machine. The force is 5 ms late: 3 to 9 ms were measured on lubricated contacts (Armstrong-Hélouvry et al. 1994,
+doi:10.1016/0005-1098(94)90209-7).
 
 Level: ``g = C (1 + (static - 1) exp(-(v/vs)^2))`` with C by direction, load and position.
 """
@@ -26,10 +28,7 @@ from pinotwin.virtual.jit import kernel
 # Slip levels and stiffnesses of the four elements, as shares of the whole.
 _LEVELS = (0.4, 0.3, 0.2, 0.1)
 _STIFF = (0.1, 0.2, 0.3, 0.4)
-_LAG = 5e-3
-"""How late the force of a sliding element follows its level [s]: 3 to 9 ms were measured on lubricated
-contacts (Armstrong-Hélouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7, on Hess and Soom 1990)."""
-_BREAKAWAY = 0.9  # of the steady deflection: below it an elasto-plastic bristle is a spring
+_LAG = 5e-3  # of a sliding element's force behind its level [s], see the module
 
 
 @kernel
@@ -49,26 +48,14 @@ def friction_level(P, i, q, v, load, noise):  # type: ignore[no-untyped-def]
 
 @kernel
 def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
-    """Advance the bristles ``z`` by one step and return their mean force over it.
-
-    Args:
-        P: parameter table, shape (na, N_COLUMNS).
-        i: the axis.
-        level: slip level [N or N·m].
-        v: sliding speed, constant over the step.
-        z: bristle deflection, or forces of the elements and whether they slip, shape (na, N_STATES); changed.
-        dt: step [s].
-    """
+    """Advance the bristles ``z`` by one step of constant speed and return their mean force over it."""
     s0, s1 = P[i, c.BRISTLE], P[i, c.BRISTLE_DAMPER]
-    if P[i, c.LAW] == c.LUGRE:
-        old = z[i, 0]
-        steady = np.sign(v) * level / s0
-        new = steady + (old - steady) * np.exp(-abs(v) * s0 * dt / level)
-        z[i, 0] = new
-        return 0.5 * s0 * (old + new) + s1 * (new - old) / dt
-    if P[i, c.LAW] == c.ELASTOPLASTIC:
-        old = z[i, 0]
-        new = _elastoplastic(old, v, level / s0, dt)
+    if P[i, c.LAW] != c.GMS:
+        old, steady = z[i, 0], np.sign(v) * level / s0
+        if P[i, c.LAW] == c.LUGRE:
+            new = steady + (old - steady) * np.exp(-abs(v) * s0 * dt / level)
+        else:
+            new = _elastoplastic(old, v, level / s0, dt)
         z[i, 0] = new
         return 0.5 * s0 * (old + new) + s1 * (new - old) / dt
     old = z[i, 0] + z[i, 1] + z[i, 2] + z[i, 3]
@@ -81,14 +68,10 @@ def bristle_force(P, i, level, v, z, dt):  # type: ignore[no-untyped-def]
 
 @kernel
 def _slide(z, i, k, push, kept):  # type: ignore[no-untyped-def]
-    """Advance one Maxwell element by a step.
+    """Advance Maxwell element ``k`` by a step.
 
-    Args:
-        z: states, shape (na, N_STATES); changed.
-        i: the axis.
-        k: the element.
-        push: what its spring would take up in this step, and the level at which it slips [N or N·m].
-        kept: share of what it is off its level that it keeps over the step, once it slips [-].
+    ``push`` is what its spring would take up, and the level at which it slips [N or N·m]; ``kept`` the
+    share of what it is off its level that it keeps over the step, once it slips [-].
     """
     rise, level = push
     slips = c.SLIPS + k
@@ -110,19 +93,19 @@ def _elastoplastic(old, v, most, dt):  # type: ignore[no-untyped-def]
 
     The elastic part of the step is taken first, exactly; the rest with the weight w of its end.
     """
-    way = v * dt
+    way, breakaway = v * dt, 0.9  # of the steady deflection
     if way == 0.0:
         return old
     side = np.sign(way)
     x = side * old  # deflection in the direction of motion
-    free = _BREAKAWAY * most - x
+    free = breakaway * most - x
     if abs(way) <= free:
         return old + way
     if free > 0.0:
         x += free
         way -= side * free
     end = min(x + abs(way), most)
-    share = (end / most - _BREAKAWAY) / (1.0 - _BREAKAWAY)
+    share = (end / most - breakaway) / (1.0 - breakaway)
     w = 0.5 + 0.5 * np.sin(np.pi * (min(share, 1.0) - 0.5))
     if w < 1e-9:
         return side * end

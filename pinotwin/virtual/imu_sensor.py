@@ -35,29 +35,20 @@ def _zeros() -> Floats:
 
 @dataclass(frozen=True)
 class Triad:
-    """Errors of three sensing axes; SI (rad/s for a gyro, m/s² for an accelerometer).
+    """Errors of three sensing axes; SI (rad/s for a gyro, m/s² for an accelerometer)."""
 
-    Attributes:
-        noise: RMS of the noise at the output, after the low-pass, per axis.
-        bias: constant bias, per axis.
-        bias_walk: random walk of the bias [unit/sqrt(s)].
-        scale: scale-factor deviations, per axis [-].
-        nonorthogonality: N less I, (3, 3) [rad]; symmetric, or it turns the mounting.
-        asymmetry: coefficient of abs(input), per axis [-].
-        cubic: coefficient of input cubed, per axis [1/unit²].
-        g_sensitivity: response to specific force, (3, 3) [unit/(m/s²)]; gyros only.
-        cutoff: corner of the second-order Butterworth low-pass [Hz], inf for none.
-    """
-
+    # RMS of the noise at the output, after the low-pass, per axis
     noise: Floats = field(default_factory=_zeros)
-    bias: Floats = field(default_factory=_zeros)
-    bias_walk: float = 0.0
-    scale: Floats = field(default_factory=_zeros)
+    bias: Floats = field(default_factory=_zeros)  # constant bias, per axis
+    bias_walk: float = 0.0  # random walk of the bias [unit/sqrt(s)]
+    scale: Floats = field(default_factory=_zeros)  # scale-factor deviations, per axis [-]
+    # N less I, (3, 3) [rad]; symmetric, or it turns the mounting
     nonorthogonality: Floats = field(default_factory=lambda: np.zeros((3, 3)))
-    asymmetry: Floats = field(default_factory=_zeros)
-    cubic: Floats = field(default_factory=_zeros)
+    asymmetry: Floats = field(default_factory=_zeros)  # coefficient of abs(input), per axis [-]
+    cubic: Floats = field(default_factory=_zeros)  # coefficient of input cubed, per axis [1/unit²]
+    # response to specific force, (3, 3) [unit/(m/s²)]; gyros only
     g_sensitivity: Floats = field(default_factory=lambda: np.zeros((3, 3)))
-    cutoff: float = np.inf
+    cutoff: float = np.inf  # corner of the second-order Butterworth low-pass [Hz], inf for none
 
     @property
     def delay(self) -> float:
@@ -72,25 +63,15 @@ class Triad:
 
 @dataclass(frozen=True)
 class SensorClock:
-    """The clock of a sensor and what it loses.
+    """The clock of a sensor and what it loses."""
 
-    Attributes:
-        rate: nominal sampling rate [Hz].
-        offset: true time at stamp zero [s].
-        skew: relative error of its second, (true - stamped) / stamped [-].
-        jitter: RMS of the sampling instants about their stamps [s].
-        drop: share of samples lost at random.
-        holes: stretches ``(start, stop)`` of stamps lost altogether [s].
-        restart: stamp at which the clock starts again at zero [s], or None.
-    """
-
-    rate: float = 400.0
-    offset: float = 0.0
-    skew: float = 0.0
-    jitter: float = 0.0
-    drop: float = 0.0
-    holes: Sequence[tuple[float, float]] = ()
-    restart: float | None = None
+    rate: float = 400.0  # nominal sampling rate [Hz]
+    offset: float = 0.0  # true time at stamp zero [s]
+    skew: float = 0.0  # relative error of its second, (true - stamped) / stamped [-]
+    jitter: float = 0.0  # RMS of the sampling instants about their stamps [s]
+    drop: float = 0.0  # share of samples lost at random
+    holes: Sequence[tuple[float, float]] = ()  # stretches (start, stop) of stamps lost altogether [s]
+    restart: float | None = None  # stamp at which the clock starts again at zero [s], or None
 
 
 @dataclass(frozen=True)
@@ -104,39 +85,25 @@ class ImuReading:
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """The true motion of a link on a fine clock.
+    """The true motion of a link on a fine clock."""
 
-    Attributes:
-        t: time, uniform [s], shape (n,).
-        R: rotation of the link in the world, (n, 3, 3); columns are the link's axes.
-        w: angular velocity in the link frame [rad/s], (n, 3).
-        a: acceleration of the link's origin in the link frame, without gravity [m/s²], (n, 3).
-    """
-
-    t: Floats
-    R: Floats
-    w: Floats
-    a: Floats
+    t: Floats  # time, uniform [s], shape (n,)
+    R: Floats  # rotation of the link in the world, (n, 3, 3); columns are the link's axes
+    w: Floats  # angular velocity in the link frame [rad/s], (n, 3)
+    a: Floats  # acceleration of the link's origin in the link frame, without gravity [m/s²], (n, 3)
 
 
 @dataclass(frozen=True)
 class ImuSensor:
-    """An IMU with its errors, its mounting and its clock; see the module for the equations.
+    """An IMU with its errors, its mounting and its clock; see the module for the equations."""
 
-    Attributes:
-        gyro: errors of the gyroscope.
-        accel: errors of the accelerometer.
-        clock: the sensor's own clock.
-        mounting: sensor axes in the link frame (columns), (3, 3).
-        position: place of the sensor in the link frame [m], (3,).
-        gravity: acceleration of gravity in the world [m/s²], (3,); a tilted foundation turns it.
-    """
-
-    gyro: Triad = field(default_factory=Triad)
-    accel: Triad = field(default_factory=Triad)
-    clock: SensorClock = field(default_factory=SensorClock)
+    gyro: Triad = field(default_factory=Triad)  # errors of the gyroscope
+    accel: Triad = field(default_factory=Triad)  # errors of the accelerometer
+    clock: SensorClock = field(default_factory=SensorClock)  # the sensor's own clock
+    # sensor axes in the link frame (columns), (3, 3)
     mounting: Floats = field(default_factory=lambda: np.eye(3))
-    position: Floats = field(default_factory=_zeros)
+    position: Floats = field(default_factory=_zeros)  # place of the sensor in the link frame [m], (3,)
+    # acceleration of gravity in the world [m/s²], (3,); a tilted foundation turns it
     gravity: Floats = field(default_factory=lambda: GRAVITY)
 
     def inputs(self, motion: LinkMotion) -> tuple[Floats, Floats]:

@@ -15,14 +15,7 @@ from pinotwin.virtual.control import control_step
 from pinotwin.virtual.friction import friction_force, steady_force
 from pinotwin.virtual.jit import kernel
 from pinotwin.virtual.mass import invert, mass_matrix
-from pinotwin.virtual.rigid import (
-    apply_load,
-    body_forces,
-    joint_efforts,
-    move,
-    place,
-    place_in_world,
-)
+from pinotwin.virtual.rigid import apply_load, body_forces, joint_efforts, move, place, place_in_world
 
 
 @kernel
@@ -65,14 +58,7 @@ def position_effort(r, table, grid, i, q, v, time):  # type: ignore[no-untyped-d
 def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-untyped-def]
     """Fill ``room.inverse`` and ``room.bias`` at the midpoint of the coming update.
 
-    Args:
-        tree: rigid bodies.
-        axes: the rest of the machine.
-        room: filled.
-        s: state.
-        drive: for the external loads.
-        k: row of ``drive``.
-        moment: time at the start of the update and half its length [s].
+    ``k`` is the row of ``drive``, ``moment`` the time at the start of the update and half its length [s].
     """
     time, half = moment
     q, v, a, qh, vh, M, bias = s.q, s.v, s.a, room.qh, room.vh, room.M, room.bias
@@ -102,14 +88,7 @@ def rigid_update(tree, axes, room, s, drive, k, moment):  # type: ignore[no-unty
 
 @kernel
 def transmit(P, i, twist, rate):  # type: ignore[no-untyped-def]
-    """Return the effort that a flexible transmission passes on.
-
-    Args:
-        P: parameter table.
-        i: the axis.
-        twist: motor less load position.
-        rate: its rate of change.
-    """
+    """Return the effort that a flexible transmission passes on, for a twist (motor less load) and its rate."""
     gap = P[i, c.BACKLASH]
     if gap == 0.0:
         return P[i, c.SPRING] * twist + P[i, c.DAMPER] * rate

@@ -36,39 +36,26 @@ from pinotwin.virtual.structs import Axes
 from pinotwin.virtual.trajectories import Trajectory
 from pinotwin.virtual.tree import load_model, tree_of
 from pinotwin.virtual.truth import Pulse, Truth
+from pinotwin.virtual.withholding import changed
 
 Injection = Mapping[str, object] | str
 
 
 @dataclass(frozen=True)
 class VirtualMachine:
-    """A machine with a sealed truth that can be run.
+    """A machine with a sealed truth that can be run."""
 
-    Attributes:
-        name: name of the machine.
-        truth: resolved truth; belongs to tests and scoring only.
-        model: Pinocchio model of the shipped URDF.
-        cad: the shipped rigid bodies.
-        tree: the true ones.
-        layout: where names sit in the true tree.
-        joints: name of every joint of the true tree.
-        scales: reference sizes of every axis.
-        links: link -> (joint, rotation, offset).
-        timing: rates of the simulation.
-        cad_inertia: CAD inertia per axis that the feed-forward uses [kg or kg·m²].
-    """
-
-    name: str
-    truth: Truth
-    model: pin.Model
-    cad: Tree
-    tree: Tree
-    layout: Layout
-    joints: tuple[str, ...]
-    scales: Mapping[str, Scale]
-    links: Links
-    timing: Timing
-    cad_inertia: Mapping[str, float]
+    name: str  # name of the machine
+    truth: Truth  # resolved truth; belongs to tests and scoring only
+    model: pin.Model  # Pinocchio model of the shipped URDF
+    cad: Tree  # the shipped rigid bodies
+    tree: Tree  # the true ones
+    layout: Layout  # where names sit in the true tree
+    joints: tuple[str, ...]  # name of every joint of the true tree
+    scales: Mapping[str, Scale]  # reference sizes of every axis
+    links: Links  # link -> (joint, rotation, offset)
+    timing: Timing  # rates of the simulation
+    cad_inertia: Mapping[str, float]  # CAD inertia per axis that the feed-forward uses [kg or kg·m²]
 
     @classmethod
     def load(
@@ -101,12 +88,12 @@ class VirtualMachine:
         truth = withhold_all(truth, withhold)
         truth = inject_all(truth, inject, sizes, bodies_of(folder, model, cad))
         tree, layout, joints = true_tree(truth, folder, model, cad)
-        travels = np.zeros((model.nv, 2))
         index = {n: model.getJointId(j) - 1 for n, j in folder.axes.items()}
+        middle = np.zeros(model.nv)
         for name, j in index.items():
-            travels[j] = truth.axes[name].limits.travel or (0.0, 0.0)
-        middle = np.diag(inertia_at(cad, travels.mean(axis=1)))
-        forward = {n: float(middle[j]) + _added(truth.axes[n].drive) for n, j in index.items()}
+            middle[j] = np.mean(truth.axes[name].limits.travel or (0.0, 0.0))
+        inertia = np.diag(inertia_at(cad, middle))
+        forward = {n: float(inertia[j]) + _added(truth.axes[n].drive) for n, j in index.items()}
         timing = _timing(truth, layout, tree, forward)
         links = link_frames(model, layout)
         return cls(folder.name, truth, model, cad, tree, layout, joints, sizes, links, timing, forward)
@@ -181,9 +168,8 @@ class VirtualMachine:
         axes = {}
         for name, axis in self.truth.axes.items():
             a, b = 1.0 + self.truth.scatter * rng.standard_normal(2)
-            f = axis.friction
-            friction = replace(f, coulomb=(f.coulomb or 0.0) * a, viscous=(f.viscous or 0.0) * b)
-            axes[name] = replace(axis, friction=friction)
+            coulomb, viscous = (axis.friction.coulomb or 0.0) * a, (axis.friction.viscous or 0.0) * b
+            axes[name] = changed(axis, "friction", coulomb=coulomb, viscous=viscous)
         return replace(self.truth, axes=axes)
 
 

@@ -10,38 +10,28 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Ints
 from pinotwin.virtual import columns as c
-from pinotwin.virtual.axis_truth import AxisTruth, Bend, Friction, Harmonic
+from pinotwin.virtual.axis_truth import AxisTruth, Bend, Friction
 from pinotwin.virtual.mass import inertia_at
 from pinotwin.virtual.rigid import Tree
 from pinotwin.virtual.structs import Axes
 from pinotwin.virtual.truth import Passive, Truth
 
 _LAWS = {"none": c.NONE, "lugre": c.LUGRE, "gms": c.GMS, "elastoplastic": c.ELASTOPLASTIC}
-_GRID = 4096
-"""Points of a position table: fine against any grid that an identification would choose."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the names of a machine sit in its tree.
+    """Where the names of a machine sit in its tree."""
 
-    Attributes:
-        axes: axis names in order.
-        drive: axis -> joint that the motor drives.
-        body: joint name -> joint whose body carries the URDF link (behind a bend, if there is one).
-        passive: passive joint -> its index.
-        bend: axis -> index of its hidden joint.
-        home: position at which frequencies are stated, shape (nv,).
-        group: number of the axis to which each joint belongs, shape (nv,): a bend to its own, a
-            passive joint to the one that carries it (-1 for the ground).
-    """
-
-    axes: tuple[str, ...]
-    drive: Mapping[str, int]
+    axes: tuple[str, ...]  # axis names in order
+    drive: Mapping[str, int]  # axis -> joint that the motor drives
+    # joint name -> joint whose body carries the URDF link (behind a bend, if there is one)
     body: Mapping[str, int]
-    passive: Mapping[str, int]
-    bend: Mapping[str, int]
-    home: Floats
+    passive: Mapping[str, int]  # passive joint -> its index
+    bend: Mapping[str, int]  # axis -> index of its hidden joint
+    home: Floats  # position at which frequencies are stated, shape (nv,)
+    # number of the axis to which each joint belongs, shape (nv,): a bend to its own, a passive joint to the
+    # one that carries it (-1 for the ground)
     group: Ints
 
 
@@ -102,13 +92,9 @@ def _ripple_table(axes: Sequence[AxisTruth]) -> Floats:
     table = np.zeros((len(axes), max(1, *(len(a.ripple) for a in axes)), c.N_RIPPLE))
     for i, axis in enumerate(axes):
         for k, r in enumerate(axis.ripple):
-            table[i, k] = _ripple_row(r)
+            wave = 2.0 * np.pi / r.period
+            table[i, k] = (r.amplitude, wave, r.phase, r.modulation, r.modulation_phase, r.speed, r.rate)
     return table
-
-
-def _ripple_row(r: Harmonic) -> tuple[float, ...]:
-    wave = 2.0 * np.pi / r.period
-    return (r.amplitude, wave, r.phase, r.modulation, r.modulation_phase, r.speed, r.rate)
 
 
 def cable_curve(axis: AxisTruth, q: Floats) -> Floats:
@@ -129,13 +115,14 @@ def cable_curve(axis: AxisTruth, q: Floats) -> Floats:
     return curve
 
 
-def _tables(axes: Sequence[AxisTruth]) -> tuple[Floats, Floats]:
-    table, grid = np.zeros((len(axes), _GRID)), np.zeros((len(axes), 2))
+def _tables(axes: Sequence[AxisTruth], points: int = 4096) -> tuple[Floats, Floats]:
+    """Return position tables: fine against any grid that an identification would choose."""
+    table, grid = np.zeros((len(axes), points)), np.zeros((len(axes), 2))
     for i, axis in enumerate(axes):
         if axis.cable.amplitude == 0.0 and axis.cable.end == 0.0:
             continue
         low, high = axis.limits.travel or (-1.0, 1.0)
-        q = np.linspace(low - 0.1 * (high - low), high + 0.1 * (high - low), _GRID)
+        q = np.linspace(low - 0.1 * (high - low), high + 0.1 * (high - low), points)
         table[i], grid[i] = cable_curve(axis, q), (q[0], 1.0 / (q[1] - q[0]))
     return table, grid
 
@@ -171,17 +158,17 @@ def tables(truth: Truth, layout: Layout, tree: Tree, timing: Timing, cad: Mappin
         _control_row(row, axis, cad[name], timing)
         _drive_row(row, axis, inertia)
     table, grid = _tables(specs)
-    springs = {j: truth.passive[name] for name, j in layout.passive.items()}
-    bends = {j: truth.axes[name].bend for name, j in layout.bend.items()}
-    every = sorted([*springs.items(), *((j, b) for j, b in bends.items() if b is not None)])
-    rows = [_spring_row(spec, float(M[j])) for j, spec in every]  # type: ignore[arg-type]
+    springs: dict[int, Passive | Bend] = {j: truth.passive[name] for name, j in layout.passive.items()}
+    springs |= {j: b for n, j in layout.bend.items() if (b := truth.axes[n].bend) is not None}
+    every = sorted(springs)
+    rows = [_spring_row(springs[j], float(M[j])) for j in every]
     return Axes(
         joint=np.array([layout.drive[name] for name in layout.axes], dtype=np.intp),
         P=P,
         ripple=_ripple_table(specs),
         table=table,
         grid=grid,
-        sprung=np.array([j for j, _ in every], dtype=np.intp),
+        sprung=np.array(every, dtype=np.intp),
         springs=np.array(rows, dtype=float).reshape(-1, c.N_SPRING),
         coupled=int(truth.coupled),
         group=layout.group,

@@ -22,23 +22,14 @@ Limited = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Sines:
-    """A sum of sines about a centre, faded in and out so that it starts and ends at rest.
+    """A sum of sines about a centre, faded in and out so that it starts and ends at rest."""
 
-    Attributes:
-        centre: [m or rad].
-        amplitude: [m or rad], shape (k,).
-        frequency: [Hz], shape (k,).
-        phase: [rad], shape (k,).
-        seconds: length [s].
-        fade: length of the fades [s].
-    """
-
-    centre: float
-    amplitude: Floats
-    frequency: Floats
-    phase: Floats
-    seconds: float
-    fade: float = 1.0
+    centre: float  # [m or rad]
+    amplitude: Floats  # [m or rad], shape (k,)
+    frequency: Floats  # [Hz], shape (k,)
+    phase: Floats  # [rad], shape (k,)
+    seconds: float  # length [s]
+    fade: float = 1.0  # length of the fades [s]
 
     def __call__(self, t: Floats, order: int = 0) -> Floats:
         """Return the command or its first or second derivative, shape (n,)."""

@@ -21,46 +21,21 @@ from pinotwin.arrays import Floats
 from pinotwin.virtual.defaults import Scale
 from pinotwin.virtual.machine import VirtualMachine
 
-STEEL = 3500.0
-"""Density of a ribbed machine part, hollow as castings are [kg/m³]."""
-DIRECTIONS = np.eye(3)
-SPARE = 1.5
-"""Effort of a drive over the most that its axis needs while all axes move."""
-
 
 @dataclass(frozen=True)
 class Part:
-    """One axis and the body that it moves.
+    """One axis and the body that it moves."""
 
-    Attributes:
-        name: axis, joint; the link is ``<name>_link``.
-        parent: index of the carrying part, -1 for the ground.
-        rotary: whether it turns.
-        direction: joint axis in the joint frame.
-        origin: of the joint in the parent's frame [m].
-        turn: roll, pitch and yaw of the joint frame in the parent's [rad].
-        box: edges of the body [m].
-        centre: of mass in the joint frame [m].
-        mass: [kg].
-        travel: half of it [m or rad].
-    """
-
-    name: str
-    parent: int
-    rotary: bool
-    direction: Floats
-    origin: Floats
-    turn: Floats
-    box: Floats
-    centre: Floats
-    mass: float
-    travel: float
-
-    @property
-    def inertia(self) -> Floats:
-        """About the centre of mass, shape (3,) [kg·m²]: that of a solid box."""
-        squares = self.box**2
-        return np.asarray(self.mass * (squares.sum() - squares) / 12.0)
+    name: str  # axis, joint; the link is <name>_link
+    parent: int  # index of the carrying part, -1 for the ground
+    rotary: bool  # whether it turns
+    direction: Floats  # joint axis in the joint frame
+    origin: Floats  # of the joint in the parent's frame [m]
+    turn: Floats  # roll, pitch and yaw of the joint frame in the parent's [rad]
+    box: Floats  # edges of the body [m]
+    centre: Floats  # of mass in the joint frame [m]
+    mass: float  # [kg]
+    travel: float  # half of it [m or rad]
 
 
 def write_random_machine(folder: Path, seed: int) -> Path:
@@ -100,10 +75,13 @@ def write_random_machine(folder: Path, seed: int) -> Path:
     return folder
 
 
-def _needed(urdf: Path, limits: Mapping[str, Mapping[str, Any]], seed: int) -> dict[str, float]:
+def _needed(
+    urdf: Path, limits: Mapping[str, Mapping[str, Any]], seed: int, spare: float = 1.5
+) -> dict[str, float]:
     """Return the effort that the drive of every axis must have while all axes move at once [N or N·m].
 
-    A light axis at the end of a chain is thrown about by the others far beyond its own inertia.
+    ``spare`` is the drive's effort over the most that its axis needs. A light axis at the end of a chain is
+    thrown about by the others far beyond its own inertia.
     """
     rng = np.random.default_rng([seed, 2030])
     model = pin.buildModelFromUrdf(str(urdf))
@@ -116,7 +94,7 @@ def _needed(urdf: Path, limits: Mapping[str, Mapping[str, Any]], seed: int) -> d
         q = rng.uniform(travel[:, 0], travel[:, 1])
         v, a = (x * rng.choice([-1.0, 1.0], len(x)) for x in (speed, push))
         most = np.maximum(most, np.abs(pin.rnea(model, data, q, v, a)))
-    return {x: SPARE * float(m) for x, m in zip(names, most, strict=True)}
+    return {x: spare * float(m) for x, m in zip(names, most, strict=True)}
 
 
 def _write(folder: Path, machine: dict[str, Any], sealed: dict[str, Any]) -> None:
@@ -133,17 +111,23 @@ def _parts(rng: np.random.Generator) -> list[Part]:
     for i, rotary in enumerate(kinds):
         # Four of five sit on the axis before, as in a chain; the others branch off further back.
         parent = i - 1 if rng.uniform() < 0.8 else int(rng.integers(-1, i))
-        parts.append(_part(f"Q{i + 1}", parent, bool(rotary), i, parts, rng))
+        parts.append(_part(f"Q{i + 1}", parent, bool(rotary), parts, rng))
     return parts
 
 
 def _part(
-    name: str, parent: int, rotary: bool, depth: int, before: list[Part], rng: np.random.Generator
+    name: str,
+    parent: int,
+    rotary: bool,
+    before: list[Part],
+    rng: np.random.Generator,
+    density: float = 3500.0,
 ) -> Part:
-    edge = 0.45 * 0.78**depth
+    """Return an axis; ``density`` is that of a ribbed machine part, hollow as castings are [kg/m³]."""
+    edge = 0.45 * 0.78 ** len(before)
     box = edge * rng.uniform(0.4, 1.1, 3)
-    mass = STEEL * float(np.prod(box)) * float(rng.uniform(0.15, 0.5))
-    direction = DIRECTIONS[int(rng.integers(3))] * rng.choice((-1.0, 1.0))
+    mass = density * float(np.prod(box)) * float(rng.uniform(0.15, 0.5))
+    direction = np.eye(3)[int(rng.integers(3))] * rng.choice((-1.0, 1.0))
     if rng.uniform() < 0.2:  # oblique axes exist: nutating heads
         direction = direction + rng.normal(0.0, 0.5, 3)
     direction = direction / np.linalg.norm(direction)
@@ -199,17 +183,11 @@ def _listing(truth: Mapping[str, Any]) -> list[Any]:
 def _controller(rng: np.random.Generator) -> dict[str, Any]:
     forward = float(rng.uniform(0.5, 1.0))
     if rng.uniform() < 0.5:
-        return {
-            "kind": "p_pi",
-            "bandwidth": float(rng.uniform(14.0, 35.0)),
-            "acceleration_feedforward": forward,
-        }
-    poles = [
-        float(rng.uniform(40.0, 60.0)),
-        float(rng.uniform(7.0, 12.0)),
-        float(rng.uniform(0.6, 0.9)),
-    ]
-    return {"kind": "pid", "poles": poles, "acceleration_feedforward": forward}
+        own: dict[str, Any] = {"kind": "p_pi", "bandwidth": float(rng.uniform(14.0, 35.0))}
+    else:
+        poles = [float(rng.uniform(*x)) for x in ((40.0, 60.0), (7.0, 12.0), (0.6, 0.9))]
+        own = {"kind": "pid", "poles": poles}
+    return {**own, "acceleration_feedforward": forward}
 
 
 def _urdf(name: str, parts: list[Part]) -> str:
@@ -221,8 +199,9 @@ def _xml(part: Part, parts: list[Part]) -> str:
     parent = parts[part.parent].name + "_link" if part.parent >= 0 else "base_link"
     kind = "revolute" if part.rotary else "prismatic"
     reach = 1.1 * part.travel
-    inertia: Mapping[str, float] = dict(zip(("ixx", "iyy", "izz"), part.inertia, strict=True))
-    values = " ".join(f'{k}="{v:.9g}"' for k, v in inertia.items())
+    squares = part.box**2  # a solid box
+    inertia = zip(("ixx", "iyy", "izz"), part.mass * (squares.sum() - squares) / 12.0, strict=True)
+    values = " ".join(f'{k}="{v:.9g}"' for k, v in inertia)
     return f"""<joint name="{part.name}" type="{kind}">
   <parent link="{parent}"/><child link="{part.name}_link"/>
   <origin xyz="{_three(part.origin)}" rpy="{_three(part.turn)}"/>

@@ -13,30 +13,18 @@ from pinotwin.virtual.rigid import Tree
 
 @dataclass(frozen=True)
 class SealedTruth:
-    """What no log holds; never shown to the identification side.
+    """What no log holds; never shown to the identification side."""
 
-    Attributes:
-        t: time [s], shape (m,); its rate may be higher than the log's.
-        joints: names of the columns of ``q``, ``v``, ``a``; a hidden joint is ``<axis>~``.
-        q: true joint positions, shape (m, nv).
-        v: true joint velocities.
-        a: true joint accelerations.
-        axes: names of the columns of ``u``, ``friction``.
-        u: true motor efforts at the same times, shape (m, na).
-        friction: true friction efforts, shape (m, na).
-        tree: the true rigid bodies.
-        links: link -> (index of its joint, rotation, offset in the joint frame).
-    """
-
-    t: Floats
-    joints: tuple[str, ...]
-    q: Floats
-    v: Floats
-    a: Floats
-    axes: tuple[str, ...]
-    u: Floats
-    friction: Floats
-    tree: Tree
+    t: Floats  # time [s], shape (m,); its rate may be higher than the log's
+    joints: tuple[str, ...]  # names of the columns of q, v, a; a hidden joint is <axis>~
+    q: Floats  # true joint positions, shape (m, nv)
+    v: Floats  # true joint velocities
+    a: Floats  # true joint accelerations
+    axes: tuple[str, ...]  # names of the columns of u, friction
+    u: Floats  # true motor efforts at the same times, shape (m, na)
+    friction: Floats  # true friction efforts, shape (m, na)
+    tree: Tree  # the true rigid bodies
+    # link -> (index of its joint, rotation, offset in the joint frame)
     links: Mapping[str, tuple[int, Floats, Floats]]
 
     def joint(self, name: str) -> tuple[Floats, Floats, Floats]:
@@ -49,19 +37,12 @@ class SealedTruth:
 
 @dataclass(frozen=True)
 class Recording:
-    """One run of a virtual machine.
+    """One run of a virtual machine."""
 
-    Attributes:
-        machine: name of the machine.
-        log: channel -> values, as a controller would log them (SI).
-        truth: what the log does not show.
-        seed: seed of its noise.
-    """
-
-    machine: str
-    log: Mapping[str, Floats]
-    truth: SealedTruth
-    seed: int
+    machine: str  # name of the machine
+    log: Mapping[str, Floats]  # channel -> values, as a controller would log them (SI)
+    truth: SealedTruth  # what the log does not show
+    seed: int  # seed of its noise
 
     def to_log(self) -> Log:
         """Return the log as the rest of pinotwin reads it."""

@@ -20,57 +20,34 @@ from pinotwin.virtual.jit import kernel
 
 
 class Tree(NamedTuple):
-    """A tree of joints; joint ``i`` has its parent before it.
+    """A tree of joints; joint ``i`` has its parent before it."""
 
-    Attributes:
-        parent: index of the parent joint, -1 for the ground, shape (nv,).
-        rotary: 1 for a rotation, 0 for a translation, shape (nv,).
-        axis: unit joint axis in the joint frame, shape (nv, 3).
-        placement: rotation of the joint frame in the parent's at q = 0, shape (nv, 3, 3).
-        offset: origin of the joint frame in the parent's [m], shape (nv, 3).
-        mass: mass of the body [kg], shape (nv,).
-        moment: first moment m c about the joint's origin [kg·m], shape (nv, 3).
-        inertia: rotational inertia about the joint's origin [kg·m²], shape (nv, 3, 3).
-        armature: reflected rotor inertia [kg or kg·m²], shape (nv,).
-        gravity: acceleration of gravity [m/s²], shape (3,).
-    """
-
-    parent: Ints
-    rotary: Ints
-    axis: Floats
-    placement: Floats
-    offset: Floats
-    mass: Floats
-    moment: Floats
-    inertia: Floats
-    armature: Floats
-    gravity: Floats
+    parent: Ints  # index of the parent joint, -1 for the ground, shape (nv,)
+    rotary: Ints  # 1 for a rotation, 0 for a translation, shape (nv,)
+    axis: Floats  # unit joint axis in the joint frame, shape (nv, 3)
+    placement: Floats  # rotation of the joint frame in the parent's at q = 0, shape (nv, 3, 3)
+    offset: Floats  # origin of the joint frame in the parent's [m], shape (nv, 3)
+    mass: Floats  # mass of the body [kg], shape (nv,)
+    moment: Floats  # first moment m c about the joint's origin [kg·m], shape (nv, 3)
+    inertia: Floats  # rotational inertia about the joint's origin [kg·m²], shape (nv, 3, 3)
+    armature: Floats  # reflected rotor inertia [kg or kg·m²], shape (nv,)
+    gravity: Floats  # acceleration of gravity [m/s²], shape (3,)
 
 
 class Pose(NamedTuple):
-    """Room for the results of one evaluation.
+    """Room for the results of one evaluation."""
 
-    Attributes:
-        E: rotation of every body in its parent, shape (nv, 3, 3). r: its origin there [m], (nv, 3).
-        R: rotation of every body in the world, shape (nv, 3, 3).
-        w: angular velocity, body axes [rad/s], shape (nv, 3). dw: its derivative [rad/s²].
-        a: acceleration of the origin, body axes, gravity included [m/s²], shape (nv, 3).
-        f: force on every body [N], shape (nv, 3). n: moment about its origin [N·m].
-        cm: mass of everything that a joint carries [kg], shape (nv,). ch: its first moment, (nv, 3).
-        cI: its inertia [kg·m²], shape (nv, 3, 3).
-    """
-
-    E: Floats
-    r: Floats
-    R: Floats
-    w: Floats
-    dw: Floats
-    a: Floats
-    f: Floats
-    n: Floats
-    cm: Floats
-    ch: Floats
-    cI: Floats
+    E: Floats  # rotation of every body in its parent, shape (nv, 3, 3)
+    r: Floats  # its origin there [m], (nv, 3)
+    R: Floats  # rotation of every body in the world, shape (nv, 3, 3)
+    w: Floats  # angular velocity, body axes [rad/s], shape (nv, 3)
+    dw: Floats  # its derivative [rad/s²]
+    a: Floats  # acceleration of the origin, body axes, gravity included [m/s²], shape (nv, 3)
+    f: Floats  # force on every body [N], shape (nv, 3)
+    n: Floats  # moment about its origin [N·m]
+    cm: Floats  # mass of everything that a joint carries [kg], shape (nv,)
+    ch: Floats  # its first moment, (nv, 3)
+    cI: Floats  # its inertia [kg·m²], shape (nv, 3, 3)
 
 
 def empty_pose(nv: int) -> Pose:

@@ -25,15 +25,10 @@ class HasLimits(Protocol):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The command of every axis.
+    """The command of every axis."""
 
-    Attributes:
-        seconds: length [s].
-        profiles: axis -> its command.
-    """
-
-    seconds: float
-    profiles: Mapping[str, Profile]
+    seconds: float  # length [s]
+    profiles: Mapping[str, Profile]  # axis -> its command
 
     def at(self, t: Floats, axes: Sequence[str]) -> tuple[Floats, Floats, Floats]:
         """Return position, velocity and acceleration, each of shape (n, len(axes))."""

@@ -29,12 +29,10 @@ def load_model(urdf: Path | str, joints: Sequence[str]) -> pin.Model:
         MachineError: the file cannot be read, or a joint does not exist.
     """
     text = str(urdf)
-    where = "URDF text" if text.lstrip().startswith("<") else text
+    inline = text.lstrip().startswith("<")
+    where = "URDF text" if inline else text
     try:
-        if where == text:
-            model = pin.buildModelFromUrdf(text)
-        else:
-            model = pin.buildModelFromXML(text)
+        model = pin.buildModelFromXML(text) if inline else pin.buildModelFromUrdf(text)
     except (ValueError, RuntimeError) as error:
         raise MachineError(f"{where}: not a URDF that Pinocchio can read: {error}") from None
     known = list(model.names)[1:]

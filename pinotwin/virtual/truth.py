@@ -15,89 +15,52 @@ from pinotwin.virtual.axis_truth import AxisTruth
 
 @dataclass(frozen=True)
 class Passive:
-    """Spring and damper on a joint without motor.
+    """Spring and damper on a joint without motor."""
 
-    Attributes:
-        frequency: natural frequency at home with all motors held [Hz]; sets ``stiffness``.
-        stiffness: [N/m or N·m/rad].
-        damping_ratio: at that frequency [-]; sets ``damping``.
-        damping: [N·s/m or N·m·s/rad].
-        hardening: cubic stiffness [N/m³ or N·m/rad³].
-        hysteresis: Coulomb level of a bristle beside the spring [N or N·m].
-        hysteresis_width: deflection over which it builds up [m or rad].
-    """
-
-    frequency: float | None = None
-    stiffness: float | None = None
-    damping_ratio: float = 0.03
-    damping: float | None = None
-    hardening: float = 0.0
-    hysteresis: float = 0.0
-    hysteresis_width: float = 1e-4
+    frequency: float | None = None  # natural frequency at home with all motors held [Hz]; sets stiffness
+    stiffness: float | None = None  # [N/m or N·m/rad]
+    damping_ratio: float = 0.03  # at that frequency [-]; sets damping
+    damping: float | None = None  # [N·s/m or N·m·s/rad]
+    hardening: float = 0.0  # cubic stiffness [N/m³ or N·m/rad³]
+    hysteresis: float = 0.0  # Coulomb level of a bristle beside the spring [N or N·m]
+    hysteresis_width: float = 1e-4  # deflection over which it builds up [m or rad]
 
 
 @dataclass(frozen=True)
 class Payload:
-    """A mass that the URDF does not know.
+    """A mass that the URDF does not know."""
 
-    Attributes:
-        joint: joint whose body carries it.
-        mass: [kg].
-        centre: in the joint frame [m].
-    """
-
-    joint: str
-    mass: float
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    joint: str  # joint whose body carries it
+    mass: float  # [kg]
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # in the joint frame [m]
 
 
 @dataclass(frozen=True)
 class Pulse:
-    """A half-sine load on a link, in world axes.
+    """A half-sine load on a link, in world axes."""
 
-    Attributes:
-        link: link of the URDF; the load acts at its frame.
-        time: start [s].
-        duration: [s].
-        force: peak force [N].
-        moment: peak moment [N·m].
-        logged: whether the log holds it.
-    """
-
-    link: str
-    time: float
-    duration: float
-    force: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    moment: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    logged: bool = True
+    link: str  # link of the URDF; the load acts at its frame
+    time: float  # start [s]
+    duration: float  # [s]
+    force: tuple[float, float, float] = (0.0, 0.0, 0.0)  # peak force [N]
+    moment: tuple[float, float, float] = (0.0, 0.0, 0.0)  # peak moment [N·m]
+    logged: bool = True  # whether the log holds it
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The whole sealed truth.
+    """The whole sealed truth."""
 
-    Attributes:
-        seed: of everything that is drawn once per machine.
-        control_rate: [Hz].
-        log_rate: [Hz].
-        substeps: integration steps per control period; None chooses from the stiffest element.
-        inertial_error: smallest and largest relative error of the shipped inertials [-].
-        scatter: relative run-to-run scatter of Coulomb and viscous friction [-].
-        coupled: False removes every inertial coupling between the axes.
-        axes: per axis.
-        passive: per passive joint.
-        payload: masses that the URDF does not know.
-        external: loads on links.
-    """
-
-    seed: int = 0
-    control_rate: float = 4000.0
-    log_rate: float = 500.0
+    seed: int = 0  # of everything that is drawn once per machine
+    control_rate: float = 4000.0  # [Hz]
+    log_rate: float = 500.0  # [Hz]
+    # integration steps per control period; None chooses from the stiffest element
     substeps: int | None = None
+    # smallest and largest relative error of the shipped inertials [-]
     inertial_error: tuple[float, float] = (0.10, 0.20)
-    scatter: float = 0.01
-    coupled: bool = True
-    axes: Mapping[str, AxisTruth] = field(default_factory=dict)
-    passive: Mapping[str, Passive] = field(default_factory=dict)
-    payload: tuple[Payload, ...] = ()
-    external: tuple[Pulse, ...] = ()
+    scatter: float = 0.01  # relative run-to-run scatter of Coulomb and viscous friction [-]
+    coupled: bool = True  # False removes every inertial coupling between the axes
+    axes: Mapping[str, AxisTruth] = field(default_factory=dict)  # per axis
+    passive: Mapping[str, Passive] = field(default_factory=dict)  # per passive joint
+    payload: tuple[Payload, ...] = ()  # masses that the URDF does not know
+    external: tuple[Pulse, ...] = ()  # loads on links

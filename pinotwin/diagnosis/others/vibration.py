@@ -25,7 +25,7 @@ from pinotwin.logs.prepared import Prepared
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
-from pinotwin.signals.band import edge_rows, vibration_band
+from pinotwin.signals.filters import edge_rows, vibration_band
 from pinotwin.solve.sandwich import block_covariance
 from pinotwin.twin import Twin
 

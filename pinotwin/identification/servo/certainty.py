@@ -8,19 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.identification.servo.output_error import CORRELATED, Found, misfit
+from pinotwin.identification.servo.output_error import Found, misfit
 from pinotwin.identification.servo.problem import AS_FOUND, PLANT, USUAL, AxisProblem
 from pinotwin.loop.roots import Roots
 from pinotwin.loop.servo import DISTANCE, SHAPES, Servo
 from pinotwin.solve.sandwich import batch_means
 
-ALIKE = 0.2
-"""Standard deviation of the logarithm of a shape among the axes of one control, at least."""
-CLOCK = 1.5e-4
-"""Doubt of when a drive adds up its integral, before or after it is used: half a control period of 2 to 8 kHz [s].
-
-kp and 1/ti are nearly equal roots: 0.5 to 1 % of kv, which is what this makes, are 3 to 5 % of them.
-"""
 LAW_ERROR, FORWARD_ERROR = 1.5, 4.0
 """Standard error of a feedback gain and of the acceleration's feed-forward, as a share of itself, for each share
 of the tracking error that the law misses on rows not fitted: a notch or a filter that it does not have bends its
@@ -28,24 +21,22 @@ gains, and no scatter of the rows shows that."""
 FORM_ERROR, FORM_FORWARD = 0.005, 0.01
 """The same of a law from its own moments, whatever it misses: a drive differences, filters and adds up at its clock,
 the law does so in continuous time (half a control period is 0.5 % of the time in which a loop of 10 Hz settles)."""
-SAME_GAIN = 0.02
-"""Two searches whose kp differ by less found the same."""
-AS_GOOD = 1.1
-"""Cost, over the lowest, up to which another cascade counts as fitting as well.
-
-Far more than the noise of a log would allow: what is wrong with the plant decides between the two as well.
-"""
-WEIGHT = 0.02
-"""Error that a set-point weight may have: on known drives kp and 1/ti were found exchanged at less."""
 PLANT_ERROR = {"inertia": 0.01, "viscous": 0.02, "dry": 0.02, "fading": 0.2}
 """Standard errors of the identified plant that its gains take up: friction scatters by 1 to 2 % from run to run."""
 
 
-def shared(found: Sequence[Found]) -> list[dict[str, tuple[float, float]]]:
+def shared(
+    found: Sequence[Found], alike: float = 0.2, correlated: float = 20.0
+) -> list[dict[str, tuple[float, float]]]:
     """Return usual shapes for every axis: what the other axes show, beside what drives have.
 
     The axes of one control mostly share its clock, its filters and its kind of current loop. Where an axis'
     own log tells nothing of a lag, the others' is a better guess than a usual one; where it does, that wins.
+
+    Args:
+        found: the controllers.
+        alike: least standard deviation of the logarithm of a shape among them.
+        correlated: rows of residual that tell as much as one independent row.
     """
     logs, told = {}, {}
     for k, f in enumerate(found):
@@ -53,7 +44,7 @@ def shared(found: Sequence[Found]) -> list[dict[str, tuple[float, float]]]:
         rows = len(f.residual) // 2
         for i, name in enumerate(f.search.names):
             if name in SHAPES:
-                variance = V[i] * CORRELATED / max(rows, 1) * f.cost / 2.0
+                variance = V[i] * correlated / max(rows, 1) * f.cost / 2.0
                 logs[k, name] = float(np.log(getattr(f.servo, name)))
                 told[k, name] = max(1.0 / max(variance, 1e-12) - 1.0 / USUAL[name][1] ** 2, 0.0)
     out = []
@@ -65,7 +56,7 @@ def shared(found: Sequence[Found]) -> list[dict[str, tuple[float, float]]]:
             if w.sum() <= 0.0:
                 continue
             mean = float(w @ x / w.sum())
-            width = max(1.0 / w.sum() + float(w @ (x - mean) ** 2 / w.sum()), ALIKE**2)
+            width = max(1.0 / w.sum() + float(w @ (x - mean) ** 2 / w.sum()), alike**2)
             weights = 1.0 / USUAL[name][1] ** 2, 1.0 / width
             middle = (weights[0] * np.log(USUAL[name][0]) + weights[1] * mean) / sum(weights)
             usual[name] = (float(np.exp(middle)), float(np.sqrt(1.0 / sum(weights))))
@@ -73,17 +64,17 @@ def shared(found: Sequence[Found]) -> list[dict[str, tuple[float, float]]]:
     return out
 
 
-def same_gains(a: Servo, b: Servo) -> bool:
-    """Whether two searches ended at one point: kp alike."""
+def same_gains(a: Servo, b: Servo, share: float = 0.02) -> bool:
+    """Whether two searches ended at one point: kp alike to a share of itself."""
     x, y = a.cascade()["kp"], b.cascade()["kp"]
-    return abs(x - y) < SAME_GAIN * max(abs(x), abs(y))
+    return abs(x - y) < share * max(abs(x), abs(y))
 
 
 def spread(p: AxisProblem, found: Found) -> Floats:
     """Return the covariance of what was searched, shape (k, k).
 
     From the scores of blocks of rows longer than their memory, the belief in usual shapes, errors of the
-    size that counts as none (:data:`QUIET`; a law is never exact), and what is not known of the plant itself
+    size that counts as none (a law is never exact), and what is not known of the plant itself
     (:data:`PLANT_ERROR`), whose error the gains take up.
     """
     n, count = len(found.residual), len(found.x)
@@ -92,7 +83,7 @@ def spread(p: AxisProblem, found: Found) -> Floats:
     scores = (J * left[:, None]).reshape(-1, 2, count).sum(axis=1)
     H = found.jacobian.T @ found.jacobian
     inverse = np.linalg.pinv(H, hermitian=True)
-    share = CORRELATED / max(n // 2, 1)
+    share = p.correlated / max(n // 2, 1)
     total = batch_means(H, scores, count, n)[0] + inverse @ (own.T @ own) @ inverse * share + inverse * share
     measured = misfit(p, found.servo)
     for name, error in PLANT_ERROR.items():
@@ -104,7 +95,9 @@ def spread(p: AxisProblem, found: Found) -> Floats:
     return np.asarray(total)
 
 
-def with_errors(p: AxisProblem, found: Found, rivals: Sequence[Found], missed: float | None) -> Servo:
+def with_errors(
+    p: AxisProblem, found: Found, rivals: Sequence[Found], missed: float | None, as_good: float = 1.1
+) -> Servo:
     """Return the controller with the standard errors of its gains and shapes, and the cascade as good.
 
     Args:
@@ -113,6 +106,8 @@ def with_errors(p: AxisProblem, found: Found, rivals: Sequence[Found], missed: f
         rivals: the same form, found from the other side of the double root.
         missed: error of e on rows not fitted, as a share of its RMS; None for a law from its own moments, which an
             error of the plant does not reach and which tell the two sides apart.
+        as_good: cost, over the lowest, up to which another cascade fits as well. Far more than the noise of a log
+            would allow: what is wrong with the plant decides between the two as well.
     """
     servo, cov = found.servo, spread(p, found)
     names = list(_told(servo))
@@ -130,11 +125,11 @@ def with_errors(p: AxisProblem, found: Found, rivals: Sequence[Found], missed: f
         other = servo.cascades()[1]
     from_moments = missed is None
     for rival in rivals:
-        if servo.form == "cascade" and (from_moments or rival.cost < AS_GOOD * found.cost):
+        if servo.form == "cascade" and (from_moments or rival.cost < as_good * found.cost):
             other = rival.servo.cascade()
     if servo.form == "cascade" and not other and not from_moments:
-        # the other way round, with a set-point weight the output error does not tell from 1
-        other = next((f for f in servo.cascades()[1:] if abs(f["weight"] - 1.0) < WEIGHT), {})
+        # the other way round, with a set-point weight the output error does not tell from 1: it errs by 2 %
+        other = next((f for f in servo.cascades()[1:] if abs(f["weight"] - 1.0) < 0.02), {})
     return replace(servo, errors=told, other=other)
 
 
@@ -151,17 +146,21 @@ def _told(servo: Servo) -> dict[str, float]:
     return {**middle, **both, **out}
 
 
-def doubted(servo: Servo, errors: Mapping[str, float], missed: float | None) -> dict[str, float]:
+def doubted(
+    servo: Servo, errors: Mapping[str, float], missed: float | None, clock: float = 1.5e-4
+) -> dict[str, float]:
     """Return standard errors with those of the form of the law: its clock, and what it misses of e.
 
     Args:
         servo: the controller.
         errors: that its rows' scatter makes.
         missed: error of e on rows not fitted, as a share of its RMS; None for a law from its own moments.
+        clock: doubt of when a drive adds up its integral, before or after it is used: half a control period of 2 to
+            8 kHz [s]. kp and 1/ti are nearly equal roots: this is 0.5 to 1 % of kv, and 3 to 5 % of them.
     """
     found, moved = _told(servo), {}
     if servo.form != "pid":
-        moved = _told(replace(servo, velocity_lag=servo.velocity_lag + CLOCK))
+        moved = _told(replace(servo, velocity_lag=servo.velocity_lag + clock))
     A, B = (abs(servo.gains[i] / servo.gains[2]) if servo.gains[2] != 0.0 else 0.0 for i in (0, 1))
     size = {**{k: abs(x) for k, x in found.items()}, DISTANCE: float(np.hypot(2.0 * A**2, 4.0 * B))}
     out, apart = dict(errors), ("kp", "rate", DISTANCE) if DISTANCE in errors else ()
@@ -172,6 +171,6 @@ def doubted(servo: Servo, errors: Mapping[str, float], missed: float | None) -> 
             law = (FORWARD_ERROR if name == "ffa" else LAW_ERROR) * min(missed, 1.0)
         else:  # kp and 1/ti have their doubt from the clock, as far as they are apart
             law = 0.0 if name in apart else FORM_FORWARD if name == "ffa" else FORM_ERROR
-        clock = moved.get(name, found[name]) - found[name]
-        out[name] = float(np.sqrt(errors[name] ** 2 + clock**2 + (law * size[name]) ** 2))
+        late = moved.get(name, found[name]) - found[name]
+        out[name] = float(np.sqrt(errors[name] ** 2 + late**2 + (law * size[name]) ** 2))
     return out

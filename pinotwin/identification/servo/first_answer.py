@@ -13,14 +13,12 @@ import scipy
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import free_gains, misfit
-from pinotwin.identification.servo.problem import FINE, AxisProblem
+from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop.servo import Servo
 from pinotwin.simulation.law import biquad
 
 NOTCHES = (60.0, 75.0, 95.0, 120.0, 150.0, 190.0)
 """Frequencies at which a notch is looked for [Hz]."""
-NOTCHED = 3
-"""Most places of a notch that are searched: those whose start predicts best."""
 NOTCH = (0.1, 0.6)
 """Damping ratios of its zeros and poles, to start with."""
 LAGS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
@@ -85,18 +83,18 @@ def proportional(p: AxisProblem, near: Servo) -> Servo:
     return replace(servo, offset=float(np.mean(np.concatenate(parts))))
 
 
-def starts(p: AxisProblem) -> list[Servo]:
+def starts(p: AxisProblem, places: int = 3) -> list[Servo]:
     """Return laws by least squares that keep the simulated axis on its command.
 
-    One without a notch and one for each place of it; the velocity's filter from a few trials.
+    One without a notch and one for each of the places where it predicts best; the velocity's filter from a few trials.
     """
     columns = _columns(p)
     found = []
-    for notch in ((0.0, 0.0, 1.0), *((f, *NOTCH) for f in NOTCHES if f < 0.4 / FINE)):
+    for notch in ((0.0, 0.0, 1.0), *((f, *NOTCH) for f in NOTCHES)):
         forms = [Servo((0.0,) * 6, lag, OUTPUT_LAG, notch, DEAD, step=p.step) for lag in LAGS]
         servo = min((_solved(p, form, columns) for form in forms), key=lambda x: x[0])[1]
         r = misfit(p, servo)
         found.append((np.inf if r is None else float(r @ r), servo))
     plain, *notched = found
-    likely = sorted(notched, key=lambda x: x[0])[:NOTCHED]
+    likely = sorted(notched, key=lambda x: x[0])[:places]
     return [servo for cost, servo in (plain, *likely) if np.isfinite(cost)]

@@ -15,15 +15,8 @@ from pinotwin.arrays import Floats
 from pinotwin.identification.servo.output_error import Search
 from pinotwin.identification.servo.problem import AxisProblem
 from pinotwin.loop.servo import Servo
-from pinotwin.signals.autoregression import burg
+from pinotwin.signals.noise import burg
 from pinotwin.simulation.law import LONGEST, biquad
-
-CLOCK = 5e-4
-"""Internal step [s]: the laws of drives are smooth over it, whose fastest parts are lags of a few of them."""
-ORDER = 0.06
-"""Memory of the autoregression that whitens the effort's error [s]."""
-DIFFERENCE = 1e-4
-"""Step of a slope over a shape, in units of :class:`Search`."""
 
 
 @dataclass(frozen=True)
@@ -58,19 +51,27 @@ class LawAlone:
     whitener: Floats
 
     @classmethod
-    def of(cls, p: AxisProblem, servo: Servo) -> LawAlone | None:
-        """Return the windows of an axis, simulated under a controller; None where it runs away."""
-        substeps = max(1, int(np.ceil(p.step / CLOCK - 1e-9)))
-        stretches = []
-        for s in p.windows:
-            made = _stretch(p, servo, s, substeps)
-            if made is None:
-                return None
-            stretches.append(made)
+    def of(cls, p: AxisProblem, servo: Servo, clock: float = 5e-4, memory: float = 0.06) -> LawAlone | None:
+        """Return the windows of an axis, simulated under a controller; None where it runs away.
+
+        Args:
+            p: the axis.
+            servo: the controller.
+            clock: longest internal step [s]: the laws of drives are smooth over it, whose fastest parts are lags of
+                a few of them.
+            memory: of the autoregression that whitens the effort's error [s].
+        """
+        substeps = max(1, int(np.ceil(p.step / clock - 1e-9)))
+        stretches = [made for s in p.windows if (made := _stretch(p, servo, s, substeps)) is not None]
+        if len(stretches) < len(p.windows):
+            return None
         plain = cls(tuple(stretches), p.step / substeps, substeps, p.skip, np.ones(1))
         rows = min(len(s.u) for s in stretches) - p.skip
-        order = min(int(ORDER / p.step), rows // 10)
-        return replace(plain, whitener=_whitener(plain.residual(servo), order)) if order > 0 else plain
+        order = min(int(memory / p.step), rows // 10)
+        if order <= 0:
+            return plain
+        left = [r - r.mean() for r in plain.residual(servo)]
+        return replace(plain, whitener=np.concatenate([[1.0], -burg(left, order)[0]]))
 
     def residual(self, servo: Servo) -> list[Floats]:
         """Return what the law leaves of the measured effort of every window."""
@@ -107,14 +108,14 @@ class LawAlone:
             X = scipy.signal.lfilter(b[:3], [1.0, b[3], b[4]], X - X[..., :1]) + X[..., :1]
         return _low(X, servo.output_lag, self.h)[..., :: self.substeps]
 
-    def _slopes(self, X: Floats, search: Search, x: Floats) -> Floats:
-        """Return the slopes of the law's effort over what is searched, shape (k, n)."""
+    def _slopes(self, X: Floats, search: Search, x: Floats, size: float = 1e-4) -> Floats:
+        """Return the slopes of the law's effort over what is searched, shape (k, n), by differences of a size."""
         servo = search.servo(x)
         seen, gains = self._seen(X, servo), np.array(servo.gains)
         columns, effort = self._out(seen, servo), gains @ seen
         out = np.zeros((len(x), columns.shape[1]))
         for i, name in enumerate(search.names):
-            step = DIFFERENCE * np.eye(len(x))[i]
+            step = size * np.eye(len(x))[i]
             ahead, behind = search.servo(x + step), search.servo(x - step)
             out[i] = (np.array(ahead.gains) - np.array(behind.gains)) @ columns
             if name == "velocity_lag":
@@ -122,7 +123,7 @@ class LawAlone:
                 out[i] += self._out(gains[2] * late, servo)
             elif name == "output_lag" or name.startswith("notch"):
                 out[i] += self._out(effort, ahead) - self._out(effort, behind)
-        return out / (2.0 * DIFFERENCE)
+        return out / (2.0 * size)
 
 
 def _stretch(p: AxisProblem, servo: Servo, s: slice, substeps: int) -> Stretch | None:
@@ -152,7 +153,3 @@ def _low(x: Floats, lag: float, h: float) -> Floats:
         return x
     b, a = h / (2.0 * lag + h), (h - 2.0 * lag) / (2.0 * lag + h)
     return np.asarray(scipy.signal.lfilter([b, b], [1.0, a], x - x[..., :1]) + x[..., :1])
-
-
-def _whitener(parts: list[Floats], order: int) -> Floats:
-    return np.concatenate([[1.0], -burg([r - r.mean() for r in parts], order)[0]])

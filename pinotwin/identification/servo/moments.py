@@ -21,28 +21,12 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.identification.servo.law_alone import LawAlone
-from pinotwin.identification.servo.output_error import CORRELATED, Found, Search, polish, search_of
+from pinotwin.identification.servo.output_error import Found, Search, polish, search_of
 from pinotwin.identification.servo.problem import USUAL, AxisProblem
 from pinotwin.loop.servo import SHAPES, Servo
 
-BLOCK = 0.2
-"""Length of the blocks whose scores count as independent [s]."""
-TURNS, CLOSE, ROUGH, LONGEST = 20, 1e-4, 1e-2, 0.3
-"""Most steps of the search, the step at which it ends, at which it may, and the longest one, in units of the search."""
-RENEWED = 4
-"""Steps at which the instruments follow; then they stay: any near the answer are as good."""
 LATER = (0.7, 1.4)
 """Shares of the velocity's lag from which a cascade is searched: each way round it has one of its own."""
-APART = 0.04
-"""Cascades whose kp or 1/ti differ by a larger share are two answers."""
-MET = 0.01
-"""A search that comes this close to an answer that is known ends there as well; roots as close are one."""
-TELLS = 25.0
-"""Rise of the law's whitened squared error, over its variance, at which the other way round of kp and 1/ti is out."""
-PLANT_SHARE = 30.0
-"""The output error's covariance counts this many times: what is wrong with the plant is not scatter."""
-STEPS = 12
-"""Steps of the search in which the output error settles what the moments leave open."""
 Usual = Mapping[str, tuple[float, float]]
 
 
@@ -67,8 +51,16 @@ class Solved:
         return (self.error / other.error - 1.0) * other.rows
 
 
-def solve(
-    law: LawAlone, start: Servo, usual: Usual, block: int, known: Sequence[Servo] = ()
+def solve(  # noqa: PLR0913, its last numbers say when a search has ended
+    law: LawAlone,
+    start: Servo,
+    usual: Usual,
+    known: Sequence[Servo] = (),
+    turns: int = 20,
+    renewed: int = 4,
+    close: float = 1e-4,
+    rough: float = 1e-2,
+    longest: float = 0.3,
 ) -> Solved | None:
     """Return the law of a form whose moments vanish, or None where the search ends at a known one, or not at all.
 
@@ -79,36 +71,40 @@ def solve(
         law: the windows.
         start: where the search begins; its form is kept.
         usual: shapes that are usual.
-        block: rows whose scores count as one.
         known: answers of the same form.
+        turns: most steps.
+        renewed: steps at which the instruments follow; then they stay: any near the answer are as good.
+        close: step at which the search ends, in units of the search.
+        rough: step beyond which the last one is no end.
+        longest: step.
     """
     search, x = search_of(start)
     P, servo, moved = np.diag([_precision(name, usual) for name in search.names]), start, np.inf
     middle = np.array([_middle(search, name, usual) for name in search.names])
     Z, W = law.instruments(search, x), P
-    for turn in range(TURNS):
-        if 0 < turn < RENEWED:
+    for turn in range(turns):
+        if 0 < turn < renewed:
             Z = law.instruments(search, x)
         r = law.left(search.servo(x))
-        A, W = Z.T @ Z, np.linalg.pinv(_scatter(Z, r, block), hermitian=True)
+        A, W = Z.T @ Z, np.linalg.pinv(_scatter(Z, r, law), hermitian=True)
         try:
             move = np.linalg.solve(P + A.T @ W @ A, A.T @ W @ (Z.T @ r) - P @ (x - middle))
         except np.linalg.LinAlgError:  # windows between holes that tell nothing of a gain
             return None
-        x = x + move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-300))
+        x = x + move * min(1.0, longest / max(float(np.abs(move).max()), 1e-300))
         if not np.isfinite(x).all():
             return None
         servo = search.servo(x)
         moved = float(np.abs(move * [_weight(name, servo, law.h) for name in search.names]).max())
-        if moved < CLOSE:
+        if moved < close:
             break
-        if any(_same(servo, other, MET) for other in known):
+        if any(_same(servo, other, 0.01) for other in known):
             return None
-    if moved > ROUGH:
+    if moved > rough:
         return None
     r = law.left(servo)
     Z = law.instruments(*search_of(servo))
-    A, W = Z.T @ Z, np.linalg.pinv(_scatter(Z, r, block), hermitian=True)
+    A, W = Z.T @ Z, np.linalg.pinv(_scatter(Z, r, law), hermitian=True)
     size, axes = np.linalg.eigh(A.T @ W @ A)
     root = np.sqrt(np.maximum(size, 0.0))[:, None] * axes.T
     return Solved(servo, root, float(r @ r), len(r))
@@ -119,8 +115,9 @@ def _weight(name: str, servo: Servo, h: float) -> float:
     return min(1.0, getattr(servo, name) / h) if name in SHAPES else 1.0
 
 
-def _scatter(Z: Floats, r: Floats, block: int) -> Floats:
-    """Return the covariance of Z' r from the sums of blocks, (k, k)."""
+def _scatter(Z: Floats, r: Floats, law: LawAlone, seconds: float = 0.2) -> Floats:
+    """Return the covariance of Z' r from the sums of blocks of a length, whose scores count as independent, (k, k)."""
+    block = max(1, int(seconds / (law.h * law.substeps)))
     sums = np.add.reduceat(Z * r[:, None], np.arange(0, len(r), block))
     return np.asarray(sums.T @ sums)
 
@@ -139,16 +136,16 @@ def _middle(search: Search, name: str, usual: Usual) -> float:
     return float(np.log(usual[name][0] / begun))
 
 
-def answers(law: LawAlone, servo: Servo, usual: Usual, block: int) -> list[Solved]:
+def answers(law: LawAlone, servo: Servo, usual: Usual) -> list[Solved]:
     """Return the laws of a form whose moments vanish, the least error first; of a cascade either way round."""
     begun = [servo]
     if servo.form == "cascade":
-        free = solve(law, replace(servo, form="general"), usual, block)
+        free = solve(law, replace(servo, form="general"), usual)
         begun += [] if free is None else _cascades(free.servo)
     found: list[Solved] = []
     for start in begun:
         known = [f.servo for f in found]
-        answer = solve(law, start, usual, block, known)
+        answer = solve(law, start, usual, known)
         if answer is not None and not any(_same(answer.servo, other) for other in known):
             found.append(answer)
     return sorted(found, key=lambda f: f.error)
@@ -158,18 +155,19 @@ def _cascades(servo: Servo) -> list[Servo]:
     """Return cascades of set-point weight 1 near a law, either way round, with two lags of the velocity each."""
     kept = {k: getattr(servo, k) for k in ("output_lag", "notch", "dead", "step")}
     ways = servo.cascades()
-    if len(ways) == 2 and abs(ways[0]["rate"] - ways[1]["rate"]) < MET * ways[0]["rate"]:  # a double root
+    if len(ways) == 2 and abs(ways[0]["rate"] - ways[1]["rate"]) < 0.01 * ways[0]["rate"]:  # a double root
         ways = ways[:1]
     named = [{k: x for k, x in c.items() if k != "weight"} for c in ways]
     return [Servo.of_cascade(**c, velocity_lag=f * servo.velocity_lag, **kept) for c in named for f in LATER]
 
 
-def _same(a: Servo, b: Servo, apart: float = APART) -> bool:
+def _same(a: Servo, b: Servo, apart: float = 0.04) -> bool:
+    """Whether two cascades are one answer: kp and 1/ti alike."""
     x, y = a.named(), b.named()
     return all(abs(x[k] - y[k]) < apart * abs(y[k]) for k in ("kp", "rate") if k in x)
 
 
-def by_moments(p: AxisProblem, near: Servo) -> list[Found]:
+def by_moments(p: AxisProblem, near: Servo, tells: float = 25.0, steps: int = 12) -> list[Found]:
     """Return the controller that the moments speak for, after it what they speak for as well; or none.
 
     Two ways round of kp and 1/ti between which the law's error does not tell are ordered with the output error,
@@ -178,21 +176,23 @@ def by_moments(p: AxisProblem, near: Servo) -> list[Found]:
     Args:
         p: the axis.
         near: its controller, from the output error; its form is kept.
+        tells: rise of the law's whitened squared error, over its variance, at which an answer is out.
+        steps: of the search in which the output error settles what the moments leave open.
     """
-    near = _without_feedforward(p, near) or near
+    near = _without_feedforward(p, near, tells, steps) or near
     law, q = LawAlone.of(p, near), beside_moments(p)
-    solved = [] if law is None else answers(law, near, USUAL, max(1, int(BLOCK / p.step)))
-    likely = [s for s in solved if s.worse(solved[0]) < TELLS]
-    found = [(s, polish(q, s.servo, steps=STEPS, known=s.information)) for s in likely]
+    solved = [] if law is None else answers(law, near, USUAL)
+    likely = [s for s in solved if s.worse(solved[0]) < tells]
+    found = [(s, polish(q, s.servo, steps=steps, known=s.information)) for s in likely]
 
     def doubt(s: Solved, f: Found) -> float:
-        return s.worse(solved[0]) + f.cost * len(f.residual) / (2.0 * CORRELATED)
+        return s.worse(solved[0]) + f.cost * len(f.residual) / (2.0 * p.correlated)
 
     kept = [(doubt(s, f), f) for s, f in found if f is not None and p.holds(f.servo)]
     return [f for _, f in sorted(kept, key=lambda pair: pair[0])]
 
 
-def _without_feedforward(p: AxisProblem, near: Servo) -> Servo | None:
+def _without_feedforward(p: AxisProblem, near: Servo, tells: float, steps: int) -> Servo | None:
     """Return a proportional law without its feed-forward; None where its own error speaks for feed-forward.
 
     Behind its command an axis without an integral has e, v and vr nearly in one ratio: feed-forward that the drive
@@ -201,18 +201,17 @@ def _without_feedforward(p: AxisProblem, near: Servo) -> Servo | None:
     e, _, v, *forward = near.gains
     if near.form != "proportional" or not any(forward):
         return None
-    bare = polish(p, replace(near, gains=(e, 0.0, v, 0.0, 0.0, 0.0)), steps=STEPS)
+    bare = polish(p, replace(near, gains=(e, 0.0, v, 0.0, 0.0, 0.0)), steps=steps)
     law = None if bare is None else LawAlone.of(p, bare.servo)
     if bare is None or law is None:
         return None
-    block = max(1, int(BLOCK / p.step))
-    plain, ahead = (solve(law, s, USUAL, block) for s in (bare.servo, near))
+    plain, ahead = (solve(law, s, USUAL) for s in (bare.servo, near))
     r = law.left(near)
     least = min(float(r @ r), np.inf if ahead is None else ahead.error)
-    told = plain is not None and (plain.error / least - 1.0) * plain.rows < TELLS
+    told = plain is not None and (plain.error / least - 1.0) * plain.rows < tells
     return bare.servo if told else None
 
 
-def beside_moments(p: AxisProblem) -> AxisProblem:
-    """Return the axis with its output error counted as what it is beside moments: wrong by the plant's errors."""
-    return replace(p, noise=np.sqrt(PLANT_SHARE) * p.noise)
+def beside_moments(p: AxisProblem, share: float = 30.0) -> AxisProblem:
+    """Return the axis with the output error's covariance counted as more: the plant's errors are not scatter."""
+    return replace(p, noise=np.sqrt(share) * p.noise)

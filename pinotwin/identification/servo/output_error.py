@@ -20,18 +20,9 @@ FORWARD = (-0.5, 1.5, 0.5)
 """Acceleration feed-forward that drives have, least and most, as shares of the axis' inertia, and the standard
 deviation of what is beyond; any within is as usual as another.
 
-A slow ramp does not tell it: without this one came out at eight times the inertia, and a faster command threw
-the simulated axis off (random drives of the tests, seed 8).
+A slow ramp does not tell it, and a faster command would throw the simulated axis off.
 """
 NAMED = ("kp", "kv", "rate", "ffv", "ffa")
-CORRELATED = 20.0
-"""Rows of residual that tell as much as one independent row."""
-STEPS, LONGEST = 12, 0.7
-"""Most steps of a search, and the longest of them: shares of a gain, or of a shape's logarithm."""
-ENOUGH, OFTEN = 1e-3, 2
-"""The search ends when a step brings less than this share so often in a row: one may be short where an axis sticks."""
-QUIET = 5e-4
-"""Error of a signal, as a share of its RMS, that is no worse than none."""
 
 
 @dataclass(frozen=True)
@@ -82,37 +73,21 @@ class Search:
 
 def search_of(servo: Servo, plant: Sequence[str] = (), offset_scale: float = 1.0) -> tuple[Search, Floats]:
     """Return the search and its start for the form of a controller."""
-    kept = free_gains(servo)
-    names = [f"gain{i}" for i in kept]
     g = np.array(servo.gains)
     typical = np.maximum(np.abs(g), 1e-12)
     typical[4] = max(abs(g[4]), 0.05 * abs(g[1]) * abs(g[2]) / max(abs(g[0]), 1e-12))
-    scale = [typical[i] for i in kept]
-    x = [g[i] / typical[i] for i in kept]
+    rows = [(f"gain{i}", typical[i], g[i] / typical[i]) for i in free_gains(servo)]
     if servo.form == "cascade":
         named = servo.cascade()
-        names += NAMED
-        scale += [abs(named[k]) or 1.0 for k in NAMED]
-        x += [named[k] / (abs(named[k]) or 1.0) for k in NAMED]
+        sizes = [(k, abs(named[k]) or 1.0) for k in NAMED]
+        rows += [(k, size, named[k] / size) for k, size in sizes]
     if servo.form == "proportional":
-        names.append("offset")
-        scale.append(offset_scale)
-        x.append(servo.offset / offset_scale)
-    for name in SHAPES:
-        value = getattr(servo, name)
-        if value > 0.0:
-            names.append(name)
-            scale.append(value)
-            x.append(0.0)
-    if servo.notch[0] > 0.0:
-        names += ["notch0", "notch1", "notch2"]
-        scale += [1.0] * 3
-        x += [0.0] * 3
-    for name in plant:
-        names.append(name)
-        scale.append(1.0)
-        x.append(0.0)
-    return Search(servo, tuple(names), np.array(scale)), np.array(x)
+        rows.append(("offset", offset_scale, servo.offset / offset_scale))
+    rows += [(k, getattr(servo, k), 0.0) for k in SHAPES if getattr(servo, k) > 0.0]
+    logarithms = ["notch0", "notch1", "notch2"] if servo.notch[0] > 0.0 else []
+    rows += [(k, 1.0, 0.0) for k in (*logarithms, *plant)]
+    names, scale, x = zip(*rows, strict=True)
+    return Search(servo, names, np.array(scale)), np.array(x)
 
 
 def free_gains(form: Servo) -> list[int]:
@@ -162,7 +137,7 @@ def polish(
     p: AxisProblem,
     servo: Servo,
     plant: Sequence[str] = (),
-    steps: int = STEPS,
+    steps: int = 12,
     known: Floats | None = None,
 ) -> Found | None:
     """Return the controller that predicts e and u best, by Levenberg-Marquardt from a start.
@@ -181,7 +156,7 @@ def polish(
     search, x = search_of(servo, plant, float(p.sizes[1]))
     begun = x
     rows = sum(s.stop - s.start - p.skip for s in p.windows)
-    doubt = np.sqrt(CORRELATED / max(rows, 1))
+    doubt = np.sqrt(p.correlated / max(rows, 1))
     guarded = p.holds(servo)
 
     def allowed(x: Floats) -> bool:
@@ -194,55 +169,58 @@ def polish(
         told = [search.doubt(x, p.usual, p.inertia), *([] if known is None else [known @ (x - begun)])]
         return np.concatenate([r, doubt * np.concatenate(told)])
 
-    def slope(x: Floats, r: Floats) -> Floats:
-        return differences(at, x, r, p.step_of_slopes)
-
-    found = descend(at, slope, x, allowed, steps)
+    found = descend(at, p.step_of_slopes, x, allowed, steps)
     if found is None:
         return None
     x, r = found
-    cost = float(r @ r)
-    return Found(
-        search.servo(x), cost, search.extra(x), x, lambda: slope(x, r), r[: 2 * rows], search, p.noise
-    )
+
+    def slopes() -> Floats:
+        return differences(at, x, r, p.step_of_slopes)
+
+    return Found(search.servo(x), float(r @ r), search.extra(x), x, slopes, r[: 2 * rows], search, p.noise)
 
 
 def descend(
     at: Callable[[Floats], Floats | None],
-    slope: Callable[[Floats, Floats], Floats],
+    size: float,
     x: Floats,
     allowed: Callable[[Floats], bool],
-    steps: int = STEPS,
+    steps: int,
+    longest: float = 0.7,
+    enough: float = 1e-3,
 ) -> tuple[Floats, Floats] | None:
     """Return where a sum of squares is least near a start, and its residuals there (Levenberg-Marquardt).
 
     Args:
         at: residuals at a point, or None where there are none.
-        slope: their slopes at a point where they are known, shape (m, k).
+        size: of the differences that make their slopes.
         x: the start, each coordinate in a size of its own.
         allowed: where a step may end.
         steps: most steps.
+        longest: step: a share of a gain, or of a shape's logarithm.
+        enough: the search ends when two steps in a row bring less than this share: one may be short where an axis
+            sticks.
     """
     r = at(x)
     if r is None:
         return None
     damping, cost, small = 1e-3, float(r @ r), 0
     for _ in range(steps):
-        J = slope(x, r)
+        J = differences(at, x, r, size)
         A, g, trial, move = J.T @ J, J.T @ r, None, x
         for _ in range(9):
             full = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-12), -g)
-            move = np.asarray(full * min(1.0, LONGEST / max(float(np.abs(full).max()), 1e-300)), dtype=float)
+            move = np.asarray(full * min(1.0, longest / max(float(np.abs(full).max()), 1e-300)), dtype=float)
             trial = at(x + move) if allowed(x + move) else None
             if trial is not None and float(trial @ trial) < cost:
                 break
             trial, damping = None, damping * 6.0
         if trial is None:
             break
-        small = small + 1 if float(trial @ trial) > (1.0 - ENOUGH) * cost else 0
+        small = small + 1 if float(trial @ trial) > (1.0 - enough) * cost else 0
         x, r, cost = x + move, trial, float(trial @ trial)
         damping = max(damping / 30.0, 1e-9)
-        if small == OFTEN:
+        if small == 2:
             break
     return x, r
 

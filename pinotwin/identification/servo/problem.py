@@ -16,11 +16,6 @@ from pinotwin.simulation.axis_kernel import Axis, Course
 from pinotwin.simulation.law import Law
 from pinotwin.simulation.state import Lookup
 
-FINE = 5e-4
-"""Clock of the law's columns and of the simulated axis [s], or the log's where that is finer."""
-SKIP = 0.25
-"""Beginning of a window that is not compared: its state was measured, with noise [s]."""
-TRAINED = 2.0 / 3.0
 USUAL = {
     "velocity_lag": (4e-4, 1.0),
     "output_lag": (2e-4, 1.0),
@@ -49,9 +44,9 @@ def _commands(step: float) -> Floats:
     return np.geomspace(SLOWEST, FASTEST / step, COMMANDS)
 
 
-def skipped(step: float) -> int:
-    """Return the rows at the beginning of a window that are not compared, ``step`` seconds apart."""
-    return int(SKIP / step)
+def skipped(step: float, seconds: float = 0.25) -> int:
+    """Return the rows, ``step`` seconds apart, that are not compared as a window begins: its state was measured."""
+    return int(seconds / step)
 
 
 @dataclass(frozen=True)
@@ -73,6 +68,9 @@ class AxisProblem:
         sizes: RMS of e and u over the windows, shape (2,).
         noise: share of it below which an error of e and u says nothing, shape (2,).
         usual: shapes that are usual, see :data:`USUAL`.
+        fine: longest internal step [s].
+        correlated: rows of residual that tell as much as one independent row.
+        quiet: error of a signal, as a share of its RMS, that is no worse than none.
     """
 
     step: float
@@ -86,12 +84,14 @@ class AxisProblem:
     viscous: float
     tables: Lookup
     windows: tuple[slice, ...]
-    fine: float = FINE
+    fine: float = 5e-4
     lead: tuple[slice, ...] = ()
     stretches: tuple[slice, ...] = ()
     sizes: Floats = field(default_factory=lambda: np.ones(2))
     noise: Floats = field(default_factory=lambda: np.ones(2))
     usual: Mapping[str, tuple[float, float]] = field(default_factory=lambda: USUAL)
+    correlated: float = 20.0
+    quiet: float = 5e-4
 
     @cached_property
     def _travel(self) -> float:
@@ -210,9 +210,9 @@ class AxisProblem:
         inertia, viscous = self.inertia * inertia, self.viscous * viscous
         return replace(self, inertia=inertia, viscous=viscous, tables=tables)
 
-    def split(self) -> tuple[AxisProblem, AxisProblem]:
+    def split(self, trained: float = 2.0 / 3.0) -> tuple[AxisProblem, AxisProblem]:
         """Return the part that structures are fitted to, and the part that judges them."""
-        cut = max(1, round(TRAINED * len(self.windows)))
+        cut = max(1, round(trained * len(self.windows)))
         first, last = self.windows[:cut], self.windows[cut:]
         judge = replace(self, windows=last, lead=first) if last else self.within(first[-1:])
         return self.within(first), judge

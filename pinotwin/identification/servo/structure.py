@@ -11,45 +11,32 @@ import numpy as np
 from pinotwin.identification.servo.certainty import same_gains, with_errors
 from pinotwin.identification.servo.first_answer import DEAD, LAGS, NOTCHES, OUTPUT_LAG, proportional, starts
 from pinotwin.identification.servo.moments import beside_moments, by_moments
-from pinotwin.identification.servo.output_error import QUIET, Found, misfit, polish
+from pinotwin.identification.servo.output_error import Found, misfit, polish
 from pinotwin.identification.servo.problem import AS_FOUND, USUAL, AxisProblem, Factors
 from pinotwin.loop.servo import SHAPES, Servo
 from pinotwin.simulation.law import LONGEST
 
-BEYOND = 1.5
-"""Factor by which a notch may end outside of these: further off it stands for a lag, or for nothing."""
-SIMPLER = 0.97
-"""A law with fewer gains is kept if it costs less than this on held-out windows."""
-SPREAD = 0.1
-"""Share by which kp and 1/ti of a double root are put apart to begin with."""
 MISSED, FAR = 0.2, 3.0
 """Error of e, as a share of its RMS on windows not fitted, and distance of a shape from usual ones [standard
 deviations], beyond which another start is tried."""
 BANDWIDTHS = (3.0, 6.0, 12.0, 24.0)
 """Of the position loop [Hz], to start from."""
 BRIEF, REPOLISH = 4, 4
-FITS = 4.0
-"""A law with fewer gains fits the windows it was searched on about as well as the others, its cost below this many
-times theirs: held-out windows that hardly move tell no law from another."""
+"""Steps of a search that only looks, and of one that goes on."""
 FORMS = ("proportional", "cascade", "pid")
 """Simpler laws, in the order in which they are preferred."""
-SLOW_INTEGRAL = 1.0
-"""Integral action slower than this is doubted: the law without it is tried [1/s]."""
-CLOSE = 0.005
-"""Error of e, as a share of its RMS, below which no notch is looked for."""
-NO_WORSE, LITTLE = 1.05, 0.002
-"""Gains from moments may raise a held-out error of e or u by this factor, or by this share of its RMS: they are
-nearer the truth, and the output error's hide errors of the plant."""
 STANDSTILL = ("fading", "distance")
 """Friction that shows about standstill, where an effort along a measured position tells it worst."""
-PAYS = 0.98
-"""A larger structure must bring the held-out error below this share of the smaller one's."""
 
 
 def look(
     p: AxisProblem,
     friction: tuple[str, ...],
     allowed: Callable[[Factors], bool],
+    *,
+    pays: float = 0.98,
+    simpler_pays: float = 0.97,
+    fits: float = 4.0,
 ) -> Found | None:
     """Return the form of an axis' controller with gains from its first windows, judged on the others.
 
@@ -57,6 +44,10 @@ def look(
         p: the axis.
         friction: which friction of :data:`PLANT` may be refined beside the controller.
         allowed: whether such factors leave the plant's own fit as good.
+        pays: a larger structure must bring the held-out error below this share of the smaller one's.
+        simpler_pays: a law with fewer gains is kept if the larger costs more than this share of its held-out error.
+        fits: a law with fewer gains fits its windows about as well, its cost below this many times the others':
+            held-out windows that hardly move tell no law from another.
 
     A notch is looked for where the law without one leaves something of e, and taken where it pays on
     windows that were not fitted. A law that does not hold the axis is none.
@@ -66,29 +57,29 @@ def look(
     best = next((f for f in (polish(train, s) for s in begun if s.notch[0] == 0.0) if f is not None), None)
     notched = [servo for servo in begun if servo.notch[0] > 0.0]
     if best is not None:  # from here on every signal counts against its own error
-        train, judge = (replace(x, noise=np.maximum(best.errors, QUIET)) for x in (train, judge))
+        train, judge = (replace(x, noise=np.maximum(best.errors, p.quiet)) for x in (train, judge))
         best = polish(train, best.servo, steps=BRIEF) or best
-    if best is None or best.errors[0] > CLOSE:
+    if best is None or best.errors[0] > 0.005:
         brief = [polish(train, servo, steps=BRIEF) for servo in notched]
         good = sorted((f for f in brief if f is not None), key=lambda f: f.cost)[:2]
         long = sorted((polish(train, f.servo) or f for f in good), key=lambda f: f.cost)
-        long = [f for f in long if NOTCHES[0] / BEYOND < f.servo.notch[0] < NOTCHES[-1] * BEYOND]
-        best = better_of(judge, best, long, PAYS)
+        long = [f for f in long if NOTCHES[0] / 1.5 < f.servo.notch[0] < NOTCHES[-1] * 1.5]
+        best = better_of(judge, best, long, pays)
     if best is None or doubtful(judge, best):
-        best = better_of(judge, best, afresh(train), PAYS)
+        best = better_of(judge, best, afresh(train), pays)
     if best is None:
         return None
     factors = AS_FOUND
-    refined = _with_friction(train, judge, best, friction, allowed)
+    refined = _with_friction(train, judge, best, friction, allowed, pays)
     if refined is not None:
         factors, best = refined.extra, replace(refined, extra=AS_FOUND)
         train, judge = (x.with_plant(factors) for x in (train, judge))
     others = [polish(train, servo) for servo in simpler(train, best.servo)]
-    forms = [f for f in others if f is not None and f.cost < FITS * best.cost]
+    forms = [f for f in others if f is not None and f.cost < fits * best.cost]
     simple = [
         min(same, key=lambda f: f.cost) for k in FORMS if (same := [f for f in forms if f.servo.form == k])
     ]
-    best = better_of(judge, best, simple, 1.0 / SIMPLER) or best
+    best = better_of(judge, best, simple, 1.0 / simpler_pays) or best
     if not judge.holds(best.servo):
         tamed = [f for f in (*forms, *afresh(train)) if judge.holds(f.servo)]
         best = min(tamed, key=lambda f: error_of(judge, f), default=None)
@@ -103,6 +94,7 @@ def _with_friction(
     best: Found,
     friction: tuple[str, ...],
     allowed: Callable[[Factors], bool],
+    pays: float,
 ) -> Found | None:
     """Return the law beside friction that predicts windows not fitted better; None where no refinement does.
 
@@ -113,7 +105,7 @@ def _with_friction(
         refined = polish(train, best.servo, names, BRIEF + REPOLISH) if names else None
         if refined is None:
             continue
-        if better_of(judge, best, [refined], PAYS) is refined and allowed(refined.extra):
+        if better_of(judge, best, [refined], pays) is refined and allowed(refined.extra):
             return refined
     return None
 
@@ -173,10 +165,14 @@ def _from_output_error(p: AxisProblem, found: Found, last: Found) -> Found:
     return replace(last, servo=servo, held_out=found.held_out, trial=found.trial, factors=found.factors)
 
 
-def _from_moments(p: AxisProblem, found: Found, last: Found) -> Found | None:
+def _from_moments(
+    p: AxisProblem, found: Found, last: Found, no_worse: float = 1.05, little: float = 0.002
+) -> Found | None:
     """Return the controller that its own signals speak for; None where it predicts unseen windows worse.
 
-    Judged are the moments of the first windows on the others.
+    Judged are the moments of the first windows on the others. They may raise an error of e or u by the factor
+    ``no_worse``, or by the share ``little`` of its RMS: they are nearer the truth, and the output error's gains hide
+    errors of the plant.
     """
     told = by_moments(p, last.servo)
     if not told:
@@ -186,7 +182,7 @@ def _from_moments(p: AxisProblem, found: Found, last: Found) -> Found | None:
     if not tried:
         return None
     before, after = errors_of(judge, found), errors_of(judge, tried[0])
-    if any(b > max(NO_WORSE * a, a + LITTLE) for a, b in zip(before, after, strict=True)):
+    if any(b > max(no_worse * a, a + little) for a, b in zip(before, after, strict=True)):
         return None
     servo = with_errors(beside_moments(p), told[0], told[1:], None)
     return replace(told[0], servo=servo, held_out=after, trial=tried[0].servo, factors=found.factors)
@@ -203,7 +199,7 @@ def better_of(judge: AxisProblem, best: Found | None, others: Sequence[Found], p
 def error_of(p: AxisProblem, found: Found) -> float:
     """Return the error of a controller on a problem's windows: geometric mean of e's and u's."""
     e, u = errors_of(p, found)
-    return float(np.sqrt(max(e, QUIET) * max(u, QUIET)))
+    return float(np.sqrt(max(e, p.quiet) * max(u, p.quiet)))
 
 
 def errors_of(p: AxisProblem, found: Found) -> tuple[float, float]:
@@ -215,18 +211,18 @@ def errors_of(p: AxisProblem, found: Found) -> tuple[float, float]:
     return float(e), float(u)
 
 
-def simpler(p: AxisProblem, servo: Servo) -> list[Servo]:
-    """Return laws with fewer gains near one with six: the simplest that holds is kept."""
+def simpler(p: AxisProblem, servo: Servo, slow: float = 1.0) -> list[Servo]:
+    """Return laws with fewer gains near one with six; that without an integral for one slower than ``slow`` [1/s]."""
     g = servo.gains
-    if g[1] < SLOW_INTEGRAL * abs(g[0]):
+    if g[1] < slow * abs(g[0]):
         return [proportional(p, servo)]
     shapes = {k: getattr(servo, k) for k in (*SHAPES, "notch", "step")}
     found = [Servo.of_cascade(**tied, **shapes) for tied in _tied(servo)]
     return [*found, replace(servo, form="pid", gains=(*g[:4], 0.0, g[5]))]
 
 
-def _tied(servo: Servo) -> list[dict[str, float]]:
-    """Return cascades of set-point weight 1 near a law, kp and 1/ti either way round.
+def _tied(servo: Servo, spread: float = 0.1) -> list[dict[str, float]]:
+    """Return cascades of set-point weight 1 near a law, kp and 1/ti either way round, a share apart at least.
 
     What the search finds depends on which of the two is begun as the larger; the data tell, if anything does.
     """
@@ -236,8 +232,8 @@ def _tied(servo: Servo) -> list[dict[str, float]]:
         kp, rate = named["kp"], named["rate"]
         if not (product > 0.0 and 0.2 < rate / np.sqrt(product) < 5.0):
             continue
-        if abs(kp - rate) < SPREAD * kp:  # a double root: begin on both sides of it
-            kp, rate = kp * (1.0 + SPREAD), rate / (1.0 + SPREAD)
+        if abs(kp - rate) < spread * kp:  # a double root: begin on both sides of it
+            kp, rate = kp * (1.0 + spread), rate / (1.0 + spread)
             found.append((rate, kp, named))
         found.append((kp, rate, named))
     ffv = servo.gains[3] / servo.gains[2] if servo.gains[2] > 0.0 else 1.0

@@ -6,11 +6,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pinotwin.logs.files.cells import is_clock
 from pinotwin.logs.files.clocks import CARRIED, held, known_rows, on_one_clock, separated, written_on_change
 from pinotwin.logs.files.content import Content, distinct, repeated
 from pinotwin.logs.files.joint_states import joint_columns, stamps
-from pinotwin.logs.files.layout import is_clock
-from pinotwin.logs.files.long_form import spread
+from pinotwin.logs.files.long_form import is_text, spread
 
 
 def take(table: pa.Table, content: Content, source: str, blank_is_missing: bool = False) -> None:
@@ -38,7 +38,7 @@ def take(table: pa.Table, content: Content, source: str, blank_is_missing: bool 
             content.add(name, _floats(column))
         else:
             content.left_out.append(name)
-            values = pc.unique(pc.drop_null(column)).to_pylist() if _is_text(kind) else []
+            values = pc.unique(pc.drop_null(column)).to_pylist() if is_text(kind) else []
             texts.update({name: values[0]} if len(values) == 1 else {})
     _name_joints(names, texts, clock is None, content)
     if clock in content.arrays and not blank_is_missing:
@@ -78,10 +78,6 @@ def _onto_one_clock(clock: str, content: Content, source: str) -> None:
 def _is_number(kind: pa.DataType) -> bool:
     checks = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)
     return any(check(kind) for check in checks)
-
-
-def _is_text(kind: pa.DataType) -> bool:
-    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_dictionary(kind)
 
 
 def _is_list(kind: pa.DataType) -> bool:

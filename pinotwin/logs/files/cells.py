@@ -1,7 +1,8 @@
-"""Cells of a text log that are more than a number: lists, dates and times of day."""
+"""Cells of a text log: numbers and the marks of missing ones, lists, dates and times of day, names of clocks."""
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Sequence
 
@@ -11,6 +12,18 @@ import pyarrow.compute as pc
 
 from pinotwin.arrays import Floats
 
+COMMENTS = ("#", "%", "//")
+_WORDS = ("null", "none", "unavailable")  # the last one of MTConnect
+MISSING = (*_WORDS, "", "-", "--", "?", "na", "n/a", "#n/a", "nan", "-nan", "nan(ind)", "-nan(ind)")
+CLOCK_NAMES = ("t", "time", "zeit", "timestamp", "time stamp", "temps", "tiempo", "x_value")
+UNIT_TITLES = ("unit", "units", "einheit", "unité", "unità")
+TIMES = ("s", "ms", "us", "µs", "ns")
+
+_NUMBER = re.compile(
+    r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|[+-]?inf(inity)?$"
+    r"|[+-]?\d{1,3}(,\d{3})+\.\d*$|[+-]?\d{1,3}(\.\d{3})+,\d*$",
+    re.I,
+)
 _BASIC = r"^(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)"
 _EXTENDED = r"\1-\2-\3T\4:\5:\6"
 _STAMP = (
@@ -20,6 +33,51 @@ _STAMP = (
     r"(?P<half>[AaPp])?(?:\.?[Mm]\.?)?\s*(?:[ZzU]T?C?|(?P<zone>[+-]\d\d(?::?\d\d)?))?\s*$"
 )
 _DAY, _HOUR = 86400.0, 3600.0
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """Return the cells of one line, without the blanks around them; a space stands for runs of blanks."""
+    if delimiter == " ":
+        return line.split()
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:  # a stray carriage return, or a cell beyond csv's limit
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment; Excel's ``#N/A`` is a missing value."""
+    bare = line.lstrip()
+    return bare.startswith(COMMENTS) and not bare.upper().startswith("#N/A")
+
+
+def is_plain(cell: str) -> bool:
+    """Whether a cell is a number."""
+    return _NUMBER.match(cell) is not None
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number or one of the marks of a missing one."""
+    return is_plain(cell) or cell.lower() in MISSING
+
+
+def is_list(cell: str) -> bool:
+    """Whether a cell holds a list of numbers: ``[0.1, 0.2]``."""
+    if cell[:1] not in ("[", "(") or cell[-1] not in "])":
+        return False
+    return all(map(is_number, cell[1:-1].replace(",", " ").split() or ["x"]))
+
+
+def has_value(cell: str) -> bool:
+    """Whether a cell is not empty, and a number, a mark of a missing one, or a list."""
+    return bool(cell) and (is_number(cell) or is_list(cell))
+
+
+def is_clock(name: str) -> bool:
+    """Whether a column is called as clocks are: ``Time``, ``Zeit [s]``, ``timestamp``."""
+    bare = re.split(r"[\[(/]", name.strip())[0].strip(" _").casefold()
+    return bare in CLOCK_NAMES or bare.startswith(("time ", "time_", "zeit")) or bare.endswith("timestamp")
 
 
 def is_stamp(cell: str) -> bool:

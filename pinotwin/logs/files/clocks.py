@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 
-_SLOWER = 1.5
-"""A clock with a step longer than so many of the main clock's is too slow for it."""
-
-
+Arrays = Mapping[str, NDArray[np.generic]]
 CARRIED = "written on change, carried forward to the next"
 
 
@@ -51,8 +48,13 @@ class Group:
         return float(np.median(np.diff(self.t))) if len(self.t) > 1 else np.inf
 
 
-def on_one_clock(groups: list[Group], source: str) -> tuple[Floats, dict[str, Floats], list[str]]:
-    """Return the main clock, all channels on it, and what was done, in one sentence each."""
+def on_one_clock(
+    groups: list[Group], source: str, slower: float = 1.5
+) -> tuple[Floats, dict[str, Floats], list[str]]:
+    """Return the main clock, all channels on it, and what was done, in one sentence each.
+
+    A clock whose step is more than ``slower`` times that of the main clock is too slow for it.
+    """
     joined: list[Group] = []
     for group in (g.whole(source) for g in groups if g.channels):
         same = next((g for g in joined if np.array_equal(g.t, group.t, equal_nan=True)), None)
@@ -67,38 +69,70 @@ def on_one_clock(groups: list[Group], source: str) -> tuple[Floats, dict[str, Fl
     if len(joined) == 1 and len(groups) > 1:
         notes.append(f"{len(groups)} equal clocks were joined into t")
     channels: dict[str, Floats] = {k: np.asarray(x, dtype=float) for k, x in main.channels.items()}
-    for group in joined:
-        if group is main:
-            continue
+    for group in (g for g in joined if g is not main):
         names = ", ".join(list(group.channels)[:8])
-        if not group.step <= _SLOWER * main.step:
+        if group.step <= slower * main.step:
+            notes.append(f"interpolated onto the clock of the others (own step {group.step:.4g}): {names}")
+            channels |= {k: _onto(main.t, group.t, np.asarray(x, float)) for k, x in group.channels.items()}
+        else:
             notes.append(
                 f"left out, sampled every {group.step:.4g} where the others are every {main.step:.4g}: "
                 f"{names}; record them at one rate"
             )
-            continue
-        notes.append(f"interpolated onto the clock of the others (own step {group.step:.4g}): {names}")
-        for name, x in group.channels.items():
-            channels[name] = _onto(main.t, group.t, np.asarray(x, dtype=float))
     return main.t, channels, notes
 
 
-def known_rows(
-    clock: str, arrays: Mapping[str, NDArray[np.generic]]
-) -> tuple[Floats, dict[str, NDArray[np.bool_]]]:
+def _onto(t: Floats, own: Floats, x: Floats) -> Floats:
+    known = np.isfinite(own) & np.isfinite(x)
+    if known.sum() < 2:
+        return np.full(len(t), np.nan)
+    order = np.argsort(own[known], kind="stable")
+    return np.asarray(np.interp(t, own[known][order], x[known][order], left=np.nan, right=np.nan))
+
+
+def messages_on_one_clock(topic: str, arrays: Arrays, source: str) -> tuple[dict[str, Floats], list[str]]:
+    """Return the channels of messages of one topic on one clock ``t``, and what was done in one sentence each."""
+    channels = {name: x for name, x in arrays.items() if name != "t"}
+    groups, notes = streams(topic, np.asarray(arrays["t"], dtype=float), channels)
+    t, joined, said = on_one_clock(groups, source)
+    return {"t": t, **joined}, [*notes, *said]
+
+
+def streams(name: str, t: Floats, arrays: Arrays) -> tuple[list[Group], list[str]]:
+    """Return the groups of messages that share a topic, and what was done, in one sentence each.
+
+    Several publishers may share it, each at its own rate. A message that repeats another with its stamp is dropped.
+
+    Args:
+        name: of the topic.
+        t: time of each message [s].
+        arrays: channels, NaN where a message does not hold them.
+    """
+    kept = fresh(t, arrays)
+    notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []
+    rows = {name: t[kept], **{key: x[kept] for key, x in arrays.items()}}
+    apart = separated(name, rows, *known_rows(name, rows))
+    return apart or [Group(name, t[kept], {key: rows[key] for key in arrays})], notes
+
+
+def fresh(t: Floats, arrays: Arrays) -> NDArray[np.intp]:
+    """Return the messages that repeat no earlier one, stamp and numbers; arguments as of :func:`streams`."""
+    if len(np.unique(t)) == len(t):  # the usual case needs no table of all numbers
+        return np.arange(len(t))
+    table = np.column_stack([np.asarray(x, dtype=float) for x in (t, *arrays.values())])
+    _, first = np.unique(table.view(f"V{table.itemsize * table.shape[1]}"), return_index=True)
+    return np.sort(first)
+
+
+def known_rows(clock: str, arrays: Arrays) -> tuple[Floats, dict[str, NDArray[np.bool_]]]:
     """Return the stamps, shape (n,), and for every channel that holds something the rows where it does."""
     t = np.asarray(arrays[clock], dtype=float)
-    known = {
-        n: np.isfinite(np.asarray(x, dtype=float))
-        for n, x in arrays.items()
-        if n != clock and x.shape == t.shape
-    }
+    alike = {n: np.asarray(x, dtype=float) for n, x in arrays.items() if n != clock and x.shape == t.shape}
+    known = {name: np.isfinite(x) for name, x in alike.items()}
     return t, {name: here for name, here in known.items() if here.any()}
 
 
-def separated(
-    clock: str, arrays: Mapping[str, NDArray[np.generic]], t: Floats, known: Mapping[str, NDArray[np.bool_]]
-) -> list[Group]:
+def separated(clock: str, arrays: Arrays, t: Floats, known: Mapping[str, NDArray[np.bool_]]) -> list[Group]:
     """Return the groups of a table of several clocks in one column: a row holds what was sampled then.
 
     Channels that are known in the same rows share a clock. One is apart where most of its rows are not those of the
@@ -120,35 +154,7 @@ def separated(
     return out if len(out) > 1 else []
 
 
-def fresh(t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> NDArray[np.intp]:
-    """Return the messages that repeat no earlier one, stamp and numbers; arguments as of :func:`streams`."""
-    if len(np.unique(t)) == len(t):  # the usual case needs no table of all numbers
-        return np.arange(len(t))
-    table = np.column_stack([np.asarray(x, dtype=float) for x in (t, *arrays.values())])
-    _, first = np.unique(table.view(f"V{table.itemsize * table.shape[1]}"), return_index=True)
-    return np.sort(first)
-
-
-def streams(name: str, t: Floats, arrays: Mapping[str, NDArray[np.generic]]) -> tuple[list[Group], list[str]]:
-    """Return the groups of messages that share a topic, and what was done, in one sentence each.
-
-    Several publishers may share it, each at its own rate. A message that repeats another with its stamp is dropped.
-
-    Args:
-        name: of the topic.
-        t: time of each message [s].
-        arrays: channels, NaN where a message does not hold them.
-    """
-    kept = fresh(t, arrays)
-    notes = [f"{len(t) - len(kept)} repeated messages were dropped"] if len(kept) < len(t) else []
-    rows = {name: t[kept], **{key: x[kept] for key, x in arrays.items()}}
-    apart = separated(name, rows, *known_rows(name, rows))
-    return apart or [Group(name, t[kept], {key: rows[key] for key in arrays})], notes
-
-
-def written_on_change(
-    arrays: Mapping[str, NDArray[np.generic]], known: Mapping[str, NDArray[np.bool_]]
-) -> bool:
+def written_on_change(arrays: Arrays, known: Mapping[str, NDArray[np.bool_]]) -> bool:
     """Whether cells are empty because nothing changed.
 
     Then most rows lack something and none lacks everything, no channel holds one value twice in succession, and
@@ -157,36 +163,14 @@ def written_on_change(
     table = np.array(list(known.values()))
     if not len(table) or 2 * table.all(axis=0).sum() >= table.shape[1] or not table.any(axis=0).all():
         return False
-    twice = any(
-        bool((np.diff(np.asarray(arrays[name], dtype=float)[here]) == 0.0).any())
-        for name, here in known.items()
-    )
+    values = (np.asarray(arrays[name], dtype=float)[here] for name, here in known.items())
+    if any(bool((np.diff(x) == 0.0).any()) for x in values):
+        return False
     together = (table @ table.T.astype(float)) / np.maximum(table.sum(axis=1), 1)[:, None]
-    return not twice and bool(((together > 0.0) & (together < 1.0) & (together.T < 1.0)).any())
+    return bool(((together > 0.0) & (together < 1.0) & (together.T < 1.0)).any())
 
 
 def held(own: Floats, x: Floats, t: Floats) -> Floats:
     """Return values at the stamps ``t``: the last that was written until then, missing before the first."""
     place = np.searchsorted(own, t, side="right") - 1
-    out: Floats = np.where(place >= 0, x[place], np.nan)
-    return out
-
-
-def _onto(t: Floats, own: Floats, x: Floats) -> Floats:
-    known = np.isfinite(own) & np.isfinite(x)
-    if known.sum() < 2:
-        return np.full(len(t), np.nan)
-    order = np.argsort(own[known], kind="stable")
-    out: Floats = np.interp(t, own[known][order], x[known][order], left=np.nan, right=np.nan)
-    return out
-
-
-def clock_groups(
-    clocks: Mapping[str, tuple[str, ...]], arrays: Mapping[str, NDArray[np.generic]]
-) -> list[Group]:
-    """Return the groups of a table: clock column -> the columns it stamps."""
-    return [
-        Group(clock, np.asarray(arrays[clock], dtype=float), {n: arrays[n] for n in names if n in arrays})
-        for clock, names in clocks.items()
-        if clock in arrays
-    ]
+    return np.asarray(np.where(place >= 0, x[place], np.nan))

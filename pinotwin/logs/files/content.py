@@ -9,6 +9,7 @@ single numbers and short vectors become scalars, everything else is left out wit
 from __future__ import annotations
 
 import re
+import struct
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -29,11 +30,33 @@ MOST = 400_000_000
 _FREE, _EXPANSION = 2**30, 100
 """Bytes that the numbers of any file may become as floats, and how many more for each of its own."""
 
+BROKEN = (
+    *(ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RuntimeError, MemoryError),
+    *(OSError, EOFError, struct.error),
+)
+"""What libraries let through where a file is damaged: lengths, JSON, UTF-8, what is not there or not implemented."""
+
 Seen = Callable[[float], None]
 """Called with the share of a file that was read, 0 to 1."""
 
 _EPOCH_EXACT = 2.0**53
 _INDEX = re.compile(r"(?<!^)[\[(][^\[(]*$")  # or unit, at the end of a name
+
+
+class Holes(str):
+    """A note that values are missing, which `check` says itself under the channel's name of the contract."""
+
+    missing: int
+
+    def __new__(cls, text: str, missing: int = 0) -> Holes:
+        """Return the note of so many missing values."""
+        out = super().__new__(cls, text)
+        out.missing = missing
+        return out
+
+    def of(self, source: str) -> Holes:
+        """Return the same of one of several files."""
+        return Holes(f"{source}: {self}", self.missing)
 
 
 @dataclass
@@ -134,13 +157,23 @@ def to_log(content: Content, source: str, only: str | None = None) -> Log:
     notes = list(content.notes)
     other: list[str] = []
     for name, x in arrays.items():
-        _sort_in(name, x, n, channels, scalars, other)
+        if x.ndim == 0:
+            scalars[name] = float(x)
+        elif x.ndim == 1 and len(x) == n:
+            channels[name] = x.astype(float, copy=False)
+        elif x.ndim == 2 and n in x.shape:
+            rows = x if x.shape[1] == n and x.shape[0] != n else x.T
+            channels.update({f"{name}[{i}]": row.astype(float) for i, row in enumerate(rows)})
+        elif x.ndim == 1 and len(x) <= SHORT:
+            scalars.update({f"{name}[{i}]": float(value) for i, value in enumerate(x)})
+        else:
+            other.append(f"{name} {x.shape}")
     if other:
         notes.append(f"left out, not of length {n}: {_names(other)}")
     if content.left_out:
         notes.append(f"left out, not numbers: {_names(content.left_out)}")
     notes += _sift(channels, content.stated)
-    channels, units = _named(channels, dict(content.units))
+    channels, units = _named(channels, content.units)
     notes += _missing(channels, content.place)
     return Log(channels, source, scalars, tuple(notes), units)
 
@@ -151,27 +184,6 @@ def _clock_length(arrays: dict[str, NDArray[np.generic]]) -> int:
         if 1 <= x.ndim <= 2:
             votes[max(x.shape)] += x.size
     return max(votes, key=lambda n: (votes[n], n), default=0)
-
-
-def _sort_in(
-    name: str,
-    x: NDArray[np.generic],
-    n: int,
-    channels: dict[str, Floats],
-    scalars: dict[str, float],
-    other: list[str],
-) -> None:
-    if x.ndim == 0:
-        scalars[name] = float(x)
-    elif x.ndim == 1 and len(x) == n:
-        channels[name] = x.astype(float, copy=False)
-    elif x.ndim == 2 and n in x.shape:
-        rows = x if x.shape[1] == n and x.shape[0] != n else x.T
-        channels.update({f"{name}[{i}]": row.astype(float) for i, row in enumerate(rows)})
-    elif x.ndim == 1 and len(x) <= SHORT:
-        scalars.update({f"{name}[{i}]": float(value) for i, value in enumerate(x)})
-    else:
-        other.append(f"{name} {x.shape}")
 
 
 def distinct(names: Sequence[str]) -> list[str]:
@@ -223,29 +235,24 @@ def _rests(x: Floats) -> bool:
 
 
 def _named(channels: dict[str, Floats], units: dict[str, str]) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Take the units out of the names."""
     parts = [split_unit(header) for header in channels]
-    named: dict[str, Floats] = {}
-    stated: dict[str, str] = {}
-    for name, (header, x), (_, unit) in zip(
-        distinct([n for n, _ in parts]), channels.items(), parts, strict=True
-    ):
-        named[name] = x
-        known = unit or units.get(header) or units.get(header.split("[")[0])
-        if known:
-            stated[name] = known
-    return named, stated
+    named = dict(zip(distinct([name for name, _ in parts]), channels.values(), strict=True))
+    known = [
+        unit or units.get(header) or units.get(header.split("[")[0])
+        for header, (_, unit) in zip(channels, parts, strict=True)
+    ]
+    return named, {name: unit for name, unit in zip(named, known, strict=True) if unit}
 
 
 def _missing(channels: dict[str, Floats], place: Callable[[int], str]) -> list[str]:
-    notes = []
+    notes: list[str] = []
     for name, x in channels.items():
         bad = ~np.isfinite(x)
         if bad.any():
-            first = int(np.argmax(bad))
-            infinite = int(np.isinf(x).sum())
-            kind = "missing" if not infinite else "missing or infinite"
-            notes.append(f"{name}: {int(bad.sum())} {kind} values, first in {place(first)}")
+            kind, count = "missing or infinite" if np.isinf(x).any() else "missing", int(bad.sum())
+            notes.append(
+                Holes(f"{name}: {count} {kind} values, first in {place(int(np.argmax(bad)))}", count)
+            )
         elif np.abs(x).max(initial=0.0) > _EPOCH_EXACT:
             notes.append(f"{name}: numbers above 2^53 lost their last digits as floats")
     return notes

@@ -22,18 +22,11 @@ _PAIR = re.compile(
 _LEAD = re.compile(rb"(\d[\d:.,TZ+/-]*)[\s,;|]+")
 _SHDR = re.compile(rb"(?:\d{4}-\d\d-\d\dT[\d:.]+Z?\|[A-Za-z_][^|\n]*\|[^|\n]*(?:\|[^|\n]*)*\n\s*){2}")
 _SEARCHED = 1 << 16
-_TNCSCOPE = b"%TNCscope"
 
 
 @dataclass(frozen=True)
 class Plain:
-    """The text of a log as a table.
-
-    Attributes:
-        text: the lines, as many as the file has.
-        names: names of the columns where the grammar states them elsewhere than in a header.
-        units: name -> unit that it states.
-    """
+    """The text of a log as a table: its lines, and names and units where they stand elsewhere than in a header."""
 
     text: bytes
     names: tuple[str, ...] = ()
@@ -44,7 +37,7 @@ def plain(text: bytes) -> Plain:
     """Return a text log as a table."""
     if not text.isascii() or b"'" in text:
         text = _THOUSANDS.sub(b"", text.replace(_MINUS, b"-"))
-    if text.startswith(_TNCSCOPE):
+    if text.startswith(b"%TNCscope"):
         return _tncscope(text)
     if _SHDR.match(text):
         return _shdr(text)
@@ -75,11 +68,8 @@ def _shdr(text: bytes) -> Plain:
     rows = [b"timestamp|dataItem|value"]
     for line in text.split(b"\n"):
         stamp, *cells = line.strip().split(b"|")
-        rows += [
-            b"|".join((stamp, item, value))
-            for item, value in zip(cells[::2], cells[1::2], strict=False)
-            if item
-        ]
+        pairs = zip(cells[::2], cells[1::2], strict=False)
+        rows += [b"|".join((stamp, item, value)) for item, value in pairs if item]
     return Plain(b"\n".join(rows))
 
 

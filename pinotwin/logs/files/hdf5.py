@@ -9,7 +9,7 @@ from pathlib import Path
 
 import h5py
 
-from pinotwin.logs.files.content import Content, damaged, limited
+from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
 
 
 def load(path: Path, source: str) -> Content:
@@ -24,7 +24,7 @@ def load(path: Path, source: str) -> Content:
             limited(source, sum(item.size or 0 for _, item in sets), path.stat().st_size)
             for name, item in sets:
                 _take(name, item, content)
-    except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError) as error:
+    except BROKEN as error:
         raise damaged(source, error) from None
     return content
 

@@ -9,14 +9,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
-from pinotwin.logs.files.clocks import on_one_clock, streams
+from pinotwin.logs.files.clocks import messages_on_one_clock
 from pinotwin.logs.files.content import Content, damaged
-from pinotwin.logs.files.messages import Table, numbers, stamp
+from pinotwin.logs.files.messages import Table, numbers, seconds_since, stamp
 
 
 def load(path: Path, source: str) -> Content:
@@ -27,7 +28,7 @@ def load(path: Path, source: str) -> Content:
             first = file.readline()
             second = file.readline().strip()
             if second and _is_object(first):
-                _take_lines(path, content)
+                _take_rows(_lines(path), "", content)
                 return content
             file.seek(0)
             value = json.load(file)
@@ -46,16 +47,13 @@ def _is_object(line: str) -> bool:
         return False
 
 
-def _take_lines(path: Path, content: Content) -> None:
-    def lines() -> Iterator[object]:
-        with path.open(encoding="utf-8-sig") as file:
-            yield from (json.loads(line) for line in file if line.strip())
-
-    _take_rows(lines(), "", content)
+def _lines(path: Path) -> Iterator[object]:
+    with path.open(encoding="utf-8-sig") as file:
+        yield from (json.loads(line) for line in file if line.strip())
 
 
-def _take(value: object, name: str, content: Content) -> None:
-    if isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+def _take(value: Any, name: str, content: Content) -> None:
+    if _is_table(value):
         _take_rows(value, name, content)
     elif isinstance(value, Mapping):
         only = sum(_is_table(item) for item in value.values()) == 1
@@ -88,13 +86,11 @@ def _take_rows(rows: Iterable[object], name: str, content: Content) -> None:
         stamps += [] if at is None else [at]
     arrays: dict[str, Floats] = table.arrays()
     if "t" not in arrays and len(stamps) == table.rows:
-        arrays["t"] = np.asarray((np.array(stamps, dtype=np.int64) - stamps[0]) * 1e-9, dtype=float)
+        arrays["t"] = seconds_since(stamps[0], stamps)
         content.units[f"{prefix}t"] = "s"
     content.left_out += sorted(text)
     if "t" in arrays and table.rows:
-        groups, notes = streams(name or "t", arrays.pop("t"), arrays)
-        t, channels, said = on_one_clock(groups, name or "the messages")
-        arrays = {"t": t, **channels}
-        content.notes += notes + said
+        arrays, notes = messages_on_one_clock(name or "t", arrays, name or "the messages")
+        content.notes += notes
     for key, x in arrays.items():
         content.add(prefix + key, x)

@@ -40,7 +40,7 @@ def value_column(names: Sequence[str], texts: Collection[str]) -> str | None:
 
 def spread(table: pa.Table, clock: str, content: Content) -> bool:
     """Move the channels of a table in long form into ``content``; False where it is none."""
-    texts = [n for n, c in zip(table.column_names, table.columns, strict=True) if _is_text(c.type)]
+    texts = [n for n, c in zip(table.column_names, table.columns, strict=True) if is_text(c.type)]
     value = value_column(table.column_names, texts)
     named = [name for name in texts if _folded(name) in _NAMES and name != value]
     if value is None:
@@ -80,8 +80,9 @@ def spread(table: pa.Table, clock: str, content: Content) -> bool:
     return True
 
 
-def _is_text(kind: pa.DataType) -> bool:
-    return pa.types.is_string(kind) or pa.types.is_dictionary(kind)
+def is_text(kind: pa.DataType) -> bool:
+    """Whether a column holds words."""
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_dictionary(kind)
 
 
 def _titled(names: Sequence[str], titles: Sequence[str]) -> str | None:

@@ -10,25 +10,14 @@ import numpy as np
 import scipy.io
 from scipy.io.matlab import MatReadError, MatReadWarning, mat_struct
 
-from pinotwin.logs.files.content import Content, damaged
+from pinotwin.logs.files.content import BROKEN, Content, damaged
 
-# What scipy's reader lets through when a record is damaged; UnboundLocalError is a bug of its own.
 _BROKEN = (
+    *BROKEN,
     MatReadError,
-    ValueError,
-    TypeError,
-    NotImplementedError,
-    KeyError,
-    IndexError,
-    OverflowError,
-    AttributeError,
     UnboundLocalError,
-    MemoryError,
-    ArithmeticError,
-    OSError,
-    EOFError,
     zlib.error,
-)
+)  # UnboundLocalError is a bug of scipy's reader
 
 
 def load(path: Path, source: str) -> Content:

@@ -8,35 +8,18 @@ first message.
 from __future__ import annotations
 
 import json
-import struct
 from pathlib import Path
 
-import numpy as np
 import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.clocks import on_one_clock, streams
-from pinotwin.logs.files.content import Content, damaged
-from pinotwin.logs.files.messages import Table, numbers
+from pinotwin.logs.files.clocks import messages_on_one_clock
+from pinotwin.logs.files.content import BROKEN, Content, damaged
+from pinotwin.logs.files.messages import Table, numbers, seconds_since
 
 ROS_ENCODINGS = ("cdr", "ros1", "ros1msg")
-
-# What the mcap package lets through when a record is damaged (ValueError: lengths, JSON, UTF-8;
-# RuntimeError: lz4).
-_BROKEN = (
-    McapError,
-    ValueError,
-    RuntimeError,
-    KeyError,
-    OverflowError,
-    MemoryError,
-    struct.error,
-    OSError,
-    EOFError,
-    zstandard.ZstdError,
-)
 
 
 def load(path: Path, source: str) -> Content:
@@ -60,7 +43,7 @@ def load(path: Path, source: str) -> Content:
                 times.setdefault(channel.topic, []).append(message.log_time)
             else:
                 return _content(tables, times, text, source)
-    except (*_BROKEN, AttributeError, TypeError) as error:
+    except (*BROKEN, McapError, zstandard.ZstdError) as error:
         raise damaged(source, error, "recover it with `mcap recover`") from None
     from pinotwin.logs.files.rosbag import load as load_ros
 
@@ -75,14 +58,12 @@ def _content(tables: dict[str, Table], times: dict[str, list[int]], text: set[st
         prefix = "" if len(tables) == 1 else topic.strip("/").replace("/", ".") + "."
         arrays = table.arrays()
         if "t" not in arrays:
-            stamps = times[topic]
-            arrays["t"] = np.array([s - stamps[0] for s in stamps], dtype=float) * 1e-9
+            arrays["t"] = seconds_since(times[topic][0], times[topic])
             content.units[f"{prefix}t"] = "s"
             content.notes.append(f"{prefix}t: time of logging, in seconds since the first message")
         if len(arrays) > 1:
-            groups, notes = streams(topic, arrays.pop("t"), arrays)
-            t, channels, said = on_one_clock(groups, source)
-            arrays, content.notes = {"t": t, **channels}, [*content.notes, *notes, *said]
+            arrays, notes = messages_on_one_clock(topic, arrays, source)
+            content.notes += notes
         for name, x in arrays.items():
             content.add(prefix + name, x)
     return content

@@ -47,6 +47,11 @@ class Table:
         return {name: np.frombuffer(column, dtype=float) for name, column in self._columns.items()}
 
 
+def seconds_since(origin: int, stamps: Sequence[int]) -> Floats:
+    """Return stamps [ns] as seconds since one of them, shape (n,)."""
+    return np.asarray((np.array(stamps, dtype=np.int64) - origin) * 1e-9, dtype=float)
+
+
 def stamp(message: Mapping[str, object]) -> int | None:
     """Return the time of a message's header [ns], None where it has none or never set it."""
     header = message.get("header")
@@ -108,15 +113,11 @@ def joint_signals(message: Mapping[str, object], joints: Sequence[str]) -> Itera
 def _lists(message: Mapping[str, object]) -> Iterator[tuple[str, Sequence[object]]]:
     for key, signal in JOINT_SIGNALS.items():
         yield signal, _sequence(message.get(key))
-    for key in _ACTUAL:
-        part = message.get(key)
-        if isinstance(part, Mapping):
-            for field, signal in (("positions", "q"), ("velocities", "v"), ("effort", "u")):
-                yield signal, _sequence(part.get(field))
-    for key in _DESIRED:
-        part = message.get(key)
-        if isinstance(part, Mapping):
-            yield "qr", _sequence(part.get("positions"))
+    actual = (("positions", "q"), ("velocities", "v"), ("effort", "u"))
+    for keys, fields in ((_ACTUAL, actual), (_DESIRED, (("positions", "qr"),))):
+        for part in (message.get(key) for key in keys):
+            if isinstance(part, Mapping):
+                yield from ((signal, _sequence(part.get(field))) for field, signal in fields)
 
 
 def _sequence(value: object) -> Sequence[object]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 import tokenize
 import zipfile
 import zlib
@@ -13,24 +12,9 @@ from typing import IO
 import numpy as np
 
 from pinotwin.errors import LogError
-from pinotwin.logs.files.content import Content, damaged, limited
+from pinotwin.logs.files.content import BROKEN, Content, damaged, limited
 
-# What NumPy lets through when header or body are damaged.
-_BROKEN = (
-    ValueError,
-    TypeError,
-    KeyError,
-    SyntaxError,
-    tokenize.TokenError,
-    MemoryError,
-    OverflowError,
-    RuntimeError,  # an encrypted member; what is not implemented
-    struct.error,
-    OSError,
-    EOFError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+_BROKEN = (*BROKEN, SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error)
 
 
 def _numbers(path: Path) -> int:

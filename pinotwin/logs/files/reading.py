@@ -17,48 +17,27 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.log import Log, is_table
 from pinotwin.logs.files import isolated
-from pinotwin.logs.files.content import Seen, to_log
+from pinotwin.logs.files.content import Holes, Seen, to_log
 from pinotwin.system.writing import as_path
 
-# Format -> module with `load(path: Path, source: str) -> Content`. Imported on use: pyarrow, h5py
-# and scipy.io are slow to import and a CSV user needs only one of them.
-_READERS = {
-    "csv": "pinotwin.logs.files.text",
-    "parquet": "pinotwin.logs.files.parquet",
-    "mat": "pinotwin.logs.files.mat",
-    "hdf5": "pinotwin.logs.files.hdf5",
-    "mcap": "pinotwin.logs.files.mcap",
-    "npy": "pinotwin.logs.files.npy",
-    "json": "pinotwin.logs.files.json_text",
-    "ros": "pinotwin.logs.files.rosbag",
+_FORMATS = {
+    "csv": ("text", ".csv .txt .tsv .dat .asc .log .sco"),
+    "parquet": ("parquet", ".parquet .pq"),
+    "mat": ("mat", ".mat"),
+    "hdf5": ("hdf5", ".h5 .hdf5 .hdf"),
+    "mcap": ("mcap", ".mcap"),
+    "npy": ("npy", ".npy .npz"),
+    "json": ("json_text", ".json .jsonl .ndjson"),
+    "ros": ("rosbag", ".db3 .bag"),
 }
+"""Format -> module of this package with ``load(path: Path, source: str) -> Content``, endings.
+
+Imported on use: pyarrow, h5py and scipy.io are slow to import and a CSV user needs only one of them.
+"""
+_ENDINGS = {ending: kind for kind, (_, endings) in _FORMATS.items() for ending in endings.split()}
 
 # Read in a process of their own: a damaged file ends or holds up the C libraries behind them.
 _ISOLATED = ("mat", "hdf5")
-
-_ENDINGS = {
-    ".csv": "csv",
-    ".txt": "csv",
-    ".tsv": "csv",
-    ".dat": "csv",
-    ".asc": "csv",
-    ".log": "csv",
-    ".sco": "csv",
-    ".parquet": "parquet",
-    ".pq": "parquet",
-    ".mat": "mat",
-    ".h5": "hdf5",
-    ".hdf5": "hdf5",
-    ".hdf": "hdf5",
-    ".mcap": "mcap",
-    ".npy": "npy",
-    ".npz": "npy",
-    ".json": "json",
-    ".jsonl": "json",
-    ".ndjson": "json",
-    ".db3": "ros",
-    ".bag": "ros",
-}
 
 _MAGIC: tuple[tuple[bytes, str], ...] = (
     (b"PAR1", "parquet"),
@@ -99,16 +78,12 @@ def _read(paths: Sequence[Any], only: str | None = None, seen: Seen | None = Non
         raise LogError("no log file given; name at least one")
     logs = []
     for k, path in enumerate(paths):
-        share = None if seen is None else partial(_share, seen, k, len(paths))
+        share = None if seen is None else partial(lambda k, done: seen((k + done) / len(paths)), k)
         if is_table(path):
             logs.append(Log.from_pandas(path, f"table {k + 1}" if len(paths) > 1 else "DataFrame"))
         else:
             logs.append(_read_one(as_path(path, "paths"), only, share))
     return logs[0] if len(logs) == 1 else join(logs, [Path(log.source).stem for log in logs])
-
-
-def _share(seen: Seen, k: int, of: int, done: float) -> None:
-    seen((k + done) / of)
 
 
 def read_argument(text: str, seen: Seen | None = None) -> Log:
@@ -134,7 +109,7 @@ def _read_one(path: Path, only: str | None, seen: Seen | None) -> Log:
         return replace(_read_one(stored[0], only, seen), source=source)
     else:
         kind, note = _format(path, _head(path))
-    loader = importlib.import_module(_READERS[kind])
+    loader = importlib.import_module(f"pinotwin.logs.files.{_FORMATS[kind][0]}")
     if kind in _ISOLATED:
         content = isolated.load(loader.load, path, source)
     elif kind == "csv":
@@ -213,7 +188,11 @@ def join(logs: Sequence[Log], stems: Sequence[str]) -> Log:
     if len(set(lengths.values())) > 1:
         said = ", ".join(f"{name} {n}" for name, n in lengths.items())
         raise LogError(f"cannot join files of different length (rows: {said}); cut them alike first")
-    notes = [f"{log.source}: {note}" for log in logs for note in log.notes]
+    notes = [
+        note.of(log.source) if isinstance(note, Holes) else f"{log.source}: {note}"
+        for log in logs
+        for note in log.notes
+    ]
     shared = _shared_clock(logs)
     if shared:
         notes.append(f"{shared} is the same in all joined files and kept once")

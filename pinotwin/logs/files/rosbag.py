@@ -14,7 +14,6 @@ axes) before ``columns`` in machine.yaml says that it is.
 from __future__ import annotations
 
 import sqlite3
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -30,32 +29,14 @@ from rosbags.rosbag2 import ReaderError as Reader2Error
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
-from pinotwin.arrays import Floats
 from pinotwin.errors import LogError
 from pinotwin.logs.files.clocks import Group, fresh, on_one_clock, streams
-from pinotwin.logs.files.content import Content, damaged
-from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, stamp
+from pinotwin.logs.files.content import BROKEN, Content, damaged
+from pinotwin.logs.files.messages import Table, joint_names, joint_signals, numbers, seconds_since, stamp
 
 _BROKEN = (
-    AnyReaderError,
-    Reader1Error,
-    Reader2Error,
-    SerdeError,
-    TypesysError,
-    sqlite3.Error,
-    apsw.Error,
-    zstandard.ZstdError,
-    struct.error,
-    MemoryError,  # lengths of a damaged record
-    OverflowError,
-    OSError,
-    EOFError,
-    ValueError,
-    TypeError,  # a message that is not there
-    KeyError,
-    IndexError,
-    AssertionError,
-    UnicodeDecodeError,
+    *(*BROKEN, AssertionError, AnyReaderError, Reader1Error, Reader2Error, SerdeError, TypesysError),
+    *(sqlite3.Error, apsw.Error, zstandard.ZstdError),
 )
 _SERVO, _OTHER = "servo", "other"
 
@@ -123,9 +104,10 @@ def _take(
         pairs: Iterator[tuple[str, float]] = joint_signals(value, joints)
     elif servo:
         frame = str(value.get("header", {}).get("frame_id") or connection.topic.strip("/").replace("/", "_"))
-        pairs = _wrench(value.get("wrench", value), frame)
+        names = {"force": f"{frame}.wrench_f", "torque": f"{frame}.wrench_m"}
+        pairs = _vectors(value.get("wrench", value), names)
     elif kind == "Imu":
-        pairs = _imu(value)
+        pairs = _vectors(value, {"angular_velocity": "g", "linear_acceleration": "a"})
     else:
         pairs = numbers(value, "", text)
     topic.table.add(pairs)
@@ -134,7 +116,6 @@ def _take(
 
 
 def _plain(message: Any) -> Any:
-    """Return a message as dicts, lists and arrays."""
     if is_dataclass(message):
         return {
             f.name: _plain(getattr(message, f.name)) for f in fields(message) if not f.name.startswith("__")
@@ -142,16 +123,10 @@ def _plain(message: Any) -> Any:
     return [_plain(item) for item in message] if isinstance(message, list) else message
 
 
-def _wrench(value: dict[str, Any], frame: str) -> Iterator[tuple[str, float]]:
-    for part, letter in (("force", "f"), ("torque", "m")):
-        for axis in "xyz":
-            yield f"{frame}.wrench_{letter}{axis}", float(value[part][axis])
-
-
-def _imu(value: dict[str, Any]) -> Iterator[tuple[str, float]]:
-    for part, letter in (("angular_velocity", "g"), ("linear_acceleration", "a")):
-        for axis in "xyz":
-            yield f"{letter}{axis}", float(value[part][axis])
+def _vectors(value: dict[str, Any], parts: dict[str, str]) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of vectors with their names: field -> name without the letter of the direction."""
+    for part, name in parts.items():
+        yield from ((name + axis, float(value[part][axis])) for axis in "xyz")
 
 
 def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str], source: str) -> Content:
@@ -168,7 +143,7 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
     if servo:
         groups = []
         for name, topic in servo.items():
-            own, notes = streams(name, _seconds(times[name], origin), topic.table.arrays())
+            own, notes = streams(name, seconds_since(origin, times[name]), topic.table.arrays())
             groups += own
             content.notes += [f"{name}: {note}" for note in notes]
         t, channels, notes = on_one_clock(_without_doubles(groups, content), source)
@@ -179,14 +154,10 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
     for name, topic in topics.items():
         if topic.kind == _OTHER:
             prefix = "" if len(topics) == 1 else name.strip("/").replace("/", ".") + "."
-            content.arrays[f"{prefix}t"] = _seconds(times[name], origin)
+            content.arrays[f"{prefix}t"] = seconds_since(origin, times[name])
             content.units[f"{prefix}t"] = "s"
             content.arrays.update({prefix + key: x for key, x in topic.table.arrays().items()})
     return content
-
-
-def _seconds(stamps: list[int], origin: int) -> Floats:
-    return np.asarray((np.array(stamps, dtype=np.int64) - origin) * 1e-9)
 
 
 def _without_doubles(groups: list[Group], content: Content) -> list[Group]:

@@ -7,8 +7,9 @@ numbers is an error that names line, column and cell.
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyarrow as pa
@@ -17,21 +18,12 @@ import pyarrow.csv as pacsv
 from pinotwin.arrays import Floats, Ints
 from pinotwin.errors import LogError
 from pinotwin.logs.files import arrow, cells
-from pinotwin.logs.files.clocks import clock_groups, on_one_clock
+from pinotwin.logs.files.cells import MISSING, is_clock, is_comment, is_list, is_number, split_cells
+from pinotwin.logs.files.clocks import Group, on_one_clock
 from pinotwin.logs.files.content import Content, Seen
-from pinotwin.logs.files.layout import (
-    MISSING,
-    Layout,
-    inspect_layout,
-    is_clock,
-    is_comment,
-    is_list,
-    is_number,
-    line_start,
-    split_cells,
-)
+from pinotwin.logs.files.header import are_steps
+from pinotwin.logs.files.layout import Layout, inspect_layout, line_start
 from pinotwin.logs.files.long_form import value_column
-from pinotwin.logs.files.preamble import are_steps
 
 _NULLS = sorted({x for m in MISSING for x in (m, m.upper(), m.capitalize())} | {"NaN", "-NaN"})
 _ENDS = (b"eof", b"end", b"ende", b"[eof]", b"[end]", b"end of file")
@@ -43,8 +35,8 @@ _ASIDE = {
 }
 _TRAILING = " trailing"
 
-
-_LINE = 2_000_000  # letters of the longest first line: a few thousand columns
+Kinds = dict[str, Literal["text", "lists", "times"]]
+"""Column -> what its cells hold, where they are no plain numbers: words, lists of numbers, dates or times of day."""
 
 
 @dataclass(frozen=True)
@@ -78,24 +70,28 @@ class _Body:
 
     def head(self, size: int) -> list[list[str]]:
         """Return the cells of the rows in the first ``size`` bytes."""
-        rows = self.text[self.start : min(self.end, self.start + size)].decode(errors="replace")
-        lines = rows.split("\n")
+        lines = self.text[self.start : min(self.end, self.start + size)].decode(errors="replace").split("\n")
         whole = lines[:-1] if len(lines) > 1 and self.end > self.start + size else lines
         return [split_cells(row.rstrip("\r"), self.delimiter) for row in whole if row.strip()]
 
     def line(self, row: int) -> int:
         """Return the line of the file (from 1) that holds a row (from 0)."""
-        if self.lines is not None:
-            return int(self.lines[row]) + 1
-        return row + self.layout.skip + 1
+        return 1 + (row + self.layout.skip if self.lines is None else int(self.lines[row]))
 
 
-def load(path: Path, source: str, seen: Seen | None = None) -> Content:
-    """Return the columns of a text log; ``seen`` is called with the share that was read."""
+def load(path: Path, source: str, seen: Seen | None = None, longest: int = 2_000_000) -> Content:
+    """Return the columns of a text log.
+
+    Args:
+        path: the file.
+        source: its name, for messages.
+        seen: called with the share that was read.
+        longest: letters of the longest first line: a few thousand columns.
+    """
     text = path.read_bytes()
-    if len(text) > _LINE and not {10, 13} & set(text[:_LINE]):
+    if len(text) > longest and not {10, 13} & set(text[:longest]):
         raise LogError(
-            f"{source}: its first line is longer than {_LINE} letters; this is no log, export it again"
+            f"{source}: its first line is longer than {longest} letters; this is no log, export it again"
         )
     layout = inspect_layout(text, path.stem, source)
     body = _body(layout, source)
@@ -110,22 +106,17 @@ def load(path: Path, source: str, seen: Seen | None = None) -> Content:
         units=dict(layout.units), notes=[*layout.notes, *body.notes], stated=dict(layout.stated)
     )
     content.place = lambda row: f"line {body.line(row)}"
-    arrow.take(
-        _spelled_out(table.select(list(layout.names)), kinds, content),
-        content,
-        source,
-        b"UNAVAILABLE" in layout.text,
-    )
+    table = _spelled_out(table.select(list(layout.names)), kinds, content)
+    arrow.take(table, content, source, b"UNAVAILABLE" in layout.text)
     _set_clock(layout, content, source)
     return content
 
 
-def _spelled_out(table: pa.Table, kinds: _Kinds, content: Content) -> pa.Table:
-    """Return the table with lists in cells as lists, dates and times as seconds."""
+def _spelled_out(table: pa.Table, kinds: Kinds, content: Content) -> pa.Table:
     for i, name in enumerate(table.column_names):
-        if name in kinds.lists:
+        if kinds.get(name) == "lists":
             table = table.set_column(i, name, cells.lists(table.column(name).to_pylist()))
-        elif name in kinds.times:
+        elif kinds.get(name) == "times":
             seconds, notes = cells.seconds(table.column(name))
             table = table.set_column(i, name, pa.array(seconds))
             content.units[name] = "s"
@@ -134,34 +125,35 @@ def _spelled_out(table: pa.Table, kinds: _Kinds, content: Content) -> pa.Table:
 
 
 def _set_clock(layout: Layout, content: Content, source: str) -> None:
-    """Join the clocks of a file that has several; make the clock of one that has none."""
+    """Join the clocks of a file that has several; make that of one that has none but the time of each row."""
+    arrays = content.arrays
     if layout.clocks:
-        groups = clock_groups(layout.clocks, content.arrays)
+        stamped = {clock: names for clock, names in layout.clocks.items() if clock in arrays}
+        groups = [
+            Group(clock, np.asarray(arrays[clock], dtype=float), {n: arrays[n] for n in names if n in arrays})
+            for clock, names in stamped.items()
+        ]
         unit = next((layout.units[c] for c in layout.clocks if c in layout.units), None)
         t, channels, notes = on_one_clock(groups, source)
         content.arrays = {"t": t, **channels}
         content.notes += notes
         content.units.update({"t": unit} if unit else {})
-    elif not any(is_clock(name) for name in content.arrays):
-        made = _clock_of_steps(layout, content)
-        if made is not None:
-            t, unit, said = made
-            content.arrays = {"t": t, **content.arrays}
-            content.units["t"] = unit
-            content.notes.append(f"t: {said}")
-
-
-def _clock_of_steps(layout: Layout, content: Content) -> tuple[Floats, str, str] | None:
-    """Return a clock from the sample time above the numbers or from a column of steps, its unit, and the source."""
+        return
+    if any(map(is_clock, arrays)):
+        return
+    unit_of = content.units
+    steps = (n for n, x in arrays.items() if are_steps(n, np.asarray(x, dtype=float), unit_of.get(n, "s")))
     if layout.step is not None:
-        rows = len(next(iter(content.arrays.values()), ()))
+        t, unit = np.arange(float(len(next(iter(arrays.values()), ())))) * layout.step, "s"
         said = f"made from the sample time {1e3 * layout.step:.6g} ms above the numbers"
-        return np.arange(float(rows)) * layout.step, "s", said
-    for name, values in content.arrays.items():
-        unit, x = content.units.get(name, "s"), np.asarray(values, dtype=float)
-        if are_steps(name, x, unit):
-            return np.cumsum(x, dtype=float) - x[0], unit, f"summed from {name}, the time of each row"
-    return None
+    elif name := next(steps, ""):
+        t, unit = np.cumsum(arrays[name], dtype=float) - float(arrays[name][0]), unit_of.get(name, "s")
+        said = f"summed from {name}, the time of each row"
+    else:
+        return
+    content.arrays = {"t": t, **arrays}
+    content.units["t"] = unit
+    content.notes.append(f"t: {said}")
 
 
 def _body(layout: Layout, source: str) -> _Body:
@@ -193,9 +185,8 @@ def _cleaned(body: _Body) -> _Body:
         if aside:
             taken[aside] += 1
         elif aside is None:
-            kept.append(
-                b"\t".join(bare.split()) if blanks else _filled(row, mark, width) if layout.clocks else row
-            )
+            row = b"\t".join(bare.split()) if blanks else row
+            kept.append(_filled(row, mark, width) if layout.clocks and not blanks else row)
             numbers.append(i)
     text = b"\n".join(kept)
     notes = tuple(said.format(taken[what]) for what, said in _ASIDE.items() if taken[what])
@@ -223,39 +214,19 @@ def _filled(row: bytes, mark: bytes, width: int) -> bytes:
     return mark.join(cells + [b""] * (width - len(cells)))
 
 
-@dataclass(frozen=True)
-class _Kinds:
-    """Columns of which the cells are no plain numbers.
-
-    Attributes:
-        text: mostly words.
-        lists: a list of numbers in every cell.
-        times: times of day, with or without their dates.
-    """
-
-    text: set[str] = field(default_factory=set)
-    lists: set[str] = field(default_factory=set)
-    times: set[str] = field(default_factory=set)
-
-    @property
-    def words(self) -> set[str]:
-        """Columns to be read as text first."""
-        return self.text | self.lists | self.times
-
-
-def _kinds(body: _Body) -> _Kinds:
+def _kinds(body: _Body) -> Kinds:
     """Return what the columns hold, from a sample of rows."""
-    rows, kinds = body.head(1 << 18), _Kinds()
+    rows, kinds = body.head(1 << 18), Kinds()
     for i, name in enumerate(body.names):
         sample = [row[i] for row in rows if i < len(row) and row[i]]
         if sample and all(map(cells.is_stamp, sample)):
-            kinds.times.add(name)
-        elif sample and all(is_list(cell) for cell in sample):
-            kinds.lists.add(name)
+            kinds[name] = "times"
+        elif sample and all(map(is_list, sample)):
+            kinds[name] = "lists"
         elif sum(not is_number(cell) for cell in sample) > 0.5 * len(sample):
-            kinds.text.add(name)
-    kinds.text.update({value_column(body.names, kinds.text) or ""} - {""})
-    return kinds
+            kinds[name] = "text"
+    value = value_column(body.names, [name for name, kind in kinds.items() if kind == "text"])
+    return kinds if value is None else {value: "text", **kinds}
 
 
 class _Watched(io.RawIOBase):
@@ -292,16 +263,16 @@ def _read(body: _Body, types: dict[str, pa.DataType], seen: Seen | None = None) 
     )
 
 
-def _parse(body: _Body, kinds: _Kinds, seen: Seen | None = None) -> pa.Table | None:
+def _parse(body: _Body, kinds: Kinds, seen: Seen | None = None) -> pa.Table | None:
     """Return the table, or None if some cell or row is not what its column promises."""
-    types = {name: pa.string() if name in kinds.words else pa.float64() for name in body.names}
+    types = {name: pa.string() if name in kinds else pa.float64() for name in body.names}
     try:
         return _read(body, types, seen)
     except pa.ArrowInvalid:
         return None
 
 
-def _parse_slowly(body: _Body, kinds: _Kinds) -> pa.Table:
+def _parse_slowly(body: _Body, kinds: Kinds) -> pa.Table:
     """Read every cell as text first; forgive blanks and plus signs, name what is no number."""
     try:
         table = _read(body, {name: pa.string() for name in body.names})
@@ -309,21 +280,17 @@ def _parse_slowly(body: _Body, kinds: _Kinds) -> pa.Table:
         raise _ragged(body) or LogError(
             f"{body.source}: cannot be parsed ({str(error).splitlines()[0][:80]}); export it again"
         ) from None
-    columns: dict[str, object] = {
-        name: column.to_pylist() if name in kinds.words else _numbers(column.to_pylist(), name, body)
-        for name, column in zip(body.names, table.columns, strict=True)
-    }
-    return pa.table(columns)
+    pairs = ((name, column.to_pylist()) for name, column in zip(body.names, table.columns, strict=True))
+    return pa.table({name: x if name in kinds else _numbers(x, name, body) for name, x in pairs})
 
 
 def _numbers(column: list[str], name: str, body: _Body) -> Floats:
-    out = np.empty(len(column))
+    out = np.full(len(column), np.nan)
     thousands = body.layout.thousands
     foreign = "." if body.layout.decimal == "," else ","  # 1.234 would mean something else there
     for row, cell in enumerate(column):
         bare = cell.strip()
         if bare.lower() in MISSING:
-            out[row] = np.nan
             continue
         last = max(bare.rfind("."), bare.rfind(","))
         if is_number(bare) and (thousands or (foreign in bare and bare[last] == body.layout.decimal)):

@@ -2,46 +2,50 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.logs.clock import even_clock
+from pinotwin.logs.files.content import Holes
 from pinotwin.logs.quality.axes import axis_findings, inspect_axes
-from pinotwin.logs.quality.results import ChannelQuality, Finding, Limits, Quality
+from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.quality.results import ChannelQuality, Finding, Limits, Quality, Severity
 from pinotwin.logs.quality.rows import row_findings
 from pinotwin.logs.quality.sampling import clock_findings
 from pinotwin.logs.quality.values import quantisation_step, saturated_rows, significant_digits
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import Clock, clock
 
-_COARSE = 500  # steps over the range
-_HOLES = re.compile(r": (\d+) missing (?:or infinite )?values, first in ")  # a reader's note
 _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 
-def inspect(log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | None = None) -> Quality:
+def inspect(
+    log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | None = None, settings: Settings = USUAL
+) -> Quality:
     """Return what a log in the names of the contract is worth.
 
     Args:
         log: bound log (SI).
         axes: axis -> whether it is rotary.
         limits: axis -> what it can do, if known.
+        settings: what is decided by.
     """
     findings: list[Finding] = []
-    ticks = _clock(log, findings)
+    ticks = _clock(log, findings, settings)
     channels = {name: _channel(log, name) for name in log.channels if name != "t"}
     for name, channel in channels.items():
-        findings += _channel_findings(log, name, channel)
+        findings += _channel_findings(log, name, channel, settings)
     findings += _digit_findings(channels)
-    table, cutoff = inspect_axes(*_even(log, axes, ticks))
-    findings += axis_findings(log, axes, table, channels, limits or {}, ticks)
-    rows = list(row_findings(log))
+    even, now = _even(log, axes, ticks, settings)
+    table, cutoff = inspect_axes(even, axes, now, settings)
+    findings += axis_findings(log, axes, table, channels, limits or {}, ticks, settings)
+    rows = list(row_findings(log, settings))
     torn = {f.channel for f in rows if f.code in ("wraps", "leaps")}
     findings = [f for f in findings if not (f.code == "speed_limit" and f.channel in torn)] + rows
-    findings += [Finding("info", "", note) for note in _untold(log.notes, findings)]
+    findings += [Finding("info", "", note) for note in _untold(log, channels)]
     findings.sort(key=lambda f: _ORDER[f.severity])
     stamps = log.t[np.isfinite(log.t)] if "t" in log else np.zeros(1)
     return Quality(
@@ -56,42 +60,39 @@ def inspect(log: Log, axes: Mapping[str, bool], limits: Mapping[str, Limits] | N
     )
 
 
-def _untold(notes: Iterable[str], findings: Iterable[Finding]) -> Iterator[str]:
+def _untold(log: Log, channels: Mapping[str, ChannelQuality]) -> Iterator[str]:
     """Yield what the reader noticed but for the holes that findings tell of, under the names of the contract."""
-    told = {f.message.split()[0] for f in findings if f.code in ("missing", "clock_holes")}
-    for note in dict.fromkeys(notes):
-        holes = _HOLES.search(note)
-        if holes is None or holes[1] not in told:
+    told = {c.missing for c in channels.values() if c.missing < len(log)}
+    told.add(int((~np.isfinite(log.t)).sum()) if "t" in log else 0)
+    for note in dict.fromkeys(log.notes):
+        if not (isinstance(note, Holes) and note.missing in told):
             yield note
 
 
 def _even(
-    log: Log, axes: Mapping[str, bool], ticks: Clock | None
-) -> tuple[Log, Mapping[str, bool], Clock | None]:
+    log: Log, axes: Mapping[str, bool], ticks: Clock | None, settings: Settings
+) -> tuple[Log, Clock | None]:
     """Return what the axes are inspected with: the log on an even clock, as preparation takes it."""
     present = [name for name in axes if f"{name}.q" in log]
     if ticks is None or not present:
-        return log, axes, ticks
-    even = even_clock(log, present)
-    return even, axes, clock(even.t)
+        return log, ticks
+    even = even_clock(log, present, settings)
+    return even, clock(even.t)
 
 
-def _clock(log: Log, findings: list[Finding]) -> Clock | None:
+def _clock(log: Log, findings: list[Finding], settings: Settings) -> Clock | None:
     if "t" not in log:
-        remedy = "map its column, or give `t: {rate: ...}`, under columns in machine.yaml"
-        findings.append(Finding("error", "t", f"no time channel; {remedy}", "clock_missing"))
+        findings.append(finding("clock_missing", "t"))
         return None
     missing = int((~np.isfinite(log.t)).sum())
     if missing:
-        findings.append(
-            Finding("warning", "t", f"{missing} stamps are missing; the log is cut there", "clock_holes")
-        )
+        findings.append(finding("clock_holes", "t", count=missing))
     try:
         ticks = clock(log.t)
     except DataError as error:
-        findings.append(Finding("error", "t", str(error), "clock_stands"))
+        findings.append(finding("clock_stands", "t", why=error))
         return None
-    findings += clock_findings(ticks, len(log))
+    findings += clock_findings(ticks, settings)
     return ticks
 
 
@@ -113,39 +114,21 @@ def _channel(log: Log, name: str) -> ChannelQuality:
     )
 
 
-def _channel_findings(log: Log, name: str, c: ChannelQuality) -> Iterator[Finding]:
+def _channel_findings(log: Log, name: str, c: ChannelQuality, settings: Settings) -> Iterator[Finding]:
     if c.missing == len(log):
-        yield Finding("error", name, "holds no number at all; drop it from columns or log it", "empty")
+        yield finding("empty", name)
         return
     if c.missing:
-        first = int(np.argmax(~np.isfinite(log[name])))
-        yield Finding(
-            "warning",
-            name,
-            f"{c.missing} values missing, first in row {first}; the log is cut there",
-            "missing",
-        )
+        yield finding("missing", name, count=c.missing, first=int(np.argmax(~np.isfinite(log[name]))))
     if c.constant and c.low == 0.0:
-        wired = ": not wired, or not recorded?" if name.endswith(".u") else ""
-        yield Finding("warning", name, f"is always zero{wired or '; drop it or record it'}", "always_zero")
+        wired = ": not wired, or not recorded?" if name.endswith(".u") else "; drop it or record it"
+        yield finding("always_zero", name, remedy=wired)
     elif c.constant:
-        yield Finding("info", name, f"is constant at {c.low:.6g}", "constant")
-    if c.step and name.endswith(".q") and 0 < c.high - c.low < _COARSE * c.step:
-        yield Finding(
-            "warning",
-            name,
-            f"resolves {c.step:.3g}: only {(c.high - c.low) / c.step:.0f} steps over its whole "
-            "range, speed and acceleration from it are coarse; log with more digits",
-            "coarse_position",
-        )
+        yield finding("constant", name, value=c.low)
+    if c.step and name.endswith(".q") and 0 < c.high - c.low < settings.coarse * c.step:
+        yield finding("coarse_position", name, step=c.step, steps=(c.high - c.low) / c.step)
     if c.saturated:
-        yield Finding(
-            "warning",
-            name,
-            f"saturated at {c.low:.4g} or {c.high:.4g} in {100 * c.saturated:.2g} % of the rows; "
-            f"these rows say nothing about the plant; move less violently",
-            "saturated",
-        )
+        yield finding("saturated", name, low=c.low, high=c.high, percent=100 * c.saturated)
 
 
 def _digit_findings(channels: Mapping[str, ChannelQuality]) -> Iterator[Finding]:
@@ -154,10 +137,5 @@ def _digit_findings(channels: Mapping[str, ChannelQuality]) -> Iterator[Finding]
         if c.digits is not None:
             rounded.setdefault(c.digits, []).append(name)
     for digits, names in sorted(rounded.items()):
-        yield Finding(
-            "warning" if digits <= 4 else "info",
-            "",
-            f"{', '.join(names)}: numbers have {digits} significant digits, so the resolution "
-            "falls as they grow; export with more digits",
-            "few_digits",
-        )
+        grave: Severity = "warning" if digits <= 4 else "info"
+        yield finding("few_digits", "", grave, names=", ".join(names), digits=digits)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.log import Log
+from pinotwin.logs.quality.phrases import finding
 from pinotwin.logs.quality.results import Finding
 from pinotwin.logs.quality.values import (
     has_more_values,
@@ -17,46 +19,28 @@ from pinotwin.logs.quality.values import (
     repeated_rows,
     sentinel,
 )
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import runs
 
-_MEASURED = 20  # a channel with more distinct values than this is a measurement, else a state
-_FEWEST = 4  # measured channels, below which a copied row may be chance
-_SHARE = 0.02  # of the rows, from which copies or sentinels spoil a log as a whole
-_ABOUT = 21  # rows about one that must stand still
 _FEW = 5  # rows over which a rounded position shows which way it moves
-_LEAPS = 3  # of a position, from which they are told
 
 
-def row_findings(log: Log) -> Iterator[Finding]:
-    """Say which rows are not to be trusted."""
+def row_findings(log: Log, settings: Settings = USUAL, fewest: int = 4) -> Iterator[Finding]:
+    """Say which rows are not to be trusted; with fewer than ``fewest`` measured channels a copy may be chance."""
     measured, states = _kinds(log)
     bad = np.zeros(len(log), dtype=bool)
-    if len(measured) >= _FEWEST:
-        table = np.column_stack([np.nan_to_num(x) for x in measured.values()])
-        copies, stale = repeated_rows(table)
-        if stale.mean() > _SHARE:
-            yield Finding(
-                "warning",
-                "",
-                f"{int(stale.sum())} of {len(log)} rows repeat the row before in every measured "
-                "channel: the log is sampled faster than the controller renews its values; log at "
-                "its rate",
-                "stale_rows",
-            )
+    if len(measured) >= fewest:
+        copies, stale = repeated_rows(np.column_stack([np.nan_to_num(x) for x in measured.values()]))
+        if stale.mean() > settings.spoiled:
+            yield finding("stale_rows", count=int(stale.sum()), rows=len(log))
         fresh = copies & ~stale & ~_at_rest(measured)
-        if fresh.mean() > _SHARE:
+        if fresh.mean() > settings.spoiled:
             bad |= copies
-            yield Finding(
-                "warning",
-                "",
-                f"{int(fresh.sum())} of {len(log)} rows are exact copies of other rows in all "
-                f"{len(measured)} measured channels: sentinel or replayed rows, "
-                f"leave them out{_key(log, copies)}",
-                "copied_rows",
-            )
+            said = {"channels": len(measured), "key": _key(log, copies)}
+            yield finding("copied_rows", count=int(fresh.sum()), rows=len(log), **said)
     for name in measured:
         if name.endswith(".q"):
-            yield from _jumps(log, name, bad)
+            yield from _jumps(log, name, bad, settings)
         elif name.endswith(".u"):
             yield from _effort_sentinel(log, name, bad)
     yield from _shared_state(states, bad)
@@ -73,9 +57,8 @@ def _at_rest(measured: dict[str, Floats]) -> Mask:
     return rest
 
 
-def _span(x: Floats) -> Floats:
-    """Return the range of a channel about every row."""
-    return np.asarray(scipy.ndimage.maximum_filter1d(x, _ABOUT) - scipy.ndimage.minimum_filter1d(x, _ABOUT))
+def _span(x: Floats, rows: int = 21) -> Floats:
+    return np.asarray(scipy.ndimage.maximum_filter1d(x, rows) - scipy.ndimage.minimum_filter1d(x, rows))
 
 
 def _key(log: Log, rows: Mask) -> str:
@@ -87,63 +70,35 @@ def _key(log: Log, rows: Mask) -> str:
     return f" (data: {{leave_out: [{', '.join(times[:4])}{more}]}})"
 
 
-def _kinds(log: Log) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    measured, states = {}, {}
-    for name, x in log.channels.items():
-        if name != "t":
-            if has_more_values(x, _MEASURED):
-                measured[name] = x
-            elif has_more_values(x, 1):
-                states[name] = x
-    return measured, states
+def _kinds(log: Log, measured: int = 20) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Return the channels with more distinct values than a state has, and those that change at all."""
+    varied = {name: x for name, x in log.channels.items() if name != "t" and has_more_values(x, 1)}
+    numbers = {name: x for name, x in varied.items() if has_more_values(x, measured)}
+    return numbers, {name: x for name, x in varied.items() if name not in numbers}
 
 
-def _jumps(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
-    """Say where a position jumps, and mark those rows in ``bad``."""
+def _jumps(log: Log, name: str, bad: Mask, settings: Settings, leaps: int = 3) -> Iterator[Finding]:
+    """Say where a position jumps, and mark those rows in ``bad``; a few leaps are not worth a word."""
     q = log.raw(name)
     found = sentinel(q)
     if found is not None:
         value, times, rows = found
         bad |= rows
-        yield Finding(
-            "warning",
-            name,
-            f"jumps to {value:.6g} (as in the file) and back {times} times: a sentinel value; "
-            f"leave the {int(rows.sum())} rows with it out{_key(log, rows)}",
-            "sentinel" if rows.mean() > _SHARE else "spikes",
-        )
+        said = finding("sentinel", name, value=value, times=times, rows=int(rows.sum()), key=_key(log, rows))
+        yield said if rows.mean() > settings.spoiled else replace(said, code="spikes")
         return
     apart = jump_rows(q)
     bad |= apart
     if apart.any():
-        yield Finding(
-            "warning",
-            name,
-            f"stands apart from the rows before and after in {int(apart.sum())} rows, first "
-            f"{int(np.argmax(apart))}: lost or garbled values; leave these rows out"
-            f"{_key(log, apart)}",
-            "spikes",
-        )
+        where = {"count": int(apart.sum()), "first": int(np.argmax(apart))}
+        yield finding("spikes", name, **where, key=_key(log, apart))
     turns = _within_stretches(log, _wraps(q))
     if len(turns):
-        yield Finding(
-            "warning",
-            name,
-            f"wraps around {len(turns)} times, first at row {turns[0]}; give columns.{name} the counter's range "
-            f"(as in the file), {_said_range(q, turns)}, in machine.yaml: then it is unwrapped",
-            "wraps",
-        )
+        yield finding("wraps", name, count=len(turns), first=turns[0], name=name, range=_said_range(q, turns))
     rest = np.setdiff1d(_within_stretches(log, _leaps(q)), turns)
-    if len(rest) >= _LEAPS and not apart.any():
+    if len(rest) >= leaps and not apart.any():
         size = float(np.abs(q[rest] - q[rest - 1]).max())
-        yield Finding(
-            "warning",
-            name,
-            f"leaps in {len(rest)} rows, first {rest[0]}, by up to {size:.4g} (as in the file), and moves on as "
-            "before: rows are missing there or its counter was set anew, and no speed can be had across them; log a "
-            "time channel (then the log is cut there) or without pauses",
-            "leaps",
-        )
+        yield finding("leaps", name, count=len(rest), first=rest[0], size=size)
 
 
 def _within_stretches(log: Log, rows: Ints) -> Ints:
@@ -163,13 +118,8 @@ def _effort_sentinel(log: Log, name: str, bad: Mask) -> Iterator[Finding]:
         others = np.abs(u[~rows & np.isfinite(u)])
         if count >= 3 and len(others) and abs(value) > 3.0 * others.max() > 0:
             bad |= rows
-            yield Finding(
-                "warning",
-                name,
-                f"is {value:.6g} (as in the file) in {int(count)} rows, far beyond all others: a sentinel "
-                f"value; leave these rows out{_key(log, rows)}",
-                "sentinel",
-            )
+            said = finding("effort_sentinel", name, value=value, rows=int(count), key=_key(log, rows))
+            yield replace(said, code="sentinel")
 
 
 def _wraps(q: Floats) -> Ints:
@@ -185,18 +135,20 @@ def _wraps(q: Floats) -> Ints:
 
 def _against(q: Floats, k: int) -> Ints:
     """Return the rows before which a position jumps by its range against its motion over k rows before and after."""
-    if len(q) < 2 * k + 2:
-        return np.zeros(0, dtype=int)
-    before, jump, after = _about(q, k)
-    span = np.nanmax(q) - np.nanmin(q)
+    before, jump, after, fastest, span = _about(q, k)
     against = (before * after > 0) & (before * jump < 0)
-    small = np.maximum(np.abs(before), np.abs(after)) < 0.2 * span
-    return np.flatnonzero((np.abs(jump) > 0.75 * span) & against & small) + k + 1
+    return np.flatnonzero((np.abs(jump) > 0.75 * span) & against & (fastest < 0.2 * span)) + k + 1
 
 
-def _about(q: Floats, k: int) -> tuple[Floats, Floats, Floats]:
-    """Return the change over the k rows before every row, that from the last one to it, and over the k after it."""
-    return q[k : -k - 1] - q[: -2 * k - 1], q[k + 1 : -k] - q[k : -k - 1], q[2 * k + 1 :] - q[k + 1 : -k]
+def _about(q: Floats, k: int) -> tuple[Floats, Floats, Floats, Floats, float]:
+    """Return the change over the k rows before every row, that from the last one to it, that over the k after it.
+
+    Then the larger of both changes, and the range of the channel.
+    """
+    span = float(np.nanmax(q) - np.nanmin(q))
+    q = q if len(q) >= 2 * k + 2 else q[:0]
+    before, after = q[k : -k - 1] - q[: -2 * k - 1], q[2 * k + 1 :] - q[k + 1 : -k]
+    return before, q[k + 1 : -k] - q[k : -k - 1], after, np.maximum(np.abs(before), np.abs(after)), span
 
 
 def _range(q: Floats, turns: Ints) -> tuple[float, bool]:
@@ -224,16 +176,10 @@ def _said_range(q: Floats, turns: Ints) -> str:
 
 def _leaps(q: Floats) -> Ints:
     """Return the rows before which a position that moves steadily is suddenly elsewhere and moves on."""
-    k = _FEW
-    if len(q) < 2 * k + 2:
-        return np.zeros(0, dtype=int)
-    before, jump, after = _about(q, k)
-    steady = (before * after > 0) & (
-        np.maximum(np.abs(before), np.abs(after)) < 2.0 * np.minimum(np.abs(before), np.abs(after))
-    )
-    span = np.nanmax(q) - np.nanmin(q)
-    bound = np.maximum(20.0 * np.maximum(np.abs(before), np.abs(after)) / k, 0.01 * span)
-    return np.flatnonzero(steady & (np.abs(jump) > bound)) + k + 1
+    before, jump, after, fastest, span = _about(q, _FEW)
+    steady = (before * after > 0) & (fastest < 2.0 * np.minimum(np.abs(before), np.abs(after)))
+    bound = np.maximum(20.0 * fastest / _FEW, 0.01 * span)
+    return np.flatnonzero(steady & (np.abs(jump) > bound)) + _FEW + 1
 
 
 def _shared_state(states: dict[str, Floats], bad: Mask) -> Iterator[Finding]:
@@ -246,11 +192,5 @@ def _shared_state(states: dict[str, Floats], bad: Mask) -> Iterator[Finding]:
             recall = float(np.mean(rows[bad]))
             precision = float(np.mean(bad[rows]))
             if recall > 0.8 and precision > max(0.5, 1.05 * bad.mean()):
-                yield Finding(
-                    "warning",
-                    name,
-                    f"{100 * recall:.0f} % of the untrustworthy rows have {name} = {value:g}; "
-                    f"leave all {int(rows.sum())} rows with that value out "
-                    f"(data: {{leave_out: [{{{name}: {value:g}}}]}})",
-                    "bad_state",
-                )
+                said = {"value": value, "rows": int(rows.sum())}
+                yield finding("bad_state", name, percent=100 * recall, name=name, **said)

@@ -10,70 +10,38 @@ import numpy as np
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
+from pinotwin.logs.quality.phrases import finding
 from pinotwin.logs.quality.results import Finding
+from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import Clock, clock, uniform
 
-SLOW = 50.0
-"""Rate [Hz] below which the accelerations of a servo (10 to 100 ms long) fall between the "
-"samples."""
-_SLOWEST, _FASTEST = 2.0, 2e5  # rates [Hz] beyond which the stamps are in another unit
 
-
-def clock_findings(c: Clock, rows: int) -> Iterator[Finding]:
+def clock_findings(c: Clock, settings: Settings = USUAL) -> Iterator[Finding]:
     """Say what is wrong with a time axis."""
-    at = f"about {c.rate:.4g} Hz"
     if c.backward:
-        yield Finding(
-            "warning",
-            "t",
-            f"the clock runs backward {len(c.backward)} times, first at row {c.backward[0]}; the "
-            "log is cut there, check the logger's clock",
-            "clock_backward",
-        )
+        yield finding("clock_backward", "t", count=len(c.backward), first=c.backward[0])
     if c.duplicated:
-        yield Finding(
-            "warning",
-            "t",
-            f"{len(c.duplicated)} duplicated time stamps, first at row {c.duplicated[0]} ({at}); "
-            "the log is cut there, resample it or log finer stamps",
-            "clock_duplicated",
-        )
+        yield finding("clock_duplicated", "t", count=len(c.duplicated), first=c.duplicated[0], rate=c.rate)
     if c.gaps:
-        jump = c.longest > max(1.0, 1000.0 * c.step)
-        yield Finding(
-            "warning",
-            "t",
-            f"{len(c.gaps)} gaps, {c.missing} samples missing at {at}, the longest "
-            f"{c.longest:.4g} s{' (a jump of the clock?)' if jump else ''}, first at row "
-            f"{c.gaps[0]}; single samples are bridged, the log is cut at longer gaps",
-            "clock_gaps",
-        )
-    if c.jitter_rms > 0.02 * c.step:
-        yield Finding(
-            "warning",
-            "t",
-            f"irregular sampling: interval {1e3 * c.step:.4g} ms, jitter {1e3 * c.jitter_rms:.3g} "
-            f"ms rms, {1e3 * c.jitter_max:.3g} ms at most; preparation takes the clock that the motion shows",
-            "clock_jitter",
-        )
+        jump = " (a jump of the clock?)" if c.longest > max(1.0, 1000.0 * c.step) else ""
+        seen = {"missing": c.missing, "rate": c.rate, "longest": c.longest, "jump": jump}
+        yield finding("clock_gaps", "t", count=len(c.gaps), first=c.gaps[0], **seen)
+    if c.jitter_rms > settings.jitter * c.step:
+        scatter = {"rms": 1e3 * c.jitter_rms, "most": 1e3 * c.jitter_max}
+        yield finding("clock_jitter", "t", step=1e3 * c.step, **scatter)
     refused = implausible_clock(c)
     if refused:
-        yield Finding("error", "t", refused, "clock_unit")
-    elif c.rate < SLOW:
-        yield Finding(
-            "warning",
-            "t",
-            f"{c.rate:.4g} Hz is too slow to identify inertia: a servo accelerates within 10 to "
-            f"100 ms; friction and gravity can be found, log at 250 Hz or more for the rest",
-            "slow_rate",
-        )
+        yield finding("clock_unit", "t", why=refused)
+    elif c.rate < settings.slow_rate:
+        yield finding("slow_rate", "t", rate=c.rate)
 
 
 def implausible_clock(c: Clock) -> str:
     """Return why a clock cannot be in seconds, with the unit that it seems to be in; "" if it can."""
-    if _SLOWEST <= c.rate <= _FASTEST:
+    slowest, fastest = 2.0, 2e5  # rates [Hz] that servos are logged at
+    if slowest <= c.rate <= fastest:
         return ""
-    if c.rate > _FASTEST:
+    if c.rate > fastest:
         return (
             f"{c.rate:.3g} samples per second: no servo is logged so fast; correct unit of t in machine.yaml"
         )
@@ -84,7 +52,7 @@ def implausible_clock(c: Clock) -> str:
     )
 
 
-def resample(log: LogLike, rate: float, gap: float = 5.0) -> Log:
+def resample(log: LogLike, rate: float, gap: float = 5.0, *, smooth: bool = False) -> Log:
     """Return the log on a uniform clock, by linear interpolation; the notes say what was made up.
 
     Nothing is made up across a gap, a clock that runs backward, or a missing value: the new log
@@ -95,6 +63,7 @@ def resample(log: LogLike, rate: float, gap: float = 5.0) -> Log:
         log: needs ``t``; a log or its file.
         rate: new rate [Hz].
         gap: interval that counts as a gap, in median intervals.
+        smooth: it was low-passed, so that nothing aliases.
 
     Raises:
         LogError: no time channel, a rate that is not above 0, or stamps that do not advance.
@@ -124,6 +93,6 @@ def resample(log: LogLike, rate: float, gap: float = 5.0) -> Log:
     ]
     if not fresh.all():
         notes.append(f"{int((~fresh).sum())} rows with a duplicated or missing stamp were left out")
-    if rate < 0.9 * before.rate:
+    if rate < 0.9 * before.rate and not smooth:
         notes.append("the new rate is lower and nothing was low-passed before: signals may alias")
     return log.with_channels({"t": t, **dict(zip(names, x.T, strict=True))}, notes)

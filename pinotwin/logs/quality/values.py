@@ -178,11 +178,8 @@ def _hashes(x: Floats) -> NDArray[np.uint64]:
     keys = np.zeros(len(x), dtype=np.uint64)
     for column in x.T:
         keys ^= (column + 0.0).view(np.uint64)  # -0.0 becomes 0.0
-        for shift, factor in (
-            (33, 0xFF51AFD7ED558CCD),
-            (33, 0xC4CEB9FE1A85EC53),
-        ):  # the finaliser of MurmurHash3
-            keys ^= keys >> np.uint64(shift)
+        for factor in (0xFF51AFD7ED558CCD, 0xC4CEB9FE1A85EC53):  # the finaliser of MurmurHash3
+            keys ^= keys >> np.uint64(33)
             keys *= np.uint64(factor)
         keys ^= keys >> np.uint64(33)
     return keys

@@ -1,16 +1,34 @@
-"""Noise as an autoregression, x(t) = sum_k a_k x(t - k) + w(t) with w white.
+"""How large a signal is, how large the noise in it, and its colour.
 
-Burg's method (Burg 1975; Kay 1988, chapter 7) over all unbroken stretches of a signal at once; it is stable
-by construction.
+The colour is an autoregression, x(t) = sum_k a_k x(t - k) + w(t) with w white, by Burg's method (Burg 1975; Kay 1988,
+chapter 7) over all unbroken stretches of a signal at once; it is stable by construction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from pinotwin.arrays import Floats
+
+
+def rms(x: Floats) -> float:
+    """Return the root of the mean square, 0 of nothing."""
+    return float(np.sqrt(np.mean(x**2))) if len(x) else 0.0
+
+
+def roughness(parts: Iterable[Floats]) -> float:
+    """Return the standard deviation of the noise on a smooth signal, quantisation included.
+
+    From third differences, in which motion is small beside noise; by their median, which jerks do not
+    move.
+
+    Args:
+        parts: unbroken stretches of the signal, each of shape (n,).
+    """
+    third = np.concatenate([np.zeros(0), *(np.abs(np.diff(x, 3)) for x in parts)])
+    return float(1.4826 * np.median(third) / np.sqrt(20.0)) if len(third) else 0.0
 
 
 def burg(stretches: Sequence[Floats], order: int) -> tuple[Floats, float]:

@@ -1,0 +1,127 @@
+"""Every sentence that `check` says of a log: code -> how grave it is, and the words around its numbers."""
+
+from __future__ import annotations
+
+from pinotwin.logs.quality.results import Finding, Severity
+
+SAID = {
+    # the clock
+    "clock_missing": "no time channel; map its column, or give `t: {{rate: ...}}`, under columns in "
+    "machine.yaml",
+    "clock_holes": "{count} stamps are missing; the log is cut there",
+    "clock_stands": "{why}",
+    "clock_unit": "{why}",
+    "clock_backward": "the clock runs backward {count} times, first at row {first}; the log is cut there, "
+    "check the logger's clock",
+    "clock_duplicated": "{count} duplicated time stamps, first at row {first} (about {rate:.4g} Hz); the "
+    "log is cut there, resample it or log finer stamps",
+    "clock_gaps": "{count} gaps, {missing} samples missing at about {rate:.4g} Hz, the longest "
+    "{longest:.4g} s{jump}, first at row {first}; single samples are bridged, the log is cut at longer gaps",
+    "clock_jitter": "irregular sampling: interval {step:.4g} ms, jitter {rms:.3g} ms rms, {most:.3g} ms at "
+    "most; preparation takes the clock that the motion shows",
+    "slow_rate": "{rate:.4g} Hz is too slow to identify inertia: a servo accelerates within 10 to 100 ms; "
+    "friction and gravity can be found, log at 250 Hz or more for the rest",
+    # one channel
+    "empty": "holds no number at all; drop it from columns or log it",
+    "missing": "{count} values missing, first in row {first}; the log is cut there",
+    "always_zero": "is always zero{remedy}",
+    "constant": "is constant at {value:.6g}",
+    "coarse_position": "resolves {step:.3g}: only {steps:.0f} steps over its whole range, speed and "
+    "acceleration from it are coarse; log with more digits",
+    "saturated": "saturated at {low:.4g} or {high:.4g} in {percent:.2g} % of the rows; these rows say "
+    "nothing about the plant; move less violently",
+    "few_digits": "{names}: numbers have {digits} significant digits, so the resolution falls as they grow; "
+    "export with more digits",
+    # rows
+    "stale_rows": "{count} of {rows} rows repeat the row before in every measured channel: the log is "
+    "sampled faster than the controller renews its values; log at its rate",
+    "copied_rows": "{count} of {rows} rows are exact copies of other rows in all {channels} measured "
+    "channels: sentinel or replayed rows, leave them out{key}",
+    "sentinel": "jumps to {value:.6g} (as in the file) and back {times} times: a sentinel value; leave the "
+    "{rows} rows with it out{key}",
+    "effort_sentinel": "is {value:.6g} (as in the file) in {rows} rows, far beyond all others: a sentinel "
+    "value; leave these rows out{key}",
+    "spikes": "stands apart from the rows before and after in {count} rows, first {first}: lost or garbled "
+    "values; leave these rows out{key}",
+    "wraps": "wraps around {count} times, first at row {first}; give columns.{name} the counter's range (as "
+    "in the file), {range}, in machine.yaml: then it is unwrapped",
+    "leaps": "leaps in {count} rows, first {first}, by up to {size:.4g} (as in the file), and moves on as "
+    "before: rows are missing there or its counter was set anew, and no speed can be had across them; log a "
+    "time channel (then the log is cut there) or without pauses",
+    "bad_state": "{percent:.0f} % of the untrustworthy rows have {name} = {value:g}; leave all {rows} rows "
+    "with that value out (data: {{leave_out: [{{{name}: {value:g}}}]}})",
+    # the axes
+    "position_missing": "no position {axis}.q; map it under columns in machine.yaml, or take the axis out "
+    "of axes; {hint}",
+    "effort_missing": "no effort {axis}.u: its parameters cannot be identified; log it",
+    "axis_still": "does not move: nothing of it can be identified",
+    "no_motion": "no axis moves; record a motion",
+    "position_unit": "reaches {far:.4g} {unit}: looks like {other}, set unit: {other} under columns in "
+    "machine.yaml if so",
+    "position_limit": "ranges from {low:.4g} to {high:.4g}, outside the URDF's limits {least:.4g} to "
+    "{most:.4g}: check unit and zero under columns in machine.yaml",
+    "speed_limit": "reaches the speed {speed:.4g}, above the URDF's limit {limit:.4g}",
+    "effort_limit": "reaches {top:.4g}, above the URDF's limit {limit:.4g}: check its factor",
+    "effort_lead": "effort {how} the position by about {usual:.1f} ms (by axis: {each}): the channels are "
+    "not taken at the same instant; `identify` finds such a lead and says so, or state it in machine.yaml "
+    "(axes.{axis}: `lead: {lead:.1f} ms`)",
+    "loop_unstable": "swings {rate:.0f} times a second between its largest efforts either way, unasked by "
+    "the command: its loop is unstable; lower its gains, or leave those seconds out (data: leave_out in "
+    "machine.yaml)",
+    "command_is_position": "holds the same numbers as {axis}.qr: a command was logged twice; map the "
+    "measured position",
+    "velocity_disagrees": "the position changes {ratio:.4g} times as fast as this velocity says: check both "
+    "units",
+    "command_disagrees": "command and position do not agree{times}; another unit, sign or axis? check "
+    "columns",
+    "position_scale": "goes {factor:.4g} times as far as its command, where it rests: another gear, lead or "
+    "unit? set factor under columns in machine.yaml",
+    "load_constant": "is constant: no encoder at the load? drop it from columns",
+    "load_position": "at the load against the motor: offset {offset:.4g} {unit}, difference {rms:.3g} "
+    "{unit} rms, lost motion between the directions {lost:.3g} {unit}, correlation {correlation:.7f}{remedy}",
+    # the efforts
+    "effort_stands": "stands at {level:.3g} {unit} while the axis moves both ways: a drive at its limit all "
+    "along, or no effort of this axis",
+    "effort_noise": "is noise: it has no memory and nothing of the motion in it; log the motor's effort",
+    "effort_unsigned": "never changes its sign, but fits the motion with a sign that changes where it "
+    "touches zero: a magnitude was logged; log the signed effort",
+    "effort_late": "comes {ms:.0f} ms late for the motion, more than any drive: the channels are not of one "
+    "instant; log them together, or shift this column before use",
+    "effort_early": "comes {ms:.0f} ms early for the motion, more than any drive: the channels are not of "
+    "one instant; log them together, or shift this column before use",
+    "effort_sign": "the effort {whose} has the wrong sign: friction would drive the motion; give its column "
+    "in machine.yaml a negative factor (or those of the position, if that is what is reversed)",
+    "effort_scale": "is {times} for the URDF's masses. Check the masses, and unit and factor under columns "
+    "in machine.yaml",
+    "effort_unit": "in {unit} (no factor under columns): read N and N·m as {unit} below. Coupled axes, "
+    "gravity and payload need the factor (torque constant x gear)",
+    "effort_exchanged": "the effort of {a} fits the motion of {b} and the other way round: exchange their "
+    "columns in machine.yaml (or those of their positions)",
+    "position_exchanged": "with the positions of {a} and {b} exchanged the efforts of the machine fit: "
+    "exchange the columns of position and command in machine.yaml",
+    "position_sign": "with the position of {a} reversed the efforts of the machine fit: give the columns of "
+    "its position and command in machine.yaml a negative factor",
+    # the machine, and what a log excites of it
+    "body_impossible": "what it moves cannot exist: {problem}; correct the <inertial> of its links",
+    "joint_mimics": "follows {leader} in the URDF (mimic); held at zero here",
+    "link_massless": "link of a moving joint without <inertial>: its mass counts as zero",
+    "no_effect": "{count} inertial parameters have no effect on any joint torque: {names}",
+    "urdf_invalid": "URDF: {problems}",
+    "unusable": "{why}",
+    "not_excited": "{names}: this log does not excite it; move the axes that carry it harder",
+    "not_separable": "not separable on this log: {names}",
+    "identifiable": "{count} of {of} base parameters can be identified, condition {condition:.3g}",
+    "not_told": "this motion could not reveal {what}. To check, move these axes faster and alone",
+}
+
+_ERRORS = (
+    *("clock_missing", "clock_stands", "clock_unit", "empty", "position_missing", "no_motion"),
+    *("body_impossible", "unusable"),
+)
+_FACTS = ("constant", "load_position", "not_told", "no_effect", "identifiable")
+
+
+def finding(code: str, channel: str = "", grave: Severity | None = None, /, **numbers: object) -> Finding:
+    """Return what is said under a code of a channel, with its numbers; ``grave`` where it is not the usual."""
+    usual: Severity = "error" if code in _ERRORS else "info" if code in _FACTS else "warning"
+    return Finding(grave or usual, channel, SAID[code].format(**numbers), code)

@@ -1,0 +1,79 @@
+"""By how much a signal comes late for what explains it, and how sure that is.
+
+The signal is shifted sample by sample against a basis of all that may cause it, and the share of its power that
+is left is drawn against the shift: a cross-correlation from which friction, gravity and the like have been taken
+out. A parabola through the lowest three points gives the fraction of a sample; leaving out one block of the log
+after the other (jackknife) gives the standard error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from pinotwin.arrays import Floats, Ints
+from pinotwin.solve.jackknife import jackknife
+
+
+@dataclass(frozen=True)
+class Lag:
+    """A signal at its best shift.
+
+    Attributes:
+        late: samples that it is late by, a whole number; negative when it is ahead.
+        part: the same between samples.
+        error: its standard error [samples], infinite where there is no best shift, only a slope.
+        left_now: share of its power (about its mean) that nothing explains as it is.
+        left: the same at the best shift.
+    """
+
+    late: int
+    part: float
+    error: float
+    left_now: float
+    left: float
+
+
+def lag(u: Floats, rows: Ints, basis: Floats, reach: int, *, most: int = 61, blocks: int = 8) -> Lag:
+    """Return by how many samples a signal is late for its causes.
+
+    Args:
+        u: the signal, shape (n,).
+        rows: those that are looked at, at least ``reach`` away from both ends, shape (m,).
+        basis: orthonormal basis of the causes at these rows, shape (m, k).
+        reach: longest shift [samples].
+        most: shifts that are tried, if there are more whole ones.
+        blocks: stretches of the log that are left out in turn.
+    """
+    shifts = np.unique(np.linspace(-reach, reach, min(2 * reach + 1, most)).round().astype(int))
+    starts = np.linspace(0, len(rows), blocks + 1).astype(int)[:-1]
+    power, size = np.empty((len(shifts), blocks)), np.empty(len(shifts))
+    for i, shift in enumerate(shifts):
+        y = u[rows + shift]
+        power[i] = np.add.reduceat((y - basis @ (basis.T @ y)) ** 2, starts)
+        size[i] = np.sum((y - y.mean()) ** 2)
+    total = power.sum(axis=1)
+    left = np.divide(total, size, out=np.ones(len(size)), where=size > 0.0)
+    best = int(np.argmin(left))
+    now = float(left[np.argmin(np.abs(shifts))])
+    if best in (0, len(shifts) - 1):
+        return Lag(0, 0.0, np.inf, now, now)
+    each = np.array([_lowest(shifts, total - one) for one in power.T])
+    error = float(np.sqrt(jackknife(each[:, None])[0, 0]))
+    return Lag(int(shifts[best]), _lowest(shifts, total), error, now, float(left[best]))
+
+
+def _lowest(x: Ints, y: Floats) -> float:
+    """Return where the parabola through the lowest point and its neighbours is lowest."""
+    k = int(np.clip(np.argmin(y), 1, len(y) - 2))
+    before, after = np.diff(y[k - 1 : k + 2]) / np.diff(x[k - 1 : k + 2])
+    bend = (after - before) / (x[k + 1] - x[k - 1])
+    lowest = 0.5 * (x[k - 1] + x[k] - before / bend) if bend > 0 else x[k]
+    return float(np.clip(lowest, x[k - 1], x[k + 1]))
+
+
+def put_back(t: Floats, u: Floats, lead: float) -> Floats:
+    """Return an unbroken signal that is ahead by ``lead`` [s] where it belongs, held beyond its ends; shapes (n,)."""
+    return np.asarray(scipy.interpolate.CubicSpline(t, u)(np.clip(t - lead, t[0], t[-1])))
