@@ -351,7 +351,8 @@ class TestKernels:
             servo = cascade(kp=0.8 * w, kv=2.4 * w * M, rate=0.6 * w, ffv=ffv, ffa=ffa)
             y = single(log, servo, friction=float(10.0 ** rng.uniform(0.0, 2.5))).response(servo)
             assert y is not None
-            assert np.isfinite(y).all()
+            steps = np.diff(y[:, 1])
+            assert np.mean(steps[1:] * steps[:-1] < 0.0) < 0.03  # an effort that chatters turns at every step
 
 
 def test_a_twin_knows_how_it_is_simulated():

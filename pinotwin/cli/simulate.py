@@ -35,15 +35,15 @@ def run(
         rrd (FILE): also write a recording for the Rerun viewer (.rrd)
         out (PATH): prediction to write (.csv)
     """
+    if rrd is not None:
+        from pinotwin.viewer.rerun import check_recording, write_recording
+
+        check_recording(rrd)
     check_twin(twin)
     check_there(log)
     from pinotwin.simulation import simulate
     from pinotwin.twin import Twin
 
-    if rrd is not None:
-        from pinotwin.viewer.rerun import check_recording, write_recording
-
-        check_recording(rrd)
     began = time.monotonic()
     predicted = simulate(Twin.load(twin), *read_logs([log]), step=step, controller=controller)
     predicted.save(out)
