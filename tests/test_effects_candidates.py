@@ -92,7 +92,7 @@ def test_the_controller_needs_a_command(motion):
 
 
 def test_a_log_without_a_model_says_what_it_needs(motion):
-    with pytest.raises(DataError, match="told"):
+    with pytest.raises(DataError, match="with_model_effort"):
         found("effort_scale", "Y", multisine())[0].columns(multisine())
 
 

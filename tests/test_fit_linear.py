@@ -134,7 +134,7 @@ def test_the_twoactive_sets_agree(monkeypatch):
             raise FloatingPointError("divide by zero encountered in divide")
         return lsq_linear(*_, **how)
 
-    monkeypatch.setattr("pinotwin.solve.bounds.lsq_linear", rounds)
+    monkeypatch.setattr("scipy.optimize.lsq_linear", rounds)
     assert_allclose(active_set(A, b, low, np.full(6, np.inf)), usual, atol=1e-12)
     assert (usual == low).sum() in range(1, 6)
     both = active_set(A, b, low, low + 0.1)  # bounds on both sides: by an interior path

@@ -149,8 +149,8 @@ def test_an_axis_that_goes_only_where_its_twin_has_never_been_is_not_judged(twin
     beyond = {k: x + 0.4 for k, x in log.channels.items() if k in ("Y.q", "Y.qr")}  # every knot of its table
     c = compare(twin, [log.with_channels({**log.channels, **beyond})], [])
     assert [c.machine.names[j] for j in c.new.joints] == ["A", "C"]
-    assert "never been there" in c.gate.unknown["Y"]
-    assert [w for w in c.gate.warnings if w.startswith("Y: not judged, its twin has never been there")]
+    assert "outside the twin" in c.gate.unknown["Y"]
+    assert [w for w in c.gate.warnings if w.startswith("Y: not judged, it moves outside the twin")]
 
 
 def test_correlation_time_of_a_known_process() -> None:

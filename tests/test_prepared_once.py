@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 import pinotwin as pt
-from pinotwin import columns, prepare
+from pinotwin import columns
+from pinotwin.logs import prepare
 from pinotwin.logs.quality import inspection
 from pinotwin.scaffold.chain import Sizes
 from pinotwin.simulation import run as simulation

@@ -280,6 +280,7 @@ def test_a_folder_of_meshes_in_the_yaml(tmp_path: Path) -> None:
 def test_a_picture_that_fails_is_one_line_and_costs_no_diagnosis(tmp_path: Path) -> None:
     from pinotwin.diagnosis.result import Diagnosis
     from pinotwin.log import Log
+    from pinotwin.logs.prepared import Prepared
     from pinotwin.report.saved import write_view
 
     (tmp_path / "arm.urdf").write_text(GONE)
@@ -287,12 +288,12 @@ def test_a_picture_that_fails_is_one_line_and_costs_no_diagnosis(tmp_path: Path)
     t = 0.01 * np.arange(400)
     log = Log({"t": t, "J1.q": np.sin(t), "J2.q": 0.1 * np.sin(2 * t)})
     found = Diagnosis("none", "", {}, (), (), (), {}, {}, "assumed", (), "structure", {}, subject=machine)
-    said = write_view(dataclasses.replace(found, logs=[log]), tmp_path, None)
+    said = write_view(dataclasses.replace(found, prepared=[Prepared(machine, log)]), tmp_path, None)
     assert (tmp_path / "machine.html").is_file()
     assert len(said) == 1
     assert "joints and lines are drawn" in said[0]
     wrong = Log({"t": t, "Q.q": np.sin(t)})
-    (said,) = write_view(dataclasses.replace(found, logs=[wrong]), tmp_path, None)
+    (said,) = write_view(dataclasses.replace(found, prepared=[Prepared(machine, wrong)]), tmp_path, None)
     assert said.startswith("machine.html was not written: ")
     assert "\n" not in said
 

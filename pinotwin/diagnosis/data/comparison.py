@@ -194,7 +194,7 @@ def _without_lost(c: Comparison, lost: Collection[str]) -> Comparison:
         c: with every joint.
         lost: axes that go nowhere else; beside them joints whose twin is unsure by more than their effort.
     """
-    never = "its twin has never been there; identify it on the whole travel"
+    never = "it moves outside the twin's data; identify it on the whole travel"
     unsure = "its twin is off, or unsure, by more than its effort varies here; identify it on logs that move it more"
     why = {j: never if c.machine.names[j] in lost else unsure for j in c.new.joints}
     # An effort that is measured too small moves the axis as ever: what the twin expects counts as well.
