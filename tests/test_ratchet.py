@@ -53,9 +53,9 @@ def stories(text: str) -> int:
 
 
 MOST: dict[Callable[[str], int], int] = {
-    lines: 64_252,
-    module_numbers: 424,
-    numbers_without_unit: 341,
+    lines: 58_887,
+    module_numbers: 126,
+    numbers_without_unit: 328,
     stories: 6,
 }
 
