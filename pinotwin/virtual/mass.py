@@ -44,8 +44,7 @@ def _composite(tree, pose):  # type: ignore[no-untyped-def]
         put(ch, j, plus(row(ch, j), plus(h, times(cm[i], r))))
         for k in range(3):
             # Row k of E I E^T, and by parallel axes of r.(2 h + m r) 1 - r h^T - h r^T - m r r^T.
-            e = E[i, k, 0], E[i, k, 1], E[i, k, 2]
-            turned = out_of(E, i, out_of(cI, i, e))
+            turned = out_of(E, i, out_of(cI, i, row(E[i], k)))
             shift = plus(times(-r[k], plus(h, times(cm[i], r))), times(-h[k], r))
             put(cI[j], k, plus(row(cI[j], k), plus(turned, shift)))
             cI[j, k, k] += dot(r, far)

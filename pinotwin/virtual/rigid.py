@@ -95,21 +95,13 @@ def cross(a, b):  # type: ignore[no-untyped-def]
 @kernel
 def out_of(E, i, a):  # type: ignore[no-untyped-def]
     """Return E[i] a: a vector of a body in the axes of its parent."""
-    return (
-        E[i, 0, 0] * a[0] + E[i, 0, 1] * a[1] + E[i, 0, 2] * a[2],
-        E[i, 1, 0] * a[0] + E[i, 1, 1] * a[1] + E[i, 1, 2] * a[2],
-        E[i, 2, 0] * a[0] + E[i, 2, 1] * a[1] + E[i, 2, 2] * a[2],
-    )
+    return dot(row(E[i], 0), a), dot(row(E[i], 1), a), dot(row(E[i], 2), a)
 
 
 @kernel
 def into(E, i, a):  # type: ignore[no-untyped-def]
     """Return E[i]^T a: a vector of the parent in the axes of a body."""
-    return (
-        E[i, 0, 0] * a[0] + E[i, 1, 0] * a[1] + E[i, 2, 0] * a[2],
-        E[i, 0, 1] * a[0] + E[i, 1, 1] * a[1] + E[i, 2, 1] * a[2],
-        E[i, 0, 2] * a[0] + E[i, 1, 2] * a[1] + E[i, 2, 2] * a[2],
-    )
+    return plus(plus(times(a[0], row(E[i], 0)), times(a[1], row(E[i], 1))), times(a[2], row(E[i], 2)))
 
 
 @kernel
@@ -136,7 +128,7 @@ def place(tree, q, pose):  # type: ignore[no-untyped-def]
             c, s, slide = np.cos(q[i]), np.sin(q[i]), 0.0
         d = 1.0 - c
         for k in range(3):
-            p = P[i, k, 0], P[i, k, 1], P[i, k, 2]
+            p = row(P[i], k)
             E[i, k, 0] = dot(p, (c + d * x * x, d * x * y + s * z, d * x * z - s * y))
             E[i, k, 1] = dot(p, (d * x * y - s * z, c + d * y * y, d * y * z + s * x))
             E[i, k, 2] = dot(p, (d * x * z + s * y, d * y * z - s * x, c + d * z * z))
