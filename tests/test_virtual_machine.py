@@ -302,6 +302,9 @@ def test_saturation_holds_the_effort_and_recovers(urdf_dir):
         ("inertial_error: 3", "expected a list"),
         ("axes: [1", "not YAML"),
         ("axes: {Y: 3}", "expected keys and values"),
+        ("axes: {Y: {friction: 0}}", "expected keys and values, found 0"),
+        ("payload: {joint: Y}", "expected a list, found"),
+        ("inertial_error: [0.1]", "expected 2 values, found 1"),
     ],
 )
 def test_a_bad_sealed_file_is_named(tmp_path, text, message):
@@ -315,6 +318,10 @@ def test_a_bad_sealed_file_is_named(tmp_path, text, message):
 def test_bad_folders_and_axes_are_named(tmp_path, urdf_dir):
     with pytest.raises(MachineError, match=r"no machine\.yaml"):
         VirtualMachine.load(tmp_path)
+    for axes in ("{Y: slide}", "[]"):
+        (tmp_path / "machine.yaml").write_text(f"name: rig\nurdf: rig.urdf\naxes: {axes}\n")
+        with pytest.raises(MachineError, match="axes and passive are given as name"):
+            VirtualMachine.load(tmp_path)
     found = read_folder(urdf_dir / "trunnion")
     with pytest.raises(MachineError, match="no axis 'X'"):
         VirtualMachine.build(replace(found, truth=Truth(axes={"X": found.truth.axes["Y"]})))

@@ -43,27 +43,28 @@ def read_folder(path: Path | str) -> Folder:
     raw = _yaml(file)
     if not isinstance(raw, Mapping) or not {"name", "urdf", "axes"} <= set(raw):
         raise MachineError(f"{file}: needs the keys name, urdf and axes")
-    axes, passive = raw["axes"] or {}, raw.get("passive") or {}
-    if not isinstance(axes, Mapping) or not isinstance(passive, Mapping):
-        raise MachineError(f"{file}: axes and passive are given as name: {{joint: ...}}")
+    axes, passive = _specs(raw["axes"], file), _specs(raw.get("passive"), file)
     urdf, sealed = file.parent / str(raw["urdf"]), file.parent / "virtual.yaml"
     if not urdf.is_file():
         raise MachineError(f"{file}: urdf {str(raw['urdf'])!r} does not exist beside it")
     return Folder(
         str(raw["name"]),
         urdf,
-        {str(n): str(_of(a, "joint", n)) for n, a in axes.items()},
-        {str(n): str(_of(a, "joint", n)) for n, a in passive.items()},
+        {n: str(spec.get("joint", n)) for n, spec in axes.items()},
+        {n: str(spec.get("joint", n)) for n, spec in passive.items()},
         read_truth(sealed) if sealed.is_file() else Truth(),
-        {str(n): float(_of(a, "rotor_inertia", 0.0)) for n, a in axes.items()},
-        {str(n): float(_of(a, "effort_limit", 0.0)) for n, a in axes.items()},
+        {n: float(spec.get("rotor_inertia", 0.0)) for n, spec in axes.items()},
+        {n: float(spec.get("effort_limit", 0.0)) for n, spec in axes.items()},
         tuple(map(float, raw["gravity"])) if "gravity" in raw else None,
     )
 
 
-def _of(spec: Any, key: str, other: Any) -> Any:
-    """Return a value of an axis' mapping, or the other where it has none."""
-    return spec.get(key, other) if isinstance(spec, Mapping) else other
+def _specs(raw: Any, file: Path) -> dict[str, Mapping[str, Any]]:
+    """Return name -> keys of axes or passive joints."""
+    raw = {} if raw is None else raw
+    if not isinstance(raw, Mapping) or not all(isinstance(x, Mapping | None) for x in raw.values()):
+        raise MachineError(f"{file}: axes and passive are given as name: {{joint: ...}}")
+    return {str(name): spec or {} for name, spec in raw.items()}
 
 
 def _yaml(file: Path) -> Any:
@@ -89,16 +90,18 @@ def _built(kind: Any, raw: Any, where: str) -> Any:
     if origin is types.UnionType:  # of something and None
         return None if raw is None else _built(args[0], raw, where)
     if dataclasses.is_dataclass(kind) or origin is Mapping:
-        raw = raw or {}
+        raw = {} if raw is None else raw
         if not isinstance(raw, Mapping):
             raise MachineError(f"{where}: expected keys and values, found {raw!r}")
         if origin is Mapping:
             return {str(k): _built(args[1], v, f"{where}[{k}]") for k, v in raw.items()}
         return _dataclass(kind, raw, where)
     if origin is tuple:
-        kinds = args[:1] * len(raw) if args[-1] is Ellipsis and isinstance(raw, list) else args
-        if not isinstance(raw, list) or len(kinds) != len(raw):
-            raise MachineError(f"{where}: expected a list of {len(kinds)} values, found {raw!r}")
+        if not isinstance(raw, list):
+            raise MachineError(f"{where}: expected a list, found {raw!r}")
+        kinds = args[:1] * len(raw) if args[-1] is Ellipsis else args
+        if len(kinds) != len(raw):
+            raise MachineError(f"{where}: expected {len(kinds)} values, found {len(raw)}")
         return tuple(_built(k, v, f"{where}[{i}]") for i, (k, v) in enumerate(zip(kinds, raw, strict=True)))
     return _scalar(kind, raw, where)
 
