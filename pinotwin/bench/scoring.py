@@ -94,18 +94,6 @@ def _number(
     return Row(name, value, must, aim, count=len(values), kind="number", note=note)
 
 
-def _right(a: Answer) -> bool:
-    return a.right()
-
-
-def _flagged(a: Answer) -> bool:
-    return a.flagged
-
-
-def _named(a: Answer) -> bool:
-    return bool(a.named)
-
-
 def healthy_rows(healthy: Sequence[Answer]) -> list[Row]:
     """Return how often a healthy machine is accused."""
     accused = Share.over([a.accused for a in healthy])
@@ -120,7 +108,7 @@ def healthy_rows(healthy: Sequence[Answer]) -> list[Row]:
             Bound(high=0.02),
             note=f"any verdict but none; {most}",
         ),
-        _share("… an effect named", healthy, _named),
+        _share("… an effect named", healthy, lambda a: bool(a.named)),
         *(_share(f"… in situation {s}", x, lambda a: a.accused) for s, x in of.items()),
         _number(
             "… what the laws cannot follow of a healthy machine, median rho",
@@ -132,16 +120,18 @@ def healthy_rows(healthy: Sequence[Answer]) -> list[Row]:
 
 def top_rows(single: Sequence[Answer], visible: Sequence[Answer]) -> list[Row]:
     """Return how often the first answer is right."""
-    faint = [a for a in single if FAINT <= a.size < VISIBLE]
+    faint, seen = [a for a in single if FAINT <= a.size < VISIBLE], _seen(visible)
     wider = [a for a in single if max(a.raw, default=0.0) >= VISIBLE]
     merged = "classes merged as physics and the diagnosis say"
     moves = "their true course moves the effort by what the rules ask for, beside the model"
     return [
-        _share("top-1 effect and axis, rho ≥ 0.1", visible, _right, Bound(0.85), Bound(0.95), note=merged),
+        _share(
+            "top-1 effect and axis, rho ≥ 0.1", visible, Answer.right, Bound(0.85), Bound(0.95), note=merged
+        ),
         _share("… unmerged, rho ≥ 0.1", visible, lambda a: a.right(strict=True)),
-        _share("… rho ≥ 0.1 before the model took up its part", wider, _right),
-        _share("… of those that an oracle sees while the axis moves", _seen(visible), _right, note=moves),
-        _share("… of the others", [a for a in visible if a not in _seen(visible)], _right),
+        _share("… rho ≥ 0.1 before the model took up its part", wider, Answer.right),
+        _share("… of those that an oracle sees while the axis moves", seen, Answer.right, note=moves),
+        _share("… of the others", [a for a in visible if a not in seen], Answer.right),
         _share("… among the first two", visible, lambda a: a.right() or a.right(1)),
         _share(
             "… axis right",
@@ -149,8 +139,8 @@ def top_rows(single: Sequence[Answer], visible: Sequence[Answer]) -> list[Row]:
             lambda a: a.named[0][1] == a.truth[0][1] or a.right(),
             note="of those named; a load on any axis",
         ),
-        _share("top-1, 0.02 ≤ rho < 0.1", faint, _right, Bound(0.60), Bound(0.75)),
-        _share("… of those faint ones that an oracle sees", _seen(faint), _right),
+        _share("top-1, 0.02 ≤ rho < 0.1", faint, Answer.right, Bound(0.60), Bound(0.75)),
+        _share("… of those faint ones that an oracle sees", _seen(faint), Answer.right),
     ]
 
 
@@ -159,8 +149,8 @@ def size_rows(visible: Sequence[Answer], forms: Sequence[Answer]) -> list[Row]:
     sizes = {"0.1 ≤ rho < 0.5": (0.1, 0.5), "0.5 ≤ rho < 3": (0.5, 3.0), "rho ≥ 3": (3.0, np.inf)}
     of = {name: [a for a in visible if low <= a.size < high] for name, (low, high) in sizes.items()}
     return [
-        *(_share(f"… {name}", some, _right) for name, some in of.items()),
-        _share("top-1, rho ≥ 0.1, another functional form", forms, _right),
+        *(_share(f"… {name}", some, Answer.right) for name, some in of.items()),
+        _share("top-1, rho ≥ 0.1, another functional form", forms, Answer.right),
     ]
 
 
@@ -216,12 +206,14 @@ def unknown_rows(outside: Sequence[Answer], visible: Sequence[Answer]) -> list[R
     note = "rho ≥ 0.1; verdict unexplained or partly explained"
     most = Bound(high=0.10), Bound(high=0.05)
     return [
-        _share("outside the catalogue recognised", seen, _flagged, Bound(0.85), Bound(0.95), note=note),
-        _share("… of those unknown ones that an oracle sees", _seen(seen), _flagged),
-        _share("… nobody's effect", of["outside"], _flagged),
-        _share("… effect taken out of the catalogue", of["left_out"], _flagged),
+        _share(
+            "outside the catalogue recognised", seen, lambda a: a.flagged, Bound(0.85), Bound(0.95), note=note
+        ),
+        _share("… of those unknown ones that an oracle sees", _seen(seen), lambda a: a.flagged),
+        _share("… nobody's effect", of["outside"], lambda a: a.flagged),
+        _share("… effect taken out of the catalogue", of["left_out"], lambda a: a.flagged),
         _share("… and nothing named", seen, lambda a: a.flagged and not a.named),
-        _share("known called unknown", visible, _flagged, *most, note="the same verdicts"),
+        _share("known called unknown", visible, lambda a: a.flagged, *most, note="the same verdicts"),
         _share("… unexplained, nothing named", visible, lambda a: a.verdict == "unexplained" and not a.named),
         _share("known called none", visible, lambda a: a.verdict == "none" and not a.named),
     ]

@@ -124,11 +124,8 @@ def sync(
         for c, p, at, e in zip(placed, pivots, x, se, strict=False)
     )
     main, skew = max(segments, key=lambda g: g.rows.stop - g.rows.start), float(x[-1])
-    offset, se_offset = (
-        main.at_pivot - (1.0 + skew) * main.pivot,
-        float(np.hypot(main.se, main.pivot * se[-1])),
-    )
-    return ClockFit(offset, skew, se_offset, float(se[-1]), segments, residual, len(t_imu))
+    offset, se_offset = main.at_pivot - (1.0 + skew) * main.pivot, np.hypot(main.se, main.pivot * se[-1])
+    return ClockFit(offset, skew, float(se_offset), float(se[-1]), segments, residual, len(t_imu))
 
 
 def _checked(
