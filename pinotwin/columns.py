@@ -20,7 +20,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,12 +152,12 @@ def _factor(entry: Mapping[str, object], path: str) -> float | str:
     return 1.0 if factor is None else factor
 
 
-def bind(log: Log, columns: Mapping[str, Column]) -> Log:
+def bind(log: Log, columns: Mapping[str, Column], optional: Container[str] = ()) -> Log:
     """Return the log with SI channels named per the contract; a bound log is returned as it is.
 
     Channels that are not mapped (or whose column is missing) but already have a name of the
     contract pass through: as SI, or converted where the file states another unit (said in the
-    notes). All others are left out.
+    notes). All others are left out, and ``optional`` channels that the file lacks or gives no size.
 
     Raises:
         LogError: a column or scalar is not in the file, or a unit is unknown.
@@ -175,22 +176,12 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
             channels[name] = np.arange(len(log)) / column.rate
             notes.append(f"t: made from the rate {column.rate:g} Hz, not recorded")
             continue
-        source = _find(log, column.column or name, name)
-        if source is None:  # the log is in the names of the contract already
-            continue
-        used.add(source)
-        unit = column.unit.strip() or log.units.get(source, "1")
-        notes += _contradiction(name, column.unit.strip(), log.units.get(source))
-        scale[name] = (_si(unit, name, log) * _scalar(log, column.factor, name), column.offset)
-        _refuse_counts(unit, column.factor, name, log)
-        raw = log[source]
-        if column.wrap is not None:
-            raw, times = unwrapped(raw, column.wrap)
-            notes.append(
-                f"{name}: unwrapped {times} times by {column.wrap:.10g} {unit if unit != '1' else ''}".rstrip()
-            )
-        channels[name] = _scaled(raw, *scale[name])
-        units[name] = unit
+        with suppress(LogError) if name in optional else nullcontext():
+            source = _find(log, column.column or name, name)
+            if source is not None:  # else the log is in the names of the contract already
+                channels[name], units[name], scale[name], said = _mapped(log, name, column, source)
+                used.add(source)
+                notes += said
     _brought_together(channels, columns, scale)
     for held, name, unit in _passing(log, channels, used):
         used.add(held)
@@ -209,6 +200,23 @@ def bind(log: Log, columns: Mapping[str, Column]) -> Log:
     if left:
         notes.append(f"not mapped and left out: {_some(left)}")
     return Log(channels, log.source, log.scalars, tuple(notes), units, scale)
+
+
+def _mapped(
+    log: Log, name: str, column: Column, source: str
+) -> tuple[Floats, str, tuple[float, float], list[str]]:
+    """Return a mapped channel in SI, its unit in the file, factor and offset, and notes."""
+    unit = column.unit.strip() or log.units.get(source, "1")
+    notes = _contradiction(name, column.unit.strip(), log.units.get(source))
+    size = (_si(unit, name, log) * _scalar(log, column.factor, name), column.offset)
+    _refuse_counts(unit, column.factor, name, log)
+    raw = log[source]
+    if column.wrap is not None:
+        raw, times = unwrapped(raw, column.wrap)
+        notes.append(
+            f"{name}: unwrapped {times} times by {column.wrap:.10g} {unit if unit != '1' else ''}".rstrip()
+        )
+    return _scaled(raw, *size), unit, size, notes
 
 
 def _scaled(x: Floats, factor: float, offset: float) -> Floats:

@@ -220,6 +220,19 @@ def test_a_unit_of_the_file_that_nobody_knows() -> None:
         bind(log, {})
 
 
+def test_what_is_optional_is_left_out_where_the_file_lacks_it_or_its_size() -> None:
+    mapping = {
+        "Y.q": Column("Y_ActPos"),
+        "Y.qr": Column("Y_NomPos"),
+        "Y.u": Column("Y_Cur", factor="ktau"),
+    }
+    found = bind(raw_log(), mapping, optional=mapping)
+    assert list(found.channels) == ["Y.q"]
+    for name in ("Y.qr", "Y.u"):
+        with pytest.raises(LogError, match=name):
+            bind(raw_log(), mapping, optional=mapping.keys() - {name})
+
+
 def test_of_many_channels_only_the_nearest_are_listed() -> None:
     log = Log({f"rec.pos_{i}": [0.0, 1.0] for i in range(40)}, "x.mat")
     with pytest.raises(LogError) as caught:

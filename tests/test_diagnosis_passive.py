@@ -10,7 +10,7 @@ import pytest
 from pinotwin.diagnosis import diagnose
 from pinotwin.diagnosis.data.comparison import compare
 from pinotwin.effects import Coulomb, Viscous
-from pinotwin.identification import identify
+from pinotwin.identification import Settings, identify
 from pinotwin.identification.bending import bend_all, find_bending
 from pinotwin.machine import Machine
 from pinotwin.signals import rms
@@ -56,6 +56,12 @@ def test_identify_lets_a_joint_that_nothing_measured_move_as_its_spring(rig):
     k = bent.parameter("delta.spring.k")
     assert abs(k.value - truth) < k.error
     assert "`pinotwin vibration` measures it" in bent.quality["warnings"][0]
+
+
+def test_a_spring_that_nothing_measured_is_as_doubtful_as_the_caller_says_of_the_cad(rig):
+    twin = identify(rig, run(13).to_log(), loop=False, settings=Settings(cad_doubt=0.2))
+    k = twin.parameter("delta.spring.k")
+    assert k.error == pytest.approx(0.2 * k.value)
 
 
 def test_the_deflection_is_near_the_true_one_though_nothing_measured_it(rig):

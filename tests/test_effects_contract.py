@@ -110,6 +110,20 @@ def test_every_name_is_an_effect():
     assert {*CASES, *NOT_HERE} == set(LISTED), "a listed effect that no test identifies and simulates"
 
 
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("stribeck", {"v_s": 0.02, "exponent": 2.0}),
+        ("load_friction", {"total": 1}),
+        ("ripple", {"period": 0.01, "harmonics": (1, 2)}),
+        ("ripple_modulated", {"period": 0.5, "eps": 0.1}),
+    ],
+)
+def test_its_numbers_follow_the_axis_in_the_order_of_its_equation(name, given):
+    kind = EFFECTS[name]
+    assert kind("X", True, *given.values()) == kind("X", True, **given)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_it_is_listed_or_refused_with_what_to_write_instead(name):
     if name in LISTED:

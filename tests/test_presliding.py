@@ -26,6 +26,14 @@ def there_and_back(*turns: float) -> np.ndarray:
     return np.concatenate([np.linspace(a, b, 400) for a, b in zip((0.0, *turns), turns, strict=False)])
 
 
+def test_a_term_is_there_once_whatever_its_switch_says():
+    motion = moved(there_and_back(X_S))
+    for switches in ({"stribeck": 2}, {"bristle": 2}):
+        effect, usual = Presliding("Y", **switches), Presliding("Y")
+        assert effect.coefficients() == usual.coefficients()
+        np.testing.assert_array_equal(effect.axis_columns(motion), usual.axis_columns(motion))
+
+
 class TestClosedForms:
     def test_the_first_slide_from_rest_is_exponential(self):
         q = np.concatenate([np.zeros(3), np.linspace(0.0, 6.0 * X_S, 2000)])  # from rest

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from pinotwin.columns import Column
 from pinotwin.errors import DataError, InputError, LogError, TwinError
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
@@ -253,6 +254,21 @@ def test_an_effort_logged_ahead_of_its_position_is_simulated_as_it_is_logged(tru
     put_back = prepare(ahead.machine, said, cutoff=0.0, decimate=1)
     effort = np.interp(put_back.t, plain.t, plain["A.u"])[20:-20]
     assert put_back.u[20:-20, put_back.index("A")] == pytest.approx(effort, abs=1e-3 * np.ptp(effort))
+
+
+def test_counts_that_machine_yaml_gives_a_size_are_a_command(trunnion, command):
+    """Every position of the log is in encoder counts: each has its size by its own column."""
+    names = [f"{axis}.{x}" for axis in trunnion.machine.axes for x in ("q", "qr")]
+    logged = {**command.channels, **{k: command[f"{k[0]}.qr"] for k in names}}
+    counts = Log(
+        {k: x / (1e-7 if k in names else 1.0) for k, x in logged.items()}, units=dict.fromkeys(names, "inc")
+    )
+    columns = {k: Column(k, factor=1e-7) for k in names}
+    counted = dataclasses.replace(trunnion, machine=dataclasses.replace(trunnion.machine, columns=columns))
+    plain, found = simulate(trunnion, command), simulate(counted, counts)
+    assert found["A.e"] == pytest.approx(plain["A.e"], abs=1e-6 * np.ptp(plain["A.e"]))
+    assert set(names) <= set(found.command.channels)
+    assert found.command["A.qr"] == pytest.approx(command["A.qr"])
 
 
 def test_a_machine_begins_as_its_command_can_have_come_in() -> None:

@@ -140,10 +140,11 @@ def test_a_loop_is_a_control_system_with_named_signals(form: str) -> None:
         (("qr", "v"), "Y: no signal 'v' there.*outputs e, u, q"),
         (("vr", "q"), "q needs input qr or d"),
         (("qr", "u"), "feed-forward differentiates qr.*'vr'"),
+        (("qr", None), "so that u has no state space from it"),
     ],
 )
 def test_a_signal_that_a_loop_does_not_have_names_those_that_it_has(
-    signals: tuple[str, str], match: str
+    signals: tuple[str, str | None], match: str
 ) -> None:
     with pytest.raises(InputError, match=match):
         close(CASCADE, M, B, axis="Y").to_control(*signals)

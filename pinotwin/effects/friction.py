@@ -8,7 +8,7 @@ Each term is an effect of its own, so that it can be listed, left out, withheld 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -33,7 +33,7 @@ class Turning(OneAxis):
         width: velocity over which the direction turns [m/s or rad/s]; 0 is the plain sign.
     """
 
-    width: float | None = None
+    width: float | None = field(default=None, kw_only=True)
 
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return the effect; in one direction alone it is an offset."""

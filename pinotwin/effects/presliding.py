@@ -151,7 +151,7 @@ class Presliding(AxisEffect):
         return replace(self, play=encoder_noise(motion.axis(self.axis)))
 
     def coefficients(self) -> tuple[Coefficient, ...]:
-        names = "c" + "s" * self.stribeck + "m" * self.bristle
+        names = "c" + "s" * bool(self.stribeck) + "m" * bool(self.bristle)
         found = tuple(Coefficient(name, self.unit("F"), lower=0.0) for name in names)
         return (*found, Coefficient("d", self.unit("F·s"), lower=0.0)) if self.bristle else found
 

@@ -65,9 +65,9 @@ class Pitched(AxisEffect):
     causes = ("position",)
     depends = "position"
     period: float = field(default=None)  # type: ignore[assignment]
-    shortest: float | None = None
-    longest: float | None = None
-    free_pitch: bool = field(default=False, metadata={"internal": True})
+    shortest: float | None = field(default=None, kw_only=True)
+    longest: float | None = field(default=None, kw_only=True)
+    free_pitch: bool = field(default=False, kw_only=True, metadata={"internal": True})
 
     def __post_init__(self) -> None:
         if self.period is None:

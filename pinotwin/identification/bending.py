@@ -100,10 +100,10 @@ class Bending:
             channels[f"{spring.name}.v"] = np.interp(log.t, motion.t, v)
         return log.with_channels(channels)
 
-    def completed(self, plant: OpenLoop) -> OpenLoop:
+    def completed(self, plant: OpenLoop, settings: Settings) -> OpenLoop:
         """Return the plant with the springs by which its logs were bent."""
         for spring in self.springs:
-            plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping))
+            plant = keep_spring(plant, spring.name, (spring.stiffness, spring.damping), settings.cad_doubt)
         return plant
 
 

@@ -91,7 +91,7 @@ def fit_servos(
             found.notes.append(f"no controller of {name}: {one}")
         else:
             looked[name] = one
-    usual = shared([servo for _, servo in looked.values()])
+    usual = shared(list(looked.values()))
     settled = side_by_side(lambda x: settle(*x[0], x[1]), list(zip(looked.values(), usual, strict=True)))
     for name, servo in zip(looked, settled, strict=True):
         found.servos[name] = servo.servo

@@ -122,7 +122,7 @@ def _completed(
     """Return the plant with the springs of its passive joints, if asked for, and its diagonal; and their fit."""
     rows: dict[str, Any] = {}
     if bending is not None:
-        plant = bending.completed(plant)
+        plant = bending.completed(plant, settings)
     elif springs:
         plant, rows = find_springs(plant, motion, settings)
     return replace(plant, diagonal=diagonal(plant, motion)), rows

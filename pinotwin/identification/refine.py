@@ -85,13 +85,7 @@ class AxisEffects:
 
 
 def refine(
-    data: LoopData,
-    model: LoopModel,
-    motion: Motion,
-    found: AxisEffects,
-    *,
-    explore: bool = False,
-    steps: int = 4,
+    data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects, *, explore: bool = False
 ) -> AxisEffects:
     """Return the effects with shapes and coefficients that explain e and u best through a loop.
 
@@ -101,14 +95,13 @@ def refine(
         motion: the motion behind ``data``.
         found: what to refine.
         explore: also try friction that falls with speed by the other exponent.
-        steps: Gauss-Newton steps on the shapes: they start close.
     """
     problem = _Through(data, model, motion, found)
     forms = [found]
     if explore:
         swapped = tuple((e.other_forms() or (e,))[0] for e in found.effects)
         forms += [] if swapped == found.effects else [replace(found, effects=swapped)]
-    best = min((problem.shaped(form, steps) for form in forms), key=lambda pair: pair[1])[0]
+    best = min((problem.shaped(form) for form in forms), key=lambda pair: pair[1])[0]
     return problem.finished(best)
 
 
@@ -143,8 +136,8 @@ class _Through:
         theta = scipy.optimize.lsq_linear(small[:, :-1], small[:, -1], bounds=(trial.lower, np.inf)).x
         return theta, b - A @ theta
 
-    def shaped(self, found: AxisEffects, steps: int) -> tuple[AxisEffects, float]:
-        """Return the effects with their shapes polished, and half the sum of squares there."""
+    def shaped(self, found: AxisEffects, steps: int = 4) -> tuple[AxisEffects, float]:
+        """Return the effects, shapes polished in few steps (they start close), and half the sum of squares."""
         start = found.shape_values()
         if len(start) == 0:
             return found, 0.0

@@ -49,9 +49,7 @@ def find_springs(
     return plant, rows
 
 
-def keep_spring(
-    plant: OpenLoop, joint: str, spring: tuple[float, float], doubt: float = USUAL.cad_doubt
-) -> OpenLoop:
+def keep_spring(plant: OpenLoop, joint: str, spring: tuple[float, float], doubt: float) -> OpenLoop:
     """Return the plant with a spring that was not found in a joint's own row, and CAD for what no motor sees.
 
     Its mode is that of the motors' rows; its stiffness is as doubtful as the CAD's inertia.

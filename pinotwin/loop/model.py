@@ -127,8 +127,8 @@ class LoopModel:
         if input == COMMAND:
             if np.any(D[:, -2:]):
                 raise DataError(
-                    f"{self.axis}: feed-forward differentiates {input}, so that {output} has no state space from it; "
-                    "use input 'vr' or 'ar'"
+                    f"{self.axis}: feed-forward differentiates {input}, so that {output or 'u'} has no state space "
+                    "from it; use input 'vr' or 'ar'"
                 )
             # x' = A x + b s qr becomes z' = A z + A b qr with x = z + b qr.
             b = B[:, [-2]]

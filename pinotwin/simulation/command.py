@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats, Mask
-from pinotwin.columns import LOAD_SIGNALS, Column, bind
+from pinotwin.columns import LOAD_SIGNALS, bind
 from pinotwin.dynamics.frames import external_effort
 from pinotwin.errors import DataError, LogError, nearest
 from pinotwin.log import Log
@@ -93,7 +93,7 @@ def request(machine: Machine, log: Log | Motion) -> Request:
     if isinstance(log, Motion):
         return _of_motion(log)
     held = log.channels
-    log = bind(log, _asked(machine))
+    log = bind(log, machine.columns, optional=_measured(machine))
     _require(machine, log, held)
     t = np.asarray(log.t, dtype=float)
     even, clock, notes = _clock(log)
@@ -133,9 +133,9 @@ def motor_coordinates(machine: Machine, q: Floats, e: Floats, u: Floats) -> tupl
     return q @ N.T, e @ N.T, effort
 
 
-def _asked(machine: Machine) -> dict[str, Column]:
-    """Return the columns of a command: those of what was measured need not be in the log."""
-    return {k: x for k, x in machine.columns.items() if k == "t" or k.endswith(".qr") or _is_load(k)}
+def _measured(machine: Machine) -> set[str]:
+    """Return the channels beside those of a command: what was measured need not be in the log."""
+    return {k for k in machine.columns if not (k == "t" or k.endswith(".qr") or _is_load(k))}
 
 
 def _commands_hint(machine: Machine, held: Iterable[str], name: str) -> str:

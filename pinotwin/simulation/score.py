@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.columns import bind
-from pinotwin.errors import LogError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 
@@ -41,14 +38,7 @@ def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, d
 
 def bound(machine: Machine, log: Log) -> Log:
     """Return the log with the contract's names for those of its columns that it holds; a bound log as it is."""
-    if log.scale:
-        return log
-    held = {}
-    for name, column in machine.columns.items():
-        with suppress(LogError):
-            bind(log, {name: column})
-            held[name] = column
-    return bind(log, held)
+    return bind(log, machine.columns, optional=machine.columns)
 
 
 def _row(measured: Floats, predicted: Floats, moves: Mask) -> dict[str, float]:

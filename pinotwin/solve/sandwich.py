@@ -8,7 +8,7 @@ plant, with gaps and several axes):
 * :func:`batch_means`: sums over blocks of five correlation times (Liang & Zeger 1986,
   doi:10.1093/biomet/73.1.13, with time blocks as clusters), the correlation time by the initial positive
   sequence (Geyer 1992, doi:10.1214/ss/1177011137);
-* :func:`left_out`: blocks left out in turn (Bell & McCaffrey 2002), for short records.
+* :mod:`pinotwin.solve.jackknife`: blocks left out in turn (Bell & McCaffrey 2002), for short records.
 """
 
 from __future__ import annotations

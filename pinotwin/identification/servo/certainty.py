@@ -26,7 +26,7 @@ PLANT_ERROR = {"inertia": 0.01, "viscous": 0.02, "dry": 0.02, "fading": 0.2}
 
 
 def shared(
-    found: Sequence[Found], alike: float = 0.2, correlated: float = 20.0
+    looked: Sequence[tuple[AxisProblem, Found]], alike: float = 0.2
 ) -> list[dict[str, tuple[float, float]]]:
     """Return usual shapes for every axis: what the other axes show, beside what drives have.
 
@@ -34,21 +34,20 @@ def shared(
     own log tells nothing of a lag, the others' is a better guess than a usual one; where it does, that wins.
 
     Args:
-        found: the controllers.
+        looked: the axes with their controllers.
         alike: least standard deviation of the logarithm of a shape among them.
-        correlated: rows of residual that tell as much as one independent row.
     """
     logs, told = {}, {}
-    for k, f in enumerate(found):
+    for k, (p, f) in enumerate(looked):
         V = np.diag(np.linalg.pinv(f.jacobian.T @ f.jacobian, hermitian=True))
         rows = len(f.residual) // 2
         for i, name in enumerate(f.search.names):
             if name in SHAPES:
-                variance = V[i] * correlated / max(rows, 1) * f.cost / 2.0
+                variance = V[i] * p.correlated / max(rows, 1) * f.cost / 2.0
                 logs[k, name] = float(np.log(getattr(f.servo, name)))
                 told[k, name] = max(1.0 / max(variance, 1e-12) - 1.0 / USUAL[name][1] ** 2, 0.0)
     out = []
-    for k in range(len(found)):
+    for k in range(len(looked)):
         usual = dict(USUAL)
         for name in SHAPES:
             others = [key for key in logs if key[1] == name and key[0] != k]
