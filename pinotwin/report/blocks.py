@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
+from pinotwin.system.templates import environment
+
 if TYPE_CHECKING:
     import plotly.graph_objects as go
     from jinja2 import Environment
@@ -105,18 +107,9 @@ class Tile:
 @cache
 def templates() -> Environment:
     """Return the templates of the pages, which know every function of this module and of ``display``."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     from pinotwin.report import display
 
-    made = Environment(
-        loader=PackageLoader("pinotwin.report"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-        extensions=["jinja2.ext.do"],
-    )
+    made = environment("pinotwin.report")
     pieces = (paragraph, heading, notes, bullets, chip, tiles, table)
     numbers = (display.percent, display.number, display.seconds, display.elided)
     made.globals |= {f.__name__: f for f in (*pieces, *numbers)}

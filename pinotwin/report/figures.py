@@ -10,7 +10,6 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import EFFECTS
 from pinotwin.report.display import SI, Scale
 from pinotwin.studies.overlay import binned
+from pinotwin.system.templates import asset
 
 ACCENT = "var(--accent)"
 MEASURED = "var(--measured)"
@@ -58,7 +58,7 @@ def style(figure: go.Figure, height: int, *, x: str = "", y: str = "", legend: b
 @cache
 def _look() -> dict[str, Any]:
     """Return the look that all figures share: the style sheet of the plots."""
-    return dict(json.loads((files("pinotwin.report") / "figure.json").read_text(encoding="utf-8")))
+    return dict(json.loads(asset("pinotwin.report", "figure.json")))
 
 
 def line(
