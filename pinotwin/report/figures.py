@@ -141,7 +141,7 @@ class Panel:
 
     Attributes:
         title: of its axis, without the unit.
-        lines: what is drawn.
+        lines: what is drawn, at least one line at the times of the plot.
         scale: from SI to what is shown.
         tall: height relative to the others.
     """
@@ -168,9 +168,12 @@ def over_time(
     tall = [panel.tall for panel in panels]
     figure = make_subplots(count, 1, shared_xaxes=True, row_heights=tall, vertical_spacing=0.04 / count**0.5)
     for row, panel in enumerate(panels, 1):
-        rows = visible_rows([x.y for x in panel.lines], points)
+        together = visible_rows([x.y for x in panel.lines if x.t is None], points)
         for x in panel.lines:
-            at, y = broken(rows, block, t if x.t is None else x.t, x.y)
+            if x.t is None:
+                at, y = broken(together, block, t, x.y)
+            else:
+                at, y = broken(visible_rows([x.y], points), None, x.t, x.y)
             shown = x.legend and x.name not in named
             named |= {x.name} if shown else set()
             trace = line(
