@@ -17,7 +17,7 @@ import plotly.graph_objects as go
 import pytest
 
 from pinotwin.report import Group, Page, Plot, Tabs, identification_report
-from pinotwin.report.blocks import notes, table
+from pinotwin.report.blocks import notes, paragraph, table
 from pinotwin.report.display import effort, number, percent, position, rounded, velocity
 from pinotwin.report.figures import Line, Panel, over_time, visible_rows
 from pinotwin.report.parameter_table import parameter_table
@@ -241,6 +241,13 @@ def test_page_is_a_value_and_leaves_out_what_is_empty() -> None:
     assert 'id="plotly-packed"' not in text  # no plot, no script: a small page
     assert len(text) < 40_000
     assert longer.html() == text
+
+
+def test_a_plain_string_is_the_same_as_a_paragraph() -> None:
+    said = "a 90 % interval of <Y>"
+    page = Page("p").section("s", said).html()
+    assert "<p>a 90\u00a0% interval of &lt;Y&gt;</p>" in page
+    assert page == Page("p").section("s", paragraph(said)).html()
 
 
 @pytest.mark.parametrize("rows", [(5000, 5003), (5003, 5000), (500, 510), (510, 500), (8000, 500)])

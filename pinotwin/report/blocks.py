@@ -113,6 +113,8 @@ def templates() -> Environment:
     pieces = (paragraph, heading, notes, bullets, chip, tiles, table)
     numbers = (display.percent, display.number, display.seconds, display.elided)
     made.globals |= {f.__name__: f for f in (*pieces, *numbers)}
+    # No line breaks between a number and its sign.
+    made.filters["unbroken"] = lambda text: re.sub(r"(?<=\d) %", "\u00a0%", text)
     made.filters["each"] = lambda form, values: ", ".join(form % x for x in values)
     return made
 
@@ -125,7 +127,7 @@ def macro(name: str, *given: object) -> Html:
 
 def paragraph(text: str, style: str = "") -> Html:
     """Return a paragraph; ``style`` is a class of the style sheet (``verdict``, ``lead``)."""
-    return macro("paragraph", re.sub(r"(?<=\d) %", "\u00a0%", text), style)  # no line breaks between them
+    return macro("paragraph", text, style)
 
 
 def heading(text: str) -> Html:
