@@ -17,9 +17,9 @@ import plotly.graph_objects as go
 import pytest
 
 from pinotwin.report import Group, Page, Plot, Tabs, identification_report
-from pinotwin.report.blocks import notes, table
+from pinotwin.report.blocks import notes, paragraph, table
 from pinotwin.report.display import effort, number, percent, position, rounded, velocity
-from pinotwin.report.figures import visible_rows
+from pinotwin.report.figures import Line, Panel, over_time, visible_rows
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.verdict import cautions, headline
 from pinotwin.twin import Parameter, Twin
@@ -241,6 +241,24 @@ def test_page_is_a_value_and_leaves_out_what_is_empty() -> None:
     assert 'id="plotly-packed"' not in text  # no plot, no script: a small page
     assert len(text) < 40_000
     assert longer.html() == text
+
+
+def test_a_plain_string_is_the_same_as_a_paragraph() -> None:
+    said = "a 90 % interval of <Y>"
+    page = Page("p").section("s", said).html()
+    assert "<p>a 90\u00a0% interval of &lt;Y&gt;</p>" in page
+    assert page == Page("p").section("s", paragraph(said)).html()
+
+
+@pytest.mark.parametrize("rows", [(5000, 5003), (5003, 5000), (500, 510), (510, 500), (8000, 500)])
+def test_a_line_with_times_of_its_own_may_be_longer_or_shorter(rows: tuple[int, int]) -> None:
+    t, own = (1e-3 * np.arange(n) for n in rows)
+    peak = np.where(np.arange(len(own)) == len(own) - 3, 9.0, np.sin(own))
+    lines = [Line("run", peak, "#111", t=own - 0.5), Line("mean", np.sin(t), "#222")]
+    run, mean = over_time(t, [Panel("velocity", lines)], 300).data
+    assert run.x[[0, -1]] == pytest.approx([-0.5, own[-1] - 0.5], abs=1e-6)
+    assert mean.x[-1] == pytest.approx(t[-1], abs=1e-6)
+    assert max(run.y) == 9.0
 
 
 def test_thinning_keeps_the_peaks() -> None:

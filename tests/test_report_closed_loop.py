@@ -12,7 +12,7 @@ from pinotwin.log import Log
 from pinotwin.loop import Servo
 from pinotwin.report import Page, Plot, Tabs
 from pinotwin.report.blocks import Html
-from pinotwin.report.closed_loop import closed_loop_blocks, predict, score_table, servo_table
+from pinotwin.report.closed_loop import closed_loop_content, predict, score_table, servo_table
 from pinotwin.report.closed_loop_plots import CAUSES, error_scale
 from tests.simulated import known_twin, plain_machine, smooth_command
 from tests.test_report import figures, read
@@ -41,7 +41,7 @@ def log(twin) -> Log:
 
 @pytest.fixture(scope="module")
 def blocks(twin, log):
-    return closed_loop_blocks(twin, log)
+    return closed_loop_content(twin, log)["loop"]
 
 
 def cells(block: Html) -> list[list[str]]:
@@ -115,13 +115,13 @@ def test_shares_of_the_causes_fill_the_bars(twin, blocks):
 
 def test_a_log_without_command_is_said_and_the_poles_stay(twin, log):
     bare = Log({k: x for k, x in log.channels.items() if not k.endswith(".qr")}, source="bare.csv")
-    page = Page("x").section("loop", *closed_loop_blocks(twin, bare)).html()
+    page = Page("x").section("loop", *closed_loop_content(twin, bare)["loop"]).html()
     assert "The command could not be simulated: " in page
     assert "real pole p1" in page
 
 
 def test_a_twin_without_loop_has_no_section(twin, log):
-    assert closed_loop_blocks(dataclasses.replace(twin, loops={}), log) == []
+    assert closed_loop_content(dataclasses.replace(twin, loops={}), log)["loop"] == []
 
 
 def test_small_errors_are_shown_in_small_units():

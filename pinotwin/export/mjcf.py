@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from pinotwin.export.inverse import Inverse, joint_axis
 from pinotwin.export.native import Native, split
 from pinotwin.export.texts import header, literal, rendered, runtime_text
 from pinotwin.machine.urdf import impossible_bodies
+from pinotwin.system.templates import asset
 from pinotwin.twin import Twin
 
 _FRICTION = {"solreffriction": "0.001 1", "solimpfriction": "0.99 0.99 0.001"}
@@ -119,7 +119,7 @@ def passive_text(twin: Twin, inverse: Inverse, stem: str) -> str:
     names = [""] * twin.machine.nv
     for part in twin.machine.parts:
         names[part.index] = part.joint
-    text = (files("pinotwin.export") / "passive.py").read_text(encoding="utf-8")
+    text = asset("pinotwin.export", "passive.py")
     own = text[text.index("class PassiveForce") :].strip()
     core = re.split(r"^class InverseModel", runtime_text(), flags=re.MULTILINE)[0].strip()
     return rendered(

@@ -4,36 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import cache
-from importlib.resources import files
 from pprint import pformat
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pinotwin.export.inverse import Inverse
+from pinotwin.system.templates import asset, environment
 from pinotwin.version import __version__
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-
-@cache
-def _templates() -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-
-    return Environment(
-        loader=PackageLoader("pinotwin.export"),
-        autoescape=select_autoescape(["xml"]),
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        undefined=StrictUndefined,
-    )
 
 
 def rendered(template: str, **given: object) -> str:
     """Return a template of this package, filled."""
-    return _templates().get_template(template).render(**given)
+    return environment("pinotwin.export").get_template(template).render(**given)
 
 
 def header(inverse: Inverse) -> list[str]:
@@ -72,8 +54,7 @@ def numpy_text(inverse: Inverse, stem: str) -> str:
 
 def runtime_text() -> str:
     """Return the source of :mod:`pinotwin.export.runtime` without its docstring."""
-    text = (files("pinotwin.export") / "runtime.py").read_text(encoding="utf-8")
-    return text.split('"""', 2)[2].strip()
+    return asset("pinotwin.export", "runtime.py").split('"""', 2)[2].strip()
 
 
 def literal(value: Any) -> str:
@@ -112,7 +93,7 @@ def c_text(inverse: Inverse, stem: str) -> str:
         inverse: what to write.
         stem: name of the file, from which the functions' prefix is made.
     """
-    template = (files("pinotwin.export") / "inverse.c").read_text(encoding="utf-8")
+    template = asset("pinotwin.export", "inverse.c")
     head = "\n".join(f" * {line}".rstrip() for line in header(inverse)).replace("*/", "* /")
     prefix = re.sub(r"\W|^(?=\d)", "_", stem)
     text = template.replace("@HEADER@", head).replace("@DATA@", _data(inverse.data))

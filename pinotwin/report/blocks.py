@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
+from pinotwin.system.templates import environment
+
 if TYPE_CHECKING:
     import plotly.graph_objects as go
     from jinja2 import Environment
@@ -105,21 +107,14 @@ class Tile:
 @cache
 def templates() -> Environment:
     """Return the templates of the pages, which know every function of this module and of ``display``."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     from pinotwin.report import display
 
-    made = Environment(
-        loader=PackageLoader("pinotwin.report"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-        extensions=["jinja2.ext.do"],
-    )
+    made = environment("pinotwin.report")
     pieces = (paragraph, heading, notes, bullets, chip, tiles, table)
     numbers = (display.percent, display.number, display.seconds, display.elided)
     made.globals |= {f.__name__: f for f in (*pieces, *numbers)}
+    # No line breaks between a number and its sign.
+    made.filters["unbroken"] = lambda text: re.sub(r"(?<=\d) %", "\u00a0%", text)
     made.filters["each"] = lambda form, values: ", ".join(form % x for x in values)
     return made
 
@@ -132,7 +127,7 @@ def macro(name: str, *given: object) -> Html:
 
 def paragraph(text: str, style: str = "") -> Html:
     """Return a paragraph; ``style`` is a class of the style sheet (``verdict``, ``lead``)."""
-    return macro("paragraph", re.sub(r"(?<=\d) %", "\u00a0%", text), style)  # no line breaks between them
+    return macro("paragraph", text, style)
 
 
 def heading(text: str) -> Html:

@@ -22,6 +22,7 @@ from pinotwin.report.closed_loop_plots import (
     response_figure,
     scale_of,
 )
+from pinotwin.report.flexible import flexible_content
 from pinotwin.simulation.score import compare
 from pinotwin.twin import Twin
 
@@ -58,20 +59,25 @@ def predict(twin: Twin, log: Log) -> Predicted:
     return Predicted(bind(log, twin.machine.columns), black, decompose(twin, log), black.notes)
 
 
-def closed_loop_blocks(twin: Twin, log: Log) -> list[Block]:
-    """Return the blocks of the section on the closed loop; none when the twin has no loop.
+def closed_loop_content(twin: Twin, log: Log) -> dict[str, Any]:
+    """Return what a page shows of the closed loop and of passive joints; both are empty when the twin has no loop.
 
     Args:
         twin: what was identified.
-        log: whose command is simulated and whose measurement is drawn beside.
+        log: whose command is simulated, once, and whose measurement is drawn beside.
+
+    Returns:
+        ``loop``: blocks; ``bent``: see :func:`pinotwin.report.flexible.flexible_content`.
     """
     if not twin.loops:
-        return []
+        return {"loop": [], "bent": {}}
     try:
         found = predict(twin, log)
     except PinotwinError as error:
-        return [paragraph(f"The command could not be simulated: {error}"), *structure_blocks(twin)]
-    return [*response_blocks(twin, found), *structure_blocks(twin), *cause_blocks(twin, found)]
+        said = paragraph(f"The command could not be simulated: {error}")
+        return {"loop": [said, *structure_blocks(twin)], "bent": {}}
+    blocks = [*response_blocks(twin, found), *structure_blocks(twin), *cause_blocks(twin, found)]
+    return {"loop": blocks, "bent": flexible_content(twin, found.log, found.black)}
 
 
 def response_blocks(twin: Twin, found: Predicted) -> list[Block]:

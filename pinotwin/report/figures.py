@@ -10,7 +10,6 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from pinotwin.arrays import Floats, Ints
 from pinotwin.effects import EFFECTS
 from pinotwin.report.display import SI, Scale
 from pinotwin.studies.overlay import binned
+from pinotwin.system.templates import asset
 
 ACCENT = "var(--accent)"
 MEASURED = "var(--measured)"
@@ -58,7 +58,7 @@ def style(figure: go.Figure, height: int, *, x: str = "", y: str = "", legend: b
 @cache
 def _look() -> dict[str, Any]:
     """Return the look that all figures share: the style sheet of the plots."""
-    return dict(json.loads((files("pinotwin.report") / "figure.json").read_text(encoding="utf-8")))
+    return dict(json.loads(asset("pinotwin.report", "figure.json")))
 
 
 def line(
@@ -141,7 +141,7 @@ class Panel:
 
     Attributes:
         title: of its axis, without the unit.
-        lines: what is drawn.
+        lines: what is drawn, at least one line at the times of the plot.
         scale: from SI to what is shown.
         tall: height relative to the others.
     """
@@ -168,9 +168,12 @@ def over_time(
     tall = [panel.tall for panel in panels]
     figure = make_subplots(count, 1, shared_xaxes=True, row_heights=tall, vertical_spacing=0.04 / count**0.5)
     for row, panel in enumerate(panels, 1):
-        rows = visible_rows([x.y for x in panel.lines], points)
+        together = visible_rows([x.y for x in panel.lines if x.t is None], points)
         for x in panel.lines:
-            at, y = broken(rows, block, t if x.t is None else x.t, x.y)
+            if x.t is None:
+                at, y = broken(together, block, t, x.y)
+            else:
+                at, y = broken(visible_rows([x.y], points), None, x.t, x.y)
             shown = x.legend and x.name not in named
             named |= {x.name} if shown else set()
             trace = line(

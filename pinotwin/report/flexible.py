@@ -8,7 +8,6 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.analysis.modal import modes
-from pinotwin.columns import bind
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.report.closed_loop_plots import response_panel
@@ -18,21 +17,17 @@ from pinotwin.simulation import compare, wide_loops
 from pinotwin.twin import Twin
 
 
-def flexible_content(twin: Twin, log: Log) -> dict[str, Any]:
+def flexible_content(twin: Twin, log: Log, black: Log) -> dict[str, Any]:
     """Return what templates/flexible.html shows of the passive joints of a twin with closed loops; {} without any.
 
     Args:
         twin: what was identified.
-        log: whose command is simulated; its vibration is drawn beside where it holds one.
+        log: in the names of the contract; its vibration is drawn where it holds one.
+        black: simulated from its command.
     """
     found = [name for name in twin.machine.passive if f"{name}.spring" in twin.keys]
-    if not found or not twin.loops:
+    if not found:
         return {}
-    log = bind(log, twin.machine.columns)
-    try:
-        black = twin.simulate(log)
-    except PinotwinError as error:
-        return {"error": str(error)}
     joints = {joint: (vibration_figure(twin, log, black, joint), _spring(twin, joint)) for joint in found}
     loops = wide_loops(twin)
     poles = {axis: loop.pole_table() for axis, loop in loops.items()}

@@ -9,7 +9,7 @@ from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Group, Plot, Tabs, macro, tiles
-from pinotwin.report.closed_loop import closed_loop_blocks
+from pinotwin.report.closed_loop import closed_loop_content
 from pinotwin.report.effort_plots import (
     breakdown_figure,
     can_correlate,
@@ -19,7 +19,6 @@ from pinotwin.report.effort_plots import (
     shares_figure,
     spectrum_figure,
 )
-from pinotwin.report.flexible import flexible_content
 from pinotwin.report.page import Page
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
@@ -67,9 +66,8 @@ def identification_page(
         "effort": effort_figure(given),
         "causes": shares_figure(split),
         "panels": Tabs({given.names[j]: axis_panel(twin, given, split, j) for j in given.measured}),
-        "loop": closed_loop_blocks(twin, first),
+        **closed_loop_content(twin, first),
         "seen": "a log that was not used to fit" if validate else "the log that was fitted",
-        "bent": flexible_content(twin, first),
         "parameters": parameter_table(twin.parameters, list(twin.machine.axes)),
         "groups": [", ".join(map(str, group)) for group in twin.groups],
         "alone": [row for row in twin.parameters if not row.determined and row.name not in tied],

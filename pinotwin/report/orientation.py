@@ -59,8 +59,7 @@ def orientation_page(
     given = {
         "span": f"{z.min():.2f} to {z.max():.2f}° over {found.t[-1] - found.t[0]:.4g} s",
         "tiles_": _tiles(z, angles),
-        "steep": np.abs(angles[:, 1]).max()
-        > 80.0,  # of pitch: roll and heading are no longer separated [deg]
+        "steep": np.abs(angles[:, 1]).max() > 80.0,  # pitch [deg]: roll and heading are no longer separated
         "angles": _angles(found, z, angles),
         "free": _free(found),
         "trust": _trust(found, other),

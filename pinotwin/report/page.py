@@ -15,16 +15,11 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.resources import files
 from typing import Any, Self
 from urllib.parse import quote
 
 from pinotwin.report.blocks import Block, Html, Plot, macro, paragraph, table, templates
-
-
-def asset(name: str) -> str:
-    """Return the text of a file of this package."""
-    return (files("pinotwin.report") / name).read_text(encoding="utf-8")
+from pinotwin.system.templates import asset
 
 
 @dataclass(frozen=True)
@@ -76,7 +71,7 @@ class Page:
         tools = {"show": writer.show, "plot": writer.plot, "section": writer.section, "plotly": plotly}
         own = {k: getattr(self, k) for k in ("title", "subtitle", "sections")}
         own |= {"beside": files_block(self.files), "provenance": macro("provenance", self.made)}
-        looks = {"css": asset("page.css"), "script": asset("page.js")}
+        looks = {"css": asset("pinotwin.report", "page.css"), "script": asset("pinotwin.report", "page.js")}
         lists = {"figures": writer.figures, "links": writer.links}
         template = templates().get_template(f"{self.template}.html")
         return template.render(**self.given, **own, **looks, **lists, **tools)

@@ -25,17 +25,17 @@ from pinotwin.report.diagnosis_plots import bars, gap_figure, shrink_figure
 from pinotwin.report.diagnosis_verdict import rotary_axes
 from pinotwin.report.effort_plots import effort_figure
 from pinotwin.report.identification import identification_report
-from pinotwin.report.page import asset
 from pinotwin.report.saved import diagnosis_html, save_diagnosis
 from pinotwin.report.simulation import simulation_report
 from pinotwin.report.still import still
 from pinotwin.report.vibration import vibration_report
 from pinotwin.simulation.prediction import Prediction
 from pinotwin.studies.evidence import evidence, evidence_of
+from pinotwin.system.templates import asset
 from pinotwin.system.writing import write_text
 from pinotwin.twin import Twin
 
-THEME = dict(re.findall(r"--(\w+):(#\w+)", asset("page.css").partition("}")[0]))
+THEME = dict(re.findall(r"--(\w+):(#\w+)", asset("pinotwin.report", "page.css").partition("}")[0]))
 """Colours of the light style sheet, for figures outside a page."""
 
 

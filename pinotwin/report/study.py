@@ -19,7 +19,7 @@ from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Plot, notes, table
-from pinotwin.report.closed_loop_plots import causes_figure
+from pinotwin.report.closed_loop_plots import CAUSES, causes_figure
 from pinotwin.report.page import Page, files_block
 from pinotwin.report.study_plots import figure_of
 from pinotwin.studies.amount import error_against_data
@@ -232,7 +232,7 @@ def _errors(out: Studied, found: Decomposition, axis: str, rotary: bool) -> None
     if rows:
         header = ("cause", "disturbance RMS [N, N·m]", "error RMS [m, rad]", "error peak", "share")
         cause, *_, share = rows[0]
-        finding = f"{share:.0%} of the tracking error comes from {cause.replace('_', ' ')}"
+        finding = f"{share:.0%} of the tracking error comes from {CAUSES[cause][0]}"
         out.add(f"errors_{axis}", header, rows, finding, causes_figure(found, axis, rotary, "error"))
 
 

@@ -10,9 +10,7 @@ import base64
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import meshcat.geometry as mg
 import numpy as np
@@ -20,13 +18,11 @@ import pinocchio as pin
 
 from pinotwin.arrays import Floats
 from pinotwin.machine import Machine
+from pinotwin.system.templates import asset, environment
 from pinotwin.viewer.scene import ROOT, Scene, add_copy, place_joints, visual_model
 from pinotwin.viewer.stage import corners, framing, set_stage
 from pinotwin.viewer.still import still
 from pinotwin.viewer.tracks import Tracks
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 GHOST, OTHER = "ghost", "overlay"
 
@@ -48,9 +44,9 @@ def panel(
         overlay: a second machine, drawn through the first.
         subtitle: line below the name.
     """
-    rows = (
-        drawn.q[None] if tracks is None else tracks.q[:: max(1, len(tracks.q) // 24)]
-    )  # what the camera sees
+    rows = drawn.q[None]  # the postures that the camera must see
+    if tracks is not None:
+        rows = tracks.q[:: max(1, len(tracks.q) // 24)]
     scene = replace(drawn, page=drawn.page.copy(), q=rows[0])
     points = np.concatenate([corners(scene.model, scene.visual, row) for row in rows])
     set_stage(scene.viewer(), points)
@@ -75,29 +71,17 @@ def panel(
         "frames": None if tracks is None else tracks.frames(),
     }
     packed, commands = scene.page.commands()
-    return _template().render(
+    page = environment("pinotwin.viewer").get_template("panel.html")
+    return page.render(
         title=drawn.name,
         subtitle=subtitle,
-        css=_asset("panel.css"),
-        script=_asset("panel.js"),
+        css=asset("pinotwin.viewer", "panel.css"),
+        script=asset("pinotwin.viewer", "panel.js"),
         meshcat=scene.page.script(),
         packed=packed,
         commands=commands,
         data=json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
     )
-
-
-def _asset(name: str) -> str:
-    return (files("pinotwin.viewer") / name).read_text(encoding="utf-8")
-
-
-@cache
-def _template() -> Template:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    loader = PackageLoader("pinotwin.viewer")
-    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
-    return made.get_template("panel.html")
 
 
 def _body(

@@ -142,7 +142,7 @@ def _set_lights(viewer: meshcat.Visualizer, size: float) -> None:
         ),
         ("PointLightNegativeX", (2.2, -1.4, 0.9), {"intensity": 0.16, "distance": 0.0}),
         ("PointLightPositiveX", (-2.2, -1.6, 0.7), {"intensity": 0.12, "distance": 0.0}),
-        ("FillLight", (0.3 / size, -0.4 / size, 1.0 / size), {"intensity": 0.12}),
+        ("FillLight", (0.3, -0.4, 1.0), {"intensity": 0.12}),  # of this one the direction alone counts
         ("AmbientLight", None, {"intensity": 0.46}),
     ):
         if at is not None:
