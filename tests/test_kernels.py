@@ -85,6 +85,25 @@ def test_an_edit_of_a_default_or_an_option_of_a_callee_is_seen(tmp_path: Path) -
     assert float(started(clone(folder, unchecked), kept, 0.0).communicate(timeout=120)[0]) == math.inf
 
 
+def test_the_order_in_a_named_tuple_within_another_is_seen(tmp_path: Path) -> None:
+    code = """
+        from typing import NamedTuple
+        from pinotwin.system.kernels import compiled
+        Inner = NamedTuple("Inner", [("a", float), ("b", float)])
+        Outer = NamedTuple("Outer", [("inner", Inner), ("c", float)])
+
+        @compiled
+        def first(x):
+            return x.inner.a
+
+        print(first(Outer(Inner(a=1.0, b=2.0), 3.0)))
+    """
+    text = textwrap.dedent(code)
+    for order in (text, text.replace('("a", float), ("b", float)', '("b", float), ("a", float)')):
+        (tmp_path / "outer.py").write_text(order)
+        assert answer(tmp_path, tmp_path / "kept") == 1.0
+
+
 def test_a_comment_compiles_nothing_again(tmp_path: Path) -> None:
     kept = tmp_path / "kept"
     folder = clone(tmp_path / "one")

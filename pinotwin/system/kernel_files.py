@@ -69,6 +69,11 @@ def _plain(code: CodeType) -> tuple[Any, ...]:
     return code.co_code, constants, code.co_names, code.co_varnames
 
 
+def _fields(kind: Any) -> list[Any]:
+    """Return the names in a named tuple and in those that it holds: its type does not tell their order."""
+    return [*getattr(kind, "fields", ()), *map(_fields, getattr(kind, "types", ()))]
+
+
 @cache
 def _folder() -> Path | None:
     """Return a folder that can be written: $NUMBA_CACHE_DIR, the user's for caches; None without one."""
@@ -117,8 +122,7 @@ class _Files(_Cache):  # type: ignore[misc]
             self._forget_old()
 
     def _form(self, sig: Any, codegen: Any) -> IndexDataCacheFile:
-        fields = [getattr(kind, "fields", ()) for kind in sig]  # no named tuple's type tells their order
-        key = repr((self._recipe, sig, fields, codegen.magic_tuple()))
+        key = repr((self._recipe, sig, [*map(_fields, sig)], codegen.magic_tuple()))
         digest = sha256(key.encode()).hexdigest()[:24]
         return IndexDataCacheFile(self.cache_path, f"{self._name}-{digest}", digest)
 
