@@ -17,6 +17,8 @@ from pinotwin.errors import LogError, MachineError
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import LoopShape, Machine
+from pinotwin.machine.parts import MachineFile
+from pinotwin.machine.reading import read
 from pinotwin.machine.sections import loops
 from pinotwin.simulation import compare
 from tests.simulated import plain_machine, smooth_command
@@ -119,6 +121,6 @@ def test_a_log_without_that_encoder_is_refused(logs):
 def test_coupled_motors_have_no_loop_on_the_load():
     spec = {"loop": {"X": {"closed_on": "load"}}, "transmission": {"X": {"X": 1.0}}}
     with pytest.raises(MachineError, match=r"^loop.X.closed_on: a loop on the load's encoder behind a trans"):
-        loops(spec, ("X",))
-    shape = loops({"loop": spec["loop"]}, ("X",))["X"]
+        loops(read(spec, MachineFile, ""), ("X",))
+    shape = loops(read({"loop": spec["loop"]}, MachineFile, ""), ("X",))["X"]
     assert not shape.stated

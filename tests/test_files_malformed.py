@@ -88,6 +88,11 @@ CASES: list[tuple[str, bytes, str]] = [
         b"t;q\ns;mm\n",
         "has a header but no rows of numbers; record or export it again",
     ),
+    (
+        "words.csv",
+        b"Zeit\n" + b"auto auto\n" * 8,
+        "has a header but no rows of numbers; record or export it again",
+    ),
     ("one_row.csv", b"t,q\n0,1\n", _NO_SERIES),
     (
         "word.csv",

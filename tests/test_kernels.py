@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
+
+import pytest
 
 from pinotwin.system.kernels import compiled
 
@@ -69,6 +72,36 @@ def test_an_edit_of_a_callee_in_another_file_is_seen(tmp_path: Path) -> None:
     assert answer(folder, kept) == 7.0
     assert answer(clone(folder, INNER.replace("FACTOR * x", "FACTOR * x * x")), kept) == 19.0
     assert answer(clone(folder, INNER.replace("2.0", "5.0")), kept) == 16.0
+
+
+def test_an_edit_of_a_default_or_an_option_of_a_callee_is_seen(tmp_path: Path) -> None:
+    kept, folder = tmp_path / "kept", tmp_path / "one"
+    stated = INNER.replace("inner(x)", "inner(x, by=2.0)").replace("FACTOR * x", "by * x")
+    assert answer(clone(folder, stated), kept) == 7.0
+    assert answer(clone(folder, stated.replace("by=2.0", "by=5.0")), kept) == 16.0
+    divided = INNER.replace("FACTOR * x", "FACTOR / x")
+    assert answer(clone(folder, divided), kept) == pytest.approx(5.0 / 3.0)
+    unchecked = divided.replace("@compiled", '@compiled(error_model="numpy")')
+    assert float(started(clone(folder, unchecked), kept, 0.0).communicate(timeout=120)[0]) == math.inf
+
+
+def test_the_order_in_a_named_tuple_within_another_is_seen(tmp_path: Path) -> None:
+    code = """
+        from typing import NamedTuple
+        from pinotwin.system.kernels import compiled
+        Inner = NamedTuple("Inner", [("a", float), ("b", float)])
+        Outer = NamedTuple("Outer", [("inner", Inner), ("c", float)])
+
+        @compiled
+        def first(x):
+            return x.inner.a
+
+        print(first(Outer(Inner(a=1.0, b=2.0), 3.0)))
+    """
+    text = textwrap.dedent(code)
+    for order in (text, text.replace('("a", float), ("b", float)', '("b", float), ("a", float)')):
+        (tmp_path / "outer.py").write_text(order)
+        assert answer(tmp_path, tmp_path / "kept") == 1.0
 
 
 def test_a_comment_compiles_nothing_again(tmp_path: Path) -> None:

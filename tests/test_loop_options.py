@@ -12,6 +12,8 @@ import yaml
 import pinotwin as pt
 from pinotwin.errors import MachineError
 from pinotwin.log import Log
+from pinotwin.machine.parts import MachineFile
+from pinotwin.machine.reading import read
 from pinotwin.machine.sections import loops
 from tests.random_drives import Drive, machine, run
 
@@ -39,7 +41,7 @@ def log() -> Log:
     ],
 )
 def test_a_loop_is_identified_as_its_machine_says(log: Log, given: dict, count: int) -> None:
-    shape = loops({"loop": {"X": given}}, ("X",))
+    shape = loops(read({"loop": {"X": given}}, MachineFile, ""), ("X",))
     twin = pt.identify(dataclasses.replace(machine(), loop=shape), log)
     loop = twin.loops["X"]
     assert loop.structure.feedforward_count == count
@@ -70,7 +72,7 @@ def test_a_loop_is_identified_as_its_machine_says(log: Log, given: dict, count: 
 )
 def test_wrong_options_are_refused_in_one_line(given: dict, words: str) -> None:
     with pytest.raises(MachineError, match=words):
-        loops({"loop": {"X": given}}, ("X",))
+        loops(read({"loop": {"X": given}}, MachineFile, ""), ("X",))
 
 
 def test_a_machine_keeps_its_options_in_its_file(tmp_path: Path) -> None:

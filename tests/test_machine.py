@@ -17,6 +17,7 @@ from pinotwin.columns import bind
 from pinotwin.errors import MachineError, nearest
 from pinotwin.log import Log
 from pinotwin.machine import Machine, machines
+from pinotwin.machine.effect_list import make_effects
 from pinotwin.machine.loading import machine_schema, machine_spec
 from pinotwin.machine.yaml_file import read_yaml
 from tests.conftest import ROOT
@@ -262,3 +263,9 @@ def test_settings_may_be_numbers_of_numpy() -> None:
     machine = Machine.load("emps").listing({"X": effects})
     stribeck, ripple = machine.axis("X").effects[-2:]
     assert (stribeck.v_s, ripple.harmonics) == (0.02, (1, 2))
+
+
+@pytest.mark.parametrize("given", [3, 3.0, "3", [3]])
+def test_one_harmonic_needs_no_list(given: object) -> None:
+    (ripple,) = make_effects([{"ripple": {"harmonics": given}}], "X", rotary=False, where="axes.X.effects")
+    assert ripple.harmonics == (3,)

@@ -216,6 +216,13 @@ def test_noise_is_no_axis() -> None:
     assert guesses.unused == tuple(log.channels)
 
 
+def test_rate_and_factor_may_be_numbers_of_numpy(servo: dict[str, np.ndarray], tmp_path: Path) -> None:
+    log = Log({"Y pos": servo["Y.q"], "Y cur": servo["Y.u"]}, "x.csv")
+    sizes = Sizes(factor={"Y": np.float64(2.5)})
+    columns = new("Y", log=log, rate=np.int64(250), sizes=sizes, out=tmp_path / "m").machine.columns
+    assert (columns["t"].rate, columns["Y.u"].factor) == (250.0, 2.5)
+
+
 def test_a_log_without_a_clock_asks_for_the_rate(servo: dict[str, np.ndarray]) -> None:
     log = Log({"Y pos": servo["Y.q"], "Y cur": servo["Y.u"]}, "x.csv")
     assert guess_columns(log, AXES).open[0].startswith("t: no time column; give the sampling rate")

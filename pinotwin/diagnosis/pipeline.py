@@ -42,10 +42,9 @@ from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.logs.repeats import labels
 from pinotwin.machine import Machine
-from pinotwin.machine.given import as_machine
 from pinotwin.system.threads import one_blas_thread
 from pinotwin.twin import Twin
-from pinotwin.twin.twin import as_twin
+from pinotwin.twin.twin import as_subject
 
 Tell = Callable[[str, float], None]
 MOST_TIMES = 12
@@ -87,7 +86,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
         LogError: a channel is missing or unusable.
         DataError: the logs hold too little.
     """
-    tell, seed, subject = report or _silent, _seed(seed, random_state), _subject(subject)
+    tell, seed, subject = report or _silent, _seed(seed, random_state), as_subject(subject)
     tell("preparing the logs", 0.02)
     logs, unseen = _logs(log), [] if validate is None else as_logs(validate, "validate")
     c = compare(subject, logs, unseen)
@@ -414,15 +413,6 @@ def _logs(given: LogLike | Sequence[LogLike]) -> list[Log]:
     if not logs:
         raise DataError("no log given; give at least one")
     return logs
-
-
-def _subject(given: Machine | Twin | str | Path) -> Machine | Twin:
-    """Return a machine or twin as it is, or load it from its folder."""
-    if isinstance(given, Machine | Twin):
-        return given
-    if isinstance(given, str | Path) and (Path(given) / "twin.json").is_file():
-        return as_twin(given)
-    return as_machine(given, "subject")
 
 
 def _seed(seed: int, random_state: int | None) -> int:

@@ -64,7 +64,7 @@ class Bending:
         """
         machine, n = self.machine, len(self.springs)
         loads = [load_of(machine, self.beta, motion, s.index) for s in self.springs]
-        inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
+        inside = np.r_[*motion.segments]
         rows = inside[:: max(1, len(inside) // most)]
         axes = [a.index for a in machine.axes.values() if np.isfinite(motion.u[rows, a.index]).all()]
         motors = [j for j in axes if np.ptp(motion.u[rows, j]) > 0.0 and np.ptp(motion.v[rows, j]) > 0.0]

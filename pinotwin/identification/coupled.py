@@ -123,7 +123,7 @@ def follows_exactly(raw: Motion, joint: int) -> bool:
         joint: index of the joint.
     """
     assert raw.qr is not None
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in raw.segments])
+    rows = np.r_[*raw.segments]
     told = np.stack([raw.regulated[rows, joint], raw.qr[rows, joint]])
     told = told[:, np.isfinite(told).all(axis=0)]
     if not told.size:
@@ -142,7 +142,7 @@ def _refinable(
     """
     i = plant.machine.axes[name].index
     _, judge = problem.split()
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in judge.windows])
+    rows = np.r_[*judge.windows]
     rows = rows[motion.use[rows, i] & np.isfinite(motion.u[rows, i])]
     left = (motion.u - plant.effort(motion))[rows, i]
     mine = [e for e in plant.effects if e.axis == name]

@@ -110,7 +110,7 @@ class _Through:
 
     def __init__(self, data: LoopData, model: LoopModel, motion: Motion, found: AxisEffects) -> None:
         self.data, self.model, self.motion = data, model, motion
-        self.inside = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+        self.inside = np.r_[*data.segments]
         size = np.sqrt(np.mean(data.outputs[self.inside] ** 2, axis=0))
         self.weight = 1.0 / np.maximum(size, 1e-300)
         rest = data.d[:, 0] - found.columns(motion) @ found.theta

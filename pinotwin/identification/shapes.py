@@ -105,7 +105,7 @@ def _moving(motion: Motion, effect: Effect, key: str, names: tuple[str, ...], ro
     places = [rows.slice_of(joint) for joint in joints]
     return Moving(
         name=key,
-        rows=places[0] if len(places) == 1 else np.concatenate([np.arange(s.start, s.stop) for s in places]),
+        rows=places[0] if len(places) == 1 else np.r_[*places],
         columns=columns,
         names=names,
         shapes=tuple(s.name for s in shapes),

@@ -169,7 +169,7 @@ def _is_child_of_moving(root: Any, link: str) -> bool:
 
 def _excitation(machine: Machine, motion: Motion, most: int = 20_000) -> Excitation:
     """Return what some usable rows of a log tell of the base parameters, joints weighed by effort."""
-    inside = np.concatenate([np.arange(s.start, s.stop) for s in motion.segments])
+    inside = np.r_[*motion.segments]
     inside = inside[:: max(1, len(inside) // most)]
     w = machine.base.regressor(machine.model, motion.q[inside], motion.v[inside], motion.a[inside])
     rows = []

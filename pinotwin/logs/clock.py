@@ -156,9 +156,7 @@ def _settle(at: Floats, q: Floats, smoother: float, stands_out: float = 100.0) -
             later = near > kept[k]
             shifts = [s for s in (0.0, 1.0, -1.0, 2.0, -2.0) if at[kept[k + 1]] - at[kept[k]] + s > 0.5]
             rough = [float(np.sum(lagrange_error(at[near] + s * later, q[near]) ** 2)) for s in shifts]
-            best = (
-                int(np.argmin(rough)) if len(near) > 4 else 0
-            )  # a cubic passes through four whatever they are
+            best = int(np.argmin(rough)) if len(near) > 4 else 0  # a cubic passes through any four
             if rough[0] > stands_out * usual and rough[best] < smoother**2 * rough[0]:
                 at[kept[k + 1] :] += shifts[best]
                 moved = True

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.arrays import Floats, Mask
 from pinotwin.columns import bind
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
@@ -221,7 +221,7 @@ def _prepare_one(
     smoother = Smoother(step, corner, how.order, tuple(parts), vibrates or not np.isfinite(corner))
     q, v, a = smoother.derivatives(joint_positions(machine, log, "q"))
     moves = _moves(machine, log, parts)
-    q[:, ~moves], v[:, ~moves], a[:, ~moves] = q[_rows_of(parts)][:, ~moves].mean(axis=0), 0.0, 0.0
+    q[:, ~moves], v[:, ~moves], a[:, ~moves] = q[np.r_[*parts]][:, ~moves].mean(axis=0), 0.0, 0.0
     v, a, notes = _measured_derivatives(machine, log, (v, a), smoother, moves, settings.other_speed)
     u, load = efforts(machine, _put_back(log, leads, parts)), external(machine, log)
     if how.filter_effort:
@@ -351,7 +351,7 @@ def _measured_derivatives(
             a[:, part.index] = smoother.smooth(np.nan_to_num(log[f"{name}.a"]))
     ratio = np.eye(machine.nv) if machine.transmission is None else machine.transmission
     motor_v, motor_a = v @ ratio.T, a @ ratio.T
-    rows = _rows_of(smoother.stretches)
+    rows = np.r_[*smoother.stretches]
     used = []
     for name, axis in machine.axes.items():
         for channel, motor in ((f"{name}.v", motor_v), (f"{name}.a", motor_a)):
@@ -401,14 +401,10 @@ def _fast_enough(machine: Machine, v: Floats, a: Floats) -> Mask:
     return use
 
 
-def _rows_of(parts: Sequence[slice]) -> Ints:
-    return np.concatenate([np.arange(s.start, s.stop) for s in parts])
-
-
 def _moves(machine: Machine, log: Log, parts: Sequence[slice]) -> Mask:
     """Return which joints move at all, shape (nv,): an encoder's noise at rest is no motion."""
     rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    rows = _rows_of(parts)
+    rows = np.r_[*parts]
     inside = log.with_channels({name: x[rows] for name, x in log.channels.items()})
     table, _ = inspect_axes(inside, rotary, None)
     out = np.ones(machine.nv, dtype=bool)

@@ -134,7 +134,7 @@ class LoopData:
                 f"{self.axis}: {self.rows} samples in unbroken segments, at least {rows} "
                 "are needed to identify the loop; give a longer log"
             )
-        inside = np.concatenate([np.arange(s.start, s.stop) for s in self.segments])
+        inside = np.r_[*self.segments]
         if np.ptp(self.velocity[inside]) <= 1e-12:
             raise DataError(
                 f"{self.axis}: the command never moves in this log, so its loop cannot be "

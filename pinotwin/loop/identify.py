@@ -113,7 +113,7 @@ def _judge(
     ]
     parts = misfit.residual.reshape(layout.outputs, -1)
     rms = np.sqrt(np.sum(parts**2, axis=1) / data.rows) * projection.scales.outputs
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    rows = np.r_[*data.segments]
     size = np.sqrt(np.mean(data.outputs[rows] ** 2, axis=0))
     return LoopFit(
         parameters=tuple(parameters),

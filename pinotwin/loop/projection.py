@@ -74,7 +74,7 @@ class Scales:
     @classmethod
     def of(cls, data: LoopData) -> Scales:
         """Return rms values over the segments."""
-        rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+        rows = np.r_[*data.segments]
 
         def rms(x: Floats) -> Floats:
             size = np.sqrt(np.mean(x[rows] ** 2, axis=0))

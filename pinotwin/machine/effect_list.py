@@ -11,7 +11,7 @@ from pinotwin.effects import EFFECTS, Effect
 from pinotwin.effects.known import kind_of, known, path_of
 from pinotwin.errors import InputError, MachineError, nearest
 from pinotwin.machine.parts import EffectList
-from pinotwin.machine.reading import Count, Number, Positive, known_key, read, schema
+from pinotwin.machine.reading import Count, Number, Positive, read, read_keys, schema
 
 _One = Annotated[int, Meta(ge=1)]
 _Harmonics = Annotated[_One | list[_One], Meta(description="a whole number from 1, or a list of them")]
@@ -47,15 +47,10 @@ def _make(spec: Any, axis: str, rotary: bool, where: str) -> Effect:
     else:
         raise MachineError(f"{where}: expected an effect's name or {{name: settings}}, found {spec!r}")
     cls, values = _kind(name, where), {}
-    where = f"{where}.{name}"
-    fields, types = settings_of(cls), types_of(cls)
-    if not isinstance(given, dict | None):
-        raise MachineError(f"{where}: expected keys and values, found {given!r}")
-    for key, value in (given or {}).items():
-        known_key(key, fields, where)
-        if value is not None:
-            found = read(value, types[key], f"{where}.{key}")
-            values[fields[key]] = tuple(found) if isinstance(found, list) else found
+    fields, types, where = settings_of(cls), types_of(cls), f"{where}.{name}"
+    for key, x in read_keys({} if given is None else given, types, where).items():
+        several = types[key] is _Harmonics
+        values[fields[key]] = tuple(x if isinstance(x, list) else [x]) if several else x
     effect = cls(axis=axis, rotary=rotary, **values)  # type: ignore[call-arg]
     _check_search(effect, where)
     return effect

@@ -106,7 +106,7 @@ def _machine(spec: dict[str, Any], path: Path) -> Machine:
         axes=axes,
         passive=passive,
         imus=sections.imus(file.get("imus", {}), urdf),
-        loop=sections.loops(spec, tuple(axes)),
+        loop=sections.loops(file, tuple(axes)),
         columns=sections.columns(file.get("columns", {}), (*axes, *passive), model),
         transmission=sections.transmission(file.get("transmission", {}), axes, model.nv),
         data=sections.data_settings(file.get("data", {})),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -42,21 +42,31 @@ def read(value: Any, kind: Any, where: str) -> Any:
     Raises:
         MachineError: with the path of what is wrong; an unknown key with the nearest known one.
     """
-    keyed = get_origin(kind) is dict
-    if keyed or dataclasses.is_dataclass(kind):
-        if not isinstance(value, dict):
-            raise MachineError(f"{where}: expected keys and values, found {value!r}")
-        kinds = dict.fromkeys(value, get_args(kind)[1]) if keyed else kinds_of(kind)
-        for key in value:
-            known_key(key, kinds, where)
-        stated = {str(key): x for key, x in value.items() if keyed or x is not None}
-        return {key: read({} if x is None else x, kinds[key], _join(where, key)) for key, x in stated.items()}
+    if dataclasses.is_dataclass(kind):
+        return read_keys(value, kinds_of(kind), where)  # type: ignore[arg-type]
+    if get_origin(kind) is dict:
+        named = {str(key): {} if x is None else x for key, x in _keys_of(value, where).items()}
+        return {key: read(x, get_args(kind)[1], _join(where, key)) for key, x in named.items()}
     if kind is str and isinstance(value, int | float) and not isinstance(value, bool):
         return str(value)  # a name of digits
     try:
         return msgspec.convert(_plain(value), kind, strict=False)
     except msgspec.ValidationError:
         raise MachineError(f"{where}: expected {_words(kind)}, found {value!r}") from None
+
+
+def read_keys(value: Any, kinds: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return the values that are stated under known keys, each as its type says; raises as :func:`read` does."""
+    stated = _keys_of(value, where)
+    for key in stated:
+        known_key(key, kinds, where)
+    return {key: read(x, kinds[key], _join(where, key)) for key, x in stated.items() if x is not None}
+
+
+def _keys_of(value: Any, where: str) -> dict[Any, Any]:
+    if not isinstance(value, dict):
+        raise MachineError(f"{where}: expected keys and values, found {value!r}")
+    return value
 
 
 def known_key(key: Any, known: Iterable[str], where: str) -> None:

@@ -28,10 +28,10 @@ def imus(stated: Mapping[str, Any], urdf: Path) -> dict[str, Imu]:
     return {name: Imu(name, **imu) for name, imu in stated.items()}
 
 
-def loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape]:
+def loops(file: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape]:
     """Return the closed loop of the axes that state one: its order, and on which encoder it is closed."""
     out = {}
-    for name, stated in read(spec.get("loop") or {}, dict[str, LoopShape], "loop").items():
+    for name, stated in file.get("loop", {}).items():
         known_key(name, axes, "loop")
         shape = LoopShape(**stated, stated=bool(stated.keys() - {"closed_on"}))
         if isinstance(shape.feedforward_poles, list):
@@ -48,7 +48,7 @@ def loops(spec: Mapping[str, Any], axes: tuple[str, ...]) -> dict[str, LoopShape
             if not low < high:
                 found = f"[{low:g}, {high:g}]"
                 raise MachineError(f"loop.{name}.bounds.{key}: expected [lower, upper], found {found}")
-        if shape.closed_on == "load" and spec.get("transmission"):
+        if shape.closed_on == "load" and file.get("transmission"):
             raise MachineError(
                 f"loop.{name}.closed_on: a loop on the load's encoder behind a transmission of several motors is "
                 "not modelled; give the motor's encoder"

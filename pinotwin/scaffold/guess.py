@@ -52,8 +52,8 @@ class Guess:
     def entry(self) -> dict[str, Any]:
         """What a machine.yaml says of the channel under ``columns``."""
         if self.rate is not None:
-            return {"rate": self.rate}
-        stated = {"column": self.column, "unit": self.unit, "factor": self.factor}
+            return {"rate": float(self.rate)}
+        stated = {"column": self.column, "unit": self.unit, "factor": float(self.factor)}
         return {key: value for key, value in stated.items() if value not in ("", 1.0)}
 
     @property

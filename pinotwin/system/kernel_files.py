@@ -1,8 +1,8 @@
 """Where compiled functions are kept: the user's cache folder, so that one clone compiles for all.
 
-The name of a file is made of all that is in it: byte code and constants of the function and of the compiled
-functions that it calls, types of the arguments, options, numba and the processor. So an edit of a callee in another
-module does not leave an old function in use, and two processes that compile at once write the same.
+The name of a file is made of all that is in it: byte code, constants and options of the function and of the compiled
+functions that it calls, types of the arguments, numba and the processor. So an edit of a callee in another module
+does not leave an old function in use, and two processes that compile at once write the same.
 """
 
 from __future__ import annotations
@@ -35,23 +35,25 @@ def dispatcher(function: Any, options: Mapping[str, Any]) -> Any:
     made: Any = numba.njit(**options)(function)
     folder = _folder()
     if folder is not None and made is not function:  # as it is with NUMBA_DISABLE_JIT
-        recipe = repr((numba.__version__, sys.version, sorted(options.items()), *_recipe(function, set())))
+        recipe = repr((numba.__version__, sys.version, *_recipe(made, set())))
         made._cache = _Files(folder, f"{function.__module__}.{function.__name__}", recipe)  # type: ignore[attr-defined]
     return made
 
 
-def _recipe(function: Any, seen: set[Any]) -> Iterator[Any]:
-    """Yield what a compiled function is made of: byte code, constants, and those of what it calls."""
+def _recipe(made: Any, seen: set[Any]) -> Iterator[Any]:
+    """Yield what numba's function is made of: byte code, constants, options, and those of what it calls."""
+    function = made.py_func
     if function in seen:
         return
     seen.add(function)
     code = function.__code__
-    yield function.__module__, function.__qualname__, _plain(code)
+    yield function.__module__, function.__qualname__, _plain(code), function.__defaults__
+    yield sorted(made.targetoptions.items())
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     for name, value in (*function.__globals__.items(), *zip(code.co_freevars, cells, strict=True)):
         if hasattr(value, "py_func"):
             yield name, value.py_func.__qualname__
-            yield from _recipe(value.py_func, seen)
+            yield from _recipe(value, seen)
         elif isinstance(value, ModuleType):
             if value.__name__.startswith("pinotwin"):  # constants of it
                 yield name, [(n, repr(getattr(value, n, None))) for n in code.co_names]
@@ -65,6 +67,11 @@ def _plain(code: CodeType) -> tuple[Any, ...]:
     """Return what a code object does, without where it stands."""
     constants = tuple(_plain(x) if isinstance(x, CodeType) else repr(x) for x in code.co_consts)
     return code.co_code, constants, code.co_names, code.co_varnames
+
+
+def _fields(kind: Any) -> list[Any]:
+    """Return the names in a named tuple and in those that it holds: its type does not tell their order."""
+    return [*getattr(kind, "fields", ()), *map(_fields, getattr(kind, "types", ()))]
 
 
 @cache
@@ -115,10 +122,7 @@ class _Files(_Cache):  # type: ignore[misc]
             self._forget_old()
 
     def _form(self, sig: Any, codegen: Any) -> IndexDataCacheFile:
-        fields = [
-            getattr(kind, "fields", ()) for kind in sig
-        ]  # a named tuple's type does not tell their order
-        key = repr((self._recipe, sig, fields, codegen.magic_tuple()))
+        key = repr((self._recipe, sig, [*map(_fields, sig)], codegen.magic_tuple()))
         digest = sha256(key.encode()).hexdigest()[:24]
         return IndexDataCacheFile(self.cache_path, f"{self._name}-{digest}", digest)
 

@@ -139,7 +139,7 @@ class OpenLoop:
             here = [(c.values[:, c.joints.index(j), :], s) for c, s in acting if j in c.joints]
             if here:
                 X = np.concatenate([x for x, _ in here], axis=1)
-                at = np.concatenate([np.arange(s.start, s.stop) for _, s in here])
+                at = np.r_[*(s for _, s in here)]
                 variance = np.einsum("np,np->n", X @ self.covariance[np.ix_(at, at)], X)
                 out[:, j] = np.sqrt(np.maximum(variance, 0.0))
         return out

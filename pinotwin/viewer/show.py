@@ -23,6 +23,7 @@ from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.system.writing import write_text
 from pinotwin.twin import Twin
+from pinotwin.twin.twin import as_subject
 from pinotwin.units import SI_FACTOR
 from pinotwin.viewer.panel import panel
 from pinotwin.viewer.scene import draw, missing_meshes, visual_model
@@ -116,13 +117,8 @@ def view(
 
 def _subject(subject: Subject) -> tuple[Machine, Twin | None]:
     """Return the machine, and the twin where there is one."""
-    if isinstance(subject, str | Path) and (Path(subject) / "twin.json").is_file():
-        subject = Twin.load(subject)
-    if isinstance(subject, Twin):
-        return subject.machine, subject
-    if isinstance(subject, pin.Model):
-        return Machine.from_model(subject), None
-    return (subject if isinstance(subject, Machine) else Machine.load(subject)), None
+    found = as_subject(subject)
+    return (found.machine, found) if isinstance(found, Twin) else (found, None)
 
 
 def _posture(machine: Machine, posture: str | Mapping[str, float] | None) -> Mapping[str, float]:

@@ -16,9 +16,9 @@ import numpy as np
 
 from pinotwin.arrays import Floats, Mask
 from pinotwin.effects import EFFECTS, known
-from pinotwin.logs import Settings
 from pinotwin.logs.prepared import Prepared
 from pinotwin.logs.quality import Finding
+from pinotwin.logs.settings import USUAL
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 
@@ -182,7 +182,7 @@ def off_command(own: Motion, new: Motion) -> list[str]:
 
 def _keeps(own: Motion, axis: str) -> bool:
     j = own.index(axis)
-    return bool(np.std(own.error[:, j]) < Settings().follows * np.std(own.q[:, j]))
+    return bool(np.std(own.error[:, j]) < USUAL.follows * np.std(own.q[:, j]))
 
 
 def _no_multiple(new: Motion, axis: str) -> bool:
@@ -191,7 +191,7 @@ def _no_multiple(new: Motion, axis: str) -> bool:
     j = new.index(axis)
     q, asked = (x[:, j] - np.mean(x[:, j]) for x in (new.q, new.qr))
     factor = float(asked @ q) / max(float(asked @ asked), 1e-300)
-    return bool(np.std(q - factor * asked) > Settings().follows * np.std(q))
+    return bool(np.std(q - factor * asked) > USUAL.follows * np.std(q))
 
 
 def _about(finding: Finding) -> str:

@@ -89,7 +89,7 @@ class Sample:
     def coarse(self) -> Motion:
         """The motion at the thinned instants."""
         if self.motion.decimation == 1:
-            inside = np.concatenate([np.arange(s.start, s.stop) for s in self.motion.segments])
+            inside = np.r_[*self.motion.segments]
             if len(inside) == len(self.motion):
                 return self.motion
         return self.motion.at(self.rows.sample, self.rows.block)

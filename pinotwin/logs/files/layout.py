@@ -142,7 +142,8 @@ def _decode(raw: bytes, source: str) -> tuple[bytes, list[str]]:
         where = f" (a NUL byte at offset {raw.find(0)})" if b"\x00" in raw else ""
         raise LogError(f"{source}: is not text{where}; export the log as CSV or Parquet")
     try:
-        raw.decode("ascii" if raw.isascii() else "utf-8")
+        if not raw.isascii():  # the usual log needs no copy as text
+            raw.decode()
     except UnicodeDecodeError:
         raw = raw.decode("latin-1").encode()
         notes.append("text is not UTF-8 and was read as latin-1")

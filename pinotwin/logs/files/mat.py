@@ -12,12 +12,7 @@ from scipy.io.matlab import MatReadError, MatReadWarning, mat_struct
 
 from pinotwin.logs.files.content import BROKEN, Content, damaged
 
-_BROKEN = (
-    *BROKEN,
-    MatReadError,
-    UnboundLocalError,
-    zlib.error,
-)  # UnboundLocalError is a bug of scipy's reader
+_BROKEN = (*BROKEN, MatReadError, UnboundLocalError, zlib.error)  # an UnboundLocalError is scipy's own bug
 
 
 def load(path: Path, source: str) -> Content:

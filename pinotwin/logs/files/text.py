@@ -163,8 +163,10 @@ def _body(layout: Layout, source: str) -> _Body:
     body = _Body(layout.text, start, end, layout.names, layout, source)
     if layout.comments or layout.clocks or layout.delimiter == " ":
         body = _cleaned(body)
-    first = body.head(1 << 16)[0]
-    if len(first) == len(body.names) + 1 and first[-1] == "":
+    rows = body.head(1 << 16)
+    if not rows:  # every row repeats the header
+        raise LogError(f"{source}: has a header but no rows of numbers; record or export it again")
+    if len(rows[0]) == len(body.names) + 1 and rows[0][-1] == "":
         return replace(body, names=(*body.names, _TRAILING))  # a delimiter ends every line
     return body
 
