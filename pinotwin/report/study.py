@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 
-from pinotwin.analysis.decomposition import Decomposition, decompose
+from pinotwin.analysis.decomposition import decompose
 from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.errors import DataError, InputError, nearest
 from pinotwin.identification import identify
@@ -20,12 +23,14 @@ from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
 from pinotwin.report.blocks import Plot, notes, table
 from pinotwin.report.closed_loop_plots import CAUSES, causes_figure
+from pinotwin.report.display import effort_unit
 from pinotwin.report.page import Page, files_block
 from pinotwin.report.study_plots import figure_of
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
 from pinotwin.studies.evidence import Evidence, evidence
-from pinotwin.studies.overlay import FRICTION, RIPPLE, TABLE, Against, overlay
+from pinotwin.studies.overlay import KINDS as OVERLAYS
+from pinotwin.studies.overlay import overlay
 from pinotwin.studies.removal import with_and_without
 from pinotwin.system.stamps import made
 from pinotwin.system.writing import as_path, whole_folder, write_text
@@ -42,7 +47,38 @@ KINDS = {
 """Study -> what it shows, with the figure of the thesis."""
 
 
-Rows = Sequence[Sequence[object]]
+@dataclass(frozen=True)
+class Table:
+    """What one study found: its name begins with the study's, ``finding`` says it in a sentence."""
+
+    name: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    finding: str
+    figure: go.Figure
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the studies are made of; a twin and its evidence where one of them needs it."""
+
+    machine: Machine
+    twin: Twin | None
+    logs: Sequence[Log]
+    names: Sequence[str]
+    window: tuple[float, float] | None
+
+    @cached_property
+    def given(self) -> tuple[Twin, Evidence]:
+        """The twin beside the logs."""
+        if self.twin is None:
+            raise InputError("needs a twin")
+        return self.twin, evidence(self.twin, self.logs)
+
+    def own(self, axis: str) -> list[str]:
+        """Return the names of an axis' own effects."""
+        own = [effect.name for effect in self.given[0].effects if getattr(effect, "axis", None) == axis]
+        return list(dict.fromkeys(own))
 
 
 @dataclass
@@ -77,19 +113,20 @@ class Studied:
         with whole_folder(target := as_path(folder, "folder"), replaces=("study.html", "*.csv")) as part:
             write_text(part / "study.html", self.page.html())
             for name, (header, rows) in self.tables.items():
-                write_text(part / name, "\n".join(csv_lines(header, rows)) + "\n")
+                write_text(part / name, _csv(header, rows))
         return target
 
-    def add(self, name: str, header: Sequence[str], rows: Rows, finding: str, figure: go.Figure) -> None:
-        """Add a table; its name begins with its study's: a section of the page, the finding first."""
-        self.tables[f"{name}.csv"], self.findings[f"{name}.csv"] = (header, rows), finding
-        kind, _, of = name.partition("_")
+    def add(self, found: Table) -> None:
+        """Add a table: a section of the page, the finding first."""
+        name, header, rows = f"{found.name}.csv", found.header, found.rows
+        self.tables[name], self.findings[name] = (header, rows), found.finding
+        kind, _, of = found.name.partition("_")
         title = KINDS[kind].split(" (")[0].capitalize() + (f": {of.replace('_', ', ')}" if of else "")
         shown = [[_short(cell) for cell in row] for row in rows]
-        link = [(f"{name}.csv", f"{len(rows)} rows: {', '.join(header)}")]
+        link = [(name, f"{len(rows)} rows: {', '.join(header)}")]
         short = len(rows) <= 20
         below = [table(header, shown, numeric=range(1, len(header)))] if short else files_block(link)
-        self.page = self.page.section(title, notes([finding]), Plot(figure), *below)
+        self.page = self.page.section(title, notes([found.finding]), Plot(found.figure), *below)
 
 
 def study(
@@ -115,9 +152,8 @@ def study(
         InputError: a study or an axis is unknown, or none can be made.
     """
     began = time.monotonic()
-    for kind in only:
-        if kind not in KINDS:
-            raise InputError(f"study: no study {kind!r}; {nearest(kind, KINDS)}")
+    if unknown := [kind for kind in only if kind not in KINDS]:
+        raise InputError(f"study: no study {unknown[0]!r}; {nearest(unknown[0], KINDS)}")
     kinds = [kind for kind in KINDS if not only or kind in only]
     given, logs = as_subject(subject), as_logs(log)
     twin, machine = (given, given.machine) if isinstance(given, Twin) else (None, given)
@@ -129,11 +165,13 @@ def study(
     out = Studied(
         Page(f"{machine.name}: studies", ", ".join(one.source for one in logs)), machine=machine.name
     )
+    asked = Request(machine, twin, logs, names, window)
     for i, kind in enumerate(kinds):
         if report is not None:
             report(f"study: {kind}", i / len(kinds))
         try:
-            _one(kind, out, machine, twin, logs, names, window)
+            for found in MAKE[kind](asked):
+                out.add(found)
         except InputError as error:
             out.left_out.append(f"{kind}: {error}")
     if out.left_out:
@@ -147,101 +185,83 @@ def study(
     return out
 
 
-def _one(
-    kind: str,
-    out: Studied,
-    machine: Machine,
-    twin: Twin | None,
-    logs: Sequence[Log],
-    names: Sequence[str],
-    window: tuple[float, float] | None,
-) -> None:
-    if kind == "amount":
-        _amount(out, machine, logs)
-    elif kind == "coupling":
-        _coupling(out, machine, logs, names)
-    elif twin is None:
-        raise InputError("needs a twin")
-    elif kind == "errors":
-        found = decompose(twin, logs[0], window)
-        for name in names:
-            _errors(out, found, name, machine.axis(name).rotary)
-    else:
-        make, seen = _without if kind == "without" else _overlays, evidence(twin, logs)
-        for name in names:
-            make(out, twin, seen, name)
-
-
-def _amount(out: Studied, machine: Machine, logs: Sequence[Log]) -> None:
-    found = error_against_data(machine, logs)
+def _amount(asked: Request) -> Iterator[Table]:
+    found = error_against_data(asked.machine, asked.logs)
     rows = list(zip(found.seconds, found.fitted, found.held_out, strict=True))
     enough = found.enough()
     more = "the error has not settled; a longer log would help"
     finding = more if enough is None else f"{enough:.3g} s are enough"
-    out.add("amount", ("seconds [s]", "fitted", "held out"), rows, finding, figure_of(found))
+    yield Table("amount", ("seconds [s]", "fitted", "held out"), rows, finding, figure_of(found))
 
 
-def _coupling(out: Studied, machine: Machine, logs: Sequence[Log], names: Sequence[str]) -> None:
-    found = coupled_against_decoupled(machine, logs)
-    errors = {
-        name: (row.coupled_error["nrmse"], row.decoupled_error["nrmse"]) for name, row in found.axes.items()
-    }
-    rows = [(name, *pair) for name, pair in errors.items() if name in names]
+def _coupling(asked: Request) -> Iterator[Table]:
+    found = coupled_against_decoupled(asked.machine, asked.logs)
+    errors = {k: (row.coupled_error["nrmse"], row.decoupled_error["nrmse"]) for k, row in found.axes.items()}
+    rows = [(name, *pair) for name, pair in errors.items() if name in asked.names]
     axis, ratio = max(found.gain.items(), key=lambda item: item[1])
     finding = f"a model for each axis alone multiplies the held-out error by {ratio:.3g} on {axis}"
-    out.add("coupling", ("axis", "coupled, held out", "decoupled, held out"), rows, finding, figure_of(found))
+    header = ("axis", "coupled, held out", "decoupled, held out")
+    yield Table("coupling", header, rows, finding, figure_of(found))
 
 
-def _without(out: Studied, twin: Twin, seen: Evidence, axis: str) -> None:
-    own = [effect.name for effect in twin.effects if getattr(effect, "axis", None) == axis]
-    found = {name: with_and_without(twin, seen, axis, [name]) for name in dict.fromkeys(own)}
-    if not found:
-        return
-    rows = [(name, *one.errors()) for name, one in found.items()]
-    name, complete, without = max(rows, key=lambda row: row[2])
-    unit = "N·m" if found[name].rotary else "N"
-    finding = f"without {name} the RMS error grows from {complete:.3g} to {without:.3g} {unit}"
-    header = ("effect", "RMS error with it [N, N·m]", "without")
-    out.add(f"without_{axis}", header, rows, finding, figure_of(found[name]))
-
-
-def _overlays(out: Studied, twin: Twin, seen: Evidence, axis: str) -> None:
-    kinds: tuple[tuple[str, tuple[str, ...], Against], ...] = (
-        ("friction", FRICTION, "velocity"),
-        ("ripple", RIPPLE, "position"),
-        ("table", TABLE, "position"),
-    )
-    held = {effect.name for effect in twin.effects if getattr(effect, "axis", None) == axis}
-    for name, effects, against in kinds:
-        if not held & set(effects):
+def _without(asked: Request) -> Iterator[Table]:
+    for axis in asked.names:
+        found = {name: with_and_without(*asked.given, axis, [name]) for name in asked.own(axis)}
+        if not found:
             continue
-        found = overlay(twin, seen, axis, effects, against)
-        bins = found.bins
-        rows = list(zip(bins.x, bins.median, bins.low, bins.high, strict=True))
-        header = (f"{against} [SI]", "median of the data", "lower quartile", "upper quartile")
-        finding = f"the curve explains {found.explained:.0%} of the data's power"
-        out.add(f"overlay_{axis}_{name}", header, rows, finding, figure_of(found))
+        rows = [(name, *one.errors()) for name, one in found.items()]
+        name, complete, without = max(rows, key=lambda row: row[2])
+        unit = effort_unit(found[name].rotary)
+        finding = f"without {name} the RMS error grows from {complete:.3g} to {without:.3g} {unit}"
+        header = ("effect", "RMS error with it [N, N·m]", "without")
+        yield Table(f"without_{axis}", header, rows, finding, figure_of(found[name]))
 
 
-def _errors(out: Studied, found: Decomposition, axis: str, rotary: bool) -> None:
-    rows = [
-        (row["cause"], row["disturbance_rms"] or 0.0, row["error_rms"], row["error_peak"], row["share"])
-        for row in found.table()
-        if row["axis"] == axis
-    ]
-    if rows:
-        header = ("cause", "disturbance RMS [N, N·m]", "error RMS [m, rad]", "error peak", "share")
-        cause, *_, share = rows[0]
-        finding = f"{share:.0%} of the tracking error comes from {CAUSES[cause][0]}"
-        out.add(f"errors_{axis}", header, rows, finding, causes_figure(found, axis, rotary, "error"))
+def _overlays(asked: Request) -> Iterator[Table]:
+    names = ("friction", "ripple", "table")
+    for axis in asked.names:
+        for name, (effects, against) in zip(names, OVERLAYS.values(), strict=True):
+            if not set(asked.own(axis)) & set(effects):
+                continue
+            found = overlay(*asked.given, axis, effects, against)
+            bins = found.bins
+            rows = list(zip(bins.x, bins.median, bins.low, bins.high, strict=True))
+            header = (f"{against} [SI]", "median of the data", "lower quartile", "upper quartile")
+            finding = f"the curve explains {found.explained:.0%} of the data's power"
+            yield Table(f"overlay_{axis}_{name}", header, rows, finding, figure_of(found))
 
 
-def _short(cell: object) -> str:
-    return f"{cell:.4g}" if isinstance(cell, float | np.floating) else str(cell)
+def _errors(asked: Request) -> Iterator[Table]:
+    if asked.twin is None:
+        raise InputError("needs a twin")
+    found = decompose(asked.twin, asked.logs[0], asked.window)
+    keys = ("cause", "disturbance_rms", "error_rms", "error_peak", "share")
+    header = ("cause", "disturbance RMS [N, N·m]", "error RMS [m, rad]", "error peak", "share")
+    for axis in asked.names:
+        rows = [tuple(row[k] or 0.0 for k in keys) for row in found.table() if row["axis"] == axis]
+        if rows:
+            cause, *_, share = rows[0]
+            finding = f"{share:.0%} of the tracking error comes from {CAUSES[str(cause)][0]}"
+            figure = causes_figure(found, axis, asked.machine.axis(axis).rotary, "error")
+            yield Table(f"errors_{axis}", header, rows, finding, figure)
 
 
-def csv_lines(header: Sequence[str], rows: Sequence[Sequence[object]]) -> Iterator[str]:
-    """Yield the lines of a table as CSV."""
-    yield ",".join(f'"{name}"' if "," in name else name for name in header)
-    for row in rows:
-        yield ",".join(f"{cell:.9g}" if isinstance(cell, float | np.floating) else str(cell) for cell in row)
+MAKE: dict[str, Callable[[Request], Iterator[Table]]] = {
+    "amount": _amount,
+    "coupling": _coupling,
+    "without": _without,
+    "overlay": _overlays,
+    "errors": _errors,
+}
+
+
+def _short(cell: object, digits: int = 4) -> str:
+    return f"{cell:.{digits}g}" if isinstance(cell, float | np.floating) else str(cell)
+
+
+def _csv(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table as CSV."""
+    out = io.StringIO()
+    lines = [header, *([_short(cell, 9) for cell in row] for row in rows)]
+    csv.writer(out, lineterminator="\n").writerows(lines)
+    return out.getvalue()

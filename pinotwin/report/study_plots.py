@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from pinotwin.report import display
+from pinotwin.report.display import scale_of
 from pinotwin.report.figures import (
     ACCENT,
     MEASURED,
@@ -31,20 +31,15 @@ from pinotwin.studies.removal import WithAndWithout
 
 @singledispatch
 def figure_of(given: object) -> go.Figure:
-    """Return a study's result as an interactive plot.
-
-    Raises:
-        TypeError: it is the result of no study.
-    """
+    """Return a study's result as an interactive plot."""
     raise TypeError(f"no figure of {type(given).__name__}")
 
 
 @figure_of.register
 def overlay_figure(given: Overlay) -> go.Figure:
     """Return the extracted data with the fitted curve over them."""
-    of = display.velocity if given.against == "velocity" else display.position
-    across = of(given.rotary, display.largest(given.x))
-    up = display.effort(given.rotary, display.largest(given.extracted))
+    across = scale_of("v" if given.against == "velocity" else "q", given.rotary, given.x)
+    up = scale_of("u", given.rotary, given.extracted)
     rows, bins = some_rows(len(given.x)), given.bins
     cloud = dots(across(given.x[rows]), up(given.extracted[rows]), "measured minus all other effects")
     ends = up(bins.high - bins.median), up(bins.median - bins.low)
@@ -67,7 +62,7 @@ def removal_figure(given: WithAndWithout) -> go.Figure:
         Line(f"without {words}", given.without, RESIDUAL),
         Line("all effects", given.complete, ACCENT),
     ]
-    scale = display.effort(given.rotary, display.largest(given.measured))
+    scale = scale_of("u", given.rotary, given.measured)
     return over_time(given.t, [Panel(given.axis, lines, scale)], 330)
 
 
@@ -107,7 +102,7 @@ def coupling_figure(given: CoupledAgainstDecoupled, axis: str | None = None) -> 
         figure.add_trace(bar, row=1, col=1)
     row = given.axes[chosen]
     rows = visible_rows([row.u, row.decoupled])
-    scale = display.effort(row.rotary, display.largest(row.u))
+    scale = scale_of("u", row.rotary, row.u)
     t = row.t[rows] - row.t[0]
     for y, name, colour in (
         (row.u, "measured", MEASURED),
