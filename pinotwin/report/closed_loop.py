@@ -17,12 +17,11 @@ from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, headi
 from pinotwin.report.closed_loop_plots import (
     cause_shares_figure,
     causes_figure,
-    measured_signals,
     response_figure,
 )
 from pinotwin.report.display import scale_of
 from pinotwin.report.flexible import flexible_content
-from pinotwin.simulation.score import compare
+from pinotwin.simulation.score import compare, measured
 from pinotwin.twin import Twin
 
 Scores = Mapping[str, Mapping[str, Mapping[str, float]]]
@@ -46,11 +45,11 @@ def closed_loop_content(twin: Twin, log: Log) -> dict[str, Any]:
 
 def response_blocks(twin: Twin, log: Log, predicted: Log) -> list[Block]:
     """Return the response beside the measurement, and its errors."""
-    rotary = {name: axis.rotary for name, axis in twin.machine.axes.items() if name in twin.loops}
+    machine, axes = twin.machine, [name for name in twin.machine.axes if name in twin.loops]
     title = f"Predicted from the command of {display.elided(log.source)}"
     note = "Nothing measured enters the prediction. Drag to zoom: all follow."
-    out: list[Block] = [Plot(response_figure(rotary, log, predicted), title, note)]
-    if any(measured_signals(log, axis) for axis in rotary):
+    out: list[Block] = [Plot(response_figure(machine, log, predicted, axes), title, note)]
+    if any(measured(machine, log, axis) for axis in axes):
         out += [heading("Error of the prediction"), score_table(twin, log, predicted)]
     return [*out, *([bullets(dict.fromkeys(predicted.notes))] if predicted.notes else [])]
 

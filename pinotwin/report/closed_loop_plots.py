@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import Literal
 
 import plotly.graph_objects as go
 
 from pinotwin.analysis.decomposition import COMMAND, Decomposition
-from pinotwin.arrays import Floats
 from pinotwin.log import Log
+from pinotwin.machine import Machine
 from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time, share_bars
 from pinotwin.signals import rms
+from pinotwin.simulation.score import measured
 
 CAUSES = {
     COMMAND: ("the command itself", "#7f8ea3"),
@@ -28,33 +29,23 @@ CAUSES = {
 """Cause -> its name and its colour, the same in every plot."""
 
 
-def measured_signals(log: Log, axis: str, predicted: Log | None = None) -> dict[str, Floats]:
-    """Return ``e`` and ``u`` [SI] as far as a log has them; ``<axis>.ql`` predicted: the loop is closed on the load."""
-    out = {}
-    position = f"{axis}.ql" if predicted is not None and f"{axis}.ql" in predicted else f"{axis}.q"
-    if position in log and f"{axis}.qr" in log:
-        out["e"] = log[f"{axis}.qr"] - log[position]
-    if f"{axis}.u" in log:
-        out["u"] = log[f"{axis}.u"]
-    return out
-
-
-def response_panel(log: Log, predicted: Log, axis: str, signal: str, rotary: bool, title: str = "") -> Panel:
+def response_panel(
+    machine: Machine, log: Log, predicted: Log, axis: str, signal: str, title: str = ""
+) -> Panel:
     """Return a measured and predicted signal of an axis, to be drawn over time."""
     lines = [Line("predicted", predicted[f"{axis}.{signal}"], ACCENT, 1.1)]
-    measured = measured_signals(log, axis, predicted).get(signal)
-    if measured is not None:
-        lines.insert(0, Line("measured", measured, MEASURED, 2.6))
-    return Panel(f"<b>{axis}</b> {title or SIGNALS[signal]}", lines, scale_of(signal, rotary, lines[0].y))
+    known = measured(machine, log, axis).get(signal)
+    if known is not None:
+        lines.insert(0, Line("measured", known, MEASURED, 2.6))
+    scale = scale_of(signal, machine.axes[axis].rotary, lines[0].y)
+    return Panel(f"<b>{axis}</b> {title or SIGNALS[signal]}", lines, scale)
 
 
-def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log) -> go.Figure:
-    """Return measured and predicted tracking error and effort of every axis, in the order of ``rotary``, over time."""
-    panels = [
-        response_panel(log, predicted, axis, s, turns) for axis, turns in rotary.items() for s in SIGNALS
-    ]
-    points = max(3000 // max(len(rotary), 1), 1200)
-    return over_time(log.t, panels, 70 + 175 * len(panels), points=points)
+def response_figure(machine: Machine, log: Log, predicted: Log, axes: Iterable[str] = ()) -> go.Figure:
+    """Return measured and predicted tracking error and effort over time, of some axes or of all."""
+    names = list(axes) or list(machine.axes)
+    panels = [response_panel(machine, log, predicted, name, s) for name in names for s in SIGNALS]
+    return over_time(log.t, panels, 70 + 175 * len(panels), points=max(3000 // len(names), 1200))
 
 
 def cause_shares_figure(parts: Decomposition, least: float = 0.002) -> go.Figure:

@@ -6,6 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.arrays import Floats
+from pinotwin.effects import effect_name
 from pinotwin.report import display
 from pinotwin.report.figures import (
     ACCENT,
@@ -15,7 +16,6 @@ from pinotwin.report.figures import (
     Panel,
     against_figure,
     effect_colour,
-    effect_name,
     line,
     longest,
     over_time,

@@ -17,7 +17,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pinotwin.arrays import Floats, Ints, Mask
-from pinotwin.effects import EFFECTS
+from pinotwin.effects import EFFECTS, effect_name
 from pinotwin.report.display import SI, Scale, scale_of
 from pinotwin.studies.overlay import Against, binned
 from pinotwin.system.templates import asset
@@ -34,11 +34,6 @@ _EFFECTS = {
     "gravity": "#59a14f",
 }
 _OTHERS = ("#8c6bb1", "#41ab5d", "#c994c7", "#fd8d3c", "#6baed6", "#bd9e39")
-
-
-def effect_name(key: str) -> str:
-    """Return the plain name of an effect from its key, ``Y.ripple#2`` -> ``ripple``."""
-    return key.rsplit(".", 1)[-1].split("#")[0]
 
 
 def effect_colour(key: str) -> str:

@@ -107,9 +107,7 @@ def _(twin: Twin, *logs: LogLike) -> str:
 
 @figure.register
 def _(predicted: Prediction) -> go.Figure:
-    machine = predicted.twin.machine
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    return response_figure(rotary, predicted.command, predicted)
+    return response_figure(predicted.twin.machine, predicted.command, predicted)
 
 
 @page.register

@@ -15,14 +15,15 @@ from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.phrases import joined
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
+from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, chip, table
 from pinotwin.report.closed_loop import Column, Scores, scores_table
-from pinotwin.report.closed_loop_plots import measured_signals, response_figure
+from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.report.page import Page
 from pinotwin.signals import rms
-from pinotwin.simulation.score import bound, compare
+from pinotwin.simulation.score import bound, compare, measured
 from pinotwin.twin import Twin
 
 GRADES = {
@@ -73,15 +74,14 @@ def simulation_report(
         for axis, signals in scores.items()
         for s, row in signals.items()
     }
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
     legend = {printed(word).capitalize(): GRADES[word][1] for word in grades.values()}
     content = {
         "sentences": _sentences(scores, grades),
-        "table_": _score_table(twin, scores, grades, form) if scores else _sizes(predicted, rotary),
+        "table_": _score_table(twin, scores, grades, form) if scores else _sizes(machine, predicted),
         "legend": legend,
         "said": list(dict.fromkeys(predicted.notes)),
-        "response": response_figure(rotary, log, predicted),
-        "measured": any(measured_signals(log, axis) for axis in rotary),
+        "response": response_figure(machine, log, predicted),
+        "measured": any(measured(machine, log, axis) for axis in machine.axes),
         "twin": twin,
         "coupled": form == "coupled",
         "laws": LAWS,
@@ -146,12 +146,12 @@ def _sentences(scores: Scores, grades: Mapping[tuple[str, str], str]) -> list[st
     return out
 
 
-def _sizes(predicted: Log, rotary: Mapping[str, bool]) -> Html:
+def _sizes(machine: Machine, predicted: Log) -> Html:
     """Return how large each predicted signal is."""
     rows = []
-    for axis, turns in rotary.items():
+    for axis, of in machine.axes.items():
         for signal, name in SIGNALS.items():
             x = predicted[f"{axis}.{signal}"]
-            scale = scale_of(signal, turns, x)
+            scale = scale_of(signal, of.rotary, x)
             rows.append([axis, name, scale.text(rms(x)), scale.text(display.largest(x))])
     return table(("axis", "signal", "RMS", "largest"), rows, numeric=(2, 3))
