@@ -13,6 +13,7 @@ import math
 from typing import Literal
 
 from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.system.phrases import PRINTED
 
 Grade = Literal[
     "agrees",
@@ -23,17 +24,6 @@ Grade = Literal[
     "not explained",
     "not judged",
 ]
-
-MEANING: dict[Grade, str] = {
-    "agrees": "the residual is no larger than the noise",
-    "within misfit": "above the noise, but no larger than the twin's validation error",
-    "above misfit": "somewhat above the twin's validation error, too little to search for a cause",
-    "gap explained": "the named causes reduce the residual to noise and validation error",
-    "partly explained": "the named causes explain part of the residual; the rest is above the validation error",
-    "not explained": "above the validation error, and no named cause explains it",
-    "not judged": "no noise level or validation error to compare the residual with",
-}
-"""Grade -> what it says."""
 
 KIND: dict[Grade, str] = {
     "agrees": "good",
@@ -46,17 +36,10 @@ KIND: dict[Grade, str] = {
 }
 """Grade -> colour of its chip."""
 
-_PRINTED = {
-    "within misfit": "as in validation",
-    "above misfit": "above validation",
-    "far above misfit": "far above validation",
-    "gap explained": "explained",
-}
-
 
 def printed(grade: str) -> str:
     """Return the words that people read for a grade: its own, or plainer ones."""
-    return _PRINTED.get(grade, grade)
+    return PRINTED.get(grade, grade)
 
 
 OPEN: tuple[Grade, ...] = ("not explained", "partly explained")

@@ -32,6 +32,7 @@ from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.studies.overlay import KINDS as OVERLAYS
 from pinotwin.studies.overlay import overlay
 from pinotwin.studies.removal import with_and_without
+from pinotwin.system.phrases import STUDIED
 from pinotwin.system.stamps import made
 from pinotwin.system.writing import as_path, whole_folder, write_text
 from pinotwin.twin import Twin
@@ -83,14 +84,9 @@ class Request:
 
 @dataclass
 class Studied:
-    """What the studies found.
+    """What the studies found: the page, and by name of a CSV file header and rows, and the finding in a sentence.
 
-    Attributes:
-        page: the report.
-        tables: name of a CSV file -> header and rows.
-        findings: name of a CSV file -> what it says, in a sentence.
-        left_out: studies that could not be made, and why.
-        machine: its name.
+    ``left_out``: studies that could not be made, and why.
     """
 
     page: Page
@@ -189,8 +185,7 @@ def _amount(asked: Request) -> Iterator[Table]:
     found = error_against_data(asked.machine, asked.logs)
     rows = list(zip(found.seconds, found.fitted, found.held_out, strict=True))
     enough = found.enough()
-    more = "the error has not settled; a longer log would help"
-    finding = more if enough is None else f"{enough:.3g} s are enough"
+    finding = STUDIED["more" if enough is None else "enough"].format(seconds=enough)
     yield Table("amount", ("seconds [s]", "fitted", "held out"), rows, finding, figure_of(found))
 
 
@@ -199,7 +194,7 @@ def _coupling(asked: Request) -> Iterator[Table]:
     errors = {k: (row.coupled_error["nrmse"], row.decoupled_error["nrmse"]) for k, row in found.axes.items()}
     rows = [(name, *pair) for name, pair in errors.items() if name in asked.names]
     axis, ratio = max(found.gain.items(), key=lambda item: item[1])
-    finding = f"a model for each axis alone multiplies the held-out error by {ratio:.3g} on {axis}"
+    finding = STUDIED["coupling"].format(ratio=ratio, axis=axis)
     header = ("axis", "coupled, held out", "decoupled, held out")
     yield Table("coupling", header, rows, finding, figure_of(found))
 
@@ -211,8 +206,8 @@ def _without(asked: Request) -> Iterator[Table]:
             continue
         rows = [(name, *one.errors()) for name, one in found.items()]
         name, complete, without = max(rows, key=lambda row: row[2])
-        unit = effort_unit(found[name].rotary)
-        finding = f"without {name} the RMS error grows from {complete:.3g} to {without:.3g} {unit}"
+        unit, sizes = effort_unit(found[name].rotary), {"complete": complete, "without": without}
+        finding = STUDIED["without"].format(effect=name, unit=unit, **sizes)
         header = ("effect", "RMS error with it [N, N·m]", "without")
         yield Table(f"without_{axis}", header, rows, finding, figure_of(found[name]))
 
@@ -227,7 +222,7 @@ def _overlays(asked: Request) -> Iterator[Table]:
             bins = found.bins
             rows = list(zip(bins.x, bins.median, bins.low, bins.high, strict=True))
             header = (f"{against} [SI]", "median of the data", "lower quartile", "upper quartile")
-            finding = f"the curve explains {found.explained:.0%} of the data's power"
+            finding = STUDIED["overlay"].format(share=found.explained)
             yield Table(f"overlay_{axis}_{name}", header, rows, finding, figure_of(found))
 
 
@@ -241,7 +236,7 @@ def _errors(asked: Request) -> Iterator[Table]:
         rows = [tuple(row[k] or 0.0 for k in keys) for row in found.table() if row["axis"] == axis]
         if rows:
             cause, *_, share = rows[0]
-            finding = f"{share:.0%} of the tracking error comes from {CAUSES[str(cause)][0]}"
+            finding = STUDIED["errors"].format(share=share, cause=CAUSES[str(cause)][0])
             figure = causes_figure(found, axis, asked.machine.axis(axis).rotary, "error")
             yield Table(f"errors_{axis}", header, rows, finding, figure)
 
