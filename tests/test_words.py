@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
+import pydoc
 import re
 import runpy
 from collections.abc import Iterator
@@ -219,6 +221,21 @@ def test_every_page_is_in_plain_short_sentences() -> None:
 
 def test_no_text_of_the_package_has_a_private_word() -> None:
     assert [(name, text) for name, text in literals() if PRIVATE.search(text)] == []
+
+
+def public() -> Iterator[str]:
+    """Yield the docstrings that the page of the API shows."""
+    text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    for name in re.findall(r"^::: ([\w.]+)", text, re.MULTILINE):
+        found = pydoc.locate(name)
+        own = vars(found) if inspect.isclass(found) else {}
+        yield from (x.__doc__ for x in (found, *own.values()) if isinstance(x.__doc__, str))
+
+
+def test_the_docstrings_of_the_api_are_in_plain_words() -> None:
+    told = re.compile(r"\b(tell apart|told apart|mends?|closes?|foretells?|surest|the gap|misfits?)\b", re.I)
+    said = [re.sub(r"^ *\w+: ", "", line) for text in public() for line in text.splitlines()]
+    assert [x for x in said if told.search(x)] == []
 
 
 @pytest.mark.parametrize("page", [*WRITTEN, *NOTEBOOKS], ids=lambda p: p.name)
