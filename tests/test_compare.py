@@ -127,7 +127,7 @@ def test_diagnoses_side_by_side(tmp_path, capsys):
         "unit": "N·s/m",
         "interval90": [290.0, 304.0],
     }
-    effect = {"effect": "viscous", "axis": "Y", "confidence": 0.9, "size": [size]}
+    effect = {"effect": "viscous", "axis": "Y", "confidence": 0.9, "size": size, "sizes": [size]}
     for name, effects in (("a", [effect]), ("b", []), ("c", [])):
         (tmp_path / name).mkdir()
         word = "gap explained" if effects else "agrees"

@@ -33,7 +33,8 @@ def test_all_studies_of_a_drive(tmp_path: Path, log: Path, capsys: pytest.Captur
     page = (out / "study.html").read_text(encoding="utf-8")
     for title in (
         "How much data is enough",
-        "The effort with and without each effect: X",
+        "The effort with and without each effect",
+        "<h3>X</h3>",
         "The tracking error by cause",
     ):
         assert title in page

@@ -13,7 +13,7 @@ from pinotwin.log import Log
 from pinotwin.loop.servo import SHAPES, Servo
 from pinotwin.machine import Machine
 from pinotwin.report import display
-from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, heading, paragraph, table
+from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, heading, macro, paragraph, table
 from pinotwin.report.closed_loop_plots import (
     cause_shares_figure,
     causes_figure,
@@ -96,7 +96,8 @@ def structure_blocks(twin: Twin) -> list[Block]:
         "Poles of the closed loop of each axis, with the bounds within which they were searched. "
         "ζ is the damping ratio."
     )
-    out: list[Block] = [heading("Poles"), paragraph(searched, "lead"), pole_table(twin)]
+    poles = macro("poles", {axis: loop.pole_table() for axis, loop in twin.loops.items()})
+    out: list[Block] = [heading("Poles"), paragraph(searched, "lead"), poles]
     if twin.servos:
         law = (
             "The law that is simulated around the axis; effort in N or N·m. Determined: the 90 % interval "
@@ -105,37 +106,6 @@ def structure_blocks(twin: Twin) -> list[Block]:
         )
         out += [heading("Controller"), paragraph(law, "lead"), servo_table(twin.servos)]
     return out
-
-
-def pole_table(twin: Twin) -> Html:
-    """Return the poles of all axes (thesis Tables 4-4 and 7-3)."""
-    rows = []
-    for axis, loop in twin.loops.items():
-        for k, row in enumerate(loop.pole_table()):
-            unit = "" if row["unit"] == "-" else row["unit"]
-            bounds = "" if "lower" not in row else f"{row['lower']:.3g} to {row['upper']:.3g}"
-            pair = row.get("interval")
-            interval = "" if pair is None else f"{pair[0]:.4g} to {pair[1]:.4g}"
-            first, value = "" if k else axis, f"{row['value']:.4g}"
-            rows.append([first, _pole_name(row["name"]), value, unit, bounds, interval, _pole_chip(row)])
-    header = ("axis", "pole", "value", "unit", "searched", "95 % interval", "")
-    return table(header, rows, numeric=(2, 4, 5))
-
-
-def _pole_name(name: str) -> str:
-    starts = {"zeta": "damping ratio ζ", "wn": "pole pair ω", "pff": "feed-forward pole "}
-    for start, words in starts.items():
-        if name.startswith(start):
-            return f"{words}{name.removeprefix(start)}"
-    return f"real pole {name}"
-
-
-def _pole_chip(row: Mapping[str, Any]) -> Html:
-    if row["preassigned"]:
-        return chip("given", "", "fixed before the search")
-    if row.get("at_bound"):
-        return chip(f"at its {row['at_bound']} bound", "fair", "no interval can be given there")
-    return Html("")
 
 
 def cause_blocks(twin: Twin, parts: Decomposition) -> list[Block]:

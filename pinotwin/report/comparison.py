@@ -19,6 +19,7 @@ from pinotwin.report.display import SI, Scale, scale_of
 from pinotwin.report.display import rounded as with_error
 from pinotwin.report.figures import ACCENT, effect_colour, points, style
 from pinotwin.report.page import Page
+from pinotwin.system.phrases import SIGNALS
 
 KINDS: dict[str, str] = {str(word): kind for word, kind in KIND.items()}
 """Grade -> colour of its chip."""
@@ -60,7 +61,7 @@ def diagnoses_report(found: Diagnoses) -> str:
         for (effect, axis), held in found.causes.items()
     ]
     gaps = [
-        (axis, signal, *(_gap(held.get(label)) for label in found.labels))
+        (axis, SIGNALS.get(signal, signal), *(_gap(held.get(label)) for label in found.labels))
         for axis, signals in found.gap.items()
         for signal, held in signals.items()
     ]
@@ -107,7 +108,7 @@ def _gap_series(found: Diagnoses) -> list[Plot]:
 def _cause(effect: object) -> str:
     if not isinstance(effect, dict):
         return "not named"
-    sizes = "; ".join(size_text(size) for size in told(_sizes(effect.get("size")))[:2])
+    sizes = "; ".join(size_text(size) for size in told(_sizes(effect.get("sizes", effect.get("size"))))[:2])
     sure = f"{float(effect.get('confidence') or 0.0):.0%}"
     return f"{sizes} ({sure})" if sizes else sure
 

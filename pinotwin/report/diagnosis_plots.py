@@ -48,7 +48,7 @@ def shrink_figure(gap: Gap, signal: str, rotary: bool, *, acts: bool) -> go.Figu
         figure.add_annotation(x=size * scale.factor, y=name, text=scale.text(size), **looks)
     style(figure, 66 + 34 * len(items), x=f"RMS [{scale.unit}]", legend=False)
     figure.update_layout(bargap=0.35)
-    figure.update_xaxes(range=[0, 1.3 * max(float(scale(sizes).max()), 1e-300)])
+    figure.update_xaxes(range=[0, 1.4 * max(float(scale(sizes).max()), 1e-300)])
     return figure.update_yaxes(autorange="reversed", showgrid=False, zeroline=False)
 
 

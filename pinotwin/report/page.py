@@ -54,9 +54,12 @@ class Page:
     made: Mapping[str, Any] = field(default_factory=dict)
 
     def section(self, title: str, *blocks: Block, intro: str = "") -> Self:
-        """Return the page with one more section; a section without blocks is left out."""
+        """Return the page with one more section, or more in its last one; a section without blocks is left out."""
         if not blocks:
             return self
+        if self.sections and self.sections[-1].title == title:
+            *before, last = self.sections
+            return replace(self, sections=(*before, replace(last, blocks=(*last.blocks, *blocks))))
         return replace(self, sections=(*self.sections, Section(title, blocks, intro)))
 
     def html(self) -> str:

@@ -21,7 +21,7 @@ from pinotwin.identification import identify
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_logs
 from pinotwin.machine import Machine
-from pinotwin.report.blocks import Plot, notes, table
+from pinotwin.report.blocks import Plot, heading, notes, table
 from pinotwin.report.closed_loop_plots import CAUSES, causes_figure
 from pinotwin.report.display import effort_unit
 from pinotwin.report.page import Page, files_block
@@ -117,12 +117,12 @@ class Studied:
         name, header, rows = f"{found.name}.csv", found.header, found.rows
         self.tables[name], self.findings[name] = (header, rows), found.finding
         kind, _, of = found.name.partition("_")
-        title = KINDS[kind].split(" (")[0].capitalize() + (f": {of.replace('_', ', ')}" if of else "")
+        title, part = KINDS[kind].split(" (")[0].capitalize(), [heading(of.replace("_", ", "))] if of else []
         shown = [[_short(cell) for cell in row] for row in rows]
         link = [(name, f"{len(rows)} rows: {', '.join(header)}")]
         short = len(rows) <= 20
         below = [table(header, shown, numeric=range(1, len(header)))] if short else files_block(link)
-        self.page = self.page.section(title, notes([found.finding]), Plot(found.figure), *below)
+        self.page = self.page.section(title, *part, notes([found.finding]), Plot(found.figure), *below)
 
 
 def study(

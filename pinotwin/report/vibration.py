@@ -11,7 +11,7 @@ from scipy.signal import welch
 from pinotwin.arrays import Floats
 from pinotwin.reconstruction.result import Motion3, Vibration
 from pinotwin.report.blocks import Tile, tiles
-from pinotwin.report.display import DEGREES
+from pinotwin.report.display import DEGREES, rounded
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, SOFT, Line, Panel, line, over_time, style
 from pinotwin.report.page import Page
 
@@ -59,7 +59,8 @@ def _tiles(found: Vibration) -> list[Tile]:
         rms, doubt = _degrees(float(np.nanstd(getattr(m, k))), 3), _degrees(_size(getattr(m, f"sd_{k}")))
         out.append(Tile(f"{word} of {found.joint}", f"{rms} {scale.unit} RMS", f"± {doubt} {scale.unit}"))
     (f, f_se), (zeta, zeta_se) = found.frequency, found.damping
-    out.append(Tile("mode, motors held", f"{f:.2f} Hz", f"± {f_se:.2f} Hz"))
+    mode, error = rounded(f, f_se)
+    out.append(Tile("mode, motors held", f"{mode} Hz", f"± {error} Hz"))
     return [*out, Tile("damping ratio", f"{zeta:.4f}", f"± {zeta_se:.4f}")]
 
 
