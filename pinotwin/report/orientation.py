@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.provenance import log_facts
@@ -69,9 +68,11 @@ def roll_pitch_heading(q: Floats) -> Floats:
 
     R = Rz(heading) Ry(pitch) Rx(roll); the heading is counted from the first sample, whole turns added up.
     """
-    heading, pitch, roll = Rotation.from_quat(q, scalar_first=True).as_euler("ZYX").T
-    heading = np.unwrap(heading)
-    return np.degrees(np.stack([np.unwrap(roll), pitch, heading - heading[0]], axis=1))
+    R = rot.to_matrix(q)
+    roll = np.unwrap(np.arctan2(R[:, 2, 1], R[:, 2, 2]))
+    pitch = -np.arcsin(np.clip(R[:, 2, 0], -1.0, 1.0))
+    heading = np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
+    return np.degrees(np.stack([roll, pitch, heading - heading[0]], axis=1))
 
 
 def free_acceleration(found: Orientation) -> Floats:
