@@ -10,7 +10,7 @@ Wherever a log, a machine or a twin is asked for, the name of its file or folder
 as a machine, a pandas table as a log, and arrays of shape (n, nv) become one by Log.from_arrays.
 
 Nouns:     Log  Machine  Motion  Effect  Twin  Diagnosis  Axis  Servo  Vibration
-Commands:  new  check  identify  simulate  diagnose  force  compare  vibration  export  record  study  view
+Commands:  new  check  identify  improve  simulate  diagnose  force  compare  vibration  export  record  study  view
 Verbs:     read  prepare  resample  decompose  machines  export_twin  reconstruct_vibration; of their own:
            Machine.load .save  Log.from_arrays  Twin.load .simulate .predict .residual .plot .report .save
            Diagnosis.save .plot .report .repaired .apply
@@ -52,6 +52,7 @@ _HOME = {
     "export_twin": "pinotwin.export",
     "force": "pinotwin.analysis.force",
     "identify": "pinotwin.identification",
+    "improve": "pinotwin.studies.improvement",
     "machines": "pinotwin.machine",
     "new": "pinotwin.scaffold",
     "prepare": "pinotwin.logs.prepare",
@@ -98,6 +99,7 @@ if TYPE_CHECKING:
     from pinotwin.report.study import study as study
     from pinotwin.scaffold import new as new
     from pinotwin.simulation import simulate as simulate
+    from pinotwin.studies.improvement import improve as improve
     from pinotwin.twin import Twin as Twin
     from pinotwin.version import __version__ as __version__
     from pinotwin.viewer import view as view

@@ -55,6 +55,7 @@ FLOORS = {
     "diagnosis": 11,
     "reconstruction": 11,
     "studies": 11,
+    "studies.improvement": 12,
     "viewer": 12,
     "export": 12,
     "report": 13,

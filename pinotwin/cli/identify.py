@@ -49,10 +49,8 @@ def run(
     from pinotwin.machine import Machine
 
     believed = Machine.load(machine).require_physical()
-    _spare_the_machine(believed, Path(out))
+    spare_the_machine(believed, Path(out))
     from pinotwin.identification import identify
-    from pinotwin.report import identification_report
-    from pinotwin.twin.files import write_twin
 
     fitted, held = read_logs(logs), read_logs(validate)
     for line in _doubts(believed, fitted):
@@ -68,13 +66,18 @@ def run(
             report=report,
             **options,
         )
-        with whole_folder(out) as folder:
-            report("writing the twin", 0.9)
-            content = write_twin(twin, folder)
-            report("writing the report", 0.95)
-            how = made(began, closed_loop=not no_loop, consistent=not inconsistent, **options)
-            write_text(folder / "report.html", identification_report(twin, fitted, held, how))
-    return Answer([*summary(twin), f"twin and report written to {out}"], content)
+        report("writing the twin", 0.9)
+        how = made(began, closed_loop=not no_loop, consistent=not inconsistent, **options)
+        content = save_twin(twin, fitted, held, how, out)
+    return Answer([*summary(twin), f"twin and report written to {out}", *_next(twin)], content)
+
+
+def _next(twin: Twin) -> Iterator[str]:
+    """Yield the command that looks for a missing effect, where the twin's own figures suggest one."""
+    from pinotwin.identification.judge import signs_of_missing_effects
+
+    if signs := signs_of_missing_effects(twin.quality):
+        yield f"next: an effect may be missing ({'; '.join(signs)}); `pinotwin improve` looks for it"
 
 
 def _preparation(cutoff: float | None, decimate: int | None, resample: float | None) -> dict[str, Any]:
@@ -86,7 +89,20 @@ def _preparation(cutoff: float | None, decimate: int | None, resample: float | N
     return {"cutoff": cutoff, "decimate": decimate, "resample": above_zero("resample", resample)}
 
 
-def _spare_the_machine(machine: Machine, out: Path) -> None:
+def save_twin(
+    twin: Twin, fitted: Sequence[Log], held: Sequence[Log], how: Mapping[str, Any], out: str
+) -> dict[str, Any]:
+    """Write a twin and its page, and return the content of twin.json."""
+    from pinotwin.report import identification_report
+    from pinotwin.twin.files import write_twin
+
+    with whole_folder(out) as folder:
+        content = write_twin(twin, folder)
+        write_text(folder / "report.html", identification_report(twin, fitted, held, how))
+    return content
+
+
+def spare_the_machine(machine: Machine, out: Path) -> None:
     """Refuse to write a twin over the machine that it is identified from."""
     if out.resolve() == machine.path.resolve().parent and not (out / "twin.json").is_file():
         raise InputError(f"--out: {out} holds the machine itself; give another folder for its twin")

@@ -29,6 +29,7 @@ COMMANDS: dict[str, str] = {
     "new": "start a machine folder from axes, a URDF or a name; guess the columns of a log",
     "check": "what is wrong with a machine or a log, and what the log can identify",
     "identify": "find the machine's model in its logs and save it as a twin",
+    "improve": "identify, add the effects that the model lacks, identify again, while a sealed log confirms it",
     "simulate": "predict position, tracking error and effort from the command alone",
     "diagnose": "find where a log and its model differ, which effect is missing, and how far the residual falls",
     "force": "estimate the external effort on every axis over time, with its interval",
@@ -48,6 +49,7 @@ COMMANDS: dict[str, str] = {
 EXAMPLES: dict[str, str] = {
     "check": "pinotwin check trunnion log.csv",
     "identify": "pinotwin identify trunnion log.csv --validate other.csv --out twin",
+    "improve": "pinotwin improve laser_driller log.csv --validate other.csv --out twin",
     "simulate": "pinotwin simulate twin other.csv --out predicted.csv",
     "diagnose": "pinotwin diagnose twin today.csv today2.csv --validate other.csv --out found",
     "force": "pinotwin force twin today.csv --out force.csv",

@@ -14,6 +14,7 @@ from pinotwin.effects.scene import with_model
 from pinotwin.errors import DataError
 from pinotwin.identification.assemble import Rows, assemble, choose_rows
 from pinotwin.identification.plant import Plant, fit_options
+from pinotwin.identification.servo import MISSED
 from pinotwin.identification.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.machine.urdf import no_urdf_holds
@@ -133,6 +134,29 @@ def warnings(
                 f"({row['held_out']['rms']:.3g} {unit} left); see `pinotwin diagnose`"
             )
     return out
+
+
+def signs_of_missing_effects(quality: Mapping[str, Any], rigid_pairs: int = 2) -> list[str]:
+    """Return what in the figures of a twin suggests an effect that its machine does not list.
+
+    Args:
+        quality: of the twin.
+        rigid_pairs: pole pairs of a rigid axis under a cascade; another one is a vibration.
+    """
+    loops, servos = quality.get("loops", {}), quality.get("servos", {})
+    return [
+        *(f"{name} ended at its bound" for name in quality["at_bound"]),
+        *(
+            f"{name}: its loop vibrates with more poles than a rigid axis has"
+            for name, row in loops.items()
+            if row["pole_pairs"] > rigid_pairs
+        ),
+        *(
+            f"{name}: its controller misses {row['held_out']['e']:.0%} of the tracking error"
+            for name, row in servos.items()
+            if row["held_out"]["e"] > MISSED
+        ),
+    ]
 
 
 def judge(
