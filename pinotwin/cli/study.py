@@ -42,7 +42,7 @@ def run(
     with progress() as report:
         found = study(given, read_logs(logs), only=only, axes=axis, window=span, report=report)
         found.save(out)
-    lines = [f"{name}: {found.findings[name]} ({len(rows)} rows)" for name, (_, rows) in found.tables.items()]
+    lines = [f"{name}: {one.finding} ({len(one.rows)} rows)" for name, one in found.studies.items()]
     lines += [f"left out: {line}" for line in found.left_out]
     return Answer([*lines, f"studies written to {out}"], found.to_dict())
 

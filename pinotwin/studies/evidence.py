@@ -24,35 +24,21 @@ from pinotwin.twin import Twin
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Measured and predicted effort at the rows of the fit; arrays of shape (m, nv), SI.
+    """Measured and predicted effort at the rows of the fit; arrays of shape (m, nv), SI."""
 
-    Attributes:
-        names: joint of every column.
-        rotary: whether each column is a rotation.
-        measured: columns that have a measured effort.
-        t: time from the first row on, running on from log to log [s], shape (m,).
-        block: number of the unbroken stretch of each row, shape (m,).
-        q: position; likewise velocity ``v`` and acceleration ``a``.
-        u: measured effort [N or N·m].
-        parts: effort of every effect, by its key in the twin.
-        use: rows that the fit uses, shape (m, nv).
-        rate: rows per second [Hz].
-        source: where the log came from.
-    """
-
-    names: tuple[str, ...]
-    rotary: tuple[bool, ...]
-    measured: tuple[int, ...]
-    t: Floats
-    block: Ints
-    q: Floats
+    names: tuple[str, ...]  # joint of every column
+    rotary: tuple[bool, ...]  # whether each column is a rotation
+    measured: tuple[int, ...]  # columns that have a measured effort
+    t: Floats  # time from the first row on, running on from log to log [s], shape (m,)
+    block: Ints  # number of the unbroken stretch of each row, shape (m,)
+    q: Floats  # position; likewise velocity ``v`` and acceleration ``a``
     v: Floats
     a: Floats
-    u: Floats
-    parts: Mapping[str, Floats]
-    use: Mask
-    rate: float
-    source: str
+    u: Floats  # measured effort [N or N·m]
+    parts: Mapping[str, Floats]  # effort of every effect, by its key in the twin
+    use: Mask  # rows that the fit uses, shape (m, nv)
+    rate: float  # rows per second [Hz]
+    source: str  # where the log came from
 
     @cached_property
     def predicted(self) -> Floats:
