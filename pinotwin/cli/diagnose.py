@@ -146,12 +146,7 @@ def _with_unit(x: float, scale: Scale) -> str:
 
 
 def cause_lines(found: Diagnosis, likely: float = 0.05) -> list[str]:
-    """Return every cause, named or possible, with its size, its confidence and what else it could be.
-
-    Args:
-        found: the diagnosis.
-        likely: probability from which another cause is worth a line.
-    """
+    """Return every cause, named or possible, with its size, its confidence and what else it could be, if likely."""
     from pinotwin.diagnosis.conclusion.sizes import interval_text, size_text, times_text, told
     from pinotwin.diagnosis.phrases import on_axis
 
