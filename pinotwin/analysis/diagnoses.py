@@ -113,11 +113,7 @@ def _is_diagnosis(given: Any) -> bool:
 
 
 def read_diagnoses(folders: Sequence[Any], labels: Sequence[str]) -> Diagnoses:
-    """Return diagnoses, or those in their folders or diagnosis.json, side by side.
-
-    Raises:
-        InputError: a folder holds none, or it cannot be read.
-    """
+    """Return diagnoses, or those in their folders or diagnosis.json, side by side."""
     return Diagnoses(tuple(labels), tuple(map(_document, folders)))
 
 
