@@ -253,7 +253,7 @@ def test_the_table_in_markdown_and_json_says_the_same(bench):
 
 
 def test_the_page_holds_the_table_the_matrices_and_escapes(bench):
-    page = bench_page(bench).html()
+    page = bench_page(bench.document()).html()
     for title in (
         "Scores",
         "What is taken for what",
@@ -269,5 +269,5 @@ def test_the_page_holds_the_table_the_matrices_and_escapes(bench):
 
 
 def test_an_empty_bench_makes_a_page_all_the_same():
-    page = bench_page(Bench([], 0)).html()
+    page = bench_page(Bench([], 0).document()).html()
     assert "Too few cases for any score." in page

@@ -140,7 +140,11 @@ def test_the_site_builds_without_a_warning(tmp_path, monkeypatch):
     written = {path.stem for path in (tmp_path / "site").glob("*.html")}
     assert {page.stem for page in PAGES if page.name != "README.md"} <= written
     assert {"notebook_robot", "notebook_drive"} <= written
-    assert "fonts.googleapis" not in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    start = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    assert "fonts.googleapis" not in start
+    assert "unpkg" not in start
+    assert 'src="iframe-worker.js"' in start
+    assert (tmp_path / "site" / "search" / "search_index.js").is_file()
     api = (tmp_path / "site" / "api.html").read_text(encoding="utf-8")
     assert "Read a recording" in api
 

@@ -18,7 +18,7 @@ import pytest
 
 from pinotwin.report import Group, Page, Plot, Tabs, identification_report
 from pinotwin.report.blocks import notes, paragraph, table
-from pinotwin.report.display import effort, number, percent, position, rounded, velocity
+from pinotwin.report.display import number, percent, rounded, scale_of
 from pinotwin.report.figures import Line, Panel, over_time, visible_rows
 from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.verdict import cautions, headline
@@ -286,12 +286,12 @@ def test_numbers_show_two_digits_of_their_error(value: float, error: float, show
 
 
 def test_units_are_readable() -> None:
-    assert position(False, 0.3).unit == "mm"
-    assert position(True, 1.0)(np.array([np.pi])) == pytest.approx([180.0])
-    assert velocity(False, 2.0).unit == "m/s"
-    assert velocity(False, 0.2)(np.array([0.2])) == pytest.approx([200.0])
-    assert effort(True, 0.02).unit == "mN·m"
-    assert effort(False, 5e4)(np.array([5e4])) == pytest.approx([50.0])
+    assert scale_of("q", False, 0.3).unit == "mm"
+    assert scale_of("q", True, 1.0)(np.array([np.pi])) == pytest.approx([180.0])
+    assert scale_of("v", False, 2.0).unit == "m/s"
+    assert scale_of("v", False, 0.2)(np.array([0.2])) == pytest.approx([200.0])
+    assert scale_of("u", True, 0.02).unit == "mN·m"
+    assert scale_of("u", False, 5e4)(np.array([5e4])) == pytest.approx([50.0])
     assert percent(0.0341) == "3.4 %"
     assert percent(0.9973) == "99.7 %"
     assert percent(float("nan")) == "not known"

@@ -12,8 +12,9 @@ from pinotwin.log import Log
 from pinotwin.loop import Servo
 from pinotwin.report import Page, Plot, Tabs
 from pinotwin.report.blocks import Html
-from pinotwin.report.closed_loop import closed_loop_content, predict, score_table, servo_table
-from pinotwin.report.closed_loop_plots import CAUSES, error_scale
+from pinotwin.report.closed_loop import closed_loop_content, score_table, servo_table
+from pinotwin.report.closed_loop_plots import CAUSES
+from pinotwin.report.display import scale_of
 from tests.simulated import known_twin, plain_machine, smooth_command
 from tests.test_report import figures, read
 
@@ -49,7 +50,7 @@ def cells(block: Html) -> list[list[str]]:
 
 
 def test_the_table_states_the_errors_that_were_added(twin, log):
-    rows = cells(score_table(twin, predict(twin, log)))
+    rows = cells(score_table(twin, log, twin.simulate(log)))
     by = {(r[0], r[1]): r for r in rows}
     assert by["Y", "tracking error"][2] == "0.2 µm"
     assert by["A", "tracking error"][2] == "0.0115 mdeg"  # 2e-7 rad
@@ -99,7 +100,7 @@ def test_the_measured_line_is_command_minus_position(twin, log, blocks):
     trace = next(t for t in first["data"] if t["name"] == "measured")
     y = np.frombuffer(base64.b64decode(trace["y"]["bdata"]), dtype=trace["y"]["dtype"])
     e = log["Y.qr"] - log["Y.q"]
-    factor = error_scale(False, np.abs(e).max()).factor
+    factor = scale_of("e", False, e).factor
     assert y == pytest.approx(factor * e, abs=1e-4 * factor * np.abs(e).max())
 
 
@@ -125,10 +126,10 @@ def test_a_twin_without_loop_has_no_section(twin, log):
 
 
 def test_small_errors_are_shown_in_small_units():
-    assert error_scale(True, np.radians(0.02)).unit == "mdeg"
-    assert error_scale(True, np.radians(3.0)).unit == "°"
-    assert error_scale(False, 1e-5).unit == "µm"
-    assert error_scale(True, 1.0)(np.array([np.pi]))[0] == pytest.approx(180.0)
+    assert scale_of("e", True, np.radians(0.02)).unit == "mdeg"
+    assert scale_of("e", True, np.radians(3.0)).unit == "°"
+    assert scale_of("e", False, 1e-5).unit == "µm"
+    assert scale_of("e", True, 1.0)(np.array([np.pi]))[0] == pytest.approx(180.0)
 
 
 def test_every_cause_of_the_decomposition_has_a_colour():

@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import known
+from pinotwin.effects import effect_name, known
 from pinotwin.errors import InputError
 from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.notebook import Drawn, Shown
@@ -129,12 +129,12 @@ class Comparison(Compared):
 
     @property
     def moved(self) -> tuple[Row, ...]:
-        """Parameters that moved, the surest first."""
+        """Parameters that moved, most significant first."""
         return tuple(sorted((row for row in self.rows if row.moved), key=lambda row: row.p))
 
     @property
     def causes(self) -> tuple[tuple[str, str, int], ...]:
-        """Effects of which parameters moved: key, title, and how many; the surest first."""
+        """Effects of which parameters moved: key, title, and how many; most significant first."""
         count = Counter(row.effect for row in self.moved)
         return tuple((key, effect_title(key), n) for key, n in count.items())
 
@@ -226,7 +226,7 @@ def compare(
 
 def effect_title(key: str) -> str:
     """Return what an effect is called in a heading, from its key ``Y.ripple#2``."""
-    name = key.rsplit(".", 1)[-1].split("#")[0]
+    name = effect_name(key)
     kind = known().get(name)
     return name if kind is None else kind.title
 

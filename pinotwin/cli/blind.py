@@ -63,5 +63,5 @@ def run(
     content, text = bench.document(), markdown(bench)
     write_json(folder / "bench.json", content)
     write_text(folder / "bench.md", text)
-    write_text(folder / "bench.html", bench_page(bench).html())
+    write_text(folder / "bench.html", bench_page(content).html())
     return Answer([text], content)

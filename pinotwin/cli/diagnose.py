@@ -19,7 +19,6 @@ from pinotwin.system.stamps import stamp
 if TYPE_CHECKING:
     from pinotwin.diagnosis import Diagnosis
     from pinotwin.machine import Machine
-    from pinotwin.report.display import Scale
     from pinotwin.twin import Twin
 
 
@@ -128,21 +127,18 @@ def summary(found: Diagnosis) -> list[str]:
 def gap_lines(found: Diagnosis) -> list[str]:
     """Return the table of the residuals, each with its unit and its grade."""
     from pinotwin.diagnosis.grade import printed
-    from pinotwin.report.diagnosis_plots import signal_scale
     from pinotwin.report.diagnosis_verdict import rotary_axes
+    from pinotwin.report.display import scale_of
 
     rotary = rotary_axes(found)
     rows = []
     for axis, row in found.gap.items():
         for signal, g in row.items():
-            scale = signal_scale(signal, rotary.get(axis, False), g.rms)
-            sizes = [_with_unit(x, scale) for x in (g.rms, g.after, g.misfit, g.noise or float("nan"))]
+            scale = scale_of(signal, rotary.get(axis, False), g.rms)
+            known = (g.rms, g.after, g.misfit, g.noise or float("nan"))
+            sizes = [scale.text(x) if x == x else "-" for x in known]
             rows.append([f"{axis}.{signal}", *sizes, printed(found.grade(axis, signal))])
     return columns(("RMS", "residual", "with causes", "validation", "noise", "grade"), rows, left=(0, 5))
-
-
-def _with_unit(x: float, scale: Scale) -> str:
-    return f"{x * scale.factor:.3g} {scale.unit}" if x == x else "-"
 
 
 def cause_lines(found: Diagnosis, likely: float = 0.05) -> list[str]:

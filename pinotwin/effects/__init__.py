@@ -25,6 +25,7 @@ from pinotwin.effects.hysteresis import Hysteresis as Hysteresis
 from pinotwin.effects.known import EFFECTS as EFFECTS
 from pinotwin.effects.known import LISTED as LISTED
 from pinotwin.effects.known import check_effect as check_effect
+from pinotwin.effects.known import effect_name as effect_name
 from pinotwin.effects.known import given as given
 from pinotwin.effects.known import known as known
 from pinotwin.effects.load import ExternalForce as ExternalForce

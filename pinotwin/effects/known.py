@@ -85,6 +85,11 @@ class HasEffects(Protocol):
         """What it holds."""
 
 
+def effect_name(key: str) -> str:
+    """Return the plain name of an effect from its key, ``Y.ripple#2`` -> ``ripple``."""
+    return key.rsplit(".", 1)[-1].split("#")[0]
+
+
 def known(holder: HasEffects | None = None) -> Mapping[str, type[Effect]]:
     """Return every effect by name: built-in, installed, given, and what a machine or twin holds.
 

@@ -10,7 +10,6 @@ from pinotwin.report.blocks import Html as Html
 from pinotwin.report.blocks import Plot as Plot
 from pinotwin.report.blocks import Tabs as Tabs
 from pinotwin.report.diagnosis import diagnosis_report as diagnosis_report
-from pinotwin.report.identification import identification_page as identification_page
 from pinotwin.report.identification import identification_report as identification_report
 from pinotwin.report.page import Page as Page
 
@@ -22,6 +21,5 @@ __all__ = [
     "Plot",
     "Tabs",
     "diagnosis_report",
-    "identification_page",
     "identification_report",
 ]

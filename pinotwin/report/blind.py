@@ -7,10 +7,11 @@ matrix is published as it is.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+from scipy.stats import binomtest
 
 from pinotwin.report.blocks import Tile, tiles
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, line, points, style
@@ -28,17 +29,8 @@ FIRST = (
 """Scores in large print."""
 
 
-class Scored(Protocol):
-    """What the page needs to know of a bench: the plain document of :mod:`pinotwin.bench.table`."""
-
-    def document(self) -> Mapping[str, Any]:
-        """Return the content of ``bench.json``."""
-        ...
-
-
-def bench_page(bench: Scored) -> Page:
-    """Return the page of a scored bench."""
-    d = bench.document()
+def bench_page(d: Mapping[str, Any]) -> Page:
+    """Return the page of a scored bench, of what ``bench.json`` holds."""
     kinds = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in d["cases"].items())
     found = d["calibration"]
     given = {
@@ -128,11 +120,10 @@ def _cell(value: float) -> str:
 
 
 def calibration_figure(bins: Sequence[Sequence[float]]) -> go.Figure:
-    """Return the reliability diagram: stated probability against share right, with 90 % intervals."""
-    stated = np.array([b[0] for b in bins], dtype=float)
-    right = np.array([b[1] for b in bins], dtype=float)
-    count = np.array([b[2] for b in bins], dtype=float)
-    low, high = _interval(right * count, count)
+    """Return the reliability diagram: stated probability against share right, with Wilson's 90 % intervals."""
+    stated, right, _ = np.array(bins, dtype=float).T
+    ends = [binomtest(round(r * n), int(n)).proportion_ci(0.9, "wilson") for _, r, n in bins]
+    low, high = (np.array([getattr(x, end) for x in ends]) for end in ("low", "high"))
     even = line(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "perfectly calibrated", MEASURED, width=1.2)
     figure = go.Figure(even.update(line_dash="dot", hoverinfo="skip"))
     marks = points(stated, right, "answers, in bins of equal number", ACCENT, (high - right, right - low))
@@ -141,15 +132,6 @@ def calibration_figure(bins: Sequence[Sequence[float]]) -> go.Figure:
     style(figure, 380, x="stated probability", y="share right")
     figure.update_xaxes(range=[0.0, 1.02])
     return figure.update_yaxes(range=[0.0, 1.05])
-
-
-def _interval(hits: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Wilson's 90 % interval of shares (Wilson 1927, doi:10.1080/01621459.1927.10502953)."""
-    z = 1.645
-    p = hits / of
-    centre = (p + z * z / (2.0 * of)) / (1.0 + z * z / of)
-    half = z * np.sqrt(p * (1.0 - p) / of + z * z / (4.0 * of * of)) / (1.0 + z * z / of)
-    return np.minimum(centre - half, p), np.maximum(centre + half, p)
 
 
 def rho_figure(answers: Sequence[Mapping[str, Any]]) -> go.Figure:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from pinotwin.analysis.decomposition import Decomposition, decompose
@@ -18,12 +17,11 @@ from pinotwin.report.blocks import Block, Html, Plot, Tabs, bullets, chip, headi
 from pinotwin.report.closed_loop_plots import (
     cause_shares_figure,
     causes_figure,
-    measured_signals,
     response_figure,
-    scale_of,
 )
+from pinotwin.report.display import scale_of
 from pinotwin.report.flexible import flexible_content
-from pinotwin.simulation.score import compare
+from pinotwin.simulation.score import compare, measured
 from pinotwin.twin import Twin
 
 Scores = Mapping[str, Mapping[str, Mapping[str, float]]]
@@ -32,94 +30,49 @@ Column = Callable[[str, str, Mapping[str, float]], object]
 """A cell of a score table, of axis, signal and their errors."""
 
 
-@dataclass(frozen=True, eq=False)
-class Predicted:
-    """What a twin foretells of a command, beside what was measured.
-
-    Attributes:
-        log: what was measured, in the names of the contract.
-        black: simulated with the identified transfer functions.
-        parts: disturbances and tracking errors by cause.
-        notes: of the simulations.
-    """
-
-    log: Log
-    black: Log
-    parts: Decomposition
-    notes: tuple[str, ...]
-
-
-def predict(twin: Twin, log: Log) -> Predicted:
-    """Simulate a log's command, and tell the causes of the error apart.
-
-    Raises:
-        PinotwinError: the command is missing, or the simulated machine leaves it.
-    """
-    black = twin.simulate(log)
-    return Predicted(bind(log, twin.machine.columns), black, decompose(twin, log), black.notes)
-
-
 def closed_loop_content(twin: Twin, log: Log) -> dict[str, Any]:
-    """Return what a page shows of the closed loop and of passive joints; both are empty when the twin has no loop.
-
-    Args:
-        twin: what was identified.
-        log: whose command is simulated, once, and whose measurement is drawn beside.
-
-    Returns:
-        ``loop``: blocks; ``bent``: see :func:`pinotwin.report.flexible.flexible_content`.
-    """
+    """Return ``loop``, blocks about the closed loops along a command, and ``bent``, of flexible joints."""
     if not twin.loops:
         return {"loop": [], "bent": {}}
     try:
-        found = predict(twin, log)
+        predicted, parts, log = twin.simulate(log), decompose(twin, log), bind(log, twin.machine.columns)
     except PinotwinError as error:
         said = paragraph(f"The command could not be simulated: {error}")
         return {"loop": [said, *structure_blocks(twin)], "bent": {}}
-    blocks = [*response_blocks(twin, found), *structure_blocks(twin), *cause_blocks(twin, found)]
-    return {"loop": blocks, "bent": flexible_content(twin, found.log, found.black)}
+    blocks = [*response_blocks(twin, log, predicted), *structure_blocks(twin), *cause_blocks(twin, parts)]
+    return {"loop": blocks, "bent": flexible_content(twin, log, predicted)}
 
 
-def response_blocks(twin: Twin, found: Predicted) -> list[Block]:
+def response_blocks(twin: Twin, log: Log, predicted: Log) -> list[Block]:
     """Return the response beside the measurement, and its errors."""
-    rotary = {name: axis.rotary for name, axis in twin.machine.axes.items() if name in twin.loops}
-    title = f"Predicted from the command of {display.elided(found.log.source)}"
+    machine, axes = twin.machine, [name for name in twin.machine.axes if name in twin.loops]
+    title = f"Predicted from the command of {display.elided(log.source)}"
     note = "Nothing measured enters the prediction. Drag to zoom: all follow."
-    out: list[Block] = [Plot(response_figure(rotary, found.log, found.black), title, note)]
-    if any(measured_signals(found.log, axis) for axis in rotary):
-        out += [heading("Error of the prediction"), score_table(twin, found)]
-    return [*out, *([bullets(dict.fromkeys(found.notes))] if found.notes else [])]
+    out: list[Block] = [Plot(response_figure(machine, log, predicted, axes), title, note)]
+    if any(measured(machine, log, axis) for axis in axes):
+        out += [heading("Error of the prediction"), score_table(twin, log, predicted)]
+    return [*out, *([bullets(dict.fromkeys(predicted.notes))] if predicted.notes else [])]
 
 
 def scores_table(
     machine: Machine, scores: Scores, columns: Mapping[str, Column], last: Sequence[Sequence[object]] = ()
 ) -> Html:
-    """Return the errors of a prediction, a row for each signal of each axis: the table of every page.
-
-    Args:
-        machine: whose axes they are.
-        scores: the errors.
-        columns: header -> what stands below it, beside axis, signal and RMS error.
-        last: rows below them.
-    """
+    """Return a row for each signal of each axis, RMS error and ``columns`` (header -> cell), and ``last`` below."""
     rows: list[Sequence[object]] = []
     for axis, signals in scores.items():
         for signal, row in signals.items():
-            scale = scale_of(signal, machine.axes[axis].rotary, row["rms"])
-            rms = display.number(row["rms"] * scale.factor, scale.unit)
-            rows.append(
-                [axis, display.SIGNALS[signal], rms, *(f(axis, signal, row) for f in columns.values())]
-            )
+            rms = scale_of(signal, machine.axes[axis].rotary, row["rms"]).text(row["rms"])
+            cells = (cell(axis, signal, row) for cell in columns.values())
+            rows.append([axis, display.SIGNALS[signal], rms, *cells])
     header = ("axis", "signal", "RMS error", *columns)
-    return table(
-        header, [*rows, *last], numeric=[k for k, name in enumerate(header) if k > 1 and name != "grade"]
-    )
+    numeric = [k for k, name in enumerate(header) if k > 1 and name != "grade"]
+    return table(header, [*rows, *last], numeric)
 
 
-def score_table(twin: Twin, found: Predicted) -> Html:
+def score_table(twin: Twin, log: Log, predicted: Log) -> Html:
     """Return the normalised RMS errors of the prediction, and their mean."""
-    scores = compare(twin.machine, found.log, found.black)
-    scores = {axis: scores[axis] for axis in twin.machine.axes if axis in scores and axis in twin.loops}
+    scores = compare(twin.machine, log, predicted)
+    scores = {axis: row for axis, row in scores.items() if axis in twin.loops}
     each = [row["nrmse"] for signals in scores.values() for row in signals.values()]
     mean = [["mean", "", "", display.percent(math.fsum(each) / len(each)), "", ""]] if len(each) > 1 else []
     columns: dict[str, Column] = {
@@ -185,32 +138,22 @@ def _pole_chip(row: Mapping[str, Any]) -> Html:
     return Html("")
 
 
-def cause_blocks(twin: Twin, found: Predicted) -> list[Block]:
+def cause_blocks(twin: Twin, parts: Decomposition) -> list[Block]:
     """Return which cause makes how much of the tracking error, and the disturbances over time."""
-    notes = {
-        "disturbance": "What the motor must work against beside the axis' own mean inertia and damping.",
-        "error": "Each part, sent through the identified loop on its own; the parts add up.",
-    }
+    load = "What the motor must work against beside the axis' own mean inertia and damping."
+    each = "Each part, sent through the identified loop on its own; the parts add up."
     panels: dict[str, list[Block]] = {}
-    for axis in found.parts.axes:
+    for axis in parts.axes:
         turns = twin.machine.axes[axis].rotary
-        panels[axis] = [
-            Plot(
-                causes_figure(found.parts, axis, turns, what),
-                f"{axis}: {'tracking ' if what == 'error' else ''}{what} by cause",
-                note,
-            )
-            for what, note in notes.items()
-        ]
-    shares = Plot(cause_shares_figure(found.parts))
+        loads, errors = (causes_figure(parts, axis, turns, what) for what in ("disturbance", "error"))
+        first = Plot(loads, f"{axis}: disturbance by cause", load)
+        panels[axis] = [first, Plot(errors, f"{axis}: tracking error by cause", each)]
+    shares = Plot(cause_shares_figure(parts))
     return [heading("Causes of the tracking error"), shares, Tabs(panels)]
 
 
 def servo_table(servos: Mapping[str, Servo]) -> Html:
-    """Return the gains and lags of the controllers that are simulated, with their 90 % intervals.
-
-    Where kp and 1/ti are not determined one by one, their sum and product stand below them.
-    """
+    """Return gains and lags of the controllers, 90 % intervals, and sums and products of what is known only so."""
     rows: list[list[object]] = []
     for axis, servo in servos.items():
         told, determined = servo.intervals(), servo.determined()

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
+from typing import Literal
 
-import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.analysis.decomposition import COMMAND, Decomposition
-from pinotwin.arrays import Floats
 from pinotwin.log import Log
-from pinotwin.report import display
-from pinotwin.report.display import SIGNALS
+from pinotwin.machine import Machine
+from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time, share_bars
+from pinotwin.signals import rms
+from pinotwin.simulation.score import measured
 
 CAUSES = {
     COMMAND: ("the command itself", "#7f8ea3"),
@@ -28,84 +29,39 @@ CAUSES = {
 """Cause -> its name and its colour, the same in every plot."""
 
 
-def error_scale(rotary: bool, largest: float) -> display.Scale:
-    """Return the scale of a tracking error: µm or mm, mdeg or °, by its largest magnitude [SI]."""
-    if rotary and np.degrees(largest) < 1.0:
-        return display.Scale(np.degrees(1e3), "mdeg")
-    return display.position(rotary, largest)
-
-
-def measured_signals(log: Log, axis: str, predicted: Log | None = None) -> dict[str, Floats]:
-    """Return what a log in contract names holds of an axis: ``e``, ``u``.
-
-    A prediction that has ``<axis>.ql`` says that the loop is closed on the load's encoder.
-    """
-    out = {}
-    position = f"{axis}.ql" if predicted is not None and f"{axis}.ql" in predicted else f"{axis}.q"
-    if position in log and f"{axis}.qr" in log:
-        out["e"] = log[f"{axis}.qr"] - log[position]
-    if f"{axis}.u" in log:
-        out["u"] = log[f"{axis}.u"]
-    return out
-
-
-def scale_of(signal: str, rotary: bool, x: Floats | float) -> display.Scale:
-    """Return the scale of ``e`` or ``u``."""
-    of = error_scale if signal == "e" else display.effort
-    return of(rotary, display.largest(np.atleast_1d(x)))
-
-
-def response_panel(log: Log, predicted: Log, axis: str, signal: str, rotary: bool, title: str = "") -> Panel:
+def response_panel(
+    machine: Machine, log: Log, predicted: Log, axis: str, signal: str, title: str = ""
+) -> Panel:
     """Return a measured and predicted signal of an axis, to be drawn over time."""
     lines = [Line("predicted", predicted[f"{axis}.{signal}"], ACCENT, 1.1)]
-    measured = measured_signals(log, axis, predicted).get(signal)
-    if measured is not None:
-        lines.insert(0, Line("measured", measured, MEASURED, 2.6))
-    return Panel(f"<b>{axis}</b> {title or SIGNALS[signal]}", lines, scale_of(signal, rotary, lines[0].y))
+    known = measured(machine, log, axis).get(signal)
+    if known is not None:
+        lines.insert(0, Line("measured", known, MEASURED, 2.6))
+    scale = scale_of(signal, machine.axes[axis].rotary, lines[0].y)
+    return Panel(f"<b>{axis}</b> {title or SIGNALS[signal]}", lines, scale)
 
 
-def response_figure(rotary: Mapping[str, bool], log: Log, predicted: Log) -> go.Figure:
-    """Return measured and predicted tracking error and effort of every axis over one time axis.
-
-    Args:
-        rotary: of each axis with a loop, in the order of drawing.
-        log: what was measured, in the names of the contract.
-        predicted: simulated from the command.
-    """
-    panels = [
-        response_panel(log, predicted, axis, s, turns) for axis, turns in rotary.items() for s in SIGNALS
-    ]
-    points = max(3000 // max(len(rotary), 1), 1200)
-    return over_time(log.t, panels, 70 + 175 * len(panels), points=points)
+def response_figure(machine: Machine, log: Log, predicted: Log, axes: Iterable[str] = ()) -> go.Figure:
+    """Return measured and predicted tracking error and effort over time, of some axes or of all."""
+    names = list(axes) or list(machine.axes)
+    panels = [response_panel(machine, log, predicted, name, s) for name in names for s in SIGNALS]
+    return over_time(log.t, panels, 70 + 175 * len(panels), points=max(3000 // len(names), 1200))
 
 
 def cause_shares_figure(parts: Decomposition, least: float = 0.002) -> go.Figure:
-    """Return the share of each cause in every axis' tracking error as stacked bars (Fig. 4-16).
-
-    Args:
-        parts: disturbances and errors by cause.
-        least: share of all below which a cause is not drawn.
-    """
+    """Return the share of each cause above ``least`` in every axis' tracking error as stacked bars (Fig. 4-16)."""
     rows = {axis: {k: x for k, x in parts.shares(axis).items() if x > least} for axis in parts.axes}
     looks = {cause: look for cause, look in CAUSES.items() if any(cause in row for row in rows.values())}
     return share_bars(rows, looks, "share of the summed integrals of |error| [%]")
 
 
 def causes_figure(
-    parts: Decomposition, axis: str, rotary: bool, what: str, least: float = 0.002
+    parts: Decomposition, axis: str, rotary: bool, what: Literal["disturbance", "error"], least: float = 0.002
 ) -> go.Figure:
-    """Return the parts of one axis' disturbance (Fig. 4-15) or error (Fig. 4-14) over time.
-
-    Args:
-        parts: disturbances and errors by cause.
-        axis: axis.
-        rotary: whether it turns.
-        what: ``disturbance`` or ``error``.
-        least: share of all below which a cause is not drawn.
-    """
+    """Return the parts of one axis' disturbance (Fig. 4-15) or error (Fig. 4-14) over time, those above ``least``."""
     mine = (parts.disturbances if what == "disturbance" else parts.errors)[axis]
     total = parts.disturbance(axis) if what == "disturbance" else parts.error(axis)
-    size = {cause: float(np.sqrt(np.mean(x**2))) for cause, x in mine.items()}
+    size = {cause: rms(x) for cause, x in mine.items()}
     drawn = [c for c in CAUSES if size.get(c, 0.0) > least * sum(size.values())]
     lines = [Line("sum", total, SOFT, 1.0), *(Line(CAUSES[c][0], mine[c], CAUSES[c][1]) for c in drawn)]
     scale = scale_of("u" if what == "disturbance" else "e", rotary, total)

@@ -15,8 +15,7 @@ from pinotwin.diagnosis.conclusion.sizes import size_text, told
 from pinotwin.diagnosis.grade import KIND, grade, printed
 from pinotwin.diagnosis.result import Size
 from pinotwin.report.blocks import Block, Group, Html, Plot, Tile, chip, macro, table, tiles
-from pinotwin.report.diagnosis_plots import signal_scale
-from pinotwin.report.display import SI, Scale
+from pinotwin.report.display import SI, Scale, scale_of
 from pinotwin.report.display import rounded as with_error
 from pinotwin.report.figures import ACCENT, effect_colour, points, style
 from pinotwin.report.page import Page
@@ -179,8 +178,8 @@ def _table(found: Comparison, rows: Sequence[Row]) -> Html:
     for row in rows:
         cells = [_value(x, e) for x, e in zip(row.values, row.errors, strict=True)]
         half, known = Z90 * row.change_error, np.isfinite(row.change)
-        change = f"{row.change:.4g}{_share(row)}" if known else ""
-        interval = f"{row.change - half:.4g} to {row.change + half:.4g}" if known else ""
+        change = f"{row.change:z.4g}{_share(row)}" if known else ""
+        interval = f"{row.change - half:z.4g} to {row.change + half:z.4g}" if known else ""
         body.append((row.name, row.unit, *cells, change, interval, "moved" if row.moved else ""))
     return table(head, body, numeric=range(2, 4 + len(found.labels)))
 
@@ -191,7 +190,9 @@ def _value(x: float, error: float) -> str:
 
 def _share(row: Row) -> str:
     first = row.values[0]
-    return f" ({row.change / abs(first):+.0%})" if first and abs(row.change) < 100.0 * abs(first) else ""
+    if not first or abs(row.change) >= 100.0 * abs(first):
+        return ""
+    return f" ({row.change / abs(first):+z.0%})".replace("+0%", "0%")
 
 
 def _errors(found: Comparison) -> Html | str:
@@ -200,7 +201,7 @@ def _errors(found: Comparison) -> Html | str:
     for axis, signals in found.errors.items():
         for signal, held in signals.items():
             size = max(row["rms"] for row in held.values())
-            scale = signal_scale(signal[-1] if " " in signal else "u", units.get(axis) == "N·m", size)
+            scale = scale_of(signal[-1] if " " in signal else "u", units.get(axis) == "N·m", size)
             cells = [_gap(held.get(label), scale) for label in found.labels]
             rows.append((axis, WORDS.get(signal, signal), *cells))
     head = ("axis", "signal", *(f"{label}: RMS (of the signal)" for label in found.labels))

@@ -33,40 +33,37 @@ from pinotwin.log import Log
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, Plot, Tabs, chip, macro, table
 from pinotwin.report.diagnosis_evidence import evidence_panels, machine_block
-from pinotwin.report.diagnosis_plots import bars, density, shrink_figure, signal_name, signal_scale
+from pinotwin.report.diagnosis_plots import density, shrink_figure, signal_name
 from pinotwin.report.diagnosis_verdict import (
+    ACTS,
     axis_cards,
     headline,
     named_data,
     rotary_axes,
     source_names,
 )
+from pinotwin.report.display import scale_of
 from pinotwin.report.page import Page
 
 OTHERWISE = {"none": "chance: no cause", "unknown": "a cause that is in no catalogue"}
 
 
 def diagnosis_report(
-    diagnosis: Diagnosis,
+    d: Diagnosis,
     logs: Log | Sequence[Log] = (),
     validate: Sequence[Log] = (),
     files: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """Return a self-contained HTML page about the gap between log and model.
+    """Return a self-contained HTML page about the residual between log and model.
 
     Args:
-        diagnosis: what was found.
+        d: what was found.
         logs: the log(s) that were diagnosed, in the same order; with them, and the machine in the
-            diagnosis, the gap is also drawn against speed and position.
+            diagnosis, the residual is also drawn against speed and position.
         validate: the log(s) that nothing was fitted to.
         files: name and content of what lies beside the page, to link to.
     """
-    given = [logs] if isinstance(logs, Log) else list(logs)
-    return diagnosis_page(diagnosis, [*given, *validate], files).html()
-
-
-def diagnosis_page(d: Diagnosis, logs: Sequence[Log], files: Sequence[tuple[str, str]] = ()) -> Page:
-    """Return the same report as a :class:`Page`."""
+    logs = [*([logs] if isinstance(logs, Log) else logs), *validate]
     panels = evidence_panels(d, logs)
     content = {
         "lines": headline(d),
@@ -97,10 +94,13 @@ def diagnosis_page(d: Diagnosis, logs: Sequence[Log], files: Sequence[tuple[str,
         "commands": ", ".join(d.commands),
     }
     title = f"{d.machine or 'Machine'}: diagnosis"
-    return Page(title, subtitle(d, logs), template="diagnosis", given=content, files=files, made=d.provenance)
+    page = Page(
+        title, _subtitle(d, logs), template="diagnosis", given=content, files=files, made=d.provenance
+    )
+    return page.html()
 
 
-def subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
+def _subtitle(d: Diagnosis, logs: Sequence[Log]) -> str:
     """Return the line below the title."""
     compared = {
         "structure": "log against the machine's model, fitted to it",
@@ -137,7 +137,7 @@ def _confidence(e: Found) -> Html:
 
 
 def _where(d: Diagnosis, most: int = 8) -> list[tuple[Region, float]]:
-    """Return the regions in which the gap lies, ``most`` at most, with how dense it is there."""
+    """Return the regions in which the residual lies, ``most`` at most, with how dense it is there."""
     rows = [(r, density(r)) for r in telling(d.where, [str(e.axis) for e in d.effects])]
     return [(r, times) for r, times in rows if times > 1.0][:most]
 
@@ -175,24 +175,17 @@ def _shrink(d: Diagnosis) -> Html | str:
         others = [("u", x) for x in e.acts.values() if x is not e.shrink.get("u")]
         for signal, x in (*e.shrink.items(), *others):
             axis = x.axis or e.axis or ""
-            scale = signal_scale(signal, rotary.get(axis, False), x.before)
+            scale = scale_of(signal, rotary.get(axis, False), x.before)
             of = "" if axis == e.axis else f" of {axis}"
-            rows.append(
-                [
-                    f"{on_axis(e.effect, e.axis)}, {SIGNALS.get(signal, signal)}{of}",
-                    *(f"{size * scale.factor:.3g} {scale.unit}" for size in (x.before, x.after)),
-                    display.percent(x.share),
-                    _interval(x.interval),
-                    display.percent(x.promised),
-                    named_data(d, x),
-                ]
-            )
+            what = f"{on_axis(e.effect, e.axis)}, {SIGNALS.get(signal, signal)}{of}"
+            shares = (display.percent(x.share), _interval(x.interval), display.percent(x.promised))
+            rows.append([what, scale.text(x.before), scale.text(x.after), *shares, named_data(d, x)])
     header = ("cause", "residual before", "after", "explained", "90 % interval", "expected", "measured")
     return table(header, rows, numeric=(1, 2, 3, 4, 5)) if rows else ""
 
 
 def _interval(span: tuple[float, float]) -> str:
-    """Return an interval of shares with as many digits as tell its ends apart."""
+    """Return an interval of shares with as many digits as distinguish its ends."""
     for digits in (0, 1, 2, 3):
         low, high = (f"{100 * x:.{digits}f}" for x in span)
         if low != high:
@@ -206,14 +199,13 @@ def _bars(d: Diagnosis) -> list[Plot]:
     for axis in sorted(d.gap, key=lambda a: a not in d.shrink):
         for signal, gap in d.gap[axis].items():
             word = d.grade(axis, signal)
-            acts = word in ("gap explained", "partly explained")
-            figure = shrink_figure(bars(gap, acts=acts), signal, rotary_axes(d).get(axis, False))
+            figure = shrink_figure(gap, signal, rotary_axes(d).get(axis, False), acts=word in ACTS)
             plots.append(Plot(figure, f"Axis {axis}, {SIGNALS.get(signal, signal)}: {printed(word)}"))
     return plots
 
 
 def _remedies(d: Diagnosis) -> list[str]:
-    """Return what mends each cause, at the machine."""
+    """Return what corrects each cause, at the machine."""
     kinds = [(on_axis(e.effect, e.axis), known().get(e.effect)) for e in d.effects]
     return [f"{_capital(name)}: {kind.remedy}." for name, kind in kinds if kind is not None and kind.remedy]
 

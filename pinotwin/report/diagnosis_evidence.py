@@ -7,83 +7,64 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import plotly.graph_objects as go
 
+from pinotwin.arrays import Floats
 from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.result import Diagnosis, Traces
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.motion import Motion
 from pinotwin.report import display
 from pinotwin.report.blocks import Block, Group, Html, Plot, macro
-from pinotwin.report.diagnosis_plots import against_figure, gap_figure, spectrum_figure
+from pinotwin.report.diagnosis_plots import gap_figure, shown, spectrum_figure
 from pinotwin.report.diagnosis_verdict import SERIOUS, grade_of, machine_of, rotary_axes
+from pinotwin.report.figures import against_figure
+from pinotwin.studies.overlay import Against
 
 if TYPE_CHECKING:
     from pinotwin.viewer.still import Still
 
 
 def evidence_panels(d: Diagnosis, logs: Sequence[Log]) -> dict[str, Sequence[Block]]:
-    """Return plots of the gap for every axis with one; for all axes when there is none."""
-    rotary = rotary_axes(d)
+    """Return plots of the residual for every axis with one; for all axes when there is none."""
+    rotary, traces = rotary_axes(d), {t.axis: t for t in reversed(d.traces)}
     known = list(dict.fromkeys(t.axis for t in d.traces))
     shown = [a for a in known if a in d.gap and grade_of(d, a) in SERIOUS]
-    axes = [*(a for a in shown if any(e.axis == a for e in d.effects)), *shown] or known
-    axes = list(dict.fromkeys(axes))
-    out: dict[str, Sequence[Block]] = {}
-    motions: dict[int, Motion | None] = {}
-    for axis in axes:
-        given = next(t for t in d.traces if t.axis == axis)
-        if len(given.t) < 2:
-            continue
-        if given.log not in motions:
-            motions[given.log] = _motion(d, given.log)
-        turns = rotary.get(axis, False)
-        name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
-        plot = Plot(
-            gap_figure(given, turns),
-            f"Axis {axis}: log minus model",
-            f"Over time, in {display.elided(name)}.",
-        )
-        spectrum = Plot(
-            spectrum_figure(given, turns),
-            "By frequency",
-            "A peak is a vibration; a rise to the right, elasticity or delay.",
-        )
-        out[axis] = [plot, *_against(given, motions[given.log], turns), spectrum]
-    return out
+    named = {e.axis for e in d.effects}
+    axes = sorted(shown, key=lambda a: a not in named) or known
+    return {a: _panel(d, logs, traces[a], rotary.get(a, False)) for a in axes if len(traces[a].t) > 1}
 
 
-def _against(given: Traces, motion: Motion | None, rotary: bool) -> list[Block]:
+def _panel(d: Diagnosis, logs: Sequence[Log], given: Traces, turns: bool) -> list[Block]:
+    name = logs[given.log].source if given.log < len(logs) else f"log {given.log + 1}"
+    title, note = f"Axis {given.axis}: log minus model", f"Over time, in {display.elided(name)}."
+    peak = "A peak is a vibration; a rise to the right, elasticity or delay."
+    spectrum = Plot(spectrum_figure(given, turns), "By frequency", peak)
+    return [Plot(gap_figure(given, turns), title, note), *_against(d, given, turns), spectrum]
+
+
+def _against(d: Diagnosis, given: Traces, turns: bool) -> list[Block]:
+    try:
+        motion = d.prepared[given.log].motion if given.log < len(d.prepared) else None
+    except PinotwinError:
+        return []  # the log or the machine is not at hand; the rest stands
     if motion is None or given.axis not in motion.names:
         return []
     j = motion.index(given.axis)
-    plots = []
-    for against, x, note in (
-        ("velocity", motion.v, "Line: median. A curve is friction that the model does not have."),
-        ("position", motion.q, "Line: median. A wave is ripple, cable or guideway."),
-    ):
+
+    def against(of: Against, x: Floats) -> go.Figure:
         at = np.interp(given.t, motion.t, x[:, j])
-        word = "speed" if against == "velocity" else against
-        plots.append(Plot(against_figure(given, at, rotary, against), f"Against {word}", note))
-    return [Group(tuple(plots))]
+        return against_figure(of, turns, at, shown(given), "log minus model", given.before)
 
-
-def _motion(d: Diagnosis, k: int) -> Motion | None:
-    """Return the motion of a log; None where log or machine are not at hand."""
-    try:
-        return d.prepared[k].motion if k < len(d.prepared) else None
-    except PinotwinError:
-        return None  # the plots against speed and position are left out, the rest stands
+    curve = "Line: median. A curve is friction that the model does not have."
+    wave = "Line: median. A wave is ripple, cable or guideway."
+    speed = Plot(against("velocity", motion.v), "Against speed", curve)
+    return [Group((speed, Plot(against("position", motion.q), "Against position", wave)))]
 
 
 def machine_block(d: Diagnosis, log: Log | None = None) -> Html | None:
-    """Return the machine with what was found on its axes; None where the diagnosis does not hold it.
-
-    Args:
-        d: the diagnosis.
-        log: at whose middle the machine is shown, at rest at zero without it.
-    """
+    """Return the machine with what was found on its axes, in the middle of a log; None where the diagnosis has none."""
     machine = machine_of(d)
     if machine is None:
         return None
@@ -112,15 +93,7 @@ def _drawn(d: Diagnosis, machine: Machine, log: Log | None) -> Still:
 
 
 def _figure(d: Diagnosis, machine: Machine, drawn: Still, high: float = 24.0, wide: float = 8.5) -> Html:
-    """Return the picture with names on it, placed so that none hides another.
-
-    Args:
-        d: the diagnosis.
-        machine: the machine.
-        drawn: its picture.
-        high: between the names of two axes [px].
-        wide: of a letter [px].
-    """
+    """Return the picture with names on it, ``high`` apart, of letters ``wide`` [px]: none hides another."""
     width, height = drawn.size
     places = (
         (drawn.joints[axis.joint], name) for name, axis in machine.axes.items() if axis.joint in drawn.joints

@@ -13,11 +13,13 @@ from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, Tile, tiles
-from pinotwin.report.diagnosis_plots import signal_scale
+from pinotwin.report.display import scale_of
 from pinotwin.twin import Twin
 
 SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
 """From the grade that matters most on."""
+ACTS: tuple[Grade, ...] = ("gap explained", "partly explained")
+"""Grades of a signal that a named cause acts on."""
 
 
 def grade_of(d: Diagnosis, axis: str) -> Grade:
@@ -86,20 +88,16 @@ def _cause(d: Diagnosis, e: Found) -> str:
     shrink = e.shrink.get(signal)
     if shrink is None:
         return said
-    if shrink.share <= 0.0:
-        return f"{said} Modelling it does not reduce the residual yet ({named_data(d, shrink)}): a hint only."
-    axis = shrink.axis or e.axis or ""
-    scale = signal_scale(signal, rotary_axes(d).get(axis, False), shrink.before)
-    numbers = f"{shrink.before * scale.factor:.3g} to {shrink.after * scale.factor:.3g} {scale.unit}"
-    residual = "the residual" if axis == e.axis else f"the residual of {axis}"
     data = named_data(d, shrink)
-    return f"{said} {_with_it(d, e, axis)} {residual} falls from {numbers} RMS ({data})."
-
-
-def _with_it(d: Diagnosis, e: Found, axis: str) -> str:
-    """Return whether a cause alone acts on an axis, or is one of several."""
-    others = [x for x in d.effects if x is not e and (axis in x.acts or x.axis == axis)]
-    return "With it alone modelled" if others else "With it modelled"
+    if shrink.share <= 0.0:
+        return f"{said} Modelling it does not reduce the residual yet ({data}): a hint only."
+    axis = shrink.axis or e.axis or ""
+    scale = scale_of(signal, rotary_axes(d).get(axis, False), shrink.before)
+    numbers = f"{shrink.before * scale.factor:.3g} to {scale.text(shrink.after)}"
+    residual = "the residual" if axis == e.axis else f"the residual of {axis}"
+    others = any(x is not e and (axis in x.acts or x.axis == axis) for x in d.effects)
+    with_it = "With it alone modelled" if others else "With it modelled"
+    return f"{said} {with_it} {residual} falls from {numbers} RMS ({data})."
 
 
 def named_data(d: Diagnosis, x: Shrink) -> str:
@@ -120,13 +118,13 @@ def _stays(d: Diagnosis, most: int) -> list[str]:
         if "u" not in row or len(out) >= most:
             continue
         word, g = d.grade(axis, "u"), row["u"]
-        scale = signal_scale("u", rotary_axes(d).get(axis, False), g.rms)
-        rms, after = (f"{x * scale.factor:.3g}" for x in (g.rms, g.after))
+        scale = scale_of("u", rotary_axes(d).get(axis, False), g.rms)
+        rms, after = scale.text(g.rms), f"{g.after * scale.factor:.3g}"
         looks = f" It {plain_sentence(d.remains[axis])}." if axis in d.remains else ""
         if word == "not explained":
-            out.append(f"{axis}: no named cause explains the residual of {rms} {scale.unit} RMS.{looks}")
+            out.append(f"{axis}: no named cause explains the residual of {rms} RMS.{looks}")
         elif word == "partly explained":
-            out.append(f"{axis}: {after} of {rms} {scale.unit} RMS remain unexplained.{looks}")
+            out.append(f"{axis}: {after} of {rms} RMS remain unexplained.{looks}")
         elif word == "not judged" and axis in d.remains:
             out.append(f"Axis {axis} is not judged: {d.remains[axis]}.")
         elif word == "above misfit":
@@ -156,25 +154,24 @@ def _errors(d: Diagnosis) -> list[str]:
 
 def axis_cards(d: Diagnosis) -> Html:
     """Return one card per axis: every signal with its grade, the residual without and with the causes."""
-    rotary = rotary_axes(d)
     cards = []
     for axis, row in d.gap.items():
-        parts = []
-        for signal, g in row.items():
-            word = d.grade(axis, signal)
-            scale = signal_scale(signal, rotary.get(axis, False), g.rms)
-            now, later = g.rms * scale.factor, g.after * scale.factor
-            acts = word in ("gap explained", "partly explained")
-            value = f"{now:.3g} → {later:.3g} {scale.unit}" if acts else f"{now:.3g} {scale.unit}"
-            beside = [f"{display.percent(g.nrmse)} of the signal"]
-            if g.noise > 0.0:
-                beside.append(f"noise {g.noise * scale.factor:.3g}")
-            if g.misfit == g.misfit:
-                beside.append(f"validation error {g.misfit * scale.factor:.3g} {scale.unit}")
-            name, note, small = SIGNALS.get(signal, signal), " · ".join(beside), signal != "u"
-            parts.append(Tile(name, value, note, printed(word), KIND[word], MEANING[word], small))
-        cards.append(Tile(heading=f"Axis {axis}", parts=tuple(parts)))
+        parts = tuple(_card(d, axis, signal) for signal in row)
+        cards.append(Tile(heading=f"Axis {axis}", parts=parts))
     return tiles(cards)
+
+
+def _card(d: Diagnosis, axis: str, signal: str) -> Tile:
+    g, word = d.gap[axis][signal], d.grade(axis, signal)
+    scale = scale_of(signal, rotary_axes(d).get(axis, False), g.rms)
+    now = f"{g.rms * scale.factor:.3g} → {scale.text(g.after)}" if word in ACTS else scale.text(g.rms)
+    beside = [f"{display.percent(g.nrmse)} of the signal"]
+    if g.noise > 0.0:
+        beside.append(f"noise {g.noise * scale.factor:.3g}")
+    if g.misfit == g.misfit:
+        beside.append(f"validation error {scale.text(g.misfit)}")
+    name, small = SIGNALS.get(signal, signal), signal != "u"
+    return Tile(name, now, " · ".join(beside), printed(word), KIND[word], MEANING[word], small)
 
 
 def machine_of(d: Diagnosis) -> Machine | None:

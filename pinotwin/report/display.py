@@ -23,36 +23,40 @@ class Scale:
         """Return the numbers in the unit that is shown."""
         return np.asarray(x * self.factor, dtype=float)
 
+    def text(self, x: float) -> str:
+        """Return a number [SI] with three digits and the unit that is shown."""
+        return number(x * self.factor, self.unit)
+
 
 SI = Scale(1.0, "")
 """As the number stands in the file."""
+DEGREES = Scale(_DEGREE, "deg")
 SIGNALS = {"e": "tracking error", "u": "effort"}
 """Signal of a simulation -> its name."""
 
 
-def position(rotary: bool, largest: float) -> Scale:
-    """Return the scale of a position whose largest magnitude is given [m or rad]."""
-    if rotary:
-        fine = 0.0 < largest * _DEGREE < 0.01
-        return Scale(3600.0 * _DEGREE, "″") if fine else Scale(_DEGREE, "°")
-    return Scale(1e3, "mm") if largest >= 2e-3 else Scale(1e6, "µm")
-
-
-def velocity(rotary: bool, largest: float) -> Scale:
-    """Return the scale of a velocity whose largest magnitude is given [m/s or rad/s]."""
-    if rotary:
+def scale_of(signal: str, rotary: bool, x: Floats | float) -> Scale:
+    """Return the scale of effort u, position q, velocity v or tracking error e, by the largest of x [SI]."""
+    most = largest(np.atleast_1d(x))
+    if signal == "v" and not rotary:
+        return Scale(1.0, "m/s") if most >= 1.0 else Scale(1e3, "mm/s")
+    if signal == "v":
         return Scale(_DEGREE, "°/s")
-    return Scale(1.0, "m/s") if largest >= 1.0 else Scale(1e3, "mm/s")
+    if signal not in ("q", "ql", "e"):
+        unit = effort_unit(rotary)
+        if most >= 2e4:
+            return Scale(1e-3, f"k{unit}")
+        return Scale(1e3, f"m{unit}") if 0.0 < most < 0.1 else Scale(1.0, unit)
+    if not rotary:
+        return Scale(1e3, "mm") if most >= 2e-3 else Scale(1e6, "µm")
+    if signal == "e" and most * _DEGREE < 1.0:
+        return Scale(1e3 * _DEGREE, "mdeg")
+    return Scale(3600.0 * _DEGREE, "″") if 0.0 < most * _DEGREE < 0.01 else Scale(_DEGREE, "°")
 
 
-def effort(rotary: bool, largest: float) -> Scale:
-    """Return the scale of an effort whose largest magnitude is given [N or N·m]."""
-    unit = "N·m" if rotary else "N"
-    if largest >= 2e4:
-        return Scale(1e-3, f"k{unit}")
-    if 0.0 < largest < 0.1:
-        return Scale(1e3, f"m{unit}")
-    return Scale(1.0, unit)
+def effort_unit(rotary: bool) -> str:
+    """Return the SI unit of an effort."""
+    return "N·m" if rotary else "N"
 
 
 def largest(x: Floats) -> float:
@@ -73,34 +77,26 @@ def percent(x: float) -> str:
     return f"{p:.1f} %" if p >= 0.95 else f"{p:.2g} %"
 
 
-def decimals(error: float) -> int:
-    """Return how many decimals show two digits of an error; below zero: before the point."""
-    return 1 - math.floor(math.log10(error))
-
-
 def rounded(value: float, error: float) -> tuple[str, str]:
-    """Return value and error with two digits of the error, e.g. ``("95.11", "0.11")``.
+    """Return value and error with two digits of the error, by a power of ten where very large or small.
 
-    Very large and very small numbers share a power of ten: ``("1.234e-05", "0.012e-05")``.
+    ``("95.11", "0.11")``, ``("1.234e-05", "0.012e-05")``; a value that rounds to zero has no sign.
     """
     if not (math.isfinite(error) and error > 0.0):
         return f"{value:.6g}", ""
-    size = max(abs(value), error)
-    exponent = math.floor(math.log10(size))
-    if -4 <= exponent < 6:
-        places = max(decimals(error), 0)
-        return f"{value:.{min(places, 12)}f}", f"{error:.{min(places, 12)}f}"
-    scaled, small = value / 10.0**exponent, error / 10.0**exponent
-    places = min(max(decimals(small), 0), 12)
-    return f"{scaled:.{places}f}e{exponent:+03d}", f"{small:.{places}f}e{exponent:+03d}"
+    exponent = math.floor(math.log10(max(abs(value), error)))
+    power = 0 if -4 <= exponent < 6 else exponent
+    places = min(max(1 + power - math.floor(math.log10(error)), 0), 12)
+    end = f"e{power:+03d}" if power else ""
+    first, second = (f"{x / 10.0**power:z.{places}f}{end}" for x in (value, error))
+    return first, second
 
 
 def number(x: float, unit: str = "") -> str:
     """Return a number with three significant digits and its unit."""
     if not math.isfinite(x):
         return "not known"
-    text = f"{x:.3g}"
-    return f"{text} {unit}".strip()
+    return f"{x:z.3g} {unit}".strip()
 
 
 def seconds(x: float) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.arrays import Floats
+from pinotwin.effects import effect_name
 from pinotwin.report import display
 from pinotwin.report.figures import (
     ACCENT,
@@ -13,16 +14,17 @@ from pinotwin.report.figures import (
     RESIDUAL,
     Line,
     Panel,
-    clouds,
+    against_figure,
     effect_colour,
-    effect_name,
     line,
+    longest,
     over_time,
     share_bars,
     style,
 )
-from pinotwin.signals import autocorrelation, welch
+from pinotwin.signals import autocorrelation, rms, welch
 from pinotwin.studies.evidence import Evidence
+from pinotwin.studies.overlay import Against
 
 
 def effort_figure(given: Evidence) -> go.Figure:
@@ -35,7 +37,7 @@ def effort_figure(given: Evidence) -> go.Figure:
 
 def _effort_pair(given: Evidence, j: int) -> tuple[Panel, Panel]:
     u, predicted, residual = given.u[:, j], given.predicted[:, j], given.residual[:, j]
-    scale = display.effort(given.rotary[j], display.largest(u))
+    scale = display.scale_of("u", given.rotary[j], u)
     lines = [Line("residual", np.where(given.use[:, j], residual, np.nan), RESIDUAL, 1)]
     still = np.where(given.use[:, j], np.nan, residual)
     if np.isfinite(still).any():
@@ -46,69 +48,63 @@ def _effort_pair(given: Evidence, j: int) -> tuple[Panel, Panel]:
 
 
 def shares(given: Evidence, j: int, least: float = 0.002) -> dict[str, float]:
-    """Return the RMS of every effect on one joint, residual last, strongest effect first [SI].
-
-    The effects of one name are summed; effects below a ``least`` share of all are left out.
-    """
+    """Return the RMS [SI] of every kind of effect on a joint above a share of all, strongest first, residual last."""
     use = given.use[:, j]
+    size = {name: rms(x[use]) for name, x in _by_name(given, j).items()}
+    ranked = sorted(size.items(), key=lambda item: -item[1])
+    out = {name: x for name, x in ranked if x > least * sum(size.values())}
+    return {**out, "residual": rms(given.residual[use, j])}
+
+
+def _by_name(given: Evidence, j: int) -> dict[str, Floats]:
+    """Return the effort (m,) of every kind of effect on one joint [SI]."""
     total: dict[str, Floats] = {}
     for key, part in given.parts.items():
-        name = effect_name(key)
-        total[name] = total.get(name, 0.0) + part[use, j]
-    size = {name: float(np.sqrt(np.mean(x**2))) for name, x in total.items()}
-    everything = sum(size.values())
-    ranked = sorted(size.items(), key=lambda item: -item[1])
-    out = {name: rms for name, rms in ranked if rms > least * everything}
-    out["residual"] = float(np.sqrt(np.mean(given.residual[use, j] ** 2)))
-    return out
+        total[effect_name(key)] = total.get(effect_name(key), 0.0) + part[:, j]
+    return total
 
 
 def shares_figure(given: Evidence) -> go.Figure:
     """Return the effects' shares of every axis' effort as stacked bars."""
-    rms = {given.names[j]: shares(given, j) for j in given.measured}
-    units = {given.names[j]: "N·m" if given.rotary[j] else "N" for j in given.measured}
-    rows = {axis: {k: x / sum(row.values()) for k, x in row.items()} for axis, row in rms.items()}
-    names = dict.fromkeys(name for row in rms.values() for name in row if name != "residual")
+    sizes = {given.names[j]: shares(given, j) for j in given.measured}
+    units = {given.names[j]: display.effort_unit(given.rotary[j]) for j in given.measured}
+    rows = {axis: {k: x / sum(row.values()) for k, x in row.items()} for axis, row in sizes.items()}
+    names = dict.fromkeys(name for row in sizes.values() for name in row if name != "residual")
     looks = {name: (name.replace("_", " "), effect_colour(name)) for name in names}
     return share_bars(
         rows,
         {**looks, "residual": ("residual", RESIDUAL)},
         "share of the summed RMS [%]",
-        lambda axis, name: f"{rms[axis][name]:.3g} {units[axis]} rms",
+        lambda axis, name: f"{sizes[axis][name]:.3g} {units[axis]} rms",
     )
 
 
 def breakdown_figure(given: Evidence, j: int) -> go.Figure:
     """Return each effect's contribution to one axis' effort over time."""
-    sums = {name: np.zeros(len(given.t)) for name in shares(given, j) if name != "residual"}
-    for key, part in given.parts.items():
-        if effect_name(key) in sums:
-            sums[effect_name(key)] += part[:, j]
+    sums = _by_name(given, j)
+    drawn = [name for name in shares(given, j) if name != "residual"]
     lines = [Line("measured", given.u[:, j], MEASURED, 1.2)]
-    lines += [Line(name.replace("_", " "), x, effect_colour(name), 1.5) for name, x in sums.items()]
-    scale = display.effort(given.rotary[j], display.largest(given.u[:, j]))
+    lines += [Line(name.replace("_", " "), sums[name], effect_colour(name), 1.5) for name in drawn]
+    scale = display.scale_of("u", given.rotary[j], given.u[:, j])
     return over_time(given.t, [Panel("effort", lines, scale)], 360, block=given.block, points=2000)
 
 
-def residual_figure(given: Evidence, j: int, against: str) -> go.Figure:
+def residual_figure(given: Evidence, j: int, against: Against) -> go.Figure:
     """Return one axis' residual against its ``"velocity"`` or ``"position"``, with its median."""
     use = given.use[:, j]
     x = (given.v if against == "velocity" else given.q)[:, j]
-    of = display.velocity if against == "velocity" else display.position
-    across = of(given.rotary[j], display.largest(x))
-    up = display.effort(given.rotary[j], display.largest(given.u[:, j]))
-    figure = clouds(x[use], [("residual", given.residual[use, j], RESIDUAL)], across, up)
-    return style(figure, 290, x=f"{against} [{across.unit}]", y=f"residual [{up.unit}]")
+    clouds = [("residual", given.residual[use, j], RESIDUAL)]
+    return against_figure(against, given.rotary[j], x[use], clouds, "residual", given.u[:, j])
 
 
 def spectrum_figure(given: Evidence, j: int) -> go.Figure:
     """Return the amplitude spectral density of one axis' effort and residual."""
-    longest, unit = _longest(given), "N·m" if given.rotary[j] else "N"
+    rows, unit = _longest(given), display.effort_unit(given.rotary[j])
     figure = style(go.Figure(), 290, x="frequency [Hz]", y=f"density [{unit}/√Hz]")
     top = -np.inf
     for name, x, colour in (
-        ("measured effort", given.u[longest, j], MEASURED),
-        ("residual", given.residual[longest, j], RESIDUAL),
+        ("measured effort", given.u[rows, j], MEASURED),
+        ("residual", given.residual[rows, j], RESIDUAL),
     ):
         spectrum = welch(x, given.rate, length=min(2048, max(len(x) // 4, 16)))
         y = np.sqrt(spectrum.density[spectrum.f > 0.0])
@@ -132,12 +128,10 @@ def correlation_figure(given: Evidence, j: int) -> go.Figure:
 
 def _longest(given: Evidence) -> slice:
     """Return the rows of the longest unbroken stretch."""
-    edges = np.r_[0, np.flatnonzero(np.diff(given.block)) + 1, len(given.block)]
-    k = int(np.argmax(np.diff(edges)))
-    return slice(int(edges[k]), int(edges[k + 1]))
+    return longest(np.diff(given.block) != 0)
 
 
 def can_correlate(given: Evidence, j: int) -> bool:
     """Return whether the residual is long enough, and alive, for a spectrum."""
-    longest = _longest(given)
-    return longest.stop - longest.start >= 64 and bool(np.ptp(given.residual[longest, j]) > 0.0)
+    rows = _longest(given)
+    return rows.stop - rows.start >= 64 and bool(np.ptp(given.residual[rows, j]) > 0.0)

@@ -16,10 +16,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from pinotwin.arrays import Floats, Ints
-from pinotwin.effects import EFFECTS
-from pinotwin.report.display import SI, Scale
-from pinotwin.studies.overlay import binned
+from pinotwin.arrays import Floats, Ints, Mask
+from pinotwin.effects import EFFECTS, effect_name
+from pinotwin.report.display import SI, Scale, scale_of
+from pinotwin.studies.overlay import Against, binned
 from pinotwin.system.templates import asset
 
 ACCENT = "var(--accent)"
@@ -34,11 +34,6 @@ _EFFECTS = {
     "gravity": "#59a14f",
 }
 _OTHERS = ("#8c6bb1", "#41ab5d", "#c994c7", "#fd8d3c", "#6baed6", "#bd9e39")
-
-
-def effect_name(key: str) -> str:
-    """Return the plain name of an effect from its key, ``Y.ripple#2`` -> ``ripple``."""
-    return key.rsplit(".", 1)[-1].split("#")[0]
 
 
 def effect_colour(key: str) -> str:
@@ -116,16 +111,7 @@ def points(
 
 @dataclass(frozen=True)
 class Line:
-    """A line over time.
-
-    Attributes:
-        name: in the legend, where a name stands once.
-        y: values [SI], shape (m,).
-        colour: of the line.
-        width: of the line [px].
-        legend: whether the legend has it.
-        t: times of its own [s], where they are not those of the plot, shape (m,).
-    """
+    """A line over time, values ``y`` [SI] of shape (m,), with times of its own [s] where they are not the plot's."""
 
     name: str
     y: Floats
@@ -137,14 +123,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """One of several plots over the same time.
-
-    Attributes:
-        title: of its axis, without the unit.
-        lines: what is drawn, at least one line at the times of the plot.
-        scale: from SI to what is shown.
-        tall: height relative to the others.
-    """
+    """One of several plots over the same time, one line at least at the plot's times; ``tall`` beside the others."""
 
     title: str
     lines: Sequence[Line]
@@ -155,14 +134,9 @@ class Panel:
 def over_time(
     t: Floats, panels: Sequence[Panel], height: int, *, block: Ints | None = None, points: int = 3000
 ) -> go.Figure:
-    """Return plots below each other over one time axis; they zoom together.
+    """Return plots below each other over times t [s] (m,); they zoom together.
 
-    Args:
-        t: times [s], shape (m,).
-        panels: from above to below.
-        height: of the whole [px].
-        block: number of the stretch that a row belongs to, shape (m,); no line bridges two.
-        points: of a line that are kept, roughly; peaks stay.
+    No line bridges two stretches (``block``, their number by row); about ``points`` of a line are kept, and peaks stay.
     """
     count, named = len(panels), set[str]()
     tall = [panel.tall for panel in panels]
@@ -193,14 +167,7 @@ def share_bars(
     title: str,
     said: Callable[[str, str], str] | None = None,
 ) -> go.Figure:
-    """Return stacked bars, one for each axis.
-
-    Args:
-        shares: axis -> name of a part -> its share, 0 to 1.
-        looks: name of a part -> its words and colour, in the order of drawing; the residual is hatched.
-        title: what the shares are of.
-        said: what the pointer shows of a part of an axis beside its share.
-    """
+    """Return stacked bars of shares (0 to 1), axis -> part; ``looks``: part -> words and colour, residual hatched."""
     figure = go.Figure()
     for name, (words, colour) in looks.items():
         axes = [axis for axis, row in shares.items() if name in row]
@@ -226,20 +193,23 @@ def share_bars(
     return figure.update_yaxes(autorange="reversed", showgrid=False, type="category")
 
 
-def clouds(
-    x: Floats, series: Sequence[tuple[str, Floats, str]], across: Scale, up: Scale, points: int = 1500
+def against_figure(
+    against: Against,
+    rotary: bool,
+    x: Floats,
+    series: Sequence[tuple[str, Floats, str]],
+    title: str,
+    size: Floats,
+    points: int = 1500,
 ) -> go.Figure:
-    """Return points over position or speed with the medians of forty bins; of one cloud also its middle half.
+    """Return efforts over position or speed with the medians of forty bins; of one cloud also its middle half.
 
-    Args:
-        x: position or speed [SI], shape (m,).
-        series: name, values [SI] of shape (m,) and colour of each cloud.
-        across: scale of ``x``.
-        up: scale of the values.
-        points: of a cloud that are drawn.
+    ``series``: name, values [SI] of shape (m,) as ``x``, and colour of each; ``size`` sets the unit.
     """
+    across = scale_of("v" if against == "velocity" else "q", rotary, x)
+    up = scale_of("u", rotary, size)
     rows, single = some_rows(len(x), points=points), len(series) == 1
-    figure = go.Figure()
+    figure = style(go.Figure(), 300, x=f"{against} [{across.unit}]", y=f"{title} [{up.unit}]")
     for name, y, colour in series:
         cloud = dots(across(x[rows]), up(y[rows]), name, MEASURED if single else colour)
         figure.add_trace(cloud.update(legendgroup=name))
@@ -256,15 +226,15 @@ def clouds(
     return figure
 
 
+def longest(breaks: Mask) -> slice:
+    """Return the rows of the longest stretch without a break; ``breaks``, shape (m - 1,): whether one follows a row."""
+    edges = np.r_[0, np.flatnonzero(breaks) + 1, len(breaks) + 1]
+    k = int(np.argmax(np.diff(edges)))
+    return slice(int(edges[k]), int(edges[k + 1]))
+
+
 def visible_rows(signals: list[Floats], points: int = 3000) -> Ints:
-    """Return the rows that a screen needs: the extremes of every signal per pixel, shape (k,).
-
-    Peaks survive, unlike when every so many-th row is taken.
-
-    Args:
-        signals: each of shape (m,), drawn over the same abscissa.
-        points: how many rows to keep at most, roughly.
-    """
+    """Return the rows (k,) that a screen needs, about ``points``: the extremes of every signal (m,) per pixel."""
     m = len(signals[0])
     if m <= points:
         return np.arange(m)

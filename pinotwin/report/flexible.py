@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import plotly.graph_objects as go
 
 from pinotwin.analysis.modal import modes
 from pinotwin.errors import PinotwinError
 from pinotwin.log import Log
 from pinotwin.report.closed_loop_plots import response_panel
-from pinotwin.report.display import Scale, percent, rounded
+from pinotwin.report.display import DEGREES, percent, rounded
 from pinotwin.report.figures import ACCENT, MEASURED, SOFT, Line, Panel, over_time
 from pinotwin.simulation import compare, wide_loops
 from pinotwin.twin import Twin
 
 
 def flexible_content(twin: Twin, log: Log, black: Log) -> dict[str, Any]:
-    """Return what templates/flexible.html shows of the passive joints of a twin with closed loops; {} without any.
-
-    Args:
-        twin: what was identified.
-        log: in the names of the contract; its vibration is drawn where it holds one.
-        black: simulated from its command.
-    """
+    """Return what templates/flexible.html shows of passive joints, measured and simulated; {} without any."""
     found = [name for name in twin.machine.passive if f"{name}.spring" in twin.keys]
     if not found:
         return {}
@@ -37,13 +31,13 @@ def flexible_content(twin: Twin, log: Log, black: Log) -> dict[str, Any]:
 def vibration_figure(twin: Twin, log: Log, predicted: Log, joint: str) -> go.Figure:
     """Return velocity of a passive joint, tracking errors and posture over one time axis."""
     axes = {name: axis.rotary for name, axis in twin.machine.axes.items() if name in twin.loops}
-    v, degrees = f"{joint}.v", float(np.degrees(1.0))
+    v = f"{joint}.v"
     lines = [Line("measured", log[v], MEASURED, 2.4)] if v in log else []
     lines.append(Line("predicted", predicted[v], ACCENT, 1.1))
-    panels = [Panel(f"<b>{joint}</b> velocity", lines, Scale(degrees, "deg/s"))]
-    panels += [response_panel(log, predicted, name, "e", turns, "error") for name, turns in axes.items()]
+    panels = [Panel(f"<b>{joint}</b> velocity", lines, replace(DEGREES, unit="deg/s"))]
+    panels += [response_panel(twin.machine, log, predicted, name, "e", "error") for name in axes]
     tilts = [Line(name, log[f"{name}.qr"], SOFT, 1.2, legend=False) for name, turns in axes.items() if turns]
-    panels += [Panel("posture", tilts, Scale(degrees, "deg"))] if tilts else []
+    panels += [Panel("posture", tilts, DEGREES)] if tilts else []
     return over_time(log.t, panels, 70 + 165 * len(panels), points=2500)
 
 

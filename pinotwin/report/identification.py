@@ -24,7 +24,7 @@ from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
 from pinotwin.report.verdict import axis_tiles, cautions, headline, known
 from pinotwin.studies.evidence import Evidence, evidence, split_rigid_body
-from pinotwin.studies.overlay import FRICTION, RIPPLE, TABLE, effect_keys_of, explained, overlay
+from pinotwin.studies.overlay import KINDS, effect_keys_of, explained, overlay
 from pinotwin.twin import Twin
 
 
@@ -45,16 +45,6 @@ def identification_report(
     Raises:
         DataError: the logs hold no row that the twin can be compared with.
     """
-    return identification_page(twin, logs, validate, made).html()
-
-
-def identification_page(
-    twin: Twin,
-    logs: Log | Sequence[Log],
-    validate: Sequence[Log] = (),
-    made: Mapping[str, Any] | None = None,
-) -> Page:
-    """Return the same report as a :class:`Page`, to which further sections can be added."""
     given, fitted = evidence(twin, logs), [logs] if isinstance(logs, Log) else list(logs)
     split, first = split_rigid_body(twin, given), [*validate, *fitted][0]
     tied = {name for group in twin.groups for name in group}
@@ -80,10 +70,10 @@ def identification_page(
     used = [*((log, "fitted") for log in fitted), *((log, "validation") for log in validate)]
     facts = made_of(twin.machine, used, **(made or {}))
     title = f"{twin.machine.name}: identification"
-    return Page(title, subtitle(given), template="identification", given=content, made=facts)
+    return Page(title, _subtitle(given), template="identification", given=content, made=facts).html()
 
 
-def subtitle(given: Evidence) -> str:
+def _subtitle(given: Evidence) -> str:
     """Return the line below the title: where the data came from and how much of it there is."""
     count = int(sum(given.use[:, j].sum() for j in given.measured))
     length = display.seconds(float(given.t[-1] - given.t[0]))
@@ -112,15 +102,10 @@ def axis_panel(twin: Twin, given: Evidence, split: Evidence, j: int) -> list[Blo
 def _overlays(twin: Twin, given: Evidence, j: int) -> list[Block]:
     name = given.names[j]
     out: list[Block] = []
-    wanted = (
-        (FRICTION, "velocity", "Friction"),
-        (RIPPLE, "position", "Ripple"),
-        (TABLE, "position", "Position-dependent effort"),
-    )
-    for names, against, title in wanted:
+    for title, (names, against) in KINDS.items():
         if not effect_keys_of(twin, name, names) or not given.use[:, j].any():
             continue
-        found = overlay(twin, given, name, names, against)  # type: ignore[arg-type]
+        found = overlay(twin, given, name, names, against)
         share = explained(found["extracted"], found["fitted"])
         note = (
             "Points: measured effort minus all other effects of the twin; line: the model, which "

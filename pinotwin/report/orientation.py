@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+from scipy.spatial.transform import Rotation
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.conclusion.provenance import log_facts
@@ -45,15 +46,7 @@ def orientation_page(
     other: tuple[str, Orientation],
     files: Sequence[tuple[str, str]] = (),
 ) -> Page:
-    """Return the page about an orientation.
-
-    Args:
-        found: over the log.
-        log: the IMU's log.
-        method: that it was found with.
-        other: another method, and what it finds.
-        files: name and content of what lies beside the page, to link to.
-    """
+    """Return the page about an orientation, found by a method, with another method and what that finds."""
     said = f"{len(found.t)} rows at {found.rate:.4g} Hz · {METHODS[method]}"
     angles, z = roll_pitch_heading(found.q), np.degrees(found.inclination)
     given = {
@@ -72,25 +65,17 @@ def orientation_page(
 
 
 def roll_pitch_heading(q: Floats) -> Floats:
-    """Return roll about x, pitch about y and heading about the vertical [deg], shape (n, 3).
+    """Return roll about x, pitch about y and heading about the vertical [deg] (n, 3) of quaternions (n, 4).
 
     R = Rz(heading) Ry(pitch) Rx(roll); the heading is counted from the first sample, whole turns added up.
-
-    Args:
-        q: quaternions, sensor to earth, shape (n, 4).
     """
-    R = rot.to_matrix(q)
-    roll = np.unwrap(np.arctan2(R[:, 2, 1], R[:, 2, 2]))
-    pitch = -np.arcsin(np.clip(R[:, 2, 0], -1.0, 1.0))
-    heading = np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
-    return np.degrees(np.stack([roll, pitch, heading - heading[0]], axis=1))
+    heading, pitch, roll = Rotation.from_quat(q, scalar_first=True).as_euler("ZYX").T
+    heading = np.unwrap(heading)
+    return np.degrees(np.stack([np.unwrap(roll), pitch, heading - heading[0]], axis=1))
 
 
 def free_acceleration(found: Orientation) -> Floats:
-    """Return the acceleration without gravity along the earth's axes [m/s²], shape (n, 3).
-
-    Gravity is the mean of the vertical, which takes the accelerometer's scale with it.
-    """
+    """Return the acceleration along the earth's axes [m/s²] (n, 3) less the mean of the vertical, which is gravity."""
     force = rot.rotate(found.q, found.force)
     return force - np.array([0.0, 0.0, force[:, 2].mean()])
 

@@ -21,7 +21,7 @@ from pinotwin.logs.files.given import LogLike, as_log
 from pinotwin.reconstruction import Vibration
 from pinotwin.report.closed_loop_plots import response_figure
 from pinotwin.report.comparison import comparison_report, diagnoses_report
-from pinotwin.report.diagnosis_plots import bars, gap_figure, shrink_figure
+from pinotwin.report.diagnosis_plots import gap_figure, shrink_figure
 from pinotwin.report.diagnosis_verdict import rotary_axes
 from pinotwin.report.effort_plots import effort_figure
 from pinotwin.report.identification import identification_report
@@ -107,9 +107,7 @@ def _(twin: Twin, *logs: LogLike) -> str:
 
 @figure.register
 def _(predicted: Prediction) -> go.Figure:
-    machine = predicted.twin.machine
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
-    return response_figure(rotary, predicted.command, predicted)
+    return response_figure(predicted.twin.machine, predicted.command, predicted)
 
 
 @page.register
@@ -128,7 +126,7 @@ def _(found: Diagnosis, axis: str | None = None) -> go.Figure:
             return gap_figure(shown[name], rotary.get(name, False))
     for name in wanted:
         for signal, gap in found.gap.get(name, {}).items():
-            return shrink_figure(bars(gap, acts=bool(found.effects)), signal, rotary.get(name, False))
+            return shrink_figure(gap, signal, rotary.get(name, False), acts=bool(found.effects))
     raise InputError(f"nothing to draw of {', '.join(wanted) or 'this diagnosis'}")
 
 

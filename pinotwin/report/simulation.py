@@ -10,20 +10,20 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.diagnosis.grade import printed
 from pinotwin.diagnosis.phrases import joined
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
+from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, chip, table
 from pinotwin.report.closed_loop import Column, Scores, scores_table
-from pinotwin.report.closed_loop_plots import measured_signals, response_figure, scale_of
-from pinotwin.report.display import SIGNALS
+from pinotwin.report.closed_loop_plots import response_figure
+from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.report.page import Page
-from pinotwin.simulation.score import bound, compare
+from pinotwin.signals import rms
+from pinotwin.simulation.score import bound, compare, measured
 from pinotwin.twin import Twin
 
 GRADES = {
@@ -59,33 +59,29 @@ def simulation_report(
     files: Sequence[tuple[str, str]] = (),
     made: Mapping[str, Any] | None = None,
 ) -> str:
-    """Return a self-contained HTML page about a simulated command.
+    """Return the page of a simulated command, with what was measured if anything was, as one HTML text.
 
-    Args:
-        twin: what was simulated.
-        log: the command, with what was measured if anything was.
-        predicted: what :func:`pinotwin.simulate` returned for it.
-        form: closed loop that was used, see there.
-        files: name and content of what lies beside the page, to link to.
-        made: ``date``, ``seconds_taken`` and further ``options``, where they are known.
+    ``files``: name and content of what lies beside it; ``made``: ``date``, ``seconds_taken``, further ``options``.
     """
     machine, known = twin.machine, dict(made or {})
     log = bound(machine, log)
     scores = compare(machine, log, predicted)
     grades = {
-        (axis, s): grade_of(judged_error(row), expected_error(twin, axis, s, form))
+        (axis, s): grade_of(  # of rows in motion, of all where the command never moves
+            row["moving"] if math.isfinite(row["moving"]) else row["nrmse"],
+            expected_error(twin, axis, s, form),
+        )
         for axis, signals in scores.items()
         for s, row in signals.items()
     }
-    rotary = {name: axis.rotary for name, axis in machine.axes.items()}
     legend = {printed(word).capitalize(): GRADES[word][1] for word in grades.values()}
     content = {
         "sentences": _sentences(scores, grades),
-        "table_": _score_table(twin, scores, grades, form) if scores else _sizes(predicted, rotary),
+        "table_": _score_table(twin, scores, grades, form) if scores else _sizes(machine, predicted),
         "legend": legend,
         "said": list(dict.fromkeys(predicted.notes)),
-        "response": response_figure(rotary, log, predicted),
-        "measured": any(measured_signals(log, axis) for axis in rotary),
+        "response": response_figure(machine, log, predicted),
+        "measured": any(measured(machine, log, axis) for axis in machine.axes),
         "twin": twin,
         "coupled": form == "coupled",
         "laws": LAWS,
@@ -104,12 +100,7 @@ def simulation_report(
 
 
 def grade_of(error: float, expected: float | None) -> str:
-    """Return the grade of a simulated signal.
-
-    Args:
-        error: of the prediction over the measured RMS.
-        expected: the same on held-out rows of the twin's own logs; None where it is not known.
-    """
+    """Return the grade of a simulated signal: its error over the measured RMS beside that of held-out rows."""
     if expected is None or not math.isfinite(error) or not expected > 0.0:
         return "not judged"
     if error <= RULES.odd * expected:
@@ -118,21 +109,12 @@ def grade_of(error: float, expected: float | None) -> str:
 
 
 def expected_error(twin: Twin, axis: str, signal: str, form: str) -> float | None:
-    """Return what a simulation left of held-out rows of the twin's own logs, over their RMS; None: not known.
-
-    The larger of what the whole simulation left, the mean over axes and signals, and of what the closed loop of
-    this axis left by itself.
-    """
+    """Return the error on held-out rows over their RMS, the larger of the whole simulation's and this loop's."""
     kind = "servos" if form == "coupled" else "loops"
     row: Mapping[str, Any] = (twin.quality.get(kind) or {}).get(axis) or {}
     whole: Mapping[str, Any] = (twin.quality.get("simulation") or {}).get("held_out") or {}
     known = [(row.get("held_out") or {}).get(signal), whole.get(form)]
     return max((float(x) for x in known if x is not None), default=None)
-
-
-def judged_error(row: Mapping[str, float]) -> float:
-    """Return the error that is graded: of rows in motion, of all where the command never moves."""
-    return row["moving"] if math.isfinite(row["moving"]) else row["nrmse"]
 
 
 def _score_table(twin: Twin, scores: Scores, grades: Mapping[tuple[str, str], str], form: str) -> Html:
@@ -164,13 +146,12 @@ def _sentences(scores: Scores, grades: Mapping[tuple[str, str], str]) -> list[st
     return out
 
 
-def _sizes(predicted: Log, rotary: Mapping[str, bool]) -> Html:
+def _sizes(machine: Machine, predicted: Log) -> Html:
     """Return how large each predicted signal is."""
     rows = []
-    for axis, turns in rotary.items():
+    for axis, of in machine.axes.items():
         for signal, name in SIGNALS.items():
             x = predicted[f"{axis}.{signal}"]
-            most, scale = display.largest(x), scale_of(signal, turns, x)
-            sizes = (float(np.sqrt(np.mean(x**2))), most)
-            rows.append([axis, name, *(display.number(value * scale.factor, scale.unit) for value in sizes)])
+            scale = scale_of(signal, of.rotary, x)
+            rows.append([axis, name, scale.text(rms(x)), scale.text(display.largest(x))])
     return table(("axis", "signal", "RMS", "largest"), rows, numeric=(2, 3))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +28,8 @@ from pinotwin.report.study_plots import amount_figure, coupling_figure, overlay_
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
 from pinotwin.studies.evidence import Evidence, evidence
-from pinotwin.studies.overlay import FRICTION, RIPPLE, TABLE, Against, overlay, with_and_without
+from pinotwin.studies.overlay import KINDS as OVERLAYS
+from pinotwin.studies.overlay import overlay, with_and_without
 from pinotwin.studies.study import Study
 from pinotwin.system.stamps import made
 from pinotwin.system.writing import as_path, whole_folder, write_text
@@ -74,7 +77,7 @@ class Studied:
         with whole_folder(target := as_path(folder, "folder"), replaces=("study.html", "*.csv")) as part:
             write_text(part / "study.html", self.page.html())
             for name, one in self.studies.items():
-                write_text(part / name, "\n".join(csv_lines(one.header, one.rows)) + "\n")
+                write_text(part / name, _csv(one))
         return target
 
     def add(self, name: str, found: Study, figure: go.Figure) -> None:
@@ -178,12 +181,7 @@ def _without(twin: Twin, seen: Evidence, axis: str) -> Made:
 
 
 def _overlays(twin: Twin, seen: Evidence, axis: str) -> Made:
-    kinds: tuple[tuple[str, tuple[str, ...], Against], ...] = (
-        ("friction", FRICTION, "velocity"),
-        ("ripple", RIPPLE, "position"),
-        ("table", TABLE, "position"),
-    )
-    for name, effects, against in kinds:
+    for name, (effects, against) in zip(("friction", "ripple", "table"), OVERLAYS.values(), strict=True):
         if set(_own_effects(twin, axis)) & set(effects):
             found = overlay(twin, seen, axis, effects, against)
             yield f"overlay_{axis}_{name}", found, overlay_figure(found)
@@ -195,26 +193,24 @@ def _own_effects(twin: Twin, axis: str) -> list[str]:
 
 
 def _errors(found: Decomposition, machine: Machine, names: Sequence[str]) -> Made:
+    keys = ("cause", "disturbance_rms", "error_rms", "error_peak", "share")
     header = ("cause", "disturbance RMS [N, N·m]", "error RMS [m, rad]", "error peak", "share")
     for axis in names:
-        rows = [
-            (row["cause"], row["disturbance_rms"] or 0.0, row["error_rms"], row["error_peak"], row["share"])
-            for row in found.table()
-            if row["axis"] == axis
-        ]
+        rows = [tuple(row[k] or 0.0 for k in keys) for row in found.table() if row["axis"] == axis]
         if rows:
             cause, *_, share = rows[0]
-            finding = f"{share:.0%} of the tracking error comes from {CAUSES[cause][0]}"
+            finding = f"{share:.0%} of the tracking error comes from {CAUSES[str(cause)][0]}"
             figure = causes_figure(found, axis, machine.axis(axis).rotary, "error")
             yield f"errors_{axis}", Study(finding, header, rows), figure
 
 
-def _short(cell: object) -> str:
-    return f"{cell:.4g}" if isinstance(cell, float | np.floating) else str(cell)
+def _short(cell: object, digits: int = 4) -> str:
+    return f"{cell:.{digits}g}" if isinstance(cell, float | np.floating) else str(cell)
 
 
-def csv_lines(header: Sequence[str], rows: Sequence[Sequence[object]]) -> Iterator[str]:
-    """Yield the lines of a table as CSV."""
-    yield ",".join(f'"{name}"' if "," in name else name for name in header)
-    for row in rows:
-        yield ",".join(f"{cell:.9g}" if isinstance(cell, float | np.floating) else str(cell) for cell in row)
+def _csv(found: Study) -> str:
+    """Return a table as CSV."""
+    out = io.StringIO()
+    lines = [found.header, *([_short(cell, 9) for cell in row] for row in found.rows)]
+    csv.writer(out, lineterminator="\n").writerows(lines)
+    return out.getvalue()

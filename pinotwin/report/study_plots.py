@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from pinotwin.report import display
+from pinotwin.report.display import scale_of
 from pinotwin.report.figures import (
     ACCENT,
     MEASURED,
@@ -27,9 +27,8 @@ from pinotwin.studies.study import Study
 def overlay_figure(given: Study) -> go.Figure:
     """Return the extracted data with the fitted curve over them."""
     x, extracted, curve = given["x"], given["extracted"], given["curve"]
-    of = display.velocity if given.against == "velocity" else display.position
-    across = of(given.rotary, display.largest(x))
-    up = display.effort(given.rotary, display.largest(extracted))
+    across = scale_of("v" if given.against == "velocity" else "q", given.rotary, x)
+    up = scale_of("u", given.rotary, extracted)
     rows, (centre, median, low, high) = some_rows(len(x)), np.array(given.rows).reshape(-1, 4).T
     cloud = dots(across(x[rows]), up(extracted[rows]), "measured minus all other effects")
     ends = up(high - median), up(median - low)
@@ -50,7 +49,7 @@ def removal_figure(given: Study) -> go.Figure:
         Line(f"without {', '.join(given.effects)}", given["without"], RESIDUAL),
         Line("all effects", given["complete"], ACCENT),
     ]
-    scale = display.effort(given.rotary, display.largest(given["measured"]))
+    scale = scale_of("u", given.rotary, given["measured"])
     return over_time(given["t"], [Panel(given.axis, lines, scale)], 330)
 
 
@@ -88,7 +87,7 @@ def coupling_figure(given: Study) -> go.Figure:
         figure.add_trace(bar, row=1, col=1)
     u = given["u"]
     rows = visible_rows([u, given["decoupled"]])
-    scale = display.effort(given.rotary, display.largest(u))
+    scale = scale_of("u", given.rotary, u)
     t = given["t"][rows] - given["t"][0]
     for y, name, colour in (
         (u, "measured", MEASURED),

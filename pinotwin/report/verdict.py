@@ -8,7 +8,7 @@ from typing import Any
 
 from pinotwin.diagnosis.phrases import joined
 from pinotwin.report.blocks import Tile
-from pinotwin.report.display import effort, percent
+from pinotwin.report.display import percent, scale_of
 from pinotwin.twin import Twin
 
 GRADES = ((0.05, "very good", "good"), (0.12, "good", "good"), (0.3, "fair", "fair"))
@@ -82,8 +82,7 @@ def _adverb(error: float) -> str:
 def _rms(twin: Twin, axis: str) -> str:
     rotary = dict(zip(twin.machine.names, twin.machine.rotary, strict=True))
     rms = error_of(twin.quality["axes"][axis], "rms")
-    scale = effort(bool(rotary.get(axis)), rms)
-    return f"{rms * scale.factor:.3g} {scale.unit} RMS"
+    return f"{scale_of('u', bool(rotary.get(axis)), rms).text(rms)} RMS"
 
 
 def axis_tiles(twin: Twin) -> list[Tile]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import plotly.graph_objects as go
 from scipy.signal import welch
@@ -9,25 +11,20 @@ from scipy.signal import welch
 from pinotwin.arrays import Floats
 from pinotwin.reconstruction.result import Motion3, Vibration
 from pinotwin.report.blocks import Tile, tiles
-from pinotwin.report.display import Scale
+from pinotwin.report.display import DEGREES
 from pinotwin.report.figures import ACCENT, MEASURED, RESIDUAL, SOFT, Line, Panel, line, over_time, style
 from pinotwin.report.page import Page
 
 _SHOWN = {
-    "q": ("angle", Scale(np.degrees(1.0), "deg")),
-    "v": ("velocity", Scale(np.degrees(1.0), "deg/s")),
-    "a": ("acceleration", Scale(np.degrees(1.0), "deg/s²")),
+    "q": ("angle", DEGREES),
+    "v": ("velocity", replace(DEGREES, unit="deg/s")),
+    "a": ("acceleration", replace(DEGREES, unit="deg/s²")),
 }
 """Signal -> its name and scale."""
 
 
 def vibration_report(found: Vibration) -> str:
     """Return a self-contained HTML page about a reconstruction."""
-    return vibration_page(found).html()
-
-
-def vibration_page(found: Vibration) -> Page:
-    """Return the same as a :class:`Page`, to which further sections can be added."""
     runs, sensors = (f"{n} {word}{'s' if n > 1 else ''}" for n, word in _counts(found))
     given = {
         "found": found,
@@ -40,7 +37,7 @@ def vibration_page(found: Vibration) -> Page:
         "parasitic": _parasitic(found),
     }
     title = f"{found.machine}: vibration of {found.joint}"
-    return Page(title, f"{runs}, {sensors}", template="vibration", given=given)
+    return Page(title, f"{runs}, {sensors}", template="vibration", given=given).html()
 
 
 def _counts(found: Vibration) -> tuple[tuple[int, str], tuple[int, str]]:

@@ -24,15 +24,21 @@ def compare(machine: Machine, log: Log, predicted: Log) -> dict[str, dict[str, d
     log = bound(machine, log)
     out: dict[str, dict[str, dict[str, float]]] = {}
     for name in machine.axes:
-        rows = {}
         moves = np.abs(np.gradient(log[f"{name}.qr"])) > STILL * float(np.ptp(log[f"{name}.qr"]))
-        if machine.regulated(name) in log:
-            measured = log[f"{name}.qr"] - log[machine.regulated(name)]
-            rows["e"] = _row(measured, predicted[f"{name}.e"], moves)
-        if f"{name}.u" in log:
-            rows["u"] = _row(log[f"{name}.u"], predicted[f"{name}.u"], moves)
+        known = measured(machine, log, name).items()
+        rows = {signal: _row(x, predicted[f"{name}.{signal}"], moves) for signal, x in known}
         if rows:
             out[name] = rows
+    return out
+
+
+def measured(machine: Machine, log: Log, axis: str) -> dict[str, Floats]:
+    """Return tracking error ``e`` and effort ``u`` of an axis [SI], shape (n,), as far as a bound log holds them."""
+    out = {}
+    if {machine.regulated(axis), f"{axis}.qr"} <= set(log.channels):
+        out["e"] = log[f"{axis}.qr"] - log[machine.regulated(axis)]
+    if f"{axis}.u" in log:
+        out["u"] = log[f"{axis}.u"]
     return out
 
 

@@ -32,6 +32,12 @@ RIPPLE = tuple(name for name, e in EFFECTS.items() if e.depends == "position" an
 """Effects that are periodic in the position of their axis."""
 TABLE = tuple(name for name, e in EFFECTS.items() if e.depends == "position" and e.held)
 """Effects that are any function of the position of their axis."""
+KINDS: dict[str, tuple[tuple[str, ...], Against]] = {
+    "Friction": (FRICTION, "velocity"),
+    "Ripple": (RIPPLE, "position"),
+    "Position-dependent effort": (TABLE, "position"),
+}
+"""What is laid over its data -> names of the effects, and what they depend on."""
 
 
 def overlay(

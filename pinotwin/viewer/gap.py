@@ -1,4 +1,4 @@
-"""The machine playing a log, every axis in the colour of its grade, with the plots of its gap beside it."""
+"""The machine playing a log, every axis in the colour of its grade, with the plots of its residual beside it."""
 
 from __future__ import annotations
 
@@ -28,13 +28,7 @@ COLOURS: dict[Grade, Colour] = {
 
 
 def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
-    """Return the page of a diagnosed machine, playing a log: the same bytes for the same diagnosis.
-
-    Args:
-        found: the diagnosis.
-        machine: the machine that was diagnosed, with the meshes that were given.
-        log: what it plays.
-    """
+    """Return the page of a diagnosed machine, playing a log: the same bytes for the same diagnosis."""
     twin = found.subject if isinstance(found.subject, Twin) else None
     if found.prepared:
         motion = found.prepared[0].motion
@@ -50,13 +44,9 @@ def gap_page(found: Diagnosis, machine: Machine, log: Log) -> str:
 
 
 def with_causes(tracks: Tracks, found: Diagnosis, begin: float, near: float = 0.05) -> Tracks:
-    """Return a playback in which the gap of every axis with a named cause is followed by what the causes leave of it.
+    """Return a playback of the first log from its time ``begin`` [s] on, with the residual that the causes leave.
 
-    Args:
-        tracks: of the first of the diagnosed logs.
-        found: the diagnosis.
-        begin: time of that log at which the playback begins [s].
-        near: distance to the nearest row that was judged within which what causes leave is drawn [s].
+    It is drawn within ``near`` [s] of a row that was judged, of axes with a named cause.
     """
     named = {str(e.axis) for e in found.effects}
     series = {name: dict(held) for name, held in tracks.series.items()}

@@ -11,12 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 @contextmanager
 def serve(page: str, *, open_browser: bool = True) -> Iterator[str]:
-    """Serve a page on a free port of this computer; yield its address.
-
-    Args:
-        page: HTML that holds everything it needs.
-        open_browser: whether to open it.
-    """
+    """Serve a self-contained page on a free port of this computer; yield its address."""
     content = page.encode()
 
     class Handler(BaseHTTPRequestHandler):

@@ -25,12 +25,9 @@ GREY: Colour = (0.66, 0.69, 0.72)
 
 @dataclass(frozen=True)
 class Part:
-    """Triangles of one colour, in the frame of their shape.
+    """Triangles of one colour (0 to 1), in the frame of their shape: vertices [m] (n, 3), faces (m, 3).
 
-    Attributes:
-        vertices: [m], shape (n, 3); where the surface has an edge, once for each side.
-        faces: rows of ``vertices``, shape (m, 3).
-        rgba: red, green, blue, opacity, each 0 to 1; None where nothing gives one.
+    Where the surface has an edge, a vertex stands once for each side.
     """
 
     vertices: Floats
@@ -119,11 +116,7 @@ def _unit(scene: Any) -> float:
 
 
 def _surface(points: Floats, faces: Ints) -> tuple[Floats, Ints]:
-    """Return vertices and faces, a vertex once for every smooth surface it belongs to.
-
-    A browser makes the normals anew from these, so that edges stay sharp and round things round: neighbouring
-    faces that turn by less than 30 degrees are shaded as one surface.
-    """
+    """Return vertices and faces, a vertex once for every smooth surface: faces that turn by less than 30 degrees."""
     import trimesh
 
     points, where = np.unique(points.astype(np.float32), axis=0, return_inverse=True)

@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import meshcat
 import umsgpack
@@ -23,37 +23,18 @@ import umsgpack
 _SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 
 
-class Command(Protocol):
-    """Anything that meshcat can send."""
-
-    def lower(self) -> dict[str, Any]:
-        """Return the message as plain data."""
-
-
-@dataclass(frozen=True)
-class Message:
-    """A command that is already plain data."""
-
-    data: dict[str, Any]
-
-    def lower(self) -> dict[str, Any]:
-        """Return the message as plain data."""
-        return self.data
-
-
 @dataclass(frozen=True)
 class Page:
-    """A recording of what was drawn; a later command of the same kind replaces the earlier one.
-
-    Attributes:
-        messages: (kind, path, property) -> message, in drawing order.
-    """
+    """A recording of what was drawn, (kind, path, property) -> message; a later one of the same kind replaces it."""
 
     messages: dict[tuple[str, str, str], dict[str, Any]] = field(default_factory=dict)
 
-    def send(self, command: Command) -> None:
+    def send(self, command: Any) -> None:
         """Take down one command of meshcat."""
-        data = command.lower()
+        self.take(command.lower())
+
+    def take(self, data: dict[str, Any]) -> None:
+        """Take down one message."""
         key = (data["type"], str(data.get("path", "")), str(data.get("property", "")))
         self.messages[key] = data
 
@@ -68,8 +49,7 @@ class Page:
     def commands(self) -> tuple[str, str]:
         """Return all commands as one compressed text, and each as pieces of it in JSON; the same in every run.
 
-        Meshcat gives every shape a random name (UUID); here they are numbered in the order of drawing. An array
-        that several commands hold, such as a mesh drawn twice, lies in the text once.
+        Shapes are numbered, where meshcat names them at random; an array that is drawn twice lies in the text once.
         """
         pool, held, known = bytearray(), dict[bytes, list[int]](), dict[str, str]()
         commands = []

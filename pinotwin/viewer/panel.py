@@ -35,15 +35,7 @@ def panel(
     overlay: Machine | None = None,
     subtitle: str = "",
 ) -> str:
-    """Return the page of a drawn machine.
-
-    Args:
-        drawn: the scene, at the posture where it starts.
-        machine: whose axes the sliders move.
-        tracks: what a log played back holds, with its plots.
-        overlay: a second machine, drawn through the first.
-        subtitle: line below the name.
-    """
+    """Return the page of a machine drawn where it starts, playing a log, with a second machine drawn through it."""
     rows = drawn.q[None]  # the postures that the camera must see
     if tracks is not None:
         rows = tracks.q[:: max(1, len(tracks.q) // 24)]
@@ -171,10 +163,7 @@ def _layers(scene: Scene, tracks: Tracks | None, overlay: Machine | None) -> lis
 
 
 def _ellipsoids(scene: Scene) -> None:
-    """Draw the ellipsoid of even density that has the inertia of each body.
-
-    Its half axes are a_i = sqrt(5 (I_j + I_k - I_i) / (2 m)).
-    """
+    """Draw each body's ellipsoid of even density: half axes a_i = sqrt(5 (I_j + I_k - I_i) / (2 m))."""
     for joint, body in enumerate(scene.model.inertias):
         if joint == 0 or body.mass <= 0.0:
             continue

@@ -18,7 +18,7 @@ from pinotwin.errors import InputError
 from pinotwin.log import Log
 from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
-from pinotwin.simulation.score import bound
+from pinotwin.simulation.score import bound, measured
 from pinotwin.system.writing import write_bytes
 from pinotwin.viewer.scene import joint_poses, visual_model
 from pinotwin.viewer.still import triangles_of
@@ -35,15 +35,6 @@ def check_recording(path: str | Path) -> None:
     """
     if Path(path).suffix != ".rrd":
         raise InputError(f"--rrd: {Path(path).name}: a recording for Rerun is written as .rrd")
-    require()
-
-
-def require() -> None:
-    """Refuse when Rerun is not installed.
-
-    Raises:
-        InputError: it is not.
-    """
     if importlib.util.find_spec("rerun") is None:
         raise InputError("--rrd: Rerun is not installed; pip install rerun-sdk, or leave --rrd out")
 
@@ -51,16 +42,10 @@ def require() -> None:
 def write_recording(path: str | Path, machine: Machine, log: Log, predicted: Log | None = None) -> str:
     """Write a ``.rrd`` with the predicted motion, or the measured one, and all signals; return how to see it.
 
-    Args:
-        path: of the recording.
-        machine: whose motion it is.
-        log: what was measured; its command at least.
-        predicted: what ``simulate`` returned; without it the machine moves as measured.
-
     Raises:
-        InputError: Rerun is not installed.
+        InputError: Rerun is not installed, or the file is no ``.rrd``.
     """
-    require()
+    check_recording(path)
     import rerun as rr
 
     stream = rr.RecordingStream(f"pinotwin {machine.name}")
@@ -81,10 +66,8 @@ def _fill(rr: ModuleType, stream: Any, machine: Machine, log: Log, predicted: Lo
         turns = machine.axis(axis).rotary
         for signal, (name, *units) in SIGNALS.items():
             lines = {} if predicted is None else {"predicted": predicted[f"{axis}.{signal}"]}
-            if signal == "u" and f"{axis}.u" in log:
-                lines["measured"] = log[f"{axis}.u"]
-            if signal == "e" and {machine.regulated(axis), f"{axis}.qr"} <= set(log.channels):
-                lines["measured"] = log[f"{axis}.qr"] - log[machine.regulated(axis)]
+            if signal in (known := measured(machine, log, axis)):
+                lines["measured"] = known[signal]
             for who, y in lines.items():
                 entity = rr.new_entity_path([axis, name, who])
                 label = rr.SeriesLines(names=f"{axis} {name} [{units[turns]}], {who}")

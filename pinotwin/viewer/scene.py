@@ -21,7 +21,7 @@ from pinotwin.arrays import Floats
 from pinotwin.errors import InputError, nearest
 from pinotwin.machine.urdf import without_missing_meshes
 from pinotwin.viewer.meshes import GREY, Rgba, parts_of
-from pinotwin.viewer.page import Message, Page
+from pinotwin.viewer.page import Page
 from pinotwin.viewer.stage import corners, diagonal, set_stage
 
 ROOT = "machine"
@@ -31,15 +31,7 @@ _MASS_COLOUR = 0xC2378B
 
 @dataclass(frozen=True)
 class Scene:
-    """A drawn machine.
-
-    Attributes:
-        model: the kinematics.
-        visual: the shapes.
-        page: what was drawn.
-        q: the configuration it was drawn at, shape (nq,).
-        name: the machine's name.
-    """
+    """A drawn machine, and the configuration q (nq,) that it was drawn at."""
 
     model: pin.Model
     visual: pin.GeometryModel
@@ -64,15 +56,10 @@ def joint_path(model: pin.Model, joint: int) -> str:
 def visual_model(
     model: pin.Model, urdf_path: str | Path, meshes: Sequence[str | Path] = ()
 ) -> pin.GeometryModel:
-    """Return the shapes of a URDF for a model that was built from it (or reduced from that).
+    """Return the shapes of a URDF for a model that was built from it (or reduced from that), links found by name.
 
-    Meshes that are not on this computer are left out and the joints are drawn with the lines between
-    them instead: a picture is worth less than the result it belongs to. See :func:`missing_meshes`.
-
-    Args:
-        model: the kinematics; its links are found by name.
-        urdf_path: the URDF.
-        meshes: folders in which to look for meshes first.
+    Meshes are looked for in the folders first. Joints and lines stand for missing ones, see :func:`missing_meshes`:
+    a picture is worth less than the result it belongs to.
     """
     text, missing = without_missing_meshes(Path(urdf_path), [Path(folder) for folder in meshes])
     try:
@@ -129,15 +116,9 @@ def draw(
     masses: bool = False,
     name: str | None = None,
 ) -> Scene:
-    """Draw a machine.
+    """Draw a machine at a posture q (nq,), or at zero, by its own name or another.
 
-    Args:
-        model: the kinematics.
-        visual: the shapes.
-        q: the posture, shape (nq,); at zero where None.
-        frames: draw a triad at every joint (x red, y green, z blue).
-        masses: draw a sphere at every centre of mass, its volume in proportion to the mass.
-        name: the machine's name; otherwise the URDF's.
+    ``frames``: a triad at every joint (x red, y green, z blue); ``masses``: a sphere at every centre of mass.
     """
     q = np.asarray(pin.neutral(model) if q is None else q, dtype=float)
     drawn = Scene(model, visual, Page(), q, name or model.name)
@@ -161,15 +142,7 @@ def add_copy(
     root: str,
     rgba: Rgba,
 ) -> None:
-    """Draw what moves of a second machine in one colour below a root of its own.
-
-    Args:
-        drawn: the scene, which is changed.
-        model: kinematics of the second machine.
-        visual: its shapes.
-        root: name of its node.
-        rgba: red, green, blue, opacity, each 0 to 1.
-    """
+    """Draw what moves of a second machine in one colour (0 to 1) below a root of its own; the scene is changed."""
     for shape in visual.geometryObjects:
         if shape.parentJoint != 0:  # the base would only shine through itself
             _draw_shape(drawn, f"{root}/{model.names[shape.parentJoint]}", shape, rgba)
@@ -240,11 +213,7 @@ def _overlay(colour: int, opacity: float) -> mg.Material:
 
 
 def colour(drawn: Scene, rgba: Mapping[str, Sequence[float]]) -> Scene:
-    """Return the scene with the shapes of some joints in another colour.
-
-    Args:
-        drawn: the scene.
-        rgba: joint name -> red, green, blue, opacity, each 0 to 1.
+    """Return the scene with joint name -> red, green, blue, opacity, each 0 to 1, of some shapes.
 
     Raises:
         InputError: there is no such joint.
@@ -255,6 +224,5 @@ def colour(drawn: Scene, rgba: Mapping[str, Sequence[float]]) -> Scene:
             raise InputError(f"colour: no joint {name!r}; {nearest(name, drawn.model.names)}")
         joint = drawn.model.getJointId(name)
         path = f"/meshcat/{joint_path(drawn.model, joint)}"
-        message = {"type": "set_property", "path": path, "property": "color", "value": [*value]}
-        painted.page.send(Message(message))
+        painted.page.take({"type": "set_property", "path": path, "property": "color", "value": [*value]})
     return painted

@@ -16,7 +16,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinotwin.arrays import Floats
-from pinotwin.viewer.page import Message
 
 FIELD_OF_VIEW = 28.0
 """Vertical opening of the camera [deg]: a long lens keeps parallel edges nearly parallel."""
@@ -29,10 +28,7 @@ _FLOOR = (0xD4D8DB, 0x666768)  # colour, own light: bright, yet it shows shadows
 
 
 def corners(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> Floats:
-    """Return the corners of every shape's bounding box in the world [m], shape (8 shapes, 3).
-
-    A machine without shapes gives boxes around its joints' origins instead.
-    """
+    """Return the corners of every shape's bounding box, or of boxes around the joints, in the world [m], (k, 3)."""
     data, placed = model.createData(), visual.createData()
     pin.updateGeometryPlacements(model, data, visual, placed, q)
     unit = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
@@ -54,15 +50,17 @@ def diagonal(points: Floats) -> float:
 
 @dataclass(frozen=True)
 class Camera:
-    """Where the camera looks and where it stands.
-
-    Attributes:
-        target: the point in the middle of the picture, world [m], shape (3,).
-        offset: from there to the camera [m], shape (3,).
-    """
+    """Where the camera looks and, from there, where it stands; in the world [m], shape (3,)."""
 
     target: Floats
     offset: Floats
+
+    def axes(self) -> tuple[Floats, Floats, Floats]:
+        """Return the directions to the right, up and back."""
+        back = self.offset / np.linalg.norm(self.offset)
+        right = np.cross([0.0, 0.0, 1.0], back)
+        right /= np.linalg.norm(right)
+        return right, np.cross(back, right), back
 
 
 def framing(points: Floats) -> dict[str, Any]:
@@ -74,17 +72,10 @@ def framing(points: Floats) -> dict[str, Any]:
 
 
 def aim(points: Floats) -> Camera:
-    """Return the camera that shows all points as large as they fit, in the middle of the picture.
-
-    Args:
-        points: what has to be seen, shape (n, 3).
-    """
-    back = _VIEW_FROM / np.linalg.norm(_VIEW_FROM)
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
+    """Return the camera that shows all points (n, 3) as large as they fit, in the middle of the picture."""
     slope = math.tan(math.radians(FIELD_OF_VIEW) / 2)
     target = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    right, up, back = Camera(target, _VIEW_FROM).axes()
     distance = 1.0
     for _ in range(4):  # moving the target changes the perspective a little, hence again
         relative = points - target
@@ -97,10 +88,9 @@ def aim(points: Floats) -> Camera:
 
 
 def set_stage(viewer: meshcat.Visualizer, points: Floats) -> None:
-    """Set light, background, floor and camera for a machine that fills ``points``.
+    """Set light, background, floor and camera for a machine that fills points (n, 3) [m].
 
-    Meshcat's camera orbits the origin of its world and nothing else, so the drawing is moved until
-    the camera's target lies there; ``viewer`` must be the root of the drawing.
+    Meshcat's camera orbits the origin alone: the drawing, of which ``viewer`` is the root, is moved to it.
     """
     size, camera = diagonal(points), aim(points)
     to_target = np.eye(4)
@@ -155,4 +145,4 @@ def _light(viewer: meshcat.Visualizer, name: str, **properties: Any) -> None:
     """Set properties of a light; as a message, since meshcat lowers the case of their names."""
     path = f"/Lights/{name}/<object>"
     for key, value in properties.items():
-        viewer.window.send(Message({"type": "set_property", "path": path, "property": key, "value": value}))
+        viewer.window.take({"type": "set_property", "path": path, "property": key, "value": value})

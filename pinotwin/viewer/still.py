@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinotwin.arrays import Floats, Ints
 from pinotwin.system.kernels import compiled
 from pinotwin.viewer.meshes import GREY, Colour, Rgba, parts_of
-from pinotwin.viewer.stage import FIELD_OF_VIEW, aim, corners
+from pinotwin.viewer.stage import FIELD_OF_VIEW, Camera, aim, corners
 
 BASE = (0.52, 0.55, 0.58)
 _LIGHT = np.array([0.25, -0.65, 0.72]) / np.linalg.norm([0.25, -0.65, 0.72])
@@ -25,13 +25,7 @@ _LIGHT = np.array([0.25, -0.65, 0.72]) / np.linalg.norm([0.25, -0.65, 0.72])
 
 @dataclass(frozen=True)
 class Still:
-    """A picture.
-
-    Attributes:
-        png: the file's bytes, transparent where nothing stands.
-        size: width and height [pixels].
-        joints: joint name -> where the middle of what it carries lies in the picture [pixels].
-    """
+    """A PNG, its width and height, and joint name -> where the middle of what it carries lies in it [pixels]."""
 
     png: bytes
     size: tuple[int, int]
@@ -46,22 +40,16 @@ def still(
     size: tuple[int, int] = (760, 480),
     fine: int = 2,
 ) -> Still:
-    """Draw a machine.
+    """Draw a machine at a posture q (nq,), width and height [pixels], ``fine`` samples of a pixel either way.
 
-    Args:
-        model: the kinematics.
-        visual: the shapes.
-        q: the posture, shape (nq,).
-        colours: joint name -> colour of what it carries, 0 to 1, grey where it is not named; None: its own.
-        size: width and height [pixels].
-        fine: samples of a pixel in either direction.
+    ``colours``: joint name -> colour of what it carries, 0 to 1, grey where it is not named; None: its own.
     """
     from PIL import Image
 
     bodies = triangles_of(model, visual, q)
     width, height = size[0] * fine, size[1] * fine
     camera = aim(corners(model, visual, q))
-    shown = [_project(triangles, camera.target, camera.offset, width, height) for _, triangles, _ in bodies]
+    shown = [_project(triangles, camera, width, height) for _, triangles, _ in bodies]
     depth = np.full((height, width), np.inf)
     shade, owner = np.zeros((height, width)), np.full((height, width), -1, dtype=np.int64)
     for k, ((_, triangles, _), flat) in enumerate(zip(bodies, shown, strict=True)):
@@ -113,17 +101,14 @@ def triangles_of(model: pin.Model, visual: pin.GeometryModel, q: Floats) -> list
     return out
 
 
-def _project(triangles: Floats, target: Floats, offset: Floats, width: int, height: int) -> Floats:
+def _project(triangles: Floats, camera: Camera, width: int, height: int) -> Floats:
     """Return corners as column, row [samples] and depth [m], shape (m, 3, 3)."""
-    distance = float(np.linalg.norm(offset))
-    back = offset / distance
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    seen = triangles - target
-    deep = distance - seen @ back
+    right, up, back = camera.axes()
+    seen = triangles - camera.target
+    deep = float(np.linalg.norm(camera.offset)) - seen @ back
     scale = 0.5 * height / math.tan(math.radians(FIELD_OF_VIEW) / 2)
     x = 0.5 * width + scale * (seen @ right) / deep
-    y = 0.5 * height - scale * (seen @ np.cross(back, right)) / deep
+    y = 0.5 * height - scale * (seen @ up) / deep
     return np.stack([x, y, deep], axis=-1)
 
 

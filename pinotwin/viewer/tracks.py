@@ -1,4 +1,4 @@
-"""What a log played back shows beside the machine: effort, gap, tracking error, effort by cause, over time."""
+"""What a log played back shows beside the machine: effort, residual, tracking error, effort by cause, over time."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from pinotwin.arrays import Floats
-from pinotwin.effects import known
+from pinotwin.effects import effect_name, known
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
+from pinotwin.signals import rms
 from pinotwin.twin import Twin
 
 POINTS = 1200
@@ -19,14 +20,9 @@ POINTS = 1200
 
 @dataclass(frozen=True)
 class Tracks:
-    """A playback; times down the rows.
+    """A playback: t [s] (m,), positions and commands [m or rad] (m, nv), series by axis and kind.
 
-    Attributes:
-        t: time [s], shape (m,).
-        q: positions in the machine's order [m or rad], shape (m, nv).
-        qr: commands, likewise, or None.
-        series: axis -> kind (effort, gap, error, parts) -> (name, colour, values of shape (m,)).
-        full: axis -> gap at which the axis is as red as it gets [N or N·m].
+    Kinds are effort, gap, error and parts; ``full``: axis -> residual where it is as red as it gets [N or N·m].
     """
 
     t: Floats
@@ -56,22 +52,16 @@ def _digits(y: Floats) -> list[float | None]:
 
 
 def _colour(key: str) -> str:
-    name = key.rsplit(".", 1)[-1].split("#")[0]
-    kind = known().get(name)
+    kind = known().get(effect_name(key))
     return "#888888" if kind is None else kind.colour
 
 
 def tracks_of(
     machine: Machine, motion: Motion, twin: Twin | None = None, edge: int = 10, most: int = 6
 ) -> Tracks:
-    """Return the playback of a motion; with a twin, its effort and the gap beside the measured one.
+    """Return the playback of a motion; with a twin, its effort, the residual and the ``most`` largest effects.
 
-    Args:
-        machine: whose motion it is.
-        motion: the prepared log.
-        twin: the model to compare with, or None.
-        edge: rows at both ends of a stretch of which the gap is not shown: their derivatives are one-sided.
-        most: effects drawn per axis, those with the largest effort.
+    The residual is not shown ``edge`` rows from either end of a stretch: derivatives are one-sided there.
     """
     rows = np.unique(np.linspace(0, len(motion) - 1, min(POINTS, len(motion))).astype(int))
     parts = {} if twin is None else twin.parts(motion)
@@ -91,14 +81,12 @@ def tracks_of(
             held["gap"] = [("residual", "#d2691e", gap[rows])]
             known = np.abs(gap[np.isfinite(gap)])
             full[name] = float(np.percentile(known, 99.0)) if known.any() else 1.0
-            sizes = {key: float(np.sqrt(np.mean(p[:, i] ** 2))) for key, p in parts.items()}
+            sizes = {key: rms(p[:, i]) for key, p in parts.items()}
             largest = sorted((k for k in sizes if sizes[k] > 0.0), key=lambda k: -sizes[k])[:most]
             held["parts"] = [(key, _colour(key), parts[key][rows, i]) for key in largest]
         if motion.qr is not None:
             error = motion.error[:, i] * (1e3 if axis.rotary else 1e6)
             held["error"] = [("command minus position", "#2fa6a0", error[rows])]
         series[name] = held
-    qr = None
-    if motion.qr is not None:
-        qr = np.where(np.isfinite(motion.qr), motion.qr, motion.q)[rows]
+    qr = None if motion.qr is None else np.where(np.isfinite(motion.qr), motion.qr, motion.q)[rows]
     return Tracks(motion.t[rows] - motion.t[0], motion.q[rows], qr, series, full)
