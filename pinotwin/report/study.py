@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -74,7 +76,7 @@ class Studied:
         with whole_folder(target := as_path(folder, "folder"), replaces=("study.html", "*.csv")) as part:
             write_text(part / "study.html", self.page.html())
             for name, one in self.studies.items():
-                write_text(part / name, "\n".join(csv_lines(one.header, one.rows)) + "\n")
+                write_text(part / name, _csv(one))
         return target
 
     def add(self, name: str, found: Study, figure: go.Figure) -> None:
@@ -195,26 +197,24 @@ def _own_effects(twin: Twin, axis: str) -> list[str]:
 
 
 def _errors(found: Decomposition, machine: Machine, names: Sequence[str]) -> Made:
+    keys = ("cause", "disturbance_rms", "error_rms", "error_peak", "share")
     header = ("cause", "disturbance RMS [N, N·m]", "error RMS [m, rad]", "error peak", "share")
     for axis in names:
-        rows = [
-            (row["cause"], row["disturbance_rms"] or 0.0, row["error_rms"], row["error_peak"], row["share"])
-            for row in found.table()
-            if row["axis"] == axis
-        ]
+        rows = [tuple(row[k] or 0.0 for k in keys) for row in found.table() if row["axis"] == axis]
         if rows:
             cause, *_, share = rows[0]
-            finding = f"{share:.0%} of the tracking error comes from {CAUSES[cause][0]}"
+            finding = f"{share:.0%} of the tracking error comes from {CAUSES[str(cause)][0]}"
             figure = causes_figure(found, axis, machine.axis(axis).rotary, "error")
             yield f"errors_{axis}", Study(finding, header, rows), figure
 
 
-def _short(cell: object) -> str:
-    return f"{cell:.4g}" if isinstance(cell, float | np.floating) else str(cell)
+def _short(cell: object, digits: int = 4) -> str:
+    return f"{cell:.{digits}g}" if isinstance(cell, float | np.floating) else str(cell)
 
 
-def csv_lines(header: Sequence[str], rows: Sequence[Sequence[object]]) -> Iterator[str]:
-    """Yield the lines of a table as CSV."""
-    yield ",".join(f'"{name}"' if "," in name else name for name in header)
-    for row in rows:
-        yield ",".join(f"{cell:.9g}" if isinstance(cell, float | np.floating) else str(cell) for cell in row)
+def _csv(found: Study) -> str:
+    """Return a table as CSV."""
+    out = io.StringIO()
+    lines = [found.header, *([_short(cell, 9) for cell in row] for row in found.rows)]
+    csv.writer(out, lineterminator="\n").writerows(lines)
+    return out.getvalue()
