@@ -30,7 +30,10 @@ from pinotwin.studies.study import Study
 
 HEADER = (
     "axis",
-    *(f"{model}, held out{of}" for of in ("", ", of std") for model in ("coupled", "decoupled")),
+    "coupled, held out",
+    "decoupled, held out",
+    "coupled, held out, of std",
+    "decoupled, held out, of std",
 )
 
 
