@@ -232,16 +232,10 @@ def _mode(M: Floats, shape: np.ndarray, frequency: float, damping: float) -> Mod
 
 
 def animate(found: Modes, number: int, reach: float, seconds: float = 2.0) -> tuple[Floats, Floats]:
-    """Return times (n,) and configurations (n, nv) that show one mode, slowed down, over one period.
+    """Return times (n,) [s] and configurations (n, nv) that show one mode, 1 the slowest, over one period.
 
-    Args:
-        found: the modes.
-        number: which one, 1 for the slowest.
-        reach: largest amplitude of a joint, in units of its shape scaled to a largest entry of 1.
-        seconds: duration of a period on the screen.
-
-    Raises:
-        MachineError: there are fewer modes.
+    It is slowed down and enlarged: ``reach`` is the largest amplitude of a joint, in units of its shape scaled to a
+    largest entry of 1.
     """
     if not 1 <= number <= len(found):
         known = ", ".join(f"{m.frequency:.3g} Hz" for m in found.modes) or "none"

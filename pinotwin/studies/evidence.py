@@ -67,22 +67,14 @@ class Evidence:
         return self.names.index(axis)
 
 
-def evidence(twin: Twin, log: Log | Sequence[Log]) -> Evidence:
-    """Return a log (or several of one machine) beside the twin's prediction.
+def evidence(twin: Twin, given: Log | Sequence[Log] | Motion) -> Evidence:
+    """Return a log (or several of one machine), or a motion made of them, beside the twin's prediction.
 
     Raises:
         LogError: a channel is missing.
         DataError: no row of the log can be used.
     """
-    return evidence_of(twin, prepare(twin.machine, log, **twin.settings))
-
-
-def evidence_of(twin: Twin, motion: Motion) -> Evidence:
-    """Return a prepared motion beside the twin's prediction.
-
-    Raises:
-        DataError: no row of it can be used.
-    """
+    motion = given if isinstance(given, Motion) else prepare(twin.machine, given, **twin.settings)
     rows = choose_rows(motion)
     pick, step = rows.sample, motion.decimation
     parts = {key: thin(motion, part) for key, part in _parts(twin, motion).items()}
