@@ -25,7 +25,7 @@ class PinotwinError(Exception):
 
 
 class InputError(PinotwinError):
-    """Something that the user gave cannot be used; the message says what and how to mend it."""
+    """Something that the user gave cannot be used; the message says what and how to correct it."""
 
 
 class OutputError(InputError):

@@ -8,10 +8,11 @@ import math
 import pytest
 
 from pinotwin.diagnosis.conclusion.open_signals import with_open_signals
-from pinotwin.diagnosis.grade import KIND, MEANING, explained, grade
+from pinotwin.diagnosis.grade import KIND, explained, grade
 from pinotwin.diagnosis.result import Diagnosis, Gap
 from pinotwin.diagnosis.result import Found as Named
 from pinotwin.diagnosis.rules import RULES
+from pinotwin.system.phrases import MEANING
 
 NAN = float("nan")
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
+import pydoc
 import re
 import runpy
 from collections.abc import Iterator
@@ -15,7 +17,7 @@ import pytest
 from pinotwin.cli.diagnose import summary, where_lines
 from pinotwin.cli.main import COMMANDS, main
 from pinotwin.diagnosis.conclusion.advice import PAIRS, advise
-from pinotwin.diagnosis.grade import KIND, MEANING, Grade, printed
+from pinotwin.diagnosis.grade import KIND, Grade, printed
 from pinotwin.diagnosis.phrases import explanation, moved, plain_sentence
 from pinotwin.diagnosis.result import Diagnosis, Found, Gap, Region, Shrink, Size, Verdict
 from pinotwin.effects import EFFECTS
@@ -25,12 +27,13 @@ from pinotwin.report.diagnosis import diagnosis_report
 from pinotwin.report.diagnosis_verdict import headline
 from pinotwin.report.simulation import GRADES
 from pinotwin.simulation.run import FORMS
+from pinotwin.system.phrases import ADVERBS, DIAGNOSED, IDENTIFIED, MEANING, REGIONS, SIMULATED, STUDIED
 from tests.conftest import ROOT
 
 LONGEST = 30
 """Words of a sentence."""
 NOT_USED = re.compile(
-    r"\b(misfits?|gaps?|closes|closed by|squared gap|leaves|left of|of its own|own logs|foretells?|told|tells|"
+    r"\b(misfits?|gaps?|closes?|closed by|squared gap|leaves|left of|of its own|own logs|foretells?|told|tells|"
     r"asked|asks|kept back|in turn|stands? out|pushes|promised|surest|strayed|mend)\b",
     re.IGNORECASE,
 )
@@ -137,7 +140,8 @@ def test_a_page_is_in_plain_words() -> None:
 
 
 def texts() -> Iterator[str]:
-    yield from MEANING.values()
+    for table in (MEANING, IDENTIFIED, ADVERBS, SIMULATED, DIAGNOSED, REGIONS, STUDIED):
+        yield from table.values()
     yield from (printed(grade) for grade in (*KIND, *GRADES))
     yield from (meaning for _, meaning in GRADES.values())
     for name, effect in EFFECTS.items():
@@ -217,6 +221,21 @@ def test_every_page_is_in_plain_short_sentences() -> None:
 
 def test_no_text_of_the_package_has_a_private_word() -> None:
     assert [(name, text) for name, text in literals() if PRIVATE.search(text)] == []
+
+
+def public() -> Iterator[str]:
+    """Yield the docstrings that the page of the API shows."""
+    text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    for name in re.findall(r"^::: ([\w.]+)", text, re.MULTILINE):
+        found = pydoc.locate(name)
+        own = vars(found) if inspect.isclass(found) else {}
+        yield from (x.__doc__ for x in (found, *own.values()) if isinstance(x.__doc__, str))
+
+
+def test_the_docstrings_of_the_api_are_in_plain_words() -> None:
+    told = re.compile(r"\b(tell apart|told apart|mends?|closes?|foretells?|surest|the gap|misfits?)\b", re.I)
+    said = [re.sub(r"^ *\w+: ", "", line) for text in public() for line in text.splitlines()]
+    assert [x for x in said if told.search(x)] == []
 
 
 @pytest.mark.parametrize("page", [*WRITTEN, *NOTEBOOKS], ids=lambda p: p.name)

@@ -2,8 +2,8 @@
 
     e = G_eq q_r + sum over causes of G_ed d_cause
 
-The response is simulated from the command alone; the generalised disturbance of each axis is told
-apart by :mod:`pinotwin.analysis.disturbance`, and each part, and the command, goes through the identified
+The response is simulated from the command alone; the generalised disturbance of each axis is split
+by :mod:`pinotwin.analysis.disturbance`, and each part, and the command, goes through the identified
 transfer functions on its own. They are linear, so the parts add up to the whole exactly.
 
 All is computed at the internal step of the simulation and read at the rows of the log. What the
@@ -110,7 +110,7 @@ def decompose(
     *,
     controller: Loops | None = None,
 ) -> Decomposition:
-    """Tell apart, by cause, the disturbances and the tracking error that a command will meet.
+    """Split, by cause, the disturbances and the tracking error that a command will meet.
 
     Args:
         twin: the machine, with its loops.

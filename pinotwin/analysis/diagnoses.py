@@ -1,4 +1,4 @@
-"""Two or more diagnoses side by side, read from their diagnosis.json: gaps, verdicts, causes."""
+"""Two or more diagnoses side by side, read from their diagnosis.json: residuals, verdicts, causes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Diagnoses(Compared):
 
     @property
     def gap(self) -> dict[str, dict[str, dict[str, Mapping[str, Any]]]]:
-        """Axis -> signal -> label -> gap."""
+        """Axis -> signal -> label -> residual."""
         out: dict[str, dict[str, dict[str, Mapping[str, Any]]]] = {}
         for label, document in zip(self.labels, self.documents, strict=True):
             for axis, signals in document.get("gap", {}).items():

@@ -12,7 +12,7 @@ Halton sequence, the same in every run) in the travel of the logs that were iden
 choice moves effort between M_D a and d, so the closed loops belong to the M_D with which they were
 identified, and a twin keeps it: ``twin.diagonal``.
 
-The rigid body's effort is told apart by evaluating it with parts of the motion set to zero:
+The rigid body's effort is split by evaluating it with parts of the motion set to zero:
 
     gravity               g(q),      coriolis_centrifugal  c(q, v)
     inertial_coupling     M(q) a - M_D a: the other axes' accelerations, and M_ii(q) - M_D_ii

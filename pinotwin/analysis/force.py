@@ -3,7 +3,7 @@
     f = twin's effort - measured effort                                 [N or N·m]
 
 is what pushes the axis from outside in the direction of the joint: a process force, contact, a hand. What
-the twin leaves of its own logs without any such force (its cross-validated misfit, moving and at rest
+the twin leaves of its own logs without any such force (its cross-validated residual, moving and at rest
 apart) and what its coefficients are unsure by in this motion are the 90 % interval. A pure force F on a
 link follows from f = J(q)^T F, each axis weighed by its interval, in those directions that the axes feel in
 that posture; in the others nothing is said.
@@ -94,14 +94,14 @@ def force(twin: TwinLike, log: LogLike, *, link: str | None = None, z: float = 1
     """Estimate the external effort on every axis over time, with its interval.
 
     Args:
-        twin: a twin with its misfit, or its folder.
+        twin: a twin with its validation error, or its folder.
         log: servo log of the same machine, or its file.
         link: also find the pure force on this link.
         z: half width of the interval in standard deviations; 90 % by default.
 
     Raises:
         LogError: a channel is missing or unusable.
-        DataError: the twin does not know its misfit.
+        DataError: the twin does not know its validation error.
         MachineError: there is no such link.
     """
     twin, log = as_twin(twin), as_log(log)

@@ -1,4 +1,4 @@
-"""Diagnosis of the gap between a log and its model."""
+"""Diagnosis of the residual between a log and its model."""
 
 from __future__ import annotations
 

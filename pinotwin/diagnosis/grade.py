@@ -2,7 +2,7 @@
 
     level = hypot(noise, misfit):   what is left even when nothing has changed
 
-A gap is asked three questions in turn: is it larger than the noise; is it larger than what the model left on
+A residual is asked three questions in turn: is it larger than the noise; is it larger than what the model left on
 its own logs; and what of it is left once the named causes are modelled. An explained share is one of squared
 sizes above the level, for that is what a cause takes away. The thresholds are the verdict's own.
 """
@@ -13,6 +13,7 @@ import math
 from typing import Literal
 
 from pinotwin.diagnosis.rules import RULES, Rules
+from pinotwin.system.phrases import PRINTED
 
 Grade = Literal[
     "agrees",
@@ -23,17 +24,6 @@ Grade = Literal[
     "not explained",
     "not judged",
 ]
-
-MEANING: dict[Grade, str] = {
-    "agrees": "the residual is no larger than the noise",
-    "within misfit": "above the noise, but no larger than the twin's validation error",
-    "above misfit": "somewhat above the twin's validation error, too little to search for a cause",
-    "gap explained": "the named causes reduce the residual to noise and validation error",
-    "partly explained": "the named causes explain part of the residual; the rest is above the validation error",
-    "not explained": "above the validation error, and no named cause explains it",
-    "not judged": "no noise level or validation error to compare the residual with",
-}
-"""Grade -> what it says."""
 
 KIND: dict[Grade, str] = {
     "agrees": "good",
@@ -46,17 +36,10 @@ KIND: dict[Grade, str] = {
 }
 """Grade -> colour of its chip."""
 
-_PRINTED = {
-    "within misfit": "as in validation",
-    "above misfit": "above validation",
-    "far above misfit": "far above validation",
-    "gap explained": "explained",
-}
-
 
 def printed(grade: str) -> str:
     """Return the words that people read for a grade: its own, or plainer ones."""
-    return _PRINTED.get(grade, grade)
+    return PRINTED.get(grade, grade)
 
 
 OPEN: tuple[Grade, ...] = ("not explained", "partly explained")
@@ -75,12 +58,12 @@ def grade(
     """Return the grade of one axis and signal.
 
     Args:
-        rms: gap, log minus model [unit of the signal].
+        rms: residual, log minus model [unit of the signal].
         misfit: what the model left on its own logs, cross-validated [same]; None or NaN when not known.
         noise: scatter of repeats, or the assumed noise [same]; None, NaN or 0 when not known.
-        after: gap with the named causes modelled [same]; None where no cause is named for it.
+        after: residual with the named causes modelled [same]; None where no cause is named for it.
         size: RMS of the signal itself [same]; a machine without a twin is held against it.
-        signal: of any but the effort ``u`` a gap is open from further on.
+        signal: of any but the effort ``u`` a residual is open from further on.
     """
     quiet, own = _positive(noise), _known(misfit)
     if not _known(rms) or not (quiet or own):
@@ -114,13 +97,13 @@ def is_open(
     *,
     signal: str = "u",
 ) -> bool:
-    """Whether more of a gap stays than a model leaves of a healthy axis; see :func:`stays`."""
+    """Whether more of a residual stays than a model leaves of a healthy axis; see :func:`stays`."""
     known = rules.open_change if signal == "u" else rules.open_tracking
     return stays(left, noise, misfit, size) > (known if _known(misfit) else rules.open_structure)
 
 
 def stays(left: float, noise: float | None, misfit: float | None, size: float | None) -> float:
-    """Return what stays of a gap: of one with a known misfit in levels that are left anyway, else as a share.
+    """Return what stays of a residual: in levels that are left anyway where a validation error is known, else a share.
 
     The share is of the signal's size, without the noise; 0 where that is not known.
     """
@@ -131,13 +114,13 @@ def stays(left: float, noise: float | None, misfit: float | None, size: float | 
 
 
 def left_anyway(noise: float | None, misfit: float | None) -> float:
-    """Return the level that a gap is held against: noise and misfit together, those of the two that are known."""
+    """Return noise and validation error together, those of the two that are known: a residual is held against it."""
     quiet, own = _positive(noise), _known(misfit)
     return math.hypot(float(noise or 0.0) if quiet else 0.0, float(misfit or 0.0) if own else 0.0)
 
 
 def explained(rms: float, level: float, after: float | None) -> float:
-    """Return the share of the squared gap above the level that goes, at most 1; 0 where nothing is named."""
+    """Return the share of the squared residual above the level that goes, at most 1; 0 where nothing is named."""
     if after is None or not _known(after) or rms <= level:
         return 0.0
     return min(1.0, (rms**2 - after**2) / (rms**2 - level**2))

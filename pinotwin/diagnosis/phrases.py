@@ -1,4 +1,4 @@
-"""What a diagnosis is told in: names of effects, grades, regions and the direction of a change, in plain English."""
+"""The words of a diagnosis: names of effects, regions, and the direction of a change."""
 
 from __future__ import annotations
 
@@ -8,20 +8,7 @@ from collections.abc import Sequence
 
 from pinotwin.diagnosis.result import Region, Size
 from pinotwin.effects import known
-
-SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
-"""Signal -> its name."""
-
-KINDS = {
-    "time": "time in the log",
-    "position": "position",
-    "velocity": "speed",
-    "acceleration": "acceleration",
-    "load": "motor effort",
-    "frequency": "frequency",
-    "other_axis": "other axis moving",
-}
-"""Kind of region -> its name in a table."""
+from pinotwin.system.phrases import REGIONS
 
 
 def effect_words(name: str) -> str:
@@ -66,30 +53,17 @@ def plain_sentence(text: str) -> str:
     return re.sub(rf"\b({names})\b", lambda found: effect_words(found[0]), text)
 
 
-def joined(words: Sequence[str]) -> str:
-    """Return ``a, b and c``."""
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
-
-
 def region_words(region: Region) -> str:
     """Return where a region lies in a sentence's words, in units of the shop floor."""
     low, high, unit = shop_range(region)
-    span = f"{low} to {high} {unit}"
-    if region.kind == "velocity":
-        if region.range[0] == -region.range[1]:
-            return f"around standstill and reversal, slower than {high} {unit}"
-        way = "backward" if region.range[1] <= 0 else "forward" if region.range[0] >= 0 else ""
-        return f"at speeds of {span}" + (f" ({way})" if way else "")
-    if region.kind == "frequency" and region.range[0] == 0.0:
-        return f"in slow changes, below {high} {unit}"
-    return {
-        "time": f"{span} into the log",
-        "position": f"between positions {span}",
-        "acceleration": f"at accelerations of {span}",
-        "load": f"while the motor gives {span}",
-        "frequency": f"in vibration at {span}",
-        "other_axis": f"while axis {region.other} moves",
-    }.get(region.kind, f"{region.kind} {span}")
+    span, kind = f"{low} to {high} {unit}", region.kind
+    if kind == "velocity" and region.range[0] == -region.range[1]:
+        kind = "reversal"
+    elif kind == "velocity":
+        kind = "backward" if region.range[1] <= 0 else "forward" if region.range[0] >= 0 else kind
+    elif kind == "frequency" and region.range[0] == 0.0:
+        kind = "slow"
+    return REGIONS.get(kind, f"{kind} {{span}}").format(span=span, end=f"{high} {unit}", other=region.other)
 
 
 def shop_range(region: Region) -> tuple[str, str, str]:

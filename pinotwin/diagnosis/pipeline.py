@@ -1,4 +1,4 @@
-"""``diagnose``: where a log and its model differ, which effect is missing, how far the gap shrinks."""
+"""``diagnose``: where a log and its model differ, which effect is missing, how far the residual falls."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def diagnose(  # noqa: PLR0913, the public call: every option is a keyword
     closed_loop: bool = True,
     rules: Rules = RULES,
 ) -> Diagnosis:
-    """Say where logs and their model differ, which effects cause it, and how far the gap shrinks.
+    """Say where logs and their model differ, which effects cause it, and how far the residual falls.
 
     Args:
         subject: a machine (what does its model lack?), a twin (what has changed since?), or the folder of one.
@@ -135,7 +135,7 @@ class _Loops:
 
     Attributes:
         turned: gains that changed, and limits of drives. gone: axis -> what is said of a law that is gone.
-        tracked: the gap of the tracking error.
+        tracked: the residual of the tracking error.
     """
 
     turned: Sequence[ServoChange] = ()
@@ -176,7 +176,7 @@ def _shaken(subject: Machine | Twin, c: Comparison, rng: np.random.Generator) ->
 
 
 def _with_tracking(d: Diagnosis, tracked: Tracked) -> Diagnosis:
-    """Return the diagnosis with the gap of the tracking error, simulated from the command."""
+    """Return the diagnosis with the residual of the tracking error, simulated from the command."""
     gaps, shrinks = tracked.gaps, tracked.shrinks
     gap = {axis: {**row, **({"e": gaps[axis]} if axis in gaps else {})} for axis, row in d.gap.items()}
     effects = [
@@ -189,7 +189,7 @@ def _with_tracking(d: Diagnosis, tracked: Tracked) -> Diagnosis:
 
 
 def _with_encoders(d: Diagnosis, measured: Mapping[str, Seen]) -> Diagnosis:
-    """Return the diagnosis with the gap between motor and load where both are measured."""
+    """Return the diagnosis with the residual between motor and load where both are measured."""
     gap = {axis: dict(row) for axis, row in d.gap.items()}
     for axis, seen in measured.items():
         gone = sum(e.shrink["ql"].share for e in d.effects if e.axis == axis and "ql" in e.shrink)
@@ -356,7 +356,7 @@ def _untold(named: Sequence[Found]) -> list[str]:
 
 
 def _closes(e: Found) -> float:
-    """Return what causes are ordered by: the share of the squared gap that they close, most first."""
+    """Return what causes are ordered by: the share of the squared residual that they explain, most first."""
     return -next((x.share for x in e.shrink.values()), float("inf"))
 
 

@@ -23,7 +23,7 @@ Verdict = Literal["none", "explained", "partly_explained", "unexplained"]
 
 @dataclass(frozen=True)
 class Gap:
-    """The gap of one signal of one axis.
+    """The residual of one signal of one axis.
 
     Attributes:
         rms: RMS of log minus model, on data not used to fit [N or N·m].
@@ -32,7 +32,7 @@ class Gap:
         after: RMS once the named effects are modelled.
         misfit: RMS that the twin left of its own logs, cross-validated, with what its effort is less sure of in this
             motion; NaN where there is none.
-        size: by how much the signal varies, against which the gap of a machine is judged; its RMS where NaN.
+        size: by how much the signal varies, against which the residual of a machine is judged; its RMS where NaN.
     """
 
     rms: float
@@ -45,7 +45,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Region:
-    """Where a gap lies: a range that holds more of its power than of the time.
+    """Where a residual lies: a range that holds more of its power than of the time.
 
     Attributes:
         axis: axis.
@@ -53,9 +53,9 @@ class Region:
         kind: time, position, velocity, acceleration, frequency, load or other_axis.
         range: lowest and highest value [unit].
         unit: SI unit.
-        share: of the squared gap.
+        share: of the squared residual.
         time_share: of the time.
-        p_value: chance to see such a concentration anywhere in a gap without structure; None where that
+        p_value: chance to see such a concentration anywhere in a residual without structure; None where that
             was not tested (frequency bands).
         other: the other axis, for ``other_axis``.
     """
@@ -73,18 +73,18 @@ class Region:
 
 @dataclass(frozen=True)
 class Shrink:
-    """How far the gap of a signal of an axis shrinks: after = before sqrt(1 - share).
+    """How far the residual of a signal of an axis falls: after = before sqrt(1 - share).
 
     Attributes:
-        before: the gap, :attr:`Gap.rms` [unit of the signal].
+        before: the residual, :attr:`Gap.rms` [unit of the signal].
         after: what is left of it.
-        share: of the squared gap that goes, measured on the rows that ``on`` names.
+        share: of the squared residual that goes, measured on the rows that ``on`` names.
         interval: 90 % interval of that share, which it holds.
         promised: the share that the fit itself promised.
         on: ``validation``, ``held-out blocks``, or ``fitted logs`` (of an event that no other holds).
         promised_interval: within which another log's share is promised to lie (90 %): the range of the
             shares of single blocks that were not fitted. None where there are too few.
-        axis: whose gap it is: of a body on a link the axis that it moves most. None for the effect's own.
+        axis: whose residual it is: of a body on a link the axis that it moves most. None for the effect's own.
     """
 
     before: float
@@ -100,7 +100,7 @@ class Shrink:
 def shrunk(
     before: float, share: float, interval: tuple[float, float], promised: float, on: str, axis: str | None
 ) -> Shrink:
-    """Return how far a gap shrinks by a share of its square; what makes it larger closes nothing."""
+    """Return how far a residual falls by a share of its square; what makes it larger explains nothing."""
     share, low, high, promised = (float(min(max(x, 0.0), 1.0)) for x in (share, *interval, promised))
     after = before * math.sqrt(1.0 - share)
     return Shrink(before, after, share, (min(low, share), max(high, share)), promised, on, axis=axis)
@@ -137,7 +137,7 @@ class Found:
         shape: shape values, SI.
         theta: coefficients, SI.
         shrink: per signal, the effect alone.
-        acts: axis -> how far its effort's gap shrinks by the effect alone, of every axis that the effect acts on.
+        acts: axis -> how far its effort's residual falls by the effect alone, of every axis that the effect acts on.
         alternatives: other effects with probability and reason.
         moves: base parameters that move when it is admitted: name -> (before, after, in sigmas).
         gain: squared residual closed on rows that were not fitted, over that of a good model.
@@ -180,16 +180,16 @@ class Traces:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Drawn):
-    """Where the gap lies, which effects cause it, and how far it shrinks.
+    """Where the residual lies, which effects cause it, and how far it falls.
 
     Attributes:
         verdict: none, explained, partly_explained or unexplained.
         sentence: the verdict in words.
-        gap: axis -> signal -> gap.
+        gap: axis -> signal -> residual.
         where: regions, the most telling first.
-        effects: named effects, by how much each shrinks the gap.
-        confusable: groups that this log cannot tell apart.
-        unexplained: axis -> signal -> share of the squared gap above the noise that stays.
+        effects: named effects, by the variance that each explains.
+        confusable: groups that this log cannot distinguish.
+        unexplained: axis -> signal -> share of the squared residual above the noise that stays.
         remains: axis -> what the remainder looks like.
         noise: ``repeats`` or ``assumed``.
         advice: what to do next.
@@ -252,7 +252,7 @@ class Diagnosis(Drawn):
     def grade(self, axis: str, signal: str = "u") -> Grade:
         """Return the one word for an axis and signal, see :mod:`pinotwin.diagnosis.grade`.
 
-        What the verdict leaves open is never graded as explained, and a gap that no named effect acts on
+        What the verdict leaves open is never graded as explained, and a residual that no named effect acts on
         counts nothing as closed, whatever a nameless pattern would take away.
         """
         g = self.gap[axis][signal]

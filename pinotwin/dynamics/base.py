@@ -14,7 +14,7 @@ inertia comes first: what a link adds to it in the same way is summed into one t
 M_Y = m_Y + Ja_Y stays free of the axes that carry Y. Products of inertia are tensor elements.
 
 The random motions do not keep to the joints' limits: efforts are analytic in the motion, so the
-rank is the same in any range, and a wide one is well conditioned. What one log can tell apart is
+rank is the same in any range, and a wide one is well conditioned. What one log can distinguish is
 another question: :mod:`pinotwin.dynamics.excitation`.
 """
 

@@ -1,4 +1,4 @@
-"""Which parameters a set of regressor rows can tell apart.
+"""Which parameters a set of regressor rows can distinguish.
 
 Columns are scaled to unit length first, so that units do not matter (Belsley, Kuh, Welsch 1980,
 doi:10.1002/0471725153). Directions whose singular value is below ``tolerance`` times the largest are not
@@ -19,7 +19,7 @@ from pinotwin.errors import DataError
 
 @dataclass(frozen=True)
 class Group:
-    """Parameters that the rows cannot tell apart."""
+    """Parameters that the rows cannot distinguish."""
 
     names: tuple[str, ...]  # the members
     # number of combinations of them that stay undetermined; equal to the number of members if nothing is

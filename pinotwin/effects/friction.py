@@ -165,7 +165,7 @@ class Stribeck(Turning, AxisEffect):
     def shapes(self) -> tuple[Shape, ...]:
         """Return v_s.
 
-        Below twice the width over which the direction turns, s and v_s cannot be told apart: s would grow
+        Below twice the width over which the direction turns, s and v_s cannot be distinguished: s would grow
         without limit, and hold the simulated axis with a force that no row has shown.
         """
         least, high = (1e-3, 3.0) if self.rotary else (5e-4, 0.3)

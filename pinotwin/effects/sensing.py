@@ -145,7 +145,7 @@ class EncoderError(OneAxis):
     def trials(self, motion: Motion, sight: Sight) -> tuple[Effect, ...]:
         """Return parts of a turn or of the travel that the rows resolve.
 
-        On a travel L, errors whose frequencies differ by 1/L are told apart: a quarter of that misses none.
+        On a travel L, errors whose frequencies differ by 1/L are distinguished: a quarter of that misses none.
         """
         (shape,) = self.shapes()
         low = max(3.0 * sight.pace, 10.0 * sight.noise, shape.lower)

@@ -3,7 +3,7 @@
 Nothing is integrated. The encoders give the link's rotation; the IMU has to give the difference.
 The deflection is the response of a spring-mass-damper (shared by all runs) to a known load, so its
 slow part is load over stiffness and not an integral of the gyro's scale error. All parameters have
-priors (MAP); without them scale, asymmetry and sag cannot be told apart. Gauss-Newton with the
+priors (MAP); without them scale, asymmetry and sag cannot be distinguished. Gauss-Newton with the
 analytic Jacobian of :mod:`pinotwin.imu.predict`; residuals whitened by the noise at rest; standard
 errors come from leaving out stretches of each run in turn. What the mode does not explain goes to
 :mod:`pinotwin.imu.latent`.

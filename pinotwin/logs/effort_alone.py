@@ -14,7 +14,7 @@ import numpy as np
 from pinotwin.arrays import Floats
 from pinotwin.logs.explained import Course, Explained, fitted, left_of
 from pinotwin.logs.quality import Finding
-from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.quality.results import finding
 from pinotwin.signals import autocorrelation
 from pinotwin.solve.lead import Lag
 

@@ -15,7 +15,7 @@ from pinotwin.arrays import Floats
 from pinotwin.logs.effort_alone import drives
 from pinotwin.logs.explained import Course, Explained, explained
 from pinotwin.logs.quality import Finding
-from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.quality.results import finding
 from pinotwin.logs.settings import Settings
 from pinotwin.machine import Machine
 

@@ -31,7 +31,7 @@ from pinotwin.logs.effort_alone import (
 from pinotwin.logs.exchanged import exchanged, not_told
 from pinotwin.logs.explained import Explained, course, explained
 from pinotwin.logs.quality import Finding
-from pinotwin.logs.quality.phrases import finding
+from pinotwin.logs.quality.results import finding
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion

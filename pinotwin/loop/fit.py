@@ -53,7 +53,7 @@ class LoopFit:
         rms: rms error [unit of the output].
         samples: number of samples.
         blocks: number of blocks of rows that the intervals rest on.
-        evaluations: of the misfit.
+        evaluations: of the cost.
         ends: costs at which the short searches ended, over the lowest.
         notes: what deserves attention, one sentence each.
     """

@@ -32,7 +32,7 @@ class Found:
     Attributes:
         theta: logarithms of the parameters, shape (np,).
         cost: half the scaled sum of squares.
-        evaluations: of the misfit, over all starts.
+        evaluations: of the cost, over all starts.
         ends: cost of every different end of the short search, lowest first, relative to the lowest.
     """
 

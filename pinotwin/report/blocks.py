@@ -79,19 +79,7 @@ Block = Html | Plot | Group | Tabs | str
 
 @dataclass(frozen=True)
 class Tile:
-    """One figure in large print.
-
-    Attributes:
-        name: what it is of.
-        value: the figure with its unit.
-        note: what it means.
-        label: a short verdict, shown as a chip of kind ``kind``.
-        kind: see :func:`chip`.
-        hint: of the chip.
-        small: in smaller print.
-        heading: above it.
-        parts: several figures under one heading, in place of one.
-    """
+    """One figure with its unit in large print, with a verdict as a :func:`chip`; or several under one heading."""
 
     name: str = ""
     value: str = ""
@@ -146,13 +134,7 @@ def bullets(lines: Iterable[str]) -> Html:
 
 
 def chip(text: str, kind: str = "", hint: str = "") -> Html:
-    """Return a short coloured label.
-
-    Args:
-        text: what it says.
-        kind: ``good``, ``fair``, ``bad``, or empty for grey.
-        hint: shown when the pointer rests on it.
-    """
+    """Return a short label, ``good``, ``fair``, ``bad`` or grey, with a hint where the pointer rests on it."""
     return macro("chip", text, kind, hint)
 
 
@@ -162,13 +144,7 @@ def tiles(items: Iterable[Tile]) -> Html:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]], numeric: Sequence[int] = ()) -> Html:
-    """Return a plain table.
-
-    Args:
-        header: title of each column.
-        rows: cells; an :class:`Html` cell goes in as it is.
-        numeric: columns aligned as numbers.
-    """
+    """Return a plain table; an :class:`Html` cell goes in as it is, ``numeric`` columns are aligned as numbers."""
     head = [(title, "num" if k in numeric else "") for k, title in enumerate(header)]
     cells = [[(x, *column) for x, column in zip(row, head, strict=True)] for row in rows]
     return macro("cells", head, cells)

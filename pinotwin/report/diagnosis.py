@@ -16,12 +16,9 @@ from pinotwin.diagnosis.conclusion.sizes import (
     told,
 )
 from pinotwin.diagnosis.conclusion.where import telling
-from pinotwin.diagnosis.grade import MEANING, Grade, printed
+from pinotwin.diagnosis.grade import Grade, printed
 from pinotwin.diagnosis.phrases import (
-    KINDS,
-    SIGNALS,
     explanation,
-    joined,
     label_words,
     on_axis,
     plain_sentence,
@@ -44,6 +41,7 @@ from pinotwin.report.diagnosis_verdict import (
 )
 from pinotwin.report.display import scale_of
 from pinotwin.report.page import Page
+from pinotwin.system.phrases import KINDS, MEANING, SIGNALS, joined
 
 OTHERWISE = {"none": "chance: no cause", "unknown": "a cause that is in no catalogue"}
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from pinotwin.diagnosis.conclusion.sizes import first_text, times_text, told
-from pinotwin.diagnosis.grade import KIND, MEANING, Grade, printed
-from pinotwin.diagnosis.phrases import SIGNALS, effect_words, joined, moved, on_axis, plain_sentence
+from pinotwin.diagnosis.grade import KIND, Grade, printed
+from pinotwin.diagnosis.phrases import effect_words, moved, on_axis, plain_sentence
 from pinotwin.diagnosis.result import Diagnosis, Found, Shrink
 from pinotwin.log import Log
 from pinotwin.machine import Machine
 from pinotwin.report import display
 from pinotwin.report.blocks import Html, Tile, tiles
 from pinotwin.report.display import scale_of
+from pinotwin.system.phrases import DIAGNOSED, MEANING, SIGNALS, joined
 from pinotwin.twin import Twin
 
 SERIOUS: tuple[Grade, ...] = ("not explained", "partly explained", "gap explained", "above misfit")
@@ -34,11 +36,7 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
     """Return the answer in a few sentences, the most important first, of ``most`` causes and axes."""
     rest = [*_possible(d), *_controllers(d), *_stays(d, most), *_errors(d)]
     if d.verdict == "none":
-        first = (
-            "Log and twin agree: no change found."
-            if d.situation == "change"
-            else "Log and model agree: no missing effect found."
-        )
+        first = DIAGNOSED["agree_change" if d.situation == "change" else "agree_structure"]
         return [first, *_stays(d, most), *_errors(d)]
     if not d.effects:
         gone = _gone(d)
@@ -46,24 +44,21 @@ def headline(d: Diagnosis, most: int = 3) -> list[str]:
             a for a in d.remains or d.unexplained if a not in gone and grade_of(d, a) != "not judged"
         ]
         if gone and not open_axes:
-            axes = joined([f"axis {a}" for a in gone])
-            agree = f"The efforts agree with the twin; the controller of {axes} does not."
-            return [agree, *rest]
+            return [DIAGNOSED["controllers"].format(axes=joined([f"axis {a}" for a in gone])), *rest]
         where = joined([f"axis {a}" for a in open_axes] or ["this machine"])
-        none = f"Log and model differ on {where}, and no known effect explains the residual."
-        unsure = f"Log and model differ on {where}; no cause is certain enough to be named."
-        said = [unsure if d.possible else none] if open_axes or not d.remains else []
-        return [*said, *rest]
+        said = DIAGNOSED["unsure" if d.possible else "unknown"].format(where=where)
+        return [*([said] if open_axes or not d.remains else []), *rest]
     lines = [_cause(d, e) for e in d.effects[:most]]
     if len(d.effects) > most:
         others = joined([on_axis(e.effect, e.axis) for e in d.effects[most:]])
-        lines.append(f"Also found: {others}.")
+        lines.append(DIAGNOSED["also"].format(others=others))
     return [*lines, *rest]
 
 
 def _controllers(d: Diagnosis) -> list[str]:
     """Return what is said of controllers whose law is gone."""
-    return [f"Axis {axis} {plain_sentence(d.remains[axis])}." for axis in _gone(d)]
+    looks = {axis: plain_sentence(d.remains[axis]) for axis in _gone(d)}
+    return [DIAGNOSED["controller"].format(axis=axis, looks=text) for axis, text in looks.items()]
 
 
 def _gone(d: Diagnosis) -> list[str]:
@@ -74,7 +69,7 @@ def _gone(d: Diagnosis) -> list[str]:
 def _possible(d: Diagnosis) -> list[str]:
     """Return the causes that are not sure enough to be named, in one sentence."""
     names = [f"{on_axis(e.effect, e.axis)} (confidence {e.confidence:.0%})" for e in d.possible]
-    return [f"Possible, but not sure: {joined(names)}."] if names else []
+    return [DIAGNOSED["possible"].format(names=joined(names))] if names else []
 
 
 def _cause(d: Diagnosis, e: Found) -> str:
@@ -82,7 +77,7 @@ def _cause(d: Diagnosis, e: Found) -> str:
     sizes, name = told(e.size), effect_words(e.effect)
     times = times_text(sizes[0]) if len(sizes) == 1 else ""
     size = first_text(e) + (f" ({times})" if times else "")
-    did = moved(sizes) if d.situation == "change" else "is missing from the model"
+    did = moved(sizes) if d.situation == "change" else DIAGNOSED["missing"]
     said = f"{e.axis or d.machine}: {name} {did}{f', {size}' if size else ''}."
     signal = next((x for x in ("u", "v", "ql") if x in e.shrink), "u")
     shrink = e.shrink.get(signal)
@@ -90,14 +85,18 @@ def _cause(d: Diagnosis, e: Found) -> str:
         return said
     data = named_data(d, shrink)
     if shrink.share <= 0.0:
-        return f"{said} Modelling it does not reduce the residual yet ({data}): a hint only."
+        return f"{said} {DIAGNOSED['hint'].format(data=data)}"
     axis = shrink.axis or e.axis or ""
     scale = scale_of(signal, rotary_axes(d).get(axis, False), shrink.before)
-    numbers = f"{shrink.before * scale.factor:.3g} to {scale.text(shrink.after)}"
-    residual = "the residual" if axis == e.axis else f"the residual of {axis}"
     others = any(x is not e and (axis in x.acts or x.axis == axis) for x in d.effects)
-    with_it = "With it alone modelled" if others else "With it modelled"
-    return f"{said} {with_it} {residual} falls from {numbers} RMS ({data})."
+    falls = DIAGNOSED["falls"].format(
+        modelled=DIAGNOSED["alone" if others else "modelled"],
+        residual="the residual" if axis == e.axis else f"the residual of {axis}",
+        before=f"{shrink.before * scale.factor:.3g}",
+        after=scale.text(shrink.after),
+        data=data,
+    )
+    return f"{said} {falls}"
 
 
 def named_data(d: Diagnosis, x: Shrink) -> str:
@@ -118,38 +117,24 @@ def _stays(d: Diagnosis, most: int) -> list[str]:
         if "u" not in row or len(out) >= most:
             continue
         word, g = d.grade(axis, "u"), row["u"]
-        scale = scale_of("u", rotary_axes(d).get(axis, False), g.rms)
-        rms, after = scale.text(g.rms), f"{g.after * scale.factor:.3g}"
-        looks = f" It {plain_sentence(d.remains[axis])}." if axis in d.remains else ""
-        if word == "not explained":
-            out.append(f"{axis}: no named cause explains the residual of {rms} RMS.{looks}")
-        elif word == "partly explained":
-            out.append(f"{axis}: {after} of {rms} RMS remain unexplained.{looks}")
-        elif word == "not judged" and axis in d.remains:
-            out.append(f"Axis {axis} is not judged: {d.remains[axis]}.")
-        elif word == "above misfit":
-            own = g.rms / g.misfit
-            out.append(f"{axis}: the residual is {own:.2g} times the twin's validation error. Watch it.")
+        if word == "not judged" and axis not in d.remains:
+            continue
+        scale, why = scale_of("u", rotary_axes(d).get(axis, False), g.rms), d.remains.get(axis, "")
+        times = g.rms / g.misfit if g.misfit else math.nan
+        sizes = {"rms": scale.text(g.rms), "after": f"{g.after * scale.factor:.3g}", "times": times}
+        looks = f" It {plain_sentence(why)}." if why else ""
+        if word in DIAGNOSED:
+            out.append(DIAGNOSED[word].format(axis=axis, why=why, looks=looks, **sizes))
     return out
 
 
 def _errors(d: Diagnosis) -> list[str]:
     """Return which tracking errors differ although the verdict is on the efforts, and no cause is named there."""
     told = {e.axis for e in d.effects}
-    axes = [
-        a
-        for a, row in d.gap.items()
-        if "e" in row
-        and a not in told
-        and d.grade(a, "e") == "not explained"
-        and d.grade(a, "u") in ("agrees", "within misfit")
-    ]
-    if not axes:
-        return []
-    return [
-        f"The tracking error of {joined(axes)} is predicted worse than in validation, although the effort agrees. "
-        "No cause was searched for there."
-    ]
+    rows = [a for a, row in d.gap.items() if "e" in row and a not in told]
+    worse = [a for a in rows if d.grade(a, "e") == "not explained"]
+    axes = [a for a in worse if d.grade(a, "u") in ("agrees", "within misfit")]
+    return [DIAGNOSED["tracking"].format(axes=joined(axes))] if axes else []
 
 
 def axis_cards(d: Diagnosis) -> Html:

@@ -24,13 +24,7 @@ from pinotwin.system.templates import asset
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of a page.
-
-    Attributes:
-        title: its heading.
-        blocks: its content.
-        intro: a sentence below the heading.
-    """
+    """A titled part of a page, with a sentence below its heading."""
 
     title: str
     blocks: tuple[Block, ...]

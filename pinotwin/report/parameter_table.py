@@ -11,13 +11,7 @@ from pinotwin.twin import Parameter
 
 
 def parameter_table(rows: Sequence[Parameter], axes: Sequence[str], fold: int = 12) -> Html:
-    """Return the table of all parameters, grouped by axis, sortable by column.
-
-    Args:
-        rows: the parameters.
-        axes: in the order of the table.
-        fold: effects with more coefficients than this (position tables) are folded away.
-    """
+    """Return all parameters by axis, sortable; effects of more coefficients than ``fold`` are folded away."""
     return macro("parameters", [(title, *_parts(part, fold)) for title, part in _groups(rows, axes).items()])
 
 

@@ -28,15 +28,9 @@ BESIDE = {
 
 
 def write_diagnosis(found: Diagnosis, folder: Path, meshes: str | Path | None = None) -> list[str]:
-    """Write a diagnosis into a folder that is there: JSON, page, picture, machine with the causes, advised commands.
+    """Write a diagnosis into an empty folder: JSON, page, picture, machine with the causes, advised commands.
 
-    Args:
-        found: the diagnosis.
-        folder: an empty folder.
-        meshes: folder of the URDF's meshes.
-
-    Returns:
-        What went wrong with the picture, one line each: it never costs the diagnosis.
+    Returns what went wrong with the picture, one line each: it never costs the diagnosis.
     """
     found = dated(found)
     write_json(folder / "diagnosis.json", found.to_dict())
@@ -82,7 +76,7 @@ def _beside(folder: Path) -> list[tuple[str, str]]:
 
 
 def write_view(found: Diagnosis, folder: Path, meshes: str | Path | None) -> list[str]:
-    """Write the machine playing the first log, every axis in the colour of its gap."""
+    """Write the machine playing the first log, every axis in the colour of its grade."""
     from pinotwin.viewer import missing_meshes
     from pinotwin.viewer.gap import gap_page
 

@@ -1,4 +1,4 @@
-"""The report of a simulation: what the twin foretells of a command, beside what was measured.
+"""The report of a simulation: what the twin predicts of a command, beside what was measured.
 
 Where the log holds measurements, each error is held against what the identified closed loop left of rows
 that were held out when the twin was identified. No cause is looked for here; that is ``pinotwin diagnose``.
@@ -12,7 +12,6 @@ from typing import Any
 
 from pinotwin.diagnosis.conclusion.provenance import made_of
 from pinotwin.diagnosis.grade import printed
-from pinotwin.diagnosis.phrases import joined
 from pinotwin.diagnosis.rules import RULES
 from pinotwin.log import Log
 from pinotwin.machine import Machine
@@ -24,6 +23,7 @@ from pinotwin.report.display import SIGNALS, scale_of
 from pinotwin.report.page import Page
 from pinotwin.signals import rms
 from pinotwin.simulation.score import bound, compare, measured
+from pinotwin.system.phrases import SIMULATED, joined
 from pinotwin.twin import Twin
 
 GRADES = {
@@ -133,16 +133,16 @@ def _score_table(twin: Twin, scores: Scores, grades: Mapping[tuple[str, str], st
 
 def _sentences(scores: Scores, grades: Mapping[tuple[str, str], str]) -> list[str]:
     if not scores:
-        return ["The log holds the command alone, so there is nothing to hold the prediction against."]
+        return [SIMULATED["alone"]]
     out: list[str] = []
     for signal, name in SIGNALS.items():
         each = {axis: row[signal]["nrmse"] for axis, row in scores.items() if signal in row}
         if each:
             sizes = joined([f"{display.percent(x)} on {axis}" for axis, x in each.items()])
-            out.append(f"RMS error of the {name}, over its RMS: {sizes}.")
+            out.append(SIMULATED["errors"].format(signal=name, sizes=sizes))
     far = [f"{SIGNALS[s]} of {axis}" for (axis, s), word in grades.items() if word == "far above misfit"]
     if far:
-        out.append(f"Much larger error than in validation: {joined(far)}. Run pinotwin diagnose.")
+        out.append(SIMULATED["far"].format(signals=joined(far)))
     return out
 
 

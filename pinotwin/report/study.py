@@ -31,6 +31,7 @@ from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.studies.overlay import KINDS as OVERLAYS
 from pinotwin.studies.overlay import overlay, with_and_without
 from pinotwin.studies.study import Study
+from pinotwin.system.phrases import STUDIED
 from pinotwin.system.stamps import made
 from pinotwin.system.writing import as_path, whole_folder, write_text
 from pinotwin.twin import Twin
@@ -199,7 +200,7 @@ def _errors(found: Decomposition, machine: Machine, names: Sequence[str]) -> Mad
         rows = [tuple(row[k] or 0.0 for k in keys) for row in found.table() if row["axis"] == axis]
         if rows:
             cause, *_, share = rows[0]
-            finding = f"{share:.0%} of the tracking error comes from {CAUSES[str(cause)][0]}"
+            finding = STUDIED["errors"].format(share=share, cause=CAUSES[str(cause)][0])
             figure = causes_figure(found, axis, machine.axis(axis).rotary, "error")
             yield f"errors_{axis}", Study(finding, header, rows), figure
 

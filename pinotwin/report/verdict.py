@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from pinotwin.diagnosis.phrases import joined
 from pinotwin.report.blocks import Tile
 from pinotwin.report.display import percent, scale_of
+from pinotwin.system.phrases import ADVERBS, IDENTIFIED, joined
 from pinotwin.twin import Twin
 
 GRADES = ((0.05, "very good", "good"), (0.12, "good", "good"), (0.3, "fair", "fair"))
@@ -27,9 +27,11 @@ def grade(error: float) -> tuple[str, str]:
 
 def judged(row: Mapping[str, Any]) -> tuple[Mapping[str, float], str]:
     """Return the errors of an axis on data that were not fitted, and what data those are."""
-    if row.get("validation"):
-        return row["validation"], "On the validation log"
-    return row.get("held_out") or {}, "Cross-validated on the log"
+    return (
+        (row["validation"], "validation")
+        if row.get("validation")
+        else (row.get("held_out") or {}, "held_out")
+    )
 
 
 def known(row: Mapping[str, Any], name: str) -> float:
@@ -47,42 +49,24 @@ def headline(twin: Twin) -> str:
     """Return the verdict in one or two sentences."""
     axes = twin.quality.get("axes", {})
     if not axes:
-        return "This twin carries no judgement of itself: it was not identified from a log."
-    where = judged(next(iter(axes.values())))[1]
+        return IDENTIFIED["unjudged"]
+    where = IDENTIFIED[judged(next(iter(axes.values())))[1]]
     errors = {name: error_of(row, "nrmse_std") for name, row in axes.items()}
     finite = {name: x for name, x in errors.items() if math.isfinite(x)}
     if not finite:
-        return "The log is too short to judge the twin on data that were not fitted."
+        return IDENTIFIED["short"]
     worst = max(finite, key=lambda name: finite[name])
-    size = f"{percent(finite[worst])} of its standard deviation ({_rms(twin, worst)})"
-    if len(axes) == 1:
-        return f"{where}, the twin predicts the motor effort of {worst} to {size}."
-    words: dict[str, list[str]] = {}
-    for name, error in errors.items():
-        words.setdefault(_adverb(error), []).append(name)
-    order = [word for word in _ADVERBS.values() if word in words]
-    said = joined([f"{word} on {joined(words[word])}" for word in order])
-    text = f"{where}, the twin predicts the motor effort {said}."
-    return f"{text} The largest error is on {worst}: {size}."
-
-
-_ADVERBS = {
-    "very good": "very well",
-    "good": "well",
-    "fair": "fairly",
-    "poor": "poorly",
-    "not judged": "unjudged",
-}
-
-
-def _adverb(error: float) -> str:
-    return _ADVERBS[grade(error)[0]]
+    size = IDENTIFIED["size"].format(share=percent(finite[worst]), rms=_rms(twin, worst))
+    words = {k: [name for name, error in errors.items() if grade(error)[0] == k] for k in ADVERBS}
+    said = joined([f"{ADVERBS[k]} on {joined(names)}" for k, names in words.items() if names])
+    text = IDENTIFIED["one" if len(axes) == 1 else "several"]
+    return text.format(where=where, worst=worst, size=size, said=said)
 
 
 def _rms(twin: Twin, axis: str) -> str:
     rotary = dict(zip(twin.machine.names, twin.machine.rotary, strict=True))
     rms = error_of(twin.quality["axes"][axis], "rms")
-    return f"{scale_of('u', bool(rotary.get(axis)), rms).text(rms)} RMS"
+    return scale_of("u", bool(rotary.get(axis)), rms).text(rms)
 
 
 def axis_tiles(twin: Twin) -> list[Tile]:
@@ -90,12 +74,9 @@ def axis_tiles(twin: Twin) -> list[Tile]:
     out = []
     for name, row in twin.quality.get("axes", {}).items():
         error = error_of(row, "nrmse_std")
-        word, kind = grade(error)
-        note = (
-            f"{_rms(twin, name)} · {percent(error_of(row, 'nrmse'))} of the RMS effort · "
-            f"in the fit {percent(known(row, 'fit_std'))}"
-        )
-        out.append(Tile(f"Axis {name}", percent(error), note, word, kind))
+        shares = {"share": percent(error_of(row, "nrmse")), "fit": percent(known(row, "fit_std"))}
+        note = IDENTIFIED["tile"].format(rms=_rms(twin, name), **shares)
+        out.append(Tile(f"Axis {name}", percent(error), note, *grade(error)))
     return out
 
 
@@ -103,19 +84,17 @@ def cautions(twin: Twin) -> list[str]:
     """Return what to be careful about, most important first."""
     quality = twin.quality
     out = [str(line) for line in quality.get("warnings", ())]
-    open_rows = [row.name for row in twin.parameters if not row.determined]
-    if open_rows:
-        out.append(
-            f"{len(open_rows)} of {len(twin.parameters)} parameters are not determined by these "
-            f"data ({_first(open_rows)}). Predictions of other motions that need them rely on the URDF."
-        )
-    out += _colour(quality.get("axes", {}))
+    rows = [row.name for row in twin.parameters if not row.determined]
+    if rows:
+        names = ", ".join(rows[:4]) + (" …" if len(rows) > 4 else "")
+        counts = {"open": len(rows), "all": len(twin.parameters)}
+        out.append(IDENTIFIED["open"].format(names=names, **counts))
+    coloured = [name for name, row in quality.get("axes", {}).items() if known(row, "lag1") > 0.5]
+    if coloured:
+        out.append(IDENTIFIED["coloured"].format(axes=joined(coloured)))
     moved = quality.get("consistency") or {}
     if moved.get("moved"):
-        out.append(
-            "The unconstrained fit was physically impossible; the nearest feasible one costs "
-            f"{_times(moved.get('cost_ratio'))} more."
-        )
+        out.append(IDENTIFIED["infeasible"].format(more=_times(moved.get("cost_ratio"))))
     return out
 
 
@@ -124,18 +103,3 @@ def _times(ratio: float | None) -> str:
     if ratio is None:
         return "a little"
     return "less than 0.1 %" if ratio < 1.001 else f"{100.0 * (ratio - 1.0):.2g} %"
-
-
-def _first(names: Sequence[str]) -> str:
-    return ", ".join(names[:4]) + (" …" if len(names) > 4 else "")
-
-
-def _colour(axes: Mapping[str, Any]) -> list[str]:
-    """Say on which axes the residual still has structure."""
-    names = [name for name, row in axes.items() if known(row, "lag1") > 0.5]
-    if not names:
-        return []
-    return [
-        f"The residual of {joined(names)} is not white: it has a systematic part, which the intervals below allow "
-        "for. Run pinotwin diagnose to find the cause."
-    ]

@@ -5,7 +5,7 @@ into what the data see and a null space (Golub & Van Loan 2013, section 5.4). In
 theta stays at the prior: of all theta that fit equally well the one nearest the prior is taken,
 measured in units of the prior's standard deviation. A parameter is determined when the null space
 has no component along it; parameters tied together by the null space form a group that these data
-cannot tell apart.
+cannot distinguish.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Rank:
 
     @cached_property
     def groups(self) -> tuple[tuple[int, ...], ...]:
-        """Parameters that cannot be told apart, each group ascending."""
+        """Parameters that cannot be distinguished, each group ascending."""
         index = np.flatnonzero(~self.determined & ~self.empty)
         if not len(index):
             return ()

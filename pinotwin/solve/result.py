@@ -29,7 +29,7 @@ class LinearFit:
         condition: condition number of the seen, scaled columns.
         determined: whether the data determine each parameter, shape (p,).
         unexcited: parameters whose column is empty in these data.
-        groups: parameters that these data cannot tell apart.
+        groups: parameters that these data cannot distinguish.
         active: parameters that sit on a bound, shape (p,).
         lower: bounds, shape (p,), -inf for none.
         upper: bounds, shape (p,), inf for none.

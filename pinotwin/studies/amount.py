@@ -16,6 +16,7 @@ from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.problem import Problem
 from pinotwin.studies.study import Study
+from pinotwin.system.phrases import STUDIED
 
 
 def error_against_data(
@@ -55,8 +56,7 @@ def error_against_data(
     axes = {name: np.array([row[2][1 + k] for row in found]) for k, name in enumerate(machine.names)}
     rows = [(float(length), float(fitted[0]), float(held[0])) for length, fitted, held in found]
     enough = _enough(*np.array(rows)[:, ::2].T)
-    more = "the error has not settled; a longer log would help"
-    finding = more if enough is None else f"{enough:.3g} s are enough"
+    finding = STUDIED["more" if enough is None else "enough"].format(seconds=enough)
     return Study(finding, ("seconds [s]", "fitted", "held out"), rows, axes)
 
 

@@ -27,6 +27,7 @@ from pinotwin.solve.crossval import held_out
 from pinotwin.solve.linear import Options
 from pinotwin.solve.problem import Problem
 from pinotwin.studies.study import Study
+from pinotwin.system.phrases import STUDIED
 
 HEADER = (
     "axis",
@@ -77,7 +78,7 @@ def coupled_against_decoupled(
     if not rows:
         raise DataError(f"{motion.source}: no measured effort of {', '.join(axes)}")
     ratio, axis = max((row[2] / max(row[1], 1e-300), row[0]) for row in rows)
-    finding = f"a model for each axis alone multiplies the held-out error by {ratio:.3g} on {axis}"
+    finding = STUDIED["coupling"].format(ratio=ratio, axis=axis)
     rotary = machine.rotary[machine.names.index(axis)]
     return Study(finding, HEADER, rows, courses[axis], axis, rotary)
 

@@ -19,6 +19,7 @@ from pinotwin.motion import AxisMotion
 from pinotwin.signals import rms
 from pinotwin.studies.evidence import Evidence, evidence
 from pinotwin.studies.study import Study
+from pinotwin.system.phrases import STUDIED
 from pinotwin.twin import Twin
 
 Against = Literal["velocity", "position"]
@@ -75,7 +76,7 @@ def overlay(
     order = np.argsort(grid, kind="stable")
     curve = _curve(twin, keys, motion)[order]
     return Study(
-        finding=f"the curve explains {explained(extracted, fitted):.0%} of the data's power",
+        finding=STUDIED["overlay"].format(share=explained(extracted, fitted)),
         header=(f"{against} [SI]", "median of the data", "lower quartile", "upper quartile"),
         rows=np.transpose(binned(x, extracted)).tolist(),
         courses={"x": x, "extracted": extracted, "fitted": fitted, "grid": grid[order], "curve": curve},
@@ -114,10 +115,10 @@ def with_and_without(
     measured, left = given.u[rows, j], given.residual[rows, j]
     table = [(name, rms(left), rms(left + part)) for name, part in parts.items()]
     name, complete, without = max(table, key=lambda row: row[2])
-    unit = "N·m" if given.rotary[j] else "N"
+    sizes = {"complete": complete, "without": without, "unit": "N·m" if given.rotary[j] else "N"}
     predicted = measured - left
     return Study(
-        finding=f"without {name} the RMS error grows from {complete:.3g} to {without:.3g} {unit}",
+        finding=STUDIED["without"].format(effect=name, **sizes),
         header=("effect", "RMS error with it [N, N·m]", "without"),
         rows=table,
         courses={

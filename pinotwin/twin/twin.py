@@ -38,7 +38,7 @@ class Twin(OpenLoop, Drawn):
         quality: how good the fit is: errors per axis, whiteness, condition, held-out errors.
         data: fingerprints of the logs that were used.
         settings: how they were prepared.
-        groups: parameters that these data cannot tell apart.
+        groups: parameters that these data cannot distinguish.
         misfit: what it leaves of its own logs when it does not know them; None for a twin without logs.
     """
 

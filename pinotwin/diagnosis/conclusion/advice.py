@@ -9,13 +9,14 @@ import numpy as np
 
 from pinotwin.arrays import Floats
 from pinotwin.diagnosis.data.comparison import Comparison
-from pinotwin.diagnosis.phrases import effect_words, joined
+from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.rules import Rules
 from pinotwin.effects import known
 from pinotwin.effects.family import FRICTION
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.signals import rms
+from pinotwin.system.phrases import joined
 
 PAIRS: tuple[tuple[frozenset[str], str, str], ...] = (
     (

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from pinotwin.diagnosis.grade import OPEN, stays
-from pinotwin.diagnosis.phrases import SIGNALS
 from pinotwin.diagnosis.result import Diagnosis, Gap, Verdict
+from pinotwin.system.phrases import SIGNALS
 
 
 def off_track(gaps: Mapping[str, Gap], level: float) -> dict[str, float]:

@@ -11,44 +11,7 @@ import numpy as np
 
 from pinotwin.diagnosis.result import Found, Size
 from pinotwin.effects.position import PositionTable
-
-WORDS = {
-    "viscous.b": "friction coefficient",
-    "viscous_asymmetric.b_plus": "friction coefficient forward",
-    "viscous_asymmetric.b_minus": "friction coefficient backward",
-    "viscous_thermal.b_warm": "friction coefficient lost by warming",
-    "coulomb.c": "dry friction",
-    "coulomb_asymmetric.c_plus": "dry friction forward",
-    "coulomb_asymmetric.c_minus": "dry friction backward",
-    "stribeck.s": "extra friction at low speed",
-    "presliding.c": "dry friction",
-    "presliding.s": "extra friction at low speed",
-    "presliding.m": "stiffness share",
-    "presliding.d": "damping before sliding",
-    "quadratic_drag.b2": "drag coefficient",
-    "load_friction.mu": "friction per load",
-    "hysteresis.k": "drag of the loop",
-    "offset.f0": "constant effort",
-    "effort_scale.factor": "logged effort over the model's",
-    "delay.seconds": "delay",
-    "backlash.share": "share of the load behind the play",
-    "drive_flexibility.share": "share of the inertia behind the spring",
-    "drive_flexibility.resonance": "resonance",
-    "joint_flexibility.resonance": "resonance",
-    "drive_flexibility.stiffness": "stiffness",
-    "drive_flexibility.damping": "damping",
-    "drive_flexibility.rotor": "inertia before the spring",
-    "backlash.gap": "lost motion",
-    "encoder_error.largest": "largest error along the stroke",
-    "joint_flexibility.share": "share of the inertia behind the spring",
-    "inertial_coupling.J": "coupled inertia",
-    "geometric_error.tilt1": "tilt about the first cross axis",
-    "geometric_error.tilt2": "tilt about the second cross axis",
-    "feedforward.K_v": "feed-forward of speed",
-    "feedforward.K_a": "feed-forward of acceleration",
-    "payload.m": "mass",
-}
-"""Name of a number -> what it is."""
+from pinotwin.system.phrases import NUMBERS
 
 FEW = 4
 """So many numbers are shown one by one."""
@@ -106,7 +69,7 @@ def _extreme(sizes: Sequence[Size], *, high: bool) -> Size:
 def name_words(size: Size) -> str:
     """Return what a number is, in words."""
     family, _, last = size.name.partition(".")
-    return WORDS.get(size.name) or (last or family).replace("_", " ")
+    return NUMBERS.get(size.name) or (last or family).replace("_", " ")
 
 
 def size_text(size: Size, digits: int = 4) -> str:

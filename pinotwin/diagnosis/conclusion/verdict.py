@@ -11,10 +11,11 @@ from pinotwin.diagnosis.candidates.patterns import Pattern
 from pinotwin.diagnosis.conclusion.sizes import first_text
 from pinotwin.diagnosis.data.comparison import Comparison
 from pinotwin.diagnosis.grade import grade, is_open, left_anyway
-from pinotwin.diagnosis.phrases import effect_words, joined
+from pinotwin.diagnosis.phrases import effect_words
 from pinotwin.diagnosis.result import Found, Gap, Verdict
 from pinotwin.diagnosis.rules import RULES, Rules
 from pinotwin.diagnosis.search.forward import Found as Search
+from pinotwin.system.phrases import joined
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ import numpy as np
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.errors import nearest
 from pinotwin.log import Log
-from pinotwin.logs.quality.phrases import finding
-from pinotwin.logs.quality.results import AxisQuality, ChannelQuality, Finding, Limits
+from pinotwin.logs.quality.results import AxisQuality, ChannelQuality, Finding, Limits, finding
 from pinotwin.logs.quality.values import has_more_values, quantisation_step
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import (

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from pinotwin.arrays import plain
 from pinotwin.signals import Clock
+from pinotwin.system.phrases import LOG
 
 Severity = Literal["error", "warning", "info"]
 
@@ -137,3 +138,16 @@ class Quality:
     def as_dict(self) -> dict[str, Any]:
         """Return plain types for JSON; what is not finite becomes None."""
         return {"ok": self.ok, **plain(dataclasses.asdict(self))}
+
+
+_ERRORS = (
+    *("clock_missing", "clock_stands", "clock_unit", "empty", "position_missing", "no_motion"),
+    *("body_impossible", "unusable"),
+)
+_FACTS = ("constant", "load_position", "not_told", "no_effect", "identifiable")
+
+
+def finding(code: str, channel: str = "", grave: Severity | None = None, /, **numbers: object) -> Finding:
+    """Return what is said under a code of a channel, with its numbers; ``grave`` where it is not the usual."""
+    usual: Severity = "error" if code in _ERRORS else "info" if code in _FACTS else "warning"
+    return Finding(grave or usual, channel, LOG[code].format(**numbers), code)

@@ -10,8 +10,7 @@ import scipy
 
 from pinotwin.arrays import Floats, Ints, Mask
 from pinotwin.log import Log
-from pinotwin.logs.quality.phrases import finding
-from pinotwin.logs.quality.results import Finding
+from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.quality.values import (
     has_more_values,
     jump_rows,

@@ -10,8 +10,7 @@ import numpy as np
 from pinotwin.errors import DataError, LogError
 from pinotwin.log import Log
 from pinotwin.logs.files.given import LogLike, as_log
-from pinotwin.logs.quality.phrases import finding
-from pinotwin.logs.quality.results import Finding
+from pinotwin.logs.quality.results import Finding, finding
 from pinotwin.logs.settings import USUAL, Settings
 from pinotwin.signals import Clock, clock, uniform
 

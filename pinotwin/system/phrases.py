@@ -1,10 +1,10 @@
-"""Every sentence that `check` says of a log: code -> how grave it is, and the words around its numbers."""
+"""Every sentence that a person reads of a result, a table for each kind of result; ``{...}`` stands for its numbers."""
 
 from __future__ import annotations
 
-from pinotwin.logs.quality.results import Finding, Severity
+from collections.abc import Sequence
 
-SAID = {
+LOG = {
     # the clock
     "clock_missing": "no time channel; map its column, or give `t: {{rate: ...}}`, under columns in "
     "machine.yaml",
@@ -113,15 +113,159 @@ SAID = {
     "identifiable": "{count} of {of} base parameters can be identified, condition {condition:.3g}",
     "not_told": "this motion could not reveal {what}. To check, move these axes faster and alone",
 }
+"""What `check` says of a log: code -> sentence."""
 
-_ERRORS = (
-    *("clock_missing", "clock_stands", "clock_unit", "empty", "position_missing", "no_motion"),
-    *("body_impossible", "unusable"),
-)
-_FACTS = ("constant", "load_position", "not_told", "no_effect", "identifiable")
+IDENTIFIED = {
+    "unjudged": "This twin carries no judgement of itself: it was not identified from a log.",
+    "short": "The log is too short to judge the twin on data that were not fitted.",
+    "one": "{where}, the twin predicts the motor effort of {worst} to {size}.",
+    "several": "{where}, the twin predicts the motor effort {said}. The largest error is on {worst}: {size}.",
+    "size": "{share} of its standard deviation ({rms} RMS)",
+    "validation": "On the validation log",
+    "held_out": "Cross-validated on the log",
+    "tile": "{rms} RMS · {share} of the RMS effort · in the fit {fit}",
+    "open": "{open} of {all} parameters are not determined by these data ({names}). Predictions of other motions "
+    "that need them rely on the URDF.",
+    "infeasible": "The unconstrained fit was physically impossible; the nearest feasible one costs {more} more.",
+    "coloured": "The residual of {axes} is not white: it has a systematic part, which the intervals below allow for. "
+    "Run pinotwin diagnose to find the cause.",
+}
+"""What the page of `identify` says first, and to be careful about."""
+ADVERBS = {
+    "very good": "very well",
+    "good": "well",
+    "fair": "fairly",
+    "poor": "poorly",
+    "not judged": "unjudged",
+}
+"""Grade of a twin's error -> how it predicts, the best first."""
+
+SIMULATED = {
+    "alone": "The log holds the command alone, so there is nothing to hold the prediction against.",
+    "errors": "RMS error of the {signal}, over its RMS: {sizes}.",
+    "far": "Much larger error than in validation: {signals}. Run pinotwin diagnose.",
+}
+"""What the page of `simulate` says first."""
+
+DIAGNOSED = {
+    "agree_change": "Log and twin agree: no change found.",
+    "agree_structure": "Log and model agree: no missing effect found.",
+    "controllers": "The efforts agree with the twin; the controller of {axes} does not.",
+    "unsure": "Log and model differ on {where}; no cause is certain enough to be named.",
+    "unknown": "Log and model differ on {where}, and no known effect explains the residual.",
+    "also": "Also found: {others}.",
+    "controller": "Axis {axis} {looks}.",
+    "possible": "Possible, but not sure: {names}.",
+    "missing": "is missing from the model",
+    "hint": "Modelling it does not reduce the residual yet ({data}): a hint only.",
+    "falls": "{modelled} {residual} falls from {before} to {after} RMS ({data}).",
+    "alone": "With it alone modelled",
+    "modelled": "With it modelled",
+    "not explained": "{axis}: no named cause explains the residual of {rms} RMS.{looks}",
+    "partly explained": "{axis}: {after} of {rms} RMS remain unexplained.{looks}",
+    "not judged": "Axis {axis} is not judged: {why}.",
+    "above misfit": "{axis}: the residual is {times:.2g} times the twin's validation error. Watch it.",
+    "tracking": "The tracking error of {axes} is predicted worse than in validation, although the effort agrees. "
+    "No cause was searched for there.",
+}
+"""What the page of `diagnose` says first; under a grade, what is said of an axis with it."""
+
+MEANING: dict[str, str] = {
+    "agrees": "the residual is no larger than the noise",
+    "within misfit": "above the noise, but no larger than the twin's validation error",
+    "above misfit": "somewhat above the twin's validation error, too little to search for a cause",
+    "gap explained": "the named causes reduce the residual to noise and validation error",
+    "partly explained": "the named causes explain part of the residual; the rest is above the validation error",
+    "not explained": "above the validation error, and no named cause explains it",
+    "not judged": "no noise level or validation error to compare the residual with",
+}
+"""Grade of a residual -> what it says."""
+
+PRINTED = {
+    "within misfit": "as in validation",
+    "above misfit": "above validation",
+    "far above misfit": "far above validation",
+    "gap explained": "explained",
+}
+"""Code of a grade -> the words that people read, where they are others."""
+
+SIGNALS = {"u": "motor effort", "e": "tracking error", "v": "vibration", "ql": "motor against load"}
+"""Signal -> its name."""
+
+KINDS = {
+    "time": "time in the log",
+    "position": "position",
+    "velocity": "speed",
+    "acceleration": "acceleration",
+    "load": "motor effort",
+    "frequency": "frequency",
+    "other_axis": "other axis moving",
+}
+"""Kind of region -> its name in a table."""
+REGIONS = {
+    "time": "{span} into the log",
+    "position": "between positions {span}",
+    "reversal": "around standstill and reversal, slower than {end}",
+    "velocity": "at speeds of {span}",
+    "backward": "at speeds of {span} (backward)",
+    "forward": "at speeds of {span} (forward)",
+    "acceleration": "at accelerations of {span}",
+    "load": "while the motor gives {span}",
+    "slow": "in slow changes, below {end}",
+    "frequency": "in vibration at {span}",
+    "other_axis": "while axis {other} moves",
+}
+"""Kind of region -> where it lies, in a sentence."""
+
+NUMBERS = {
+    "viscous.b": "friction coefficient",
+    "viscous_asymmetric.b_plus": "friction coefficient forward",
+    "viscous_asymmetric.b_minus": "friction coefficient backward",
+    "viscous_thermal.b_warm": "friction coefficient lost by warming",
+    "coulomb.c": "dry friction",
+    "coulomb_asymmetric.c_plus": "dry friction forward",
+    "coulomb_asymmetric.c_minus": "dry friction backward",
+    "stribeck.s": "extra friction at low speed",
+    "presliding.c": "dry friction",
+    "presliding.s": "extra friction at low speed",
+    "presliding.m": "stiffness share",
+    "presliding.d": "damping before sliding",
+    "quadratic_drag.b2": "drag coefficient",
+    "load_friction.mu": "friction per load",
+    "hysteresis.k": "drag of the loop",
+    "offset.f0": "constant effort",
+    "effort_scale.factor": "logged effort over the model's",
+    "delay.seconds": "delay",
+    "backlash.share": "share of the load behind the play",
+    "drive_flexibility.share": "share of the inertia behind the spring",
+    "drive_flexibility.resonance": "resonance",
+    "joint_flexibility.resonance": "resonance",
+    "drive_flexibility.stiffness": "stiffness",
+    "drive_flexibility.damping": "damping",
+    "drive_flexibility.rotor": "inertia before the spring",
+    "backlash.gap": "lost motion",
+    "encoder_error.largest": "largest error along the stroke",
+    "joint_flexibility.share": "share of the inertia behind the spring",
+    "inertial_coupling.J": "coupled inertia",
+    "geometric_error.tilt1": "tilt about the first cross axis",
+    "geometric_error.tilt2": "tilt about the second cross axis",
+    "feedforward.K_v": "feed-forward of speed",
+    "feedforward.K_a": "feed-forward of acceleration",
+    "payload.m": "mass",
+}
+"""Name of a number -> what it is."""
+
+STUDIED = {
+    "enough": "{seconds:.3g} s are enough",
+    "more": "the error has not settled; a longer log would help",
+    "coupling": "a model for each axis alone multiplies the held-out error by {ratio:.3g} on {axis}",
+    "without": "without {effect} the RMS error grows from {complete:.3g} to {without:.3g} {unit}",
+    "overlay": "the curve explains {share:.0%} of the data's power",
+    "errors": "{share:.0%} of the tracking error comes from {cause}",
+}
+"""What `study` found."""
 
 
-def finding(code: str, channel: str = "", grave: Severity | None = None, /, **numbers: object) -> Finding:
-    """Return what is said under a code of a channel, with its numbers; ``grave`` where it is not the usual."""
-    usual: Severity = "error" if code in _ERRORS else "info" if code in _FACTS else "warning"
-    return Finding(grave or usual, channel, SAID[code].format(**numbers), code)
+def joined(words: Sequence[str]) -> str:
+    """Return ``a, b and c``."""
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
