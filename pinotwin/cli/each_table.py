@@ -142,7 +142,7 @@ def lines_of(document: Mapping[str, Any], seconds: float) -> list[str]:
         sizes = ["-" if row[k] is None else f"{row[k]:.1%}" for k in ("gap", "after", "misfit")]
         last = row["error"] or _causes(row) or "-"
         rows.append([_shown(row["log"]), row["verdict"], row["signal"] or "-", *sizes, last])
-    lines = columns(head, rows, left=(0, 1, 2, 6))
+    lines = columns(head, rows, left=(0, 1, 2, 6), piped=1000)  # a line a log
     count = ", ".join(f"{n} {verdict}" for verdict, n in document["counts"].items())
     before = f" ({kept} of an earlier run)" if kept else ""
     return [*lines, f"{len(table)} logs{before}: {count}; {seconds:.0f} s"]

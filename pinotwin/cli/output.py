@@ -17,13 +17,15 @@ def beside(path: str, page: str) -> str:
     return Path(os.path.relpath(path, Path(page).resolve().parent)).as_posix()
 
 
-def columns(head: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,)) -> list[str]:
+def columns(
+    head: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,), piped: int = 80
+) -> list[str]:
     """Return a table as lines; columns as wide as their widest cell, two blanks between, those in ``left`` aligned so.
 
-    Where that is wider than the terminal (80 characters in a pipe), long names in the first column stand on a line of
-    their own.
+    Where that is wider than the terminal (``piped`` characters in a pipe), long names in the first column stand on a
+    line of their own.
     """
-    most = width() or 80
+    most = width() or piped
     every = [list(head), *map(list, rows)]
     wide = [max(len(row[k]) for row in every) for k in range(len(head))]
     if len(head) - 1 in left:
