@@ -9,7 +9,7 @@ N without.
 from __future__ import annotations
 
 import pinotwin as pt
-from pinotwin.studies.removal import with_and_without
+from pinotwin.studies.overlay import with_and_without
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
 
@@ -18,8 +18,7 @@ def main(axis: str = "X", effect: str = "coulomb", seconds: float = 10.0) -> tup
     virtual = VirtualMachine.load(pt.machines()["emps"])
     log, unseen = (virtual.record(random_trajectory(virtual, seconds, k), seed=k).to_log() for k in (1, 2))
     twin = pt.identify(pt.Machine.load("emps"), log, loop=False)
-    compared = with_and_without(twin, unseen, axis, [effect])
-    complete, without = compared.errors()
+    ((_, complete, without),) = with_and_without(twin, unseen, axis, [effect]).rows
     print(f"{axis}: {complete:.3g} N with {effect}, {without:.3g} N without, on a motion that was not fitted")
     return complete, without
 

@@ -88,8 +88,7 @@ def main(seconds: float = 20.0, unseen_seconds: float = 12.0) -> dict[str, float
     print_counts(twin)
     open_loop = twin.quality["relative_error"]
     print(f"\nopen loop, 2-norm of the effort error: {open_loop:.2%} (source 3.4 %)")
-    for name, row in coupled_against_decoupled(machine, log).axes.items():
-        with_, without = row.coupled_error["nrmse"], row.decoupled_error["nrmse"]
+    for name, with_, without, *_ in coupled_against_decoupled(machine, log).rows:
         print(f"  {name}: with coupling {with_:.2%}, left out {without:.2%}")
     fitted, new = closed_loop_errors(log, twin), closed_loop_errors(unseen, twin)
     bare = without_coupling(machine, log, unseen)

@@ -43,23 +43,16 @@ _JOINT_SIGNALS = {"position": "q", "velocity": "v", "effort": "u"}
 
 @dataclass(frozen=True)
 class Column:
-    """Where one channel comes from.
+    """Where one channel comes from."""
 
-    Attributes:
-        column: name in the file; None only for a clock made from ``rate``.
-        unit: unit of the numbers in the file; "" takes the one that the file states, else SI.
-        factor: remaining factor to SI, or the name of a scalar of the file that holds it.
-        offset: added after scaling [SI].
-        rate: sampling rate [Hz] of a clock without a column.
-        wrap: range of a counter that starts again, in ``unit``, before ``factor``: it is unwrapped.
-    """
-
-    column: str | None = None
-    unit: str = ""
-    factor: float | str = 1.0
-    offset: float = 0.0
-    rate: float | None = None
-    wrap: float | None = None
+    column: str | None = None  # name in the file; None only for a clock made from ``rate``
+    unit: str = ""  # unit of the numbers in the file; "" takes the one that the file states, else SI
+    factor: float | str = 1.0  # remaining factor to SI, or the name of a scalar of the file that holds it
+    offset: float = 0.0  # added after scaling [SI]
+    rate: float | None = None  # sampling rate [Hz] of a clock without a column
+    wrap: float | None = (
+        None  # range of a counter that starts again, in ``unit``, before ``factor``: it is unwrapped
+    )
 
 
 def is_contract_name(name: str) -> bool:
@@ -225,14 +218,10 @@ def _scaled(x: Floats, factor: float, offset: float) -> Floats:
 
 
 def unwrapped(x: Floats, wrap: float) -> tuple[Floats, int]:
-    """Return a position without the jumps of a counter that starts again, and how many there were.
+    """Return a position (n,) without the jumps of a counter of the range ``wrap``, and how many there were.
 
-    A change by more than half the range from one sample to the next is taken for a jump; so an axis must turn
-    by less between two samples. Missing values stay missing.
-
-    Args:
-        x: as the counter gave it, shape (n,).
-        wrap: range of the counter, in the unit of ``x``.
+    A change by more than half the range from one sample to the next is taken for a jump; so an axis must turn by less
+    between two samples. Missing values stay missing.
     """
     good = np.isfinite(x)
     out = x.copy()

@@ -56,10 +56,6 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """Return a hint that names the known word nearest to ``name`` and lists the others (if not too many).
 
     Words that contain the name come before those that are spelled like it.
-
-    Args:
-        name: the word that was given.
-        known: the words that exist.
     """
     words = sorted(str(word) for word in known)
     folded = {word.casefold(): word for word in reversed(words)}

@@ -296,11 +296,7 @@ def _ends(x: Floats) -> tuple[float, float]:
 
 
 def require_pandas() -> Any:
-    """Return pandas, which is optional.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """Return pandas, which is optional; an InputError says how to do without."""
     try:
         import pandas
     except ImportError:

@@ -229,11 +229,8 @@ class Motion(Card):
     ) -> Motion:
         """Return what is known without a log as one stretch: nothing is filtered, no effort is measured.
 
-        Args:
-            joints: names and rotary of the columns.
-            t: time [s], shape (n,); NaN where there is no clock.
-            *qva: position, velocity and acceleration, shape (n, nv).
-            **rest: further attributes.
+        ``joints`` are names and rotary of the columns, ``t`` is [s], shape (n,), NaN where there is no clock; ``qva``
+        are position, velocity and acceleration, shape (n, nv), ``rest`` further attributes.
         """
         q, v, a = qva
         names, rotary = joints

@@ -83,11 +83,7 @@ def find_unit(text: str) -> str | None:
 
 
 def si_factor(unit: str) -> float:
-    """Return the factor that turns a number in ``unit`` into SI.
-
-    Raises:
-        LogError: the unit is unknown; the message names the nearest known one.
-    """
+    """Return the factor that turns a number in ``unit`` into SI; a LogError names the nearest known unit."""
     try:
         return SI_FACTOR[unit.strip()]
     except KeyError:

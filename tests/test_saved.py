@@ -207,7 +207,7 @@ def test_compare_takes_twins_or_diagnoses(folder, found, tmp_path, monkeypatch):
     both = pt.compare(found, found)
     assert list(both.causes) == [("viscous", "X")]
     assert (both.save(tmp_path / "both") / "compare.html").is_file()
-    with pytest.raises(pt.InputError, match="two twins or more"):
+    with pytest.raises(pt.InputError, match="twins or diagnoses, not both"):
         pt.compare(other, found)
 
 

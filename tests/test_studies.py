@@ -14,13 +14,12 @@ from pinotwin.effects import Coulomb, PositionTable, Ripple, Viscous
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.machine import Machine
-from pinotwin.report.study_plots import figure_of
+from pinotwin.report.study_plots import coupling_figure, removal_figure
 from pinotwin.studies.amount import error_against_data
 from pinotwin.studies.coupling import coupled_against_decoupled
 from pinotwin.studies.evidence import evidence, split_rigid_body
-from pinotwin.studies.overlay import FRICTION, TABLE, overlay
+from pinotwin.studies.overlay import FRICTION, TABLE, explained, overlay, with_and_without
 from pinotwin.studies.overlay import RIPPLE as RIPPLES
-from pinotwin.studies.removal import with_and_without
 from pinotwin.twin import Twin
 from pinotwin.virtual import VirtualMachine, random_trajectory
 
@@ -120,25 +119,28 @@ def test_friction_overlay_shows_the_true_curve() -> None:
     twin, log = identified()
     found = overlay(twin, log, "Y", FRICTION, "velocity")
     assert found.effects == ("Y.viscous", "Y.coulomb")
-    assert np.all(np.diff(found.grid) >= 0)
-    fast = np.abs(found.grid) > 0.02
-    truth = VISCOUS["Y"] * found.grid + COULOMB["Y"] * np.sign(found.grid)
-    np.testing.assert_allclose(found.curve[fast], truth[fast], atol=0.05 * COULOMB["Y"])
-    fast = np.abs(found.bins.x) > 0.05
-    data = VISCOUS["Y"] * found.bins.x + COULOMB["Y"] * np.sign(found.bins.x)
-    np.testing.assert_allclose(found.bins.median[fast], data[fast], atol=0.1 * COULOMB["Y"])
-    assert found.explained > 0.95
+    grid = found["grid"]
+    assert np.all(np.diff(grid) >= 0)
+    fast = np.abs(grid) > 0.02
+    truth = VISCOUS["Y"] * grid + COULOMB["Y"] * np.sign(grid)
+    np.testing.assert_allclose(found["curve"][fast], truth[fast], atol=0.05 * COULOMB["Y"])
+    x, median, low, high = np.array(found.rows).T
+    fast = np.abs(x) > 0.05
+    data = VISCOUS["Y"] * x + COULOMB["Y"] * np.sign(x)
+    np.testing.assert_allclose(median[fast], data[fast], atol=0.1 * COULOMB["Y"])
+    assert np.all((low <= median) & (median <= high))
+    assert explained(found["extracted"], found["fitted"]) > 0.95
 
 
 def test_ripple_and_table_overlays_show_the_true_curves() -> None:
     twin, log = identified()
     ripple = overlay(twin, log, "A", RIPPLES, "position")
-    truth = RIPPLE * np.cos(2 * np.pi * ripple.grid / PITCH)
-    np.testing.assert_allclose(ripple.curve, truth, atol=0.1 * RIPPLE)
+    truth = RIPPLE * np.cos(2 * np.pi * ripple["grid"] / PITCH)
+    np.testing.assert_allclose(ripple["curve"], truth, atol=0.1 * RIPPLE)
     table = overlay(twin, log, "Y", TABLE, "position")
-    middle = np.abs(table.grid) < 0.1
+    middle = np.abs(table["grid"]) < 0.1
     # A table and the constant part of another effect share their mean: compare without it.
-    curve, truth = table.curve[middle], bump(table.grid[middle])
+    curve, truth = table["curve"][middle], bump(table["grid"][middle])
     np.testing.assert_allclose(curve - curve.mean(), truth - truth.mean(), atol=1.0)
 
 
@@ -151,13 +153,14 @@ def test_overlay_of_an_effect_that_the_axis_has_not() -> None:
 def test_error_against_data_falls_to_the_noise() -> None:
     machine = trunnion()
     found = error_against_data(machine, recorded(machine, 3, seconds=10.0), seconds=[0.5, 2, 4, 6])
-    assert len(found.seconds) == 4
-    assert np.all(np.diff(found.seconds) > 0)
+    seconds, fitted, held_out = np.array(found.rows).T
+    assert len(seconds) == 4
+    assert np.all(np.diff(seconds) > 0)
     # With little data the fit flatters itself; with enough, both errors are the noise.
-    assert found.held_out[0] > 1.5 * found.fitted[0]
-    assert found.held_out[-1] < 1.2 * found.fitted[-1]
-    assert found.fitted[-1] < 0.035
-    assert np.isnan(found.held_out_axes[-1, 2])  # C stands still
+    assert held_out[0] > 1.5 * fitted[0]
+    assert held_out[-1] < 1.2 * fitted[-1]
+    assert fitted[-1] < 0.035
+    assert np.isnan(found["C"][-1])  # C stands still
 
 
 def test_error_against_data_names_impossible_lengths() -> None:
@@ -174,10 +177,11 @@ def test_coupling_matters_where_the_tree_couples() -> None:
     log = recorded(machine, 4, seconds=12.0)
     found = coupled_against_decoupled(machine, log)
     # Y's acceleration tilts the table through its first moment and the other way round.
-    assert found.gain["A"] > 1.5
-    assert found.axes["A"].coupled_error["nrmse_std"] < 0.04
-    assert set(found.axes) == {"Y", "A"}
-    assert len(figure_of(found).data) >= 4
+    rows = {name: errors for name, *errors in found.rows}
+    assert rows["A"][1] > 1.5 * rows["A"][0]
+    assert rows["A"][2] < 0.04
+    assert set(rows) == {"Y", "A"}
+    assert len(coupling_figure(found).data) >= 4
 
 
 def test_one_axis_has_nothing_to_couple_with() -> None:
@@ -189,7 +193,8 @@ def test_one_axis_has_nothing_to_couple_with() -> None:
     u = 95.0 * a + 200.0 * v + 20.0 * np.sign(v) + np.random.default_rng(0).normal(size=len(t))
     log = Log({"t": t, "X.q": q, "X.u": u})
     found = coupled_against_decoupled(replace(machine, columns={}), log, decimate=1)
-    assert found.gain["X"] == pytest.approx(1.0, abs=1e-6)
+    ((_, coupled, decoupled, *_),) = found.rows
+    assert decoupled == pytest.approx(coupled, rel=1e-6)
 
 
 def test_leaving_the_ripple_out_is_seen_in_the_prediction() -> None:
@@ -198,10 +203,10 @@ def test_leaving_the_ripple_out_is_seen_in_the_prediction() -> None:
     log = virtual.record(random_trajectory(virtual, 8.0, 3), seed=3).to_log()
     twin = pt.identify(pt.Machine.load("laser_driller"), log, loop=False)
     study = with_and_without(twin, log, "C", ("ripple_modulated",))
-    complete, without = study.errors()
+    ((_, complete, without),) = study.rows
     assert without > 3.0 * complete
-    ripple = study.complete - study.without
+    ripple = study["complete"] - study["without"]
     assert np.sqrt(np.mean(ripple**2)) == pytest.approx(np.sqrt(without**2 - complete**2), rel=0.1)
-    assert len(figure_of(study).data) == 3
+    assert len(removal_figure(study).data) == 3
     with pytest.raises(DataError, match="has none of"):
         with_and_without(twin, log, "Z")

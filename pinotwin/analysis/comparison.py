@@ -40,25 +40,15 @@ Z90 = 1.6449
 
 @dataclass(frozen=True)
 class Row:
-    """One parameter in every twin.
+    """One parameter in every twin."""
 
-    Attributes:
-        name: full name.
-        effect: key of its effect.
-        unit: SI unit.
-        values: in the order of the twins, NaN where a twin does not determine it.
-        errors: standard errors, likewise, widened by what the model leaves out.
-        p: probability of so much scatter by chance; NaN where fewer than two determine it, or of a table.
-        moved: whether it moved, all parameters considered.
-    """
-
-    name: str
-    effect: str
-    unit: str
-    values: tuple[float, ...]
-    errors: tuple[float, ...]
-    p: float
-    moved: bool = False
+    name: str  # full name
+    effect: str  # key of its effect
+    unit: str  # SI unit
+    values: tuple[float, ...]  # in the order of the twins, NaN where a twin does not determine it
+    errors: tuple[float, ...]  # standard errors, likewise, widened by what the model leaves out
+    p: float  # probability of so much scatter by chance; NaN where fewer than two determine it, or of a table
+    moved: bool = False  # whether it moved, all parameters considered
 
     @property
     def change(self) -> float:

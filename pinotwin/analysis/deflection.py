@@ -23,19 +23,12 @@ from pinotwin.twin import Twin
 
 @dataclass(frozen=True)
 class PassiveSpring:
-    """A passive joint of a twin.
+    """A passive joint of a twin."""
 
-    Attributes:
-        name: of the joint.
-        index: its column in the machine's arrays.
-        stiffness: [N/m or N·m/rad].
-        damping: [N·s/m or N·m·s/rad].
-    """
-
-    name: str
-    index: int
-    stiffness: float
-    damping: float
+    name: str  # of the joint
+    index: int  # its column in the machine's arrays
+    stiffness: float  # [N/m or N·m/rad]
+    damping: float  # [N·s/m or N·m·s/rad]
 
     def mode(self, inertia: float) -> tuple[float, float]:
         """Return the natural frequency [rad/s] and the damping ratio with an inertia on it."""
@@ -45,24 +38,16 @@ class PassiveSpring:
 
 @dataclass(frozen=True)
 class Load:
-    """What drives a passive joint along a motion.
+    """What drives a passive joint along a motion."""
 
-    Attributes:
-        torque: effort that the axes' motion puts on it, shape (n,) [N or N·m].
-        inertia: M_pp, shape (n,).
-        motion: along which.
-    """
-
-    torque: Floats
-    inertia: Floats
-    motion: Motion
+    torque: Floats  # effort that the axes' motion puts on it, shape (n,) [N or N·m]
+    inertia: Floats  # M_pp, shape (n,)
+    motion: Motion  # along which
 
     def response(self, spring: PassiveSpring, passes: int = 3) -> tuple[Floats, Floats, Floats]:
         """Return deflection, velocity and acceleration of the joint, shape (n,) each.
 
-        Args:
-            spring: of the joint.
-            passes: in which the inertia's change with the posture settles.
+        In so many passes the inertia's change with the posture settles.
         """
         mean = float(self.inertia.mean())
         wn, zeta = spring.mode(mean)
@@ -107,13 +92,7 @@ def load_of(machine: Machine, beta: Floats, motion: Motion, joint: int) -> Load:
 
 
 def bent(twin: Twin, motion: Motion, measured: Motion) -> Motion:
-    """Return the motion with its passive joints as they were measured, else as the twin predicts.
-
-    Args:
-        twin: with its springs.
-        motion: of the axes.
-        measured: the same log with whatever it holds of the passive joints.
-    """
+    """Return the motion with its passive joints as ``measured`` holds them, else as the twin's springs predict."""
     q, v, a = (x.copy() for x in (motion.q, motion.v, motion.a))
     for spring in springs(twin):
         p = spring.index

@@ -97,28 +97,22 @@ def compare(
         InputError: fewer than two, twins beside diagnoses, or twins of different machines.
     """
     kinds = {_is_diagnosis(one) for one in subjects}
-    if len(subjects) < 2 or len(kinds) > 1:
+    if len(subjects) < 2:
         raise InputError("compare: give two twins or more, or two diagnoses or more")
+    if len(kinds) > 1:
+        raise InputError("compare: give twins or diagnoses, not both")
     if not kinds.pop():
         return twins_compared(*subjects, labels=labels, log=log)
     if log is not None:
-        raise InputError("compare: log: is for twins; a diagnosis holds its logs already")
-    return read_diagnoses(subjects, labels or tuple(str(k + 1) for k in range(len(subjects))))
+        raise InputError("compare: a log is for twins; a diagnosis holds its logs already")
+    names = labels or [str(k + 1) for k in range(len(subjects))]
+    return Diagnoses(tuple(names), tuple(map(_document, subjects)))
 
 
 def _is_diagnosis(given: Any) -> bool:
     if isinstance(given, str | Path):
         return Path(given).name == "diagnosis.json" or (Path(given) / "diagnosis.json").is_file()
     return hasattr(given, "verdict")
-
-
-def read_diagnoses(folders: Sequence[Any], labels: Sequence[str]) -> Diagnoses:
-    """Return diagnoses, or those in their folders or diagnosis.json, side by side.
-
-    Raises:
-        InputError: a folder holds none, or it cannot be read.
-    """
-    return Diagnoses(tuple(labels), tuple(map(_document, folders)))
 
 
 def _document(given: Any) -> Mapping[str, Any]:

@@ -105,13 +105,9 @@ def generalised_disturbance(
 ) -> Floats:
     """Return the generalised disturbance of a motion, shape (n, nv) [N or N·m] (Eq. 4.4, 4.19).
 
-    External loads of the log are part of it, with the sign of a disturbance.
-
-    Args:
-        plant: what was identified, or a twin: its loops are not used.
-        motion: measured or simulated.
-        diagonal: M_D, C, K as :func:`diagonal` returns them.
-        modes: whether loads that hang on an axis by a spring are part of it: a free loop has them among its poles.
+    External loads of the log are part of it, with the sign of a disturbance. ``modes`` says whether loads that hang
+    on an axis by a spring are: a free loop has them among its poles. ``diagonal`` is M_D, C and K as :func:`diagonal`
+    returns them.
     """
     total = rigid_effort(plant, motion.q, motion.v, motion.a)
     motion = plant.scene(motion)
@@ -126,15 +122,8 @@ def generalised_disturbance(
 def split(plant: OpenLoop, motion: Motion, *, modes: bool = True) -> dict[str, Floats]:
     """Return the generalised disturbance of a motion by its causes, each of shape (n, nv) [N or N·m].
 
-    With :func:`linear` they sum to ``twin.effort(motion)``. Absent causes are left out.
-
-    Args:
-        plant: what was identified.
-        motion: measured or simulated.
-        modes: see :func:`generalised_disturbance`.
-
-    Raises:
-        DataError: the twin was identified without its diagonal.
+    With :func:`linear` they sum to ``twin.effort(motion)``. Absent causes are left out. See
+    :func:`generalised_disturbance` for ``modes``.
     """
     if not plant.diagonal:
         raise DataError(f"{plant.machine.name}: the twin holds no diagonal; identify it again")

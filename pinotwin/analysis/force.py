@@ -151,19 +151,12 @@ def _unsure(twin: Twin, motion: Motion, own: Motion) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class LinkForce:
-    """A pure force on a link, in the axes of that link.
+    """A pure force on a link, in the axes of that link."""
 
-    Attributes:
-        t: time [s], shape (n,).
-        link: name of the link (or another frame).
-        force: at its origin [N], shape (n, 3), NaN along directions that the axes do not feel.
-        half: half width of its 90 % interval, shape (n, 3), likewise.
-    """
-
-    t: Floats
-    link: str
-    force: Floats
-    half: Floats
+    t: Floats  # time [s], shape (n,)
+    link: str  # name of the link (or another frame)
+    force: Floats  # at its origin [N], shape (n, 3), NaN along directions that the axes do not feel
+    half: Floats  # half width of its 90 % interval, shape (n, 3), likewise
 
     def channels(self) -> dict[str, Floats]:
         """Return ``<link>.fx`` to ``.fz``, each with ``_low`` and ``_high``."""
@@ -181,17 +174,10 @@ class LinkForce:
 def link_force(
     machine: Machine, found: ExternalEffort, link: str, *, felt: float = 0.99, dull: float = 30.0
 ) -> LinkForce:
-    """Return the pure force on a link that explains external efforts, where it is determined.
+    """Return the pure force on a link, at its origin, that explains external efforts, where it is determined.
 
-    Args:
-        machine: whose links.
-        found: external effort of its axes.
-        link: name of a link; the force acts at its origin.
-        felt: share of a direction that the axes must feel for the force along it to be stated.
-        dull: times the best-felt direction's interval, from which a direction counts as not felt.
-
-    Raises:
-        MachineError: there is no such link.
+    A direction of which the axes feel less than the share ``felt``, or ``dull`` times less sharply than the best-felt
+    one, is not stated.
     """
     columns = [machine.axis(name).index for name in found.names]
     J = jacobian(machine.model, link, found.q)[:, :3][:, :, columns]

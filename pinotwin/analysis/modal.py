@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from pinotwin.analysis.deflection import springs
 from pinotwin.arrays import Floats, Ints
 from pinotwin.dynamics import mass_matrix
 from pinotwin.errors import MachineError, TwinError, nearest
@@ -30,37 +31,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Mode:
-    """One vibration.
+    """One vibration."""
 
-    Attributes:
-        frequency: undamped natural frequency [Hz].
-        damping: damping ratio.
-        shape: complex amplitude of every joint [m or rad], scaled to unit kinetic energy at 1 rad/s
-            (phi^H M phi = 1), the largest part real and positive; zero for locked joints, (nv,).
-        energy: share of the kinetic energy by joint, (nv,).
-    """
-
-    frequency: float
-    damping: float
+    frequency: float  # undamped natural frequency [Hz]
+    damping: float  # damping ratio
+    # complex amplitude of every joint [m or rad], scaled to unit kinetic energy at 1 rad/s (phi^H M phi = 1), the
+    # largest part real and positive; zero for locked joints, (nv,)
     shape: np.ndarray
-    energy: Floats
+    energy: Floats  # share of the kinetic energy by joint, (nv,)
 
 
 @dataclass(frozen=True)
 class Modes:
-    """The vibrations at a posture, slowest first.
+    """The vibrations at a posture, slowest first."""
 
-    Attributes:
-        names: joint of every entry of a shape.
-        q: the posture, (nv,).
-        locked: axes that are locked.
-        modes: the vibrations.
-    """
-
-    names: tuple[str, ...]
-    q: Floats
-    locked: tuple[str, ...]
-    modes: tuple[Mode, ...]
+    names: tuple[str, ...]  # joint of every entry of a shape
+    q: Floats  # the posture, (nv,)
+    locked: tuple[str, ...]  # axes that are locked
+    modes: tuple[Mode, ...]  # the vibrations
 
     def __len__(self) -> int:
         return len(self.modes)
@@ -93,9 +81,9 @@ def modes(
     Raises:
         MachineError: an unknown axis, or a passive joint of unknown stiffness.
     """
-    believed, model, springs = _believed(machine)
+    believed, model, found = _believed(machine)
     q = believed.posture(posture)
-    k, c = _springs(believed, springs, stiffness or {}, damping or {})
+    k, c = _springs(believed, found, stiffness or {}, damping or {})
     held = _locked(believed, locked, stiffness or {})
     free = np.array([j for j, name in enumerate(believed.names) if name not in held], dtype=np.intp)
     M = mass_matrix(model, q[None])[0]
@@ -167,11 +155,7 @@ def _believed(machine: Machine | Twin) -> tuple[Machine, pin.Model, dict[str, tu
     """Return the machine, its model, and the stiffness and damping that a twin found."""
     if isinstance(machine, Machine):
         return machine, machine.model, {}
-    found = {}
-    for name in machine.machine.passive:
-        if f"{name}.spring" in machine.keys:
-            k, c = machine.coefficients(f"{name}.spring")
-            found[name] = (float(k), float(c))
+    found = {spring.name: (spring.stiffness, spring.damping) for spring in springs(machine)}
     return machine.machine, machine.model, found
 
 
@@ -248,16 +232,10 @@ def _mode(M: Floats, shape: np.ndarray, frequency: float, damping: float) -> Mod
 
 
 def animate(found: Modes, number: int, reach: float, seconds: float = 2.0) -> tuple[Floats, Floats]:
-    """Return times (n,) and configurations (n, nv) that show one mode, slowed down, over one period.
+    """Return times (n,) [s] and configurations (n, nv) that show one mode, 1 the slowest, over one period.
 
-    Args:
-        found: the modes.
-        number: which one, 1 for the slowest.
-        reach: largest amplitude of a joint, in units of its shape scaled to a largest entry of 1.
-        seconds: duration of a period on the screen.
-
-    Raises:
-        MachineError: there are fewer modes.
+    It is slowed down and enlarged: ``reach`` is the largest amplitude of a joint, in units of its shape scaled to a
+    largest entry of 1.
     """
     if not 1 <= number <= len(found):
         known = ", ".join(f"{m.frequency:.3g} Hz" for m in found.modes) or "none"

@@ -48,17 +48,11 @@ SHARED = {
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command answers.
+    """What a command answers."""
 
-    Attributes:
-        lines: said one by one, after the files are written.
-        content: of ``--json``.
-        code: exit code.
-    """
-
-    lines: Iterable[str]
-    content: Any = None
-    code: int = 0
+    lines: Iterable[str]  # said one by one, after the files are written
+    content: Any = None  # of ``--json``
+    code: int = 0  # exit code
 
 
 Command = Callable[..., Answer]
@@ -141,12 +135,7 @@ def _options(annotation: Any, default: Any) -> dict[str, Any]:
 def check_outputs(values: Mapping[str, Any], written: Mapping[str, tuple[str, ...]]) -> None:
     """Refuse results that cannot be written before the work for them is done.
 
-    Args:
-        values: of the arguments.
-        written: argument -> ``file`` or ``folder``, with what a file is and the endings that it may have.
-
-    Raises:
-        InputError: with what to do.
+    ``written`` has for an argument ``file`` or ``folder``, with what a file is and the endings that it may have.
     """
     for name, tags in written.items():
         path = values[name]
@@ -157,11 +146,7 @@ def check_outputs(values: Mapping[str, Any], written: Mapping[str, tuple[str, ..
 
 
 def check_written(option: str, path: str, what: str = "", *endings: str) -> None:
-    """Refuse a file that cannot be written, or has none of the endings that ``what`` is written as.
-
-    Raises:
-        InputError: with what to do.
-    """
+    """Refuse a file that cannot be written, or has none of the endings that ``what`` is written as."""
     if endings and Path(path).suffix not in endings:
         raise InputError(f"--{option}: {Path(path).name}: {what} is written as {' or '.join(endings)}")
     check_file(path)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinotwin.cli.arguments import Answer, Folder, Several
+from pinotwin.cli.inputs import distinct
 from pinotwin.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,7 +26,9 @@ def run(subjects: Several, *, log: str | None = None, out: Folder) -> Answer:
     from pinotwin.analysis.comparison import Comparison
     from pinotwin.analysis.diagnoses import compare
 
-    found = compare(*subjects, labels=_labels(subjects), log=log)
+    paths = [Path(subject).resolve() for subject in subjects]
+    labels = distinct([(p.parent if p.suffix == ".json" else p).parts for p in paths], "/")
+    found = compare(*subjects, labels=labels, log=log)
     found.save(out)
     lines = moved_lines(found) if isinstance(found, Comparison) else [found.sentence]
     return Answer([*lines, f"written to {out}: compare.html, compare.json"], found.to_dict())
@@ -39,17 +41,6 @@ def _check(subject: str) -> None:
         raise InputError(
             f"{subject}: holds neither twin.json nor diagnosis.json; give what identify or diagnose wrote"
         )
-
-
-def _labels(subjects: Sequence[str]) -> list[str]:
-    """Return a short name for each: the folder's, with its parents where two are the same."""
-    paths = [Path(s).resolve() for s in subjects]
-    paths = [p.parent if p.suffix == ".json" else p for p in paths]
-    for depth in range(1, 6):
-        names = ["/".join(p.parts[-depth:]) for p in paths]
-        if len(set(names)) == len(names):
-            return names
-    return [f"{k + 1}" for k in range(len(paths))]
 
 
 def moved_lines(found: Comparison) -> list[str]:

@@ -142,12 +142,7 @@ def gap_lines(found: Diagnosis) -> list[str]:
 
 
 def cause_lines(found: Diagnosis, likely: float = 0.05) -> list[str]:
-    """Return every cause, named or possible, with its size, its confidence and what else it could be.
-
-    Args:
-        found: the diagnosis.
-        likely: probability from which another cause is worth a line.
-    """
+    """Return every cause, named or possible, with its size, its confidence and what else it could be, if likely."""
     from pinotwin.diagnosis.conclusion.sizes import interval_text, size_text, times_text, told
     from pinotwin.diagnosis.phrases import on_axis
 

@@ -15,7 +15,6 @@ import json
 import os
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any
 
 from pinotwin.cli.arguments import Answer
 from pinotwin.cli.each_table import FAILED, Row, Table, answered, failed, lines_of
+from pinotwin.cli.inputs import distinct
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError, OutputError
 from pinotwin.system.threads import one_blas_thread
@@ -72,18 +72,10 @@ def each_answered(
     workers: int | None = None,
     fail_on_gap: bool = False,
 ) -> Answer:
-    """Diagnose every log by itself and write the table.
+    """Diagnose every log (or those in a folder) by itself and return the table as lines, its content and the exit code.
 
-    Args:
-        logs: as they were given, folders among them.
-        asked: of each.
-        work: the diagnosis of one log.
-        out: folder of all answers.
-        workers: processes; one for each processor when None.
-        fail_on_gap: exit code 1 unless every verdict is none.
-
-    Returns:
-        The table as lines, its content, and the exit code.
+    There is a process for each processor where ``workers`` is None; the code is 1 with ``fail_on_gap`` unless every
+    verdict is none.
     """
     if workers is not None and workers < 1:
         raise InputError(f"--workers: {workers}: must be at least 1")
@@ -126,7 +118,7 @@ def jobs_of(given: Sequence[str], asked: Asked, out: Path) -> list[Job]:
     common = _made_of(asked)
     return [
         Job(log, out / name, hashlib.sha256(f"{common} {_digest(log)}".encode()).hexdigest())
-        for log, name in zip(logs, _names(logs), strict=True)
+        for log, name in zip(logs, distinct(map(_path, logs), "_"), strict=True)
     ]
 
 
@@ -149,27 +141,10 @@ def _parts(log: str) -> list[Path]:
     return [whole] if whole.exists() or "+" not in log else [Path(p.strip()) for p in log.split("+")]
 
 
-def _names(logs: Sequence[str]) -> list[str]:
-    """Return the name of each log's folder: its stem, with the names of its folders where two have one."""
-    depth = [0] * len(logs)
-    names = [_name(log, 0) for log in logs]
-    for _ in range(20):
-        # the file system may not tell capitals, and `each.csv` is the table's
-        count = Counter(name.casefold() for name in names)
-        again = [k for k, name in enumerate(names) if count[name.casefold()] > 1]
-        if not again:
-            return names
-        for k in again:
-            depth[k] += 1
-            names[k] = _name(logs[k], depth[k])
-    return [f"{name}_{k + 1}" for k, name in enumerate(names)]
-
-
-def _name(log: str, depth: int) -> str:
+def _path(log: str) -> list[str]:
+    """Return the folders of a log, and what its own folder is called by: the stems of its files."""
     first, *others = _parts(log)
-    folders = [p for p in first.absolute().parts[1:-1]][::-1][:depth][::-1]
-    name = "_".join([*folders, first.stem, *(p.stem for p in others)])[:120]
-    return name.lstrip(".") or "log"
+    return [*first.absolute().parts[1:-1], "_".join([first.stem, *(p.stem for p in others)])]
 
 
 def _made_of(asked: Asked) -> str:

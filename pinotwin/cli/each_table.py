@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import Any
 
 from pinotwin.bench.engine import KilledWorker
+from pinotwin.cli.output import columns
 from pinotwin.errors import OutputError, PinotwinError
 from pinotwin.system.writing import append_text, write_json, write_text
 
@@ -33,14 +34,7 @@ class Table:
     """The table while it grows."""
 
     def __init__(self, out: Path, subject: str, logs: Sequence[str], kept: Mapping[str, Row]) -> None:
-        """Remember the rows of an earlier run.
-
-        Args:
-            out: folder of each.csv and each.json.
-            subject: the twin or machine, as it was named.
-            logs: in the order given.
-            kept: log -> row of an earlier run.
-        """
+        """Take the names of all logs, in the order given, and log -> row of an earlier run."""
         self.out, self.subject, self.logs = out, subject, logs
         self.kept, self.rows = len(kept), dict(kept)
 
@@ -80,14 +74,7 @@ class Table:
 
 
 def answered(log: str, folder: Path, found: Mapping[str, Any], seconds: float) -> dict[str, Any]:
-    """Return the row of an answer: its verdict, the signal that differs most, and the causes.
-
-    Args:
-        log: as it was named.
-        folder: where its answer is.
-        found: the content of diagnosis.json.
-        seconds: that the diagnosis took.
-    """
+    """Return the row of an answer, of diagnosis.json: its verdict, the signal that differs most, and the causes."""
     signals = [(f"{axis}.{name}", gap) for axis, row in found["gap"].items() for name, gap in row.items()]
     signal, gap = max(signals, key=lambda one: one[1]["nrmse"] or 0.0) if signals else ("", {})
     return {
@@ -149,18 +136,13 @@ def _causes(row: Row) -> str:
 def lines_of(document: Mapping[str, Any], seconds: float) -> list[str]:
     """Return the table as text: one line a log, the counts last."""
     table, kept = document["logs"], document["kept_of_an_earlier_run"]
-    names = [_shown(row["log"]) for row in table]
-    wide = max(map(len, [*names, "log"]))
-    columns = f"{'residual':>10}{'with causes':>13}{'validation':>12}  causes"
-    lines = [f"{'log':<{wide}}  {'verdict':<16}  {'signal':<8}{columns}"]
-    for name, row in zip(names, table, strict=True):
-        start = f"{name:<{wide}}  {row['verdict']:<16}  "
-        if row["verdict"] == FAILED:
-            lines.append(f"{start}{row['error']}")
-            continue
+    head = ("log", "verdict", "signal", "residual", "with causes", "validation", "causes")
+    rows = []
+    for row in table:
         sizes = ["-" if row[k] is None else f"{row[k]:.1%}" for k in ("gap", "after", "misfit")]
-        numbers = "{:>10}{:>13}{:>12}".format(*sizes)
-        lines.append(f"{start}{row['signal']:<8}{numbers}  {_causes(row) or '-'}")
+        last = row["error"] or _causes(row) or "-"
+        rows.append([_shown(row["log"]), row["verdict"], row["signal"] or "-", *sizes, last])
+    lines = columns(head, rows, left=(0, 1, 2, 6), piped=1000)  # a line a log
     count = ", ".join(f"{n} {verdict}" for verdict, n in document["counts"].items())
     before = f" ({kept} of an earlier run)" if kept else ""
     return [*lines, f"{len(table)} logs{before}: {count}; {seconds:.0f} s"]

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinotwin.cli.arguments import Answer, File, Repeated
-from pinotwin.cli.inputs import check_twin
-from pinotwin.errors import InputError
+from pinotwin.cli.inputs import by_axis, check_twin
+from pinotwin.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from pinotwin.arrays import Floats
@@ -38,15 +38,10 @@ def run(twin: str, *, format: str, speed: Repeated = (), out: File) -> Answer:
 
 def _speeds(given: Sequence[str], names: Sequence[str], usual: Floats) -> Floats:
     """Return the largest speed of every axis, the usual where none is given."""
-    for text in given:
-        name, _, value = text.partition("=")
+    for name, (value,) in by_axis("speed", given).items():
         if name not in names:
-            raise InputError(f"--speed {text}: no axis {name!r}; known: {', '.join(names)}")
-        try:
-            speed = float(value)
-        except ValueError:
-            raise InputError(f"--speed {text}: write AXIS=V, e.g. {names[0]}=0.5") from None
-        if not speed > 0.0:
-            raise InputError(f"--speed {text}: must be positive")
-        usual[names.index(name)] = speed
+            raise InputError(f"--speed: no axis {name!r}; {nearest(name, names)}")
+        if not value > 0.0:
+            raise InputError(f"--speed: {name}={value:g} must be positive")
+        usual[names.index(name)] = value
     return usual

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinotwin.cli.arguments import Answer, Folder, Repeated, Several
 from pinotwin.cli.inputs import above_zero, check_there, read_logs
-from pinotwin.cli.output import columns, say
+from pinotwin.cli.output import columns, percent, say
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
 from pinotwin.system.stamps import made
@@ -131,8 +130,8 @@ def summary(twin: Twin) -> list[str]:
         held = row.get("validation", row["held_out"])
         own = sizes.get(name, {})
         apart = [_size(own.get(kind), own.get("unit", "")) for kind in ("moving", "resting")]
-        rows.append([name, *map(_percent, (row["fit"], held["nrmse"], held["nrmse_std"])), *apart])
-    rows.append(["all", _percent(quality["relative_error"]), "", "", "", ""])
+        rows.append([name, *map(percent, (row["fit"], held["nrmse"], held["nrmse_std"])), *apart])
+    rows.append(["all", percent(quality["relative_error"]), "", "", "", ""])
     lines += columns(("axis", "fit", "held out", "of std", "in motion", "at rest"), rows)
     lines.append("fit, held out: RMS error / RMS effort; of std: over its standard deviation")
     if sizes:
@@ -158,7 +157,3 @@ def _leads(quality: Mapping[str, Any]) -> Iterator[str]:
 def _size(x: float | None, unit: str) -> str:
     """Return one cell of the misfit; a dash where an axis has no such row."""
     return "-" if x is None else f"{x:.3g} {unit}"
-
-
-def _percent(x: float) -> str:
-    return f"{x:.2%}" if math.isfinite(x) else "-"

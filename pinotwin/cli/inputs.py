@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -33,22 +34,45 @@ def resampled(subject: Subject, rate: float | None) -> Subject:
 
 
 def above_zero(option: str, rate: float | None) -> float | None:
-    """Return a rate [Hz] that was given, or None.
-
-    Raises:
-        InputError: it is no positive number.
-    """
+    """Return a rate [Hz] that was given, or None; refuse what is no positive number."""
     if rate is not None and not (math.isfinite(rate) and rate > 0.0):
         raise InputError(f"--{option}: {rate:g} Hz must be above 0")
     return rate
 
 
-def check_there(*arguments: str) -> None:
-    """Refuse logs that are not there before anything is loaded for them.
+def distinct(paths: Iterable[Sequence[str]], joint: str) -> list[str]:
+    """Return a name for each path: its last part, after as many of its folders as tell it from the others."""
+    paths = list(paths)
+    depth = [1] * len(paths)
+    for _ in range(20):
+        names = [joint.join(p[-d:])[:120].lstrip(".") or "log" for p, d in zip(paths, depth, strict=True)]
+        count = Counter(name.casefold() for name in names)  # the file system may not tell capitals
+        if len(count) == len(names):
+            return names
+        depth = [d + (count[name.casefold()] > 1) for name, d in zip(names, depth, strict=True)]
+    return [f"{path[-1]}_{k + 1}" for k, path in enumerate(paths)]
 
-    Raises:
-        LogError: with the logs that lie beside.
-    """
+
+def numbers(option: str, given: str, form: str, count: int) -> list[float]:
+    """Return the numbers of an option's value, ``-0.3,0.3`` or ``X=-0.3,0.3``; refuse what is not of that form."""
+    text = given.partition("=")[2] if "=" in form else given
+    try:
+        values = [float(x) for x in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        raise InputError(f"--{option}: {given!r} is not {form}")
+    return values
+
+
+def by_axis(option: str, given: Sequence[str], count: int = 1) -> dict[str, list[float]]:
+    """Return axis -> numbers of an option such as ``--travel X=-0.3,0.3``."""
+    form = f"AXIS={','.join(['NUMBER'] * count)}"
+    return {text.partition("=")[0]: numbers(option, text, form, count) for text in given}
+
+
+def check_there(*arguments: str) -> None:
+    """Refuse logs that are not there before anything is loaded for them, naming those that lie beside."""
     for text in arguments:
         if not any(map(os.path.exists, [text, *map(str.strip, text.split("+"))])):
             from pinotwin.logs.files import read_argument
@@ -57,11 +81,7 @@ def check_there(*arguments: str) -> None:
 
 
 def check_twin(given: str) -> None:
-    """Refuse the folder of a twin that is not there before anything is loaded for it.
-
-    Raises:
-        TwinError: with what to give.
-    """
+    """Refuse the folder of a twin that is not there before anything is loaded for it."""
     path = Path(given) / "twin.json" if Path(given).is_dir() else Path(given)
     if not path.is_file():
         raise TwinError(f"{path}: no such file; give the folder that `pinotwin identify` wrote")
@@ -70,9 +90,7 @@ def check_twin(given: str) -> None:
 def read_logs(arguments: Sequence[str], large: float = 3e7) -> list[Log]:
     """Read every log; ``a.csv+b.csv`` is one log whose columns lie in two files.
 
-    Args:
-        arguments: as they were given.
-        large: bytes from which the reading is shown by a bar: a second or so.
+    From ``large`` bytes on, a second or so, the reading is shown by a bar.
     """
     from pinotwin.logs.files import read_argument
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from pinotwin.cli.arguments import Answer, Folder, Several
-from pinotwin.cli.inputs import read_logs
+from pinotwin.cli.inputs import by_axis, read_logs
 from pinotwin.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,30 +47,14 @@ def run(
     if rate is not None and not rate > 0:
         raise InputError(f"--rate: {rate:g} Hz must be positive")
     sizes = Sizes(
-        {axis: x for axis, (x,) in _numbers(mass, "mass", 1).items()},
-        {axis: (low, high) for axis, (low, high) in _numbers(travel, "travel", 2).items()},
-        {axis: (x, y, z) for axis, (x, y, z) in _numbers(offset, "offset", 3).items()},
-        {axis: x for axis, (x,) in _numbers(factor, "factor", 1).items()},
+        {axis: x for axis, (x,) in by_axis("mass", mass).items()},
+        {axis: (low, high) for axis, (low, high) in by_axis("travel", travel, 2).items()},
+        {axis: (x, y, z) for axis, (x, y, z) in by_axis("offset", offset, 3).items()},
+        {axis: x for axis, (x,) in by_axis("factor", factor).items()},
     )
     (given,) = read_logs([log]) if log else (None,)
     start = new(source, given, out=out, rotary=rotary, sizes=sizes, rate=rate, meshes=meshes)
     return Answer(summary(start, given.notes if given else (), log or "LOG"), as_dict(start))
-
-
-def _numbers(given: Sequence[str], option: str, count: int) -> dict[str, list[float]]:
-    """Return axis -> numbers of an option such as ``--travel X=-0.3,0.3``."""
-    out = {}
-    for text in given:
-        axis, equals, rest = text.partition("=")
-        try:
-            values = [float(x) for x in rest.split(",")]
-        except ValueError:
-            values = []
-        if not equals or len(values) != count:
-            form = ",".join(["NUMBER"] * count)
-            raise InputError(f"--{option}: {text!r} is not AXIS={form}")
-        out[axis] = values
-    return out
 
 
 def summary(start: Start, notes: Sequence[str], log: str = "LOG") -> list[str]:

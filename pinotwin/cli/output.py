@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -16,20 +17,19 @@ def beside(path: str, page: str) -> str:
     return Path(os.path.relpath(path, Path(page).resolve().parent)).as_posix()
 
 
-def columns(head: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,)) -> list[str]:
-    """Return a table as lines; every column as wide as its widest cell, two blanks between.
+def columns(
+    head: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,), piped: int = 80
+) -> list[str]:
+    """Return a table as lines; columns as wide as their widest cell, two blanks between, those in ``left`` aligned so.
 
-    Where that is wider than the terminal (80 characters in a pipe), long names in the first column stand on a
+    Where that is wider than the terminal (``piped`` characters in a pipe), long names in the first column stand on a
     line of their own.
-
-    Args:
-        head: title of each column.
-        rows: cells.
-        left: columns aligned to the left; the others are numbers.
     """
-    most = width() or 80
+    most = width() or piped
     every = [list(head), *map(list, rows)]
     wide = [max(len(row[k]) for row in every) for k in range(len(head))]
+    if len(head) - 1 in left:
+        wide[-1] = len(head[-1])  # text runs on to the right
     if sum(wide) + 2 * (len(wide) - 1) > most:
         rest = sum(wide[1:]) + 2 * (len(wide) - 1)
         wide[0] = max(len(head[0]), min(wide[0], most - rest))
@@ -43,6 +43,11 @@ def columns(head: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequenc
         ]
         lines.append("  ".join(cells).rstrip())
     return lines
+
+
+def percent(x: float | None) -> str:
+    """Return a share as a cell; a dash for none."""
+    return "-" if x is None or not math.isfinite(x) else f"{x:.2%}"
 
 
 def width() -> int | None:

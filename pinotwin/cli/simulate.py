@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pinotwin.cli.arguments import Answer, CsvFile, File, PageFile
 from pinotwin.cli.inputs import check_there, check_twin, read_logs
-from pinotwin.cli.output import beside, columns
+from pinotwin.cli.output import beside, columns, percent
 from pinotwin.system.stamps import made
 from pinotwin.system.writing import write_text
 
@@ -68,7 +68,7 @@ def summary(rows: Any) -> list[str]:
     if not rows:
         return []
     cells = [
-        [name, *(_percent(row.get(signal, {}).get(key)) for signal, key in SHOWN)]
+        [name, *(percent(row.get(signal, {}).get(key)) for signal, key in SHOWN)]
         for name, row in rows.items()
     ]
     head = ("axis", "e", "u", "u of std", "e moving", "u moving", "u at rest")
@@ -84,7 +84,3 @@ SHOWN = (
     ("u", "resting"),
 )
 """Signal and error of each column of the table."""
-
-
-def _percent(x: float | None) -> str:
-    return "-" if x is None or x != x else f"{x:.2%}"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from pinotwin.cli.arguments import Answer, Folder, Several
-from pinotwin.cli.inputs import check_there, read_logs
+from pinotwin.cli.inputs import check_there, numbers, read_logs
 from pinotwin.cli.progress import progress
 from pinotwin.errors import InputError
 
@@ -42,18 +42,16 @@ def run(
     with progress() as report:
         found = study(given, read_logs(logs), only=only, axes=axis, window=span, report=report)
         found.save(out)
-    lines = [f"{name}: {found.findings[name]} ({len(rows)} rows)" for name, (_, rows) in found.tables.items()]
+    lines = [f"{name}: {one.finding} ({len(one.rows)} rows)" for name, one in found.studies.items()]
     lines += [f"left out: {line}" for line in found.left_out]
     return Answer([*lines, f"studies written to {out}"], found.to_dict())
 
 
 def _window(text: str | None) -> tuple[float, float] | None:
+    """Return the first and the last time [s]."""
     if text is None:
         return None
-    try:
-        low, high = (float(x) for x in text.split(","))
-    except ValueError:
-        raise InputError(f"--window: {text!r} is not LOW,HIGH in seconds") from None
+    low, high = numbers("window", text, "LOW,HIGH in seconds", 2)
     if not low < high:
         raise InputError(f"--window: {low:g} is not before {high:g}")
     return low, high

@@ -26,13 +26,7 @@ class Curve(NamedTuple):
 
 
 def curve(x: Floats, y: Floats, tolerance: float) -> Curve:
-    """Return a curve that leaves no sample by more than ``tolerance`` (Reumann & Witkam's cone of slopes).
-
-    Args:
-        x: increasing places, shape (n,).
-        y: values there, shape (n,).
-        tolerance: largest error at a sample, in the unit of ``y``.
-    """
+    """Return a curve within ``tolerance`` of the samples y at increasing x, both of shape (n,) (Reumann & Witkam)."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if len(x) == 1 or np.ptp(y) <= 2.0 * tolerance:
         return Curve([float(x[0])], [float(0.5 * (y.min() + y.max()))])

@@ -17,17 +17,11 @@ _READABLE = (".stl", ".obj")
 
 @dataclass(frozen=True)
 class Geometry:
-    """Shapes by joint number (0: the base), meshes, and how many shapes could not be taken.
+    """Shapes by joint number (0: the base), meshes, and how many shapes could not be taken."""
 
-    Attributes:
-        shapes: joint number -> attributes of each ``<geom>``.
-        meshes: attributes of each ``<mesh>``.
-        lost: meshes that MuJoCo does not read or that are not there.
-    """
-
-    shapes: dict[int, list[dict[str, str]]]
-    meshes: list[dict[str, str]]
-    lost: int
+    shapes: dict[int, list[dict[str, str]]]  # joint number -> attributes of each ``<geom>``
+    meshes: list[dict[str, str]]  # attributes of each ``<mesh>``
+    lost: int  # meshes that MuJoCo does not read or that are not there
 
 
 def geometry_of(path: Path, model: pin.Model) -> Geometry:

@@ -35,40 +35,24 @@ _FAST = (2.0, 20.0)
 
 @dataclass(frozen=True)
 class Inverse:
-    """The inverse model of a machine as numbers.
+    """The inverse model of a machine as numbers."""
 
-    Attributes:
-        name: of the machine.
-        names: axes and passive joints, in the order of every array.
-        units: unit of effort of each.
-        data: what :class:`pinotwin.export.runtime.InverseModel` takes.
-        travel: positions that the curves cover [m or rad], shape (2, nv).
-        speed: largest speed that they cover [m/s or rad/s], shape (nv,).
-        omitted: keys of the effects that no curve can hold.
-        error: RMS of the difference to the twin on a motion through the whole range, as a share of the
-            RMS of the twin's effort, shape (nv,).
-    """
-
-    name: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    data: dict[str, Any]
-    travel: Floats
-    speed: Floats
-    omitted: tuple[str, ...]
+    name: str  # of the machine
+    names: tuple[str, ...]  # axes and passive joints, in the order of every array
+    units: tuple[str, ...]  # unit of effort of each
+    data: dict[str, Any]  # what :class:`pinotwin.export.runtime.InverseModel` takes
+    travel: Floats  # positions that the curves cover [m or rad], shape (2, nv)
+    speed: Floats  # largest speed that they cover [m/s or rad/s], shape (nv,)
+    omitted: tuple[str, ...]  # keys of the effects that no curve can hold
+    # RMS of the difference to the twin on a motion through the whole range, as a share of the RMS of the twin's
+    # effort, shape (nv,)
     error: Floats
 
 
 def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = None) -> Inverse:
-    """Return the inverse model of a twin.
+    """Return the inverse model of a twin for positions (2, nv) [m or rad] and speeds (nv,) [m/s or rad/s].
 
-    Args:
-        twin: what to write out.
-        travel: positions to cover [m or rad], shape (2, nv); the joints' limits where None.
-        speed: largest speeds to cover [m/s or rad/s], shape (nv,); the joints' limits where None.
-
-    Raises:
-        MachineError: the tree has a joint that neither turns about nor slides along one axis.
+    The joints' limits are taken where None.
     """
     machine = twin.machine
     travel = default_travel(machine) if travel is None else travel
@@ -91,7 +75,7 @@ def inverse_of(twin: Twin, travel: Floats | None = None, speed: Floats | None = 
         travel=travel,
         speed=speed,
         omitted=_omitted(twin, tables.other),
-        error=deviation(twin, data, test),
+        error=deviation(twin, InverseModel(data).run(test.q, test.v, test.a, test.step), test),
     )
 
 
@@ -119,11 +103,7 @@ def default_speed(machine: Machine) -> Floats:
 
 
 def joint_axis(model: pin.Model, i: int) -> tuple[bool, Floats]:
-    """Return whether joint i turns, and its axis in its own frame, shape (3,).
-
-    Raises:
-        MachineError: it neither turns about nor slides along one axis.
-    """
+    """Return whether joint i turns, and its axis in its own frame, shape (3,); refuse a joint of another kind."""
     joint = model.joints[i]
     if joint.nq == 1 and joint.nv == 1:
         frame = joint.createData()
@@ -242,9 +222,8 @@ def sweep(machine: Machine, travel: Floats, speed: Floats, seconds: float = 6.0)
     return Motion.exact((machine.names, machine.rotary), t[:, 0], q, v, a, step=STEP, source="sweep")
 
 
-def deviation(twin: Twin, data: dict[str, Any], motion: Motion) -> Floats:
-    """Return RMS(exported - twin) / RMS(twin) of every joint's effort, shape (nv,)."""
-    found = InverseModel(data).run(motion.q, motion.v, motion.a, motion.step)
+def deviation(twin: Twin, found: Floats, motion: Motion) -> Floats:
+    """Return RMS(found - twin) / RMS(twin) of every joint's effort along a motion, shape (nv,)."""
     wanted = total_effort(motion, twin.effects, twin.theta)
     scale = np.sqrt(np.mean(wanted**2, axis=0))
     return np.sqrt(np.mean((found - wanted) ** 2, axis=0)) / np.where(scale > 0.0, scale, 1.0)

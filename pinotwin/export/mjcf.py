@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from pinotwin.arrays import Floats
 from pinotwin.export.geometry import geometry_of, numbers, quaternion
 from pinotwin.export.inverse import Inverse, joint_axis
 from pinotwin.export.native import Native, split
@@ -23,13 +22,7 @@ _FRICTION = {"solreffriction": "0.001 1", "solimpfriction": "0.99 0.99 0.001"}
 
 
 def mjcf_text(twin: Twin, inverse: Inverse, step: float = 5e-4) -> bytes:
-    """Return the text of the MJCF file.
-
-    Args:
-        twin: the machine.
-        inverse: its inverse model.
-        step: time step of the file [s].
-    """
+    """Return the text of the MJCF file, for a time step [s]."""
     model, native = twin.model, split(inverse.data)
     geometry = geometry_of(twin.machine.urdf, twin.machine.model)
     compiler = {"angle": "radian", "autolimits": "true", "boundmass": "0", "fusestatic": "false"}
@@ -108,13 +101,7 @@ def _motors(twin: Twin) -> list[_Attributes]:
 
 
 def passive_text(twin: Twin, inverse: Inverse, stem: str) -> str:
-    """Return the text of the module beside the file.
-
-    Args:
-        twin: the machine.
-        inverse: its inverse model.
-        stem: name of the MJCF file without its suffix.
-    """
+    """Return the text of the module beside the MJCF file, whose name without its suffix is ``stem``."""
     native = split(inverse.data)
     names = [""] * twin.machine.nv
     for part in twin.machine.parts:
@@ -148,11 +135,3 @@ def mjcf_lines(twin: Twin, inverse: Inverse) -> list[str]:
     if lost:
         lines.append(f"{lost} shapes are not drawn: MuJoCo reads meshes as STL and OBJ, and from a file")
     return lines
-
-
-def armature(native: Native) -> Floats:
-    """Return the rotor inertia on the diagonal of MuJoCo's mass matrix, shape (nv,)."""
-    out = native.armature.copy()
-    for tie in native.ties:
-        out[list(tie.joints)] += tie.armature
-    return out

@@ -12,44 +12,28 @@ from pinotwin.arrays import Floats
 
 @dataclass(frozen=True)
 class Tie:
-    """What the motor that turns two joints adds along their sum (a tendon of MuJoCo).
+    """What the motor that turns two joints adds along their sum (a tendon of MuJoCo)."""
 
-    Attributes:
-        joints: columns of the two joints.
-        armature: rotor inertia [kg·m²].
-        damping: viscous friction [N·m·s/rad].
-        friction: dry friction [N·m].
-    """
-
-    joints: tuple[int, int]
-    armature: float
-    damping: float
-    friction: float
+    joints: tuple[int, int]  # columns of the two joints
+    armature: float  # rotor inertia [kg·m²]
+    damping: float  # viscous friction [N·m·s/rad]
+    friction: float  # dry friction [N·m]
 
 
 @dataclass(frozen=True)
 class Native:
-    """A machine's effort split in two.
+    """A machine's effort split in two."""
 
-    Attributes:
-        armature: rotor inertia of each joint, shape (nv,).
-        damping: viscous friction [N·s/m or N·m·s/rad], shape (nv,).
-        stiffness: spring to zero [N/m or N·m/rad], shape (nv,).
-        friction: dry friction that is the same at every speed in both directions [N or N·m], shape (nv,).
-        ties: motors that turn two joints.
-        rest: what is left, as :class:`pinotwin.export.runtime.Friction` takes it.
-        dry: all dry friction, for a model whose own is switched off.
-        inexpressible: what neither part can hold, in words.
-    """
-
-    armature: Floats
-    damping: Floats
-    stiffness: Floats
-    friction: Floats
-    ties: tuple[Tie, ...]
-    rest: dict[str, Any]
-    dry: list[dict[str, Any]]
-    inexpressible: tuple[str, ...]
+    armature: Floats  # rotor inertia of each joint, shape (nv,)
+    damping: Floats  # viscous friction [N·s/m or N·m·s/rad], shape (nv,)
+    stiffness: Floats  # spring to zero [N/m or N·m/rad], shape (nv,)
+    friction: (
+        Floats  # dry friction that is the same at every speed in both directions [N or N·m], shape (nv,)
+    )
+    ties: tuple[Tie, ...]  # motors that turn two joints
+    rest: dict[str, Any]  # what is left, as :class:`pinotwin.export.runtime.Friction` takes it
+    dry: list[dict[str, Any]]  # all dry friction, for a model whose own is switched off
+    inexpressible: tuple[str, ...]  # what neither part can hold, in words
 
 
 def split(data: dict[str, Any]) -> Native:

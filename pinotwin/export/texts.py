@@ -25,12 +25,7 @@ def header(inverse: Inverse) -> list[str]:
 
 
 def left_out(inverse: Inverse, large: float = 0.01) -> list[str]:
-    """Return a line for the effects that the file does not hold, none where it holds all.
-
-    Args:
-        inverse: what the file holds.
-        large: a file that differs from its twin by more than this says so.
-    """
+    """Return a line for effects that a file does not hold, and one for axes that differ from the twin by much."""
     lines = []
     if inverse.omitted:
         lines.append(f"left out, for no curve holds them: {', '.join(inverse.omitted)}")
@@ -42,12 +37,7 @@ def left_out(inverse: Inverse, large: float = 0.01) -> list[str]:
 
 
 def numpy_text(inverse: Inverse, stem: str) -> str:
-    """Return the text of the module.
-
-    Args:
-        inverse: what to write.
-        stem: name of the file without ``.py``.
-    """
+    """Return the text of the module that is called ``stem``."""
     head, data = "\n".join(header(inverse)), literal(inverse.data)
     return rendered("numpy.txt", header=head, stem=stem, runtime=runtime_text(), data=data)
 
@@ -87,12 +77,7 @@ class _Curves:
 
 
 def c_text(inverse: Inverse, stem: str) -> str:
-    """Return the text of the C file; its functions begin with the name of the machine.
-
-    Args:
-        inverse: what to write.
-        stem: name of the file, from which the functions' prefix is made.
-    """
+    """Return the text of the C file; its functions begin with ``stem``."""
     template = asset("pinotwin.export", "inverse.c")
     head = "\n".join(f" * {line}".rstrip() for line in header(inverse)).replace("*/", "* /")
     prefix = re.sub(r"\W|^(?=\d)", "_", stem)

@@ -8,8 +8,7 @@ from lxml import etree
 
 from pinotwin.arrays import Floats
 from pinotwin.dynamics.batch import inverse as inverse_dynamics
-from pinotwin.effects import total_effort
-from pinotwin.export.inverse import Inverse, sweep
+from pinotwin.export.inverse import Inverse, deviation, sweep
 from pinotwin.machine.loading import GRAVITY
 from pinotwin.machine.urdf import with_inertias
 from pinotwin.simulation.tables import tabulate
@@ -81,6 +80,4 @@ def missed_share(twin: Twin, inverse: Inverse) -> Floats:
     model.armature = np.zeros(model.nv)
     found = inverse_dynamics(model, motion.q, motion.v, motion.a)
     found = found + model.damping * motion.v + dry_friction(model) * np.sign(motion.v)
-    wanted = total_effort(motion, twin.effects, twin.theta)
-    scale = np.sqrt(np.mean(wanted**2, axis=0))
-    return np.sqrt(np.mean((found - wanted) ** 2, axis=0)) / np.where(scale > 0.0, scale, 1.0)
+    return deviation(twin, found, motion)

@@ -216,13 +216,13 @@ def against_figure(
     if len(x) < 40 or np.ptp(x) <= 0.0:
         return figure
     for name, y, colour in series:
-        bins = binned(x, y, 40)
+        at, median, low, high = binned(x, y, 40)
         if single:
-            both, ends = np.r_[bins.x, bins.x[::-1]], np.r_[bins.high, bins.low[::-1]]
+            both, ends = np.r_[at, at[::-1]], np.r_[high, low[::-1]]
             band = line(across(both), up(ends), "middle half", colour, width=0)
             figure.add_trace(band.update(fill="toself", fillcolor=colour, opacity=0.22, hoverinfo="skip"))
         name = "median" if single else name
-        figure.add_trace(line(across(bins.x), up(bins.median), name, colour, width=2.2, legend=single))
+        figure.add_trace(line(across(at), up(median), name, colour, width=2.2, legend=single))
     return figure
 
 

@@ -24,7 +24,7 @@ from pinotwin.report.parameter_table import parameter_table
 from pinotwin.report.study_plots import overlay_figure
 from pinotwin.report.verdict import axis_tiles, cautions, headline, known
 from pinotwin.studies.evidence import Evidence, evidence, split_rigid_body
-from pinotwin.studies.overlay import KINDS, effect_keys_of, overlay
+from pinotwin.studies.overlay import KINDS, effect_keys_of, explained, overlay
 from pinotwin.twin import Twin
 
 
@@ -106,9 +106,10 @@ def _overlays(twin: Twin, given: Evidence, j: int) -> list[Block]:
         if not effect_keys_of(twin, name, names) or not given.use[:, j].any():
             continue
         found = overlay(twin, given, name, names, against)
+        share = explained(found["extracted"], found["fitted"])
         note = (
             "Points: measured effort minus all other effects of the twin; line: the model, which "
-            f"explains {display.percent(max(found.explained, 0.0))} of their power."
+            f"explains {display.percent(max(share, 0.0))} of their power."
         )
         out.append(Plot(overlay_figure(found), f"{title} of {name}", note))
     return out

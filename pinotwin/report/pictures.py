@@ -30,7 +30,7 @@ from pinotwin.report.simulation import simulation_report
 from pinotwin.report.still import still
 from pinotwin.report.vibration import vibration_report
 from pinotwin.simulation.prediction import Prediction
-from pinotwin.studies.evidence import evidence, evidence_of
+from pinotwin.studies.evidence import evidence
 from pinotwin.system.templates import asset
 from pinotwin.system.writing import write_text
 from pinotwin.twin import Twin
@@ -95,7 +95,7 @@ def _(twin: Twin, log: LogLike | None = None) -> go.Figure:
         return effort_figure(evidence(twin, as_log(log)))
     if twin.misfit is None:
         raise InputError("this twin holds none of its logs: give one, twin.plot(log)")
-    return effort_figure(evidence_of(twin, twin.misfit.motion))
+    return effort_figure(evidence(twin, twin.misfit.motion))
 
 
 @page.register

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,35 +15,8 @@ from pinotwin.logs.prepare import prepare
 from pinotwin.machine import Machine
 from pinotwin.motion import Motion
 from pinotwin.solve.problem import Problem
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorAgainstData:
-    """Normalised 2-norm of the effort error, ||u - u_hat|| / ||u||, for growing amounts of data.
-
-    Attributes:
-        names: axes.
-        seconds: length of the data that were fitted [s], shape (k,).
-        fitted: error on those data, all axes together, shape (k,).
-        held_out: error on data that no fit saw, all axes together, shape (k,).
-        held_out_axes: the same per axis, NaN where an axis does not move, shape (k, axes).
-    """
-
-    names: tuple[str, ...]
-    seconds: Floats
-    fitted: Floats
-    held_out: Floats
-    held_out_axes: Floats
-
-    def enough(self) -> float | None:
-        """Return the length from which the held-out error stays within 5 % of its last value [s].
-
-        None: it has not settled; a longer log would still help.
-        """
-        near = np.abs(self.held_out - self.held_out[-1]) <= 0.05 * self.held_out[-1]
-        last_far = np.flatnonzero(~near)
-        first = 0 if not len(last_far) else int(last_far[-1]) + 1
-        return float(self.seconds[first]) if first < len(self.seconds) - 1 else None
+from pinotwin.studies.study import Study
+from pinotwin.system.phrases import STUDIED
 
 
 def error_against_data(
@@ -54,10 +26,12 @@ def error_against_data(
     seconds: Sequence[float] | None = None,
     keep_back: float = 0.3,
     guard: float = 0.02,
-) -> ErrorAgainstData:
+) -> Study:
     """Identify a machine from ever more of a log, and judge each fit on its end, which none saw.
 
-    Every fit is a whole one: shapes are searched and coefficients solved from those data alone.
+    Every fit is a whole one: shapes are searched and coefficients solved from those data alone. The error is
+    ||u - u_hat|| / ||u|| of all axes together; a row of the table is the length of the data [s], the error on them
+    and the held-out one. The course of an axis is its held-out error, NaN where it does not move, shape (rows,).
 
     Args:
         machine: what is believed.
@@ -75,18 +49,22 @@ def error_against_data(
     n = len(motion)
     last, first_kept = int((1.0 - keep_back - guard) * n), int((1.0 - keep_back) * n)
     test = motion.cut(first_kept, n)
-    rows = [_one(machine, motion, test, stop) for stop in _stops(motion, last, seconds)]
-    found = [row for row in rows if row is not None]
+    every = (_one(machine, motion, test, stop) for stop in _stops(motion, last, seconds))
+    found = [row for row in every if row is not None]
     if not found:
         raise DataError(f"{motion.source}: too short to fit any part of it; record a longer log")
-    table = np.array([row[1:] for row in found])
-    return ErrorAgainstData(
-        names=machine.names,
-        seconds=np.array([row[0] for row in found]),
-        fitted=table[:, 0, 0],
-        held_out=table[:, 1, 0],
-        held_out_axes=table[:, 1, 1:],
-    )
+    axes = {name: np.array([row[2][1 + k] for row in found]) for k, name in enumerate(machine.names)}
+    rows = [(float(length), float(fitted[0]), float(held[0])) for length, fitted, held in found]
+    enough = _enough(*np.array(rows)[:, ::2].T)
+    finding = STUDIED["more" if enough is None else "enough"].format(seconds=enough)
+    return Study(finding, ("seconds [s]", "fitted", "held out"), rows, axes)
+
+
+def _enough(seconds: Floats, held_out: Floats) -> float | None:
+    """Return the length [s] from which the held-out error stays within 5 % of its last value; None: not settled."""
+    far = np.flatnonzero(np.abs(held_out - held_out[-1]) > 0.05 * held_out[-1])
+    first = 0 if not len(far) else int(far[-1]) + 1
+    return float(seconds[first]) if first < len(seconds) - 1 else None
 
 
 def _stops(motion: Motion, last: int, seconds: Sequence[float] | None) -> list[int]:

@@ -9,13 +9,13 @@ differs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr
+from scipy.linalg import block_diag, qr
 
 from pinotwin.arrays import Floats
 from pinotwin.effects import AxisEffect, Effect
+from pinotwin.errors import DataError
 from pinotwin.identification.assemble import assemble, choose_rows, joint_columns, thin
 from pinotwin.identification.judge import error_row
 from pinotwin.identification.plant import fit_options, fit_plant
@@ -26,69 +26,35 @@ from pinotwin.motion import Motion
 from pinotwin.solve.crossval import held_out
 from pinotwin.solve.linear import Options
 from pinotwin.solve.problem import Problem
+from pinotwin.studies.study import Study
+from pinotwin.system.phrases import STUDIED
 
-
-@dataclass(frozen=True, eq=False)
-class AxisComparison:
-    """Both models on one axis; arrays of shape (m,).
-
-    Attributes:
-        axis: its name.
-        rotary: rad and N·m, else m and N.
-        t: time of each row [s].
-        u: measured effort [N or N·m].
-        coupled: effort that the coupled model expects, from folds that did not see the row.
-        decoupled: the same of the decoupled model.
-    """
-
-    axis: str
-    rotary: bool
-    t: Floats
-    u: Floats
-    coupled: Floats
-    decoupled: Floats
-
-    @property
-    def coupled_error(self) -> dict[str, float]:
-        """``rms``, ``nrmse`` and ``nrmse_std`` of the coupled model on held-out data."""
-        return error_row(self.u, self.u - self.coupled)
-
-    @property
-    def decoupled_error(self) -> dict[str, float]:
-        """The same of the decoupled model."""
-        return error_row(self.u, self.u - self.decoupled)
-
-
-@dataclass(frozen=True, eq=False)
-class CoupledAgainstDecoupled:
-    """Both models on every axis, judged on held-out stretches of the log.
-
-    Attributes:
-        axes: the comparison, by axis name.
-    """
-
-    axes: dict[str, AxisComparison]
-
-    @property
-    def gain(self) -> dict[str, float]:
-        """Held-out error of the decoupled model divided by that of the coupled one, per axis."""
-        return {
-            name: row.decoupled_error["rms"] / max(row.coupled_error["rms"], 1e-300)
-            for name, row in self.axes.items()
-        }
+HEADER = (
+    "axis",
+    "coupled, held out",
+    "decoupled, held out",
+    "coupled, held out, of std",
+    "decoupled, held out, of std",
+)
 
 
 def coupled_against_decoupled(
     machine: Machine,
     log: Log | Sequence[Log],
     *,
+    axes: Sequence[str] = (),
     decimate: int | None = None,
-) -> CoupledAgainstDecoupled:
+) -> Study:
     """Fit a machine with and without the coupling between its axes; compare on held-out data.
+
+    A row of the table has an axis' held-out errors of both models, over the RMS of its effort and over its standard
+    deviation. The courses are of the axis that needs coupling most, each of shape (m,): ``t``, and the measured
+    effort ``u`` beside what the ``coupled`` and the ``decoupled`` model expect of rows that they did not see.
 
     Args:
         machine: what is believed.
         log: servo log(s).
+        axes: of the table; all when empty.
         decimate: see :func:`pinotwin.prepare`.
 
     Raises:
@@ -100,30 +66,25 @@ def coupled_against_decoupled(
     decoupled, bounds = decoupled_problem(machine, motion, plant.effects)
     first = held_out(coupled, options=fit_options(machine, plant.effects)).error
     second = held_out(decoupled, options=bounds).error
-    t = thin_time(motion)
-    axes = {}
-    for joint, rows in coupled.slices.items():
-        y, kept = coupled.y[rows], plant.rows.kept[plant.rows.joints.index(joint)]
-        name = machine.names[joint]
-        axes[name] = AxisComparison(
-            name, machine.rotary[joint], t[kept], y, y - first[rows], y - second[rows]
-        )
-    return CoupledAgainstDecoupled(axes)
-
-
-def thin_time(motion: Motion) -> Floats:
-    """Return the time of the decimated rows [s], shape (m,)."""
-    return motion.t[choose_rows(motion).sample]
+    rows, courses = [], {}
+    for joint, where in coupled.slices.items():
+        name, y = machine.names[joint], coupled.y[where]
+        if axes and name not in axes:
+            continue
+        one, other = error_row(y, first[where]), error_row(y, second[where])
+        rows.append((name, one["nrmse"], other["nrmse"], one["nrmse_std"], other["nrmse_std"]))
+        t = motion.t[plant.rows.sample][plant.rows.kept[plant.rows.joints.index(joint)]]
+        courses[name] = {"t": t, "u": y, "coupled": y - first[where], "decoupled": y - second[where]}
+    if not rows:
+        raise DataError(f"{motion.source}: no measured effort of {', '.join(axes)}")
+    ratio, axis = max((row[2] / max(row[1], 1e-300), row[0]) for row in rows)
+    finding = STUDIED["coupling"].format(ratio=ratio, axis=axis)
+    rotary = machine.rotary[machine.names.index(axis)]
+    return Study(finding, HEADER, rows, courses[axis], axis, rotary)
 
 
 def decoupled_problem(machine: Machine, motion: Motion, effects: Sequence[Effect]) -> tuple[Problem, Options]:
-    """Return the problem of all axes without coupling, and its bounds.
-
-    Args:
-        machine: whose tree it is.
-        motion: prepared log.
-        effects: the effects, shapes fixed; those that act on two axes are left out.
-    """
+    """Return the problem of all axes without coupling, and its bounds; effects that act on two axes are left out."""
     rows = choose_rows(motion)
     blocks, names, lower, upper = [], [], [], []
     for joint, kept in zip(rows.joints, rows.kept, strict=True):
@@ -137,12 +98,9 @@ def decoupled_problem(machine: Machine, motion: Motion, effects: Sequence[Effect
         upper += [np.inf] * beta + [c.upper for c in given]
         names += [f"{motion.names[joint]}:{k}" for k in range(beta + len(given))]
     like = assemble(motion, effects, rows)
-    wide = np.zeros((len(like.y), len(names)))
-    at = 0
-    for joint, block in zip(rows.joints, blocks, strict=True):
-        wide[rows.slice_of(joint), at : at + block.shape[1]] = block
-        at += block.shape[1]
-    return like.with_columns(wide, names), Options(lower=np.array(lower), upper=np.array(upper))
+    return like.with_columns(block_diag(*blocks), names), Options(
+        lower=np.array(lower), upper=np.array(upper)
+    )
 
 
 def _alone(machine: Machine, motion: Motion, joint: int) -> Floats:

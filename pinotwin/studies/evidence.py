@@ -24,35 +24,21 @@ from pinotwin.twin import Twin
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Measured and predicted effort at the rows of the fit; arrays of shape (m, nv), SI.
+    """Measured and predicted effort at the rows of the fit; arrays of shape (m, nv), SI."""
 
-    Attributes:
-        names: joint of every column.
-        rotary: whether each column is a rotation.
-        measured: columns that have a measured effort.
-        t: time from the first row on, running on from log to log [s], shape (m,).
-        block: number of the unbroken stretch of each row, shape (m,).
-        q: position; likewise velocity ``v`` and acceleration ``a``.
-        u: measured effort [N or N·m].
-        parts: effort of every effect, by its key in the twin.
-        use: rows that the fit uses, shape (m, nv).
-        rate: rows per second [Hz].
-        source: where the log came from.
-    """
-
-    names: tuple[str, ...]
-    rotary: tuple[bool, ...]
-    measured: tuple[int, ...]
-    t: Floats
-    block: Ints
-    q: Floats
+    names: tuple[str, ...]  # joint of every column
+    rotary: tuple[bool, ...]  # whether each column is a rotation
+    measured: tuple[int, ...]  # columns that have a measured effort
+    t: Floats  # time from the first row on, running on from log to log [s], shape (m,)
+    block: Ints  # number of the unbroken stretch of each row, shape (m,)
+    q: Floats  # position; likewise velocity ``v`` and acceleration ``a``
     v: Floats
     a: Floats
-    u: Floats
-    parts: Mapping[str, Floats]
-    use: Mask
-    rate: float
-    source: str
+    u: Floats  # measured effort [N or N·m]
+    parts: Mapping[str, Floats]  # effort of every effect, by its key in the twin
+    use: Mask  # rows that the fit uses, shape (m, nv)
+    rate: float  # rows per second [Hz]
+    source: str  # where the log came from
 
     @cached_property
     def predicted(self) -> Floats:
@@ -81,22 +67,14 @@ class Evidence:
         return self.names.index(axis)
 
 
-def evidence(twin: Twin, log: Log | Sequence[Log]) -> Evidence:
-    """Return a log (or several of one machine) beside the twin's prediction.
+def evidence(twin: Twin, given: Log | Sequence[Log] | Motion) -> Evidence:
+    """Return a log (or several of one machine), or a motion made of them, beside the twin's prediction.
 
     Raises:
         LogError: a channel is missing.
         DataError: no row of the log can be used.
     """
-    return evidence_of(twin, prepare(twin.machine, log, **twin.settings))
-
-
-def evidence_of(twin: Twin, motion: Motion) -> Evidence:
-    """Return a prepared motion beside the twin's prediction.
-
-    Raises:
-        DataError: no row of it can be used.
-    """
+    motion = given if isinstance(given, Motion) else prepare(twin.machine, given, **twin.settings)
     rows = choose_rows(motion)
     pick, step = rows.sample, motion.decimation
     parts = {key: thin(motion, part) for key, part in _parts(twin, motion).items()}

@@ -1,4 +1,4 @@
-"""One effect laid over the data it was found in (thesis Fig. 3-9, 3-10, 4-10, 4-11).
+"""One effect: laid over the data it was found in (thesis Fig. 3-9, 3-10, 4-10, 4-11), and left out (Fig. 3-8).
 
 The *extracted data* are the measured effort minus every other effect of the twin. If the effect is
 true, they fall on its curve; what scatters about it is the residual.
@@ -7,7 +7,6 @@ true, they fall on its curve; what scatters about it is the residual.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,7 +16,10 @@ from pinotwin.effects import EFFECTS, AxisEffect
 from pinotwin.errors import DataError
 from pinotwin.log import Log
 from pinotwin.motion import AxisMotion
+from pinotwin.signals import rms
 from pinotwin.studies.evidence import Evidence, evidence
+from pinotwin.studies.study import Study
+from pinotwin.system.phrases import STUDIED
 from pinotwin.twin import Twin
 
 Against = Literal["velocity", "position"]
@@ -39,65 +41,14 @@ KINDS: dict[str, tuple[tuple[str, ...], Against]] = {
 """What is laid over its data -> names of the effects, and what they depend on."""
 
 
-@dataclass(frozen=True, eq=False)
-class Bins:
-    """Extracted data in bins of equal width.
-
-    Attributes:
-        x: centre of each bin, shape (k,).
-        median: median of its rows.
-        low: lower quartile; likewise ``high``.
-    """
-
-    x: Floats
-    median: Floats
-    low: Floats
-    high: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Overlay:
-    """Extracted data and the curve that explains them.
-
-    Attributes:
-        axis: whose effort it is.
-        rotary: rad and N·m, else m and N.
-        against: what the curve is a function of.
-        effects: keys of the effects that make the curve.
-        x: velocity or position of every row [SI], shape (m,).
-        extracted: measured minus all other effects [N or N·m], shape (m,).
-        fitted: the curve at the same rows, shape (m,).
-        grid: where the curve is drawn, shape (g,).
-        curve: its value, shape (g,).
-        bins: the extracted data in bins.
-    """
-
-    axis: str
-    rotary: bool
-    against: Against
-    effects: tuple[str, ...]
-    x: Floats
-    extracted: Floats
-    fitted: Floats
-    grid: Floats
-    curve: Floats
-    bins: Bins
-
-    @property
-    def explained(self) -> float:
-        """Share of the extracted data's power that the curve explains; 1 is all of it."""
-        power = float(np.sum(self.extracted**2))
-        return 1.0 - float(np.sum((self.extracted - self.fitted) ** 2)) / max(power, 1e-300)
-
-
 def overlay(
-    twin: Twin,
-    log: Log | Sequence[Log] | Evidence,
-    axis: str,
-    names: Sequence[str],
-    against: Against,
-) -> Overlay:
+    twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str, names: Sequence[str], against: Against
+) -> Study:
     """Return the effects of some names on one axis over the data extracted for them.
+
+    The rows are the extracted data in bins. The courses are the abscissa ``x`` [SI], the ``extracted`` data and the
+    ``fitted`` curve at the same rows [N or N·m], each of shape (m,), and where the curve is drawn, ``grid`` and
+    ``curve``, shape (g,).
 
     Args:
         twin: whose effects they are.
@@ -120,19 +71,65 @@ def overlay(
     rows = given.use[:, j]
     x = (given.v if against == "velocity" else given.q)[rows, j]
     extracted = given.without(keys)[rows, j]
+    fitted = np.sum([given.parts[key][rows, j] for key in keys], axis=0)
     grid, motion = _grid(given, j, x, against)
     order = np.argsort(grid, kind="stable")
-    return Overlay(
+    curve = _curve(twin, keys, motion)[order]
+    return Study(
+        finding=STUDIED["overlay"].format(share=explained(extracted, fitted)),
+        header=(f"{against} [SI]", "median of the data", "lower quartile", "upper quartile"),
+        rows=np.transpose(binned(x, extracted)).tolist(),
+        courses={"x": x, "extracted": extracted, "fitted": fitted, "grid": grid[order], "curve": curve},
         axis=axis,
         rotary=given.rotary[j],
-        against=against,
         effects=keys,
-        x=x,
-        extracted=extracted,
-        fitted=np.sum([given.parts[key][rows, j] for key in keys], axis=0),
-        grid=grid[order],
-        curve=_curve(twin, keys, motion)[order],
-        bins=binned(x, extracted),
+        against=against,
+    )
+
+
+def explained(extracted: Floats, fitted: Floats) -> float:
+    """Return the share of the data's power that a curve explains, all of shape (m,); 1 is all of it."""
+    power = float(np.sum(extracted**2))
+    return 1.0 - float(np.sum((extracted - fitted) ** 2)) / max(power, 1e-300)
+
+
+def with_and_without(
+    twin: Twin, log: Log | Sequence[Log] | Evidence, axis: str, names: Sequence[str] = RIPPLE
+) -> Study:
+    """Return the effort of an axis predicted with and without each of some effects, by default its ripple (Fig. 3-8).
+
+    An effect is left out of the prediction; the others keep the coefficients that they have beside it. A row of the
+    table has the RMS error with and without an effect. The courses are of the effect that matters most, each of shape
+    (m,): ``t`` and the effort ``measured``, predicted with all effects (``complete``) and ``without`` it.
+
+    Raises:
+        DataError: the axis has no such effect, or no measured effort.
+    """
+    given = log if isinstance(log, Evidence) else evidence(twin, log)
+    j = given.index(axis)
+    keys = {name: own for name in names if (own := effect_keys_of(twin, axis, [name]))}
+    if not keys:
+        raise DataError(f"{twin.machine.name}: axis {axis} has none of {', '.join(names)}")
+    rows = given.use[:, j]
+    parts = {name: np.sum([given.parts[key][rows, j] for key in own], axis=0) for name, own in keys.items()}
+    measured, left = given.u[rows, j], given.residual[rows, j]
+    table = [(name, rms(left), rms(left + part)) for name, part in parts.items()]
+    name, complete, without = max(table, key=lambda row: row[2])
+    sizes = {"complete": complete, "without": without, "unit": "N·m" if given.rotary[j] else "N"}
+    predicted = measured - left
+    return Study(
+        finding=STUDIED["without"].format(effect=name, **sizes),
+        header=("effect", "RMS error with it [N, N·m]", "without"),
+        rows=table,
+        courses={
+            "t": given.t[rows],
+            "measured": measured,
+            "complete": predicted,
+            "without": predicted - parts[name],
+        },
+        axis=axis,
+        rotary=given.rotary[j],
+        effects=(name,),
     )
 
 
@@ -177,13 +174,12 @@ def _curve(twin: Twin, keys: Sequence[str], motion: AxisMotion) -> Floats:
     return total
 
 
-def binned(x: Floats, y: Floats, count: int = 60, fewest: int = 5) -> Bins:
-    """Return median and quartiles of ``y`` in bins of ``x``; bins of fewer rows than ``fewest`` are left out."""
+def binned(x: Floats, y: Floats, count: int = 60, fewest: int = 5) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return centre, median and quartiles of ``y`` in the bins of ``x`` that hold ``fewest`` rows, shape (k,) each."""
     edges = np.linspace(float(x.min()), float(x.max()), count + 1)
     place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
     order = np.argsort(place, kind="stable")
     groups = np.split(y[order], np.searchsorted(place[order], np.arange(1, count)))
     full = [k for k, group in enumerate(groups) if len(group) >= fewest]
-    quartiles = np.array([np.percentile(groups[k], [25, 50, 75]) for k in full]).reshape(-1, 3)
-    centre = 0.5 * (edges[1:] + edges[:-1])
-    return Bins(centre[full], quartiles[:, 1], quartiles[:, 0], quartiles[:, 2])
+    quartiles = np.array([np.percentile(groups[k], [50, 25, 75]) for k in full]).reshape(-1, 3)
+    return (0.5 * (edges[1:] + edges[:-1])[full], *quartiles.T)

@@ -28,9 +28,7 @@ from numba.misc.appdirs import AppDirs
 def dispatcher(function: Any, options: Mapping[str, Any]) -> Any:
     """Return numba's function, not compiled yet, that looks for its result on the disk first.
 
-    Args:
-        function: as written, but with nothing in its globals but what it uses, compiled functions as numba's.
-        options: of ``numba.njit``.
+    The globals of ``function`` must hold only what it uses, compiled functions as numba's.
     """
     made: Any = numba.njit(**options)(function)
     folder = _folder()
@@ -88,13 +86,7 @@ def _folder() -> Path | None:
 
 
 class _Files(_Cache):  # type: ignore[misc]
-    """The compiled forms of one function, two files for each list of argument types.
-
-    Args:
-        folder: where the files are.
-        name: of the function.
-        recipe: what it is made of.
-    """
+    """The compiled forms of one function, made by a recipe: two files for each list of argument types."""
 
     def __init__(self, folder: Path, name: str, recipe: str) -> None:
         self._folder, self._name, self._recipe = folder, name, recipe

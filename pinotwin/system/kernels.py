@@ -18,12 +18,7 @@ _PART = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Return a function that numba compiles when it is first called; to be used as a decorator.
-
-    Args:
-        function: it may call other such functions, but not itself.
-        options: of ``numba.njit``.
-    """
+    """Return a function that numba compiles, with options of ``njit``, when it is first called; not a recursive one."""
     if function is None:
         return lambda other: Kernel(other, options)
     return Kernel(function, options)
