@@ -33,27 +33,15 @@ _PASSES = 4  # of velocity and ticks
 
 @dataclass(frozen=True)
 class _Ticks:
-    """When each row was sampled, in steps of an even clock.
+    """When each row was sampled, in steps of an even clock."""
 
-    Attributes:
-        at: tick of every row, increasing within a part, NaN for a row that repeats its sample, (n,).
-        parts: unbroken stretches of rows.
-        step: of the clock [s].
-    """
-
-    at: Floats
-    parts: tuple[slice, ...]
-    step: float
+    at: Floats  # tick of every row, increasing within a part, NaN for a row that repeats its sample, (n,)
+    parts: tuple[slice, ...]  # unbroken stretches of rows
+    step: float  # of the clock [s]
 
 
 def even_clock(log: Log, axes: Sequence[str], settings: Settings = USUAL) -> Log:
-    """Return a bound log on an even clock with short holes bridged; its notes say what was done.
-
-    Args:
-        log: bound log with ``t`` and the positions of the axes.
-        axes: axes whose positions tell the clock.
-        settings: what is decided by.
-    """
+    """Return a bound log on an even clock, told by the positions of ``axes``, short holes bridged; its notes say so."""
     stamped = np.isfinite(log.t)
     even = log if stamped.all() else log.rows(stamped)
     try:

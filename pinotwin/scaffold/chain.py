@@ -73,15 +73,7 @@ def is_chain(text: str) -> bool:
 
 
 def parse_chain(text: str, rotary: str = "table") -> Chain:
-    """Return the chain that a text means.
-
-    Args:
-        text: see the module.
-        rotary: ``table`` or ``head``: what rotary axes carry where the text has no ``-``.
-
-    Raises:
-        MachineError: an axis twice, or none.
-    """
+    """Return the chain that a text means, see the module; ``rotary`` (table, head) is for one without ``-``."""
     text = text.lstrip("0")
     letters = text.replace("-", "")
     twice = next((a for a in letters if letters.count(a) > 1), None)
@@ -96,11 +88,7 @@ def parse_chain(text: str, rotary: str = "table") -> Chain:
 
 
 def write_urdf(name: str, chain: Chain, sizes: Sizes) -> bytes:
-    """Return the URDF of a chain.
-
-    Raises:
-        MachineError: a size for an axis that the machine does not have, or one that cannot be.
-    """
+    """Return the URDF of a chain; MachineError for a size that cannot be, or of an axis that there is not."""
     for kind in ("mass", "travel", "offset"):
         for axis in getattr(sizes, kind):
             if axis not in chain.axes:

@@ -12,15 +12,10 @@ from pinotwin.signals import autocorrelation
 
 @dataclass(frozen=True)
 class Push:
-    """How well a column is explained as the effort of an axis.
+    """How well a column is explained as the effort of an axis."""
 
-    Attributes:
-        share: share of its variance that inertia, friction, position and a constant explain.
-        negative: whether both inertia and dry friction come out negative: the column's sign is turned.
-    """
-
-    share: float
-    negative: bool
+    share: float  # share of its variance that inertia, friction, position and a constant explain
+    negative: bool  # whether both inertia and dry friction come out negative: the column's sign is turned
 
 
 def moves(x: Floats) -> bool:
@@ -69,14 +64,7 @@ def lead(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def push(q: Floats, u: Floats, step: float, longest: int = 60_000) -> Push:
-    """Return how much of ``u`` an axis that moves as ``q`` would need.
-
-    Args:
-        q: position in any unit, shape (n,).
-        u: the column, shape (n,).
-        step: time of a sample [s].
-        longest: samples that are looked at.
-    """
+    """Return how much of a column ``u`` (n,) an axis that moves as ``q`` (n,) would need, asked of ``longest`` rows."""
     keep = slice(0, longest)
     position, effort = q[keep].astype(float), u[keep].astype(float)
     good = np.isfinite(position) & np.isfinite(effort)

@@ -43,19 +43,13 @@ _SERVO, _OTHER = "servo", "other"
 
 @dataclass
 class _Topic:
-    """What one topic held.
+    """What one topic held."""
 
-    Attributes:
-        kind: whether it goes on the clock of the joints.
-        table: its numbers.
-        stamps: time of each message's header [ns]; 0 where it is not set.
-        logged: time of logging of each message [ns].
-    """
-
-    kind: str
-    table: Table = field(default_factory=Table)
+    kind: str  # whether it goes on the clock of the joints
+    table: Table = field(default_factory=Table)  # its numbers
+    # time of each message's header [ns]; 0 where it is not set
     stamps: list[int] = field(default_factory=list)
-    logged: list[int] = field(default_factory=list)
+    logged: list[int] = field(default_factory=list)  # time of logging of each message [ns]
 
     @property
     def stamped(self) -> bool:
