@@ -225,16 +225,7 @@ def _find(log: Log, column: str, name: str) -> str | None:
             )
     if name in log and is_contract_name(name):
         return None
-    raise LogError(f"{log.source}: {name}: no column {column!r}; {_nearest_few(column, log)}")
-
-
-def _nearest_few(column: str, log: Log) -> str:
-    if len(log.channels) <= 12:
-        return nearest(column, log.channels)
-    import difflib
-
-    close = difflib.get_close_matches(column, list(log.channels), n=4, cutoff=0.3)
-    return f"nearest of {len(log.channels)}: {', '.join(close) if close else 'none is similar'}"
+    raise LogError(f"{log.source}: {name}: no column {column!r}; {nearest(column, log.channels)}")
 
 
 def _contradiction(name: str, mapped: str, stated: str | None) -> list[str]:

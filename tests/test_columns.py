@@ -237,5 +237,5 @@ def test_of_many_channels_only_the_nearest_are_listed() -> None:
     log = Log({f"rec.pos_{i}": [0.0, 1.0] for i in range(40)}, "x.mat")
     with pytest.raises(LogError) as caught:
         bind(log, {"Y.q": Column("rec.pos_77")})
-    assert str(caught.value).startswith("x.mat: Y.q: no column 'rec.pos_77'; nearest of 40: rec.pos_")
+    assert str(caught.value).startswith("x.mat: Y.q: no column 'rec.pos_77'; did you mean 'rec.pos_")
     assert len(str(caught.value)) < 150

@@ -61,10 +61,7 @@ class WristCoupling(Paired):
 
     @classmethod
     def candidates(cls, machine: HasTree, axis: str, motion: Motion) -> tuple[Self, ...]:
-        """Return those with rotary axes so near that a gear can reach, where both move.
-
-        A gear reaches over two joints along the arm: the three of a wrist.
-        """
+        """Return those with moving rotary axes within reach of a gear: two joints along the arm, as in a wrist."""
         tree = Tree.of(machine)
         if not (Sight.of(motion, axis).moves and tree.rotary[tree.index(axis)]):
             return ()

@@ -38,18 +38,12 @@ def needs_model(effects: Sequence[Effect]) -> bool:
 
 
 def with_model(motion: Motion, effects: Sequence[Effect], theta: Floats) -> Motion:
-    """Return the motion with the channels ``model``, ``rigid`` and ``mass`` of all effects and their coefficients (p,).
-
-    The motion itself where no effect needs them; :func:`with_model_effort` fills them in any case.
-    """
+    """Return the motion with ``model``, ``rigid``, ``mass`` of coefficients of shape (p,), if an effect needs them."""
     return with_model_effort(motion, effects, theta) if needs_model(effects) else motion
 
 
 def with_model_effort(motion: Motion, effects: Sequence[Effect], theta: Floats, passes: int = 3) -> Motion:
-    """Return the motion with the channels of a model, see :func:`with_model`, whether needed or not.
-
-    Coefficients have shape (p,). Where an effect scales with the total, that is formed in ``passes``.
-    """
+    """Return the motion with these channels, needed or not, of coefficients of shape (p,), formed in ``passes``."""
     nv, parts = len(motion.names), _with_own(effects, theta)
     rigid, plain = np.zeros((len(motion), nv)), np.zeros((len(motion), nv))
     mass = None

@@ -62,10 +62,7 @@ class Delay(OneAxis):
         return self.over([x for x in SPANS if abs(x) > 0.1 * sight.step] or [sight.step, -sight.step])
 
     def possible(self, theta: Floats) -> bool:
-        """Whether, over a span [s] that rows resolve, all of the effort comes late, not a part of it.
-
-        A part of it late by a longer span is what play and flexible drives look like.
-        """
+        """Whether all of the effort is late by a span [s] that rows resolve; of play and springs a part of it is."""
         if abs(self.span) <= FIRST_ORDER:
             return True
         return bool(WHOLE < float(theta[0]) / self.span < 1.0 / WHOLE)

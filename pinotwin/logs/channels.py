@@ -107,10 +107,7 @@ def _why_none(machine: Machine, log: Log, good: Mask, shortest: int) -> str:
 
 
 def joint_positions(machine: Machine, log: Log, kind: str) -> Floats:
-    """Return positions (``q``) or commands (``qr``) of the joints, ``q = N^-1 q_motor + zero``.
-
-    Missing values are zero: they lie outside the stretches. Shape (n, nv).
-    """
+    """Return positions (``q``) or commands (``qr``) of joints, ``N^-1 q_motor + zero``, (n, nv); zero if missing."""
     x: Floats = np.zeros((len(log), machine.nv))
     for name, axis in machine.axes.items():
         x[:, axis.index] = np.nan_to_num(log[f"{name}.{kind}"])

@@ -153,10 +153,7 @@ def _settle(at: Floats, q: Floats, smoother: float, stands_out: float = 100.0) -
 
 
 def _advance(at: Floats, q: Floats, part: slice, stamped: Floats) -> Floats:
-    """Put into ``at`` by how many ticks each row of a part advances; return the distance from whole ones.
-
-    Rows too slow to tell advance by what the stamps say.
-    """
+    """Put into ``at`` by how many ticks rows advance, slow ones by stamps; return the distance from whole ones."""
     if part.stop - part.start <= _WINDOW:
         return np.zeros(0)
     slope = scipy.signal.savgol_filter(np.column_stack([q[part], at[part]]), _WINDOW, 3, deriv=1, axis=0)

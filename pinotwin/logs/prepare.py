@@ -122,10 +122,7 @@ class EvenLogs:
 
 
 def _regular(machine: Machine, log: Log, how: DataSettings, settings: Settings) -> Log:
-    """Return a log in the names and units of the contract, on an even clock.
-
-    Its notes say what was done to it, no longer what was read.
-    """
+    """Return a log in the names and units of the contract, on an even clock; its notes say what was done to it."""
     bound = replace(usable(machine, bind(log, machine.columns)), notes=())
     bound = without(bound, how.leave_out)
     even = even_clock(bound, list(machine.axes), settings)

@@ -146,10 +146,7 @@ def _locked(title: str, model: pin.Model, single: Mapping[str, int]) -> pin.Mode
 
 
 def urdf_of_model(model: pin.Model, name: str) -> bytes:
-    """Return a model of revolute, continuous and prismatic joints as URDF text.
-
-    Rotor inertias (``model.armature``) have no place in a URDF; geometry is not part of a model.
-    """
+    """Return a model of revolute, continuous and prismatic joints as URDF text, without rotor inertias and geometry."""
     root = etree.Element("robot", name=name)
     links = _links(model)
     for joint, link in enumerate(links):

@@ -95,10 +95,7 @@ def check_inertia(model: pin.Model, where: str) -> None:
 
 
 def no_urdf_holds(model: pin.Model) -> bool:
-    """Whether the inertias are such as no URDF is read with: a negative mass, or a joint that moves no inertia.
-
-    A fit that is free to leave what a body can have may find them.
-    """
+    """Whether a fit found what no URDF is read with: a negative mass, or a joint that moves no inertia."""
     return any(body.mass < 0.0 for body in model.inertias) or bool(idle_joints(model))
 
 
@@ -132,10 +129,7 @@ def package_dirs(path: Path, meshes: Sequence[Path] = ()) -> list[str]:
 
 
 def resolve_meshes(root: etree._Element, path: Path, meshes: Sequence[Path] = ()) -> bool:
-    """Replace mesh names that only mean something beside ``path`` by the files they mean.
-
-    So that a copy of the URDF elsewhere on this computer still finds them. Returns whether any was.
-    """
+    """Put the files in place of mesh names that only mean something beside ``path``; return whether any was."""
     changed = False
     for mesh in root.iter("mesh"):
         file = _mesh_file(mesh.get("filename") or "", path, meshes)
@@ -146,10 +140,7 @@ def resolve_meshes(root: etree._Element, path: Path, meshes: Sequence[Path] = ()
 
 
 def without_missing_meshes(path: Path, meshes: Sequence[Path] = ()) -> tuple[bytes, list[str]]:
-    """Return the URDF text with the meshes that are on this computer, and the names of the others.
-
-    ``meshes`` are folders to look in first: packages, their parents, or the meshes themselves.
-    """
+    """Return the URDF text with the meshes that are here, in ``meshes`` first, and the names of the others."""
     root = read_tree(path)
     missing: dict[str, None] = {}
     for shape in [*root.iter("visual"), *root.iter("collision")]:

@@ -51,10 +51,7 @@ def smoothness(x: Floats) -> float:
 
 
 def lead(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return by how many samples ``x`` is ahead of ``y``, and the share of their difference that this explains.
-
-    Least squares of ``x - y`` on the change of ``x``, a constant aside; both of shape (n,).
-    """
+    """Return by how many samples ``x`` (n,) is ahead of ``y``, and the share of their difference that explains."""
     both = np.isfinite(x) & np.isfinite(y)
     speed = np.gradient(x[both])
     speed, apart = speed - speed.mean(), (x - y)[both] - np.mean((x - y)[both])

@@ -101,10 +101,7 @@ class _Table:
 
 
 def guess_columns(log: Log, axes: Mapping[str, tuple[str, bool]], rate: float | None = None) -> Guesses:
-    """Return which column of a log, as read, is which channel.
-
-    ``axes``: axis -> its joint in the URDF, and whether it turns; ``rate`` [Hz] is that of a log without a time column.
-    """
+    """Return which column is which channel; ``axes``: joint, whether it turns; ``rate`` [Hz] for want of a clock."""
     try:
         named = tuple(bind(log, {}).channels)  # they need no mapping, ROS' joint names among them
     except LogError:

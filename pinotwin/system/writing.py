@@ -315,10 +315,7 @@ def sweep(target: Path) -> None:
 
 
 def _settle(part: Path, target: Path, usual: int) -> None:
-    """Give a part the mode of what it replaces, and wait until it is on the disk.
-
-    A rename may overtake the contents when the power fails.
-    """
+    """Give a part the mode of what it replaces, and wait for its contents: a rename may overtake them on the disk."""
     for file in [p for p in part.rglob("*") if p.is_file()] if part.is_dir() else [part]:
         handle = os.open(file, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
         try:

@@ -46,10 +46,7 @@ class Group:
 def on_one_clock(
     groups: list[Group], source: str, slower: float = 1.5
 ) -> tuple[Floats, dict[str, Floats], list[str]]:
-    """Return the main clock, all channels on it, and what was done, in one sentence each.
-
-    A clock whose step is more than ``slower`` times that of the main clock is too slow for it.
-    """
+    """Return the main clock, the channels of all clocks not ``slower`` on it, and what was done, in a sentence each."""
     joined: list[Group] = []
     for group in (g.whole(source) for g in groups if g.channels):
         same = next((g for g in joined if np.array_equal(g.t, group.t, equal_nan=True)), None)

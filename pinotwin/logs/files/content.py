@@ -182,10 +182,7 @@ def repeated(names: Sequence[str], stated: Sequence[str]) -> dict[str, str]:
 
 
 def _sift(channels: dict[str, Floats], stated: dict[str, str]) -> list[str]:
-    """Take out the columns of one name that never change; return what was done about repeated names.
-
-    ``q_d[0]`` to ``q_d[6]`` are judged as one: an axis at rest among moving ones is kept.
-    """
+    """Take out the columns of one name that never change, ``q_d[0]`` to ``q_d[6]`` as one; return what was done."""
     families: dict[str, list[str]] = {}
     for name in channels:
         if name in stated:

@@ -181,10 +181,7 @@ def _stamping(names: Sequence[str], ticks: Sequence[bool]) -> dict[str, tuple[st
 
 
 def are_steps(name: str, x: Floats, unit: str) -> bool:
-    """Whether a column holds the time of each row, by its name (``dt``, ``duration``) and its numbers.
-
-    Numbers that only rise are a clock.
-    """
+    """Whether a column holds the time of each row, by name (``dt``, ``duration``) and numbers; a clock only rises."""
     bare = re.split(r"[\[(]", name)[0].strip()
     called = re.fullmatch(rf"(?:{_PERIOD}|duration)", bare, re.I) and unit in TIMES
     if not called or x.ndim != 1 or len(x) < 2:

@@ -155,10 +155,7 @@ def _content(topics: dict[str, _Topic], text: set[str], unknown: dict[str, str],
 
 
 def _without_doubles(groups: list[Group], content: Content) -> list[Group]:
-    """Keep a channel that several topics hold (a controller repeats the joint states) once, from the first.
-
-    The topic with most measured channels is asked first.
-    """
+    """Keep a channel that several topics hold (as controllers do) once, from that with most measured channels."""
     measured = sorted(groups, key=lambda g: -sum(name.endswith(".u") for name in g.channels))
     held: set[str] = set()
     out = []

@@ -70,10 +70,7 @@ class _Body:
 
 
 def load(path: Path, source: str, seen: Seen | None = None, longest: int = 2_000_000) -> Content:
-    """Return the columns of a text log; ``seen`` is called with the share that was read.
-
-    A first line of more than ``longest`` letters, a few thousand columns, is refused.
-    """
+    """Return the columns of a text log; a first line of ``longest`` letters, a few thousand columns, is refused."""
     text = path.read_bytes()
     if len(text) > longest and not {10, 13} & set(text[:longest]):
         raise LogError(
