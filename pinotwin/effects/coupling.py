@@ -26,7 +26,6 @@ class InertialCoupling(Paired):
 
     name = "inertial_coupling"
     family = BODY
-    title = "Inertial coupling"
     words = "another axis' acceleration drives this one more than modelled"
     remedy = "check the centre of mass of what both axes move; move one axis alone and watch the other"
     colour = "#2fa6a0"
@@ -45,7 +44,6 @@ class WristCoupling(Paired):
 
     name = "wrist_coupling"
     family = BODY
-    title = "Wrist coupling"
     words = "turning one axis drags another through the gearing"
     remedy = "check the coupling ratio of the wrist in `transmission`"
     colour = "#3a7d7b"

@@ -113,7 +113,6 @@ class Ripple(Pitched):
     """
 
     name = "ripple"
-    title = "Ripple"
     words = "a force that repeats with every pole pitch, screw turn or ball passage"
     remedy = "compare the pitch with pole pitch, screw lead, ball passage and gear teeth"
     colour = "#b07aa1"

@@ -43,7 +43,6 @@ class Delay(OneAxis):
 
     name = "delay"
     family = SENSING
-    title = "Delay"
     words = "one signal was recorded late against the others"
     remedy = "compare the clocks of the channels; state the lead of the effort in machine.yaml"
     colour = "#7f7f7f"
@@ -117,7 +116,6 @@ class EncoderError(OneAxis):
 
     name = "encoder_error"
     family = SENSING
-    title = "Encoder error"
     words = "the position sensor repeats a small error with its own period"
     remedy = "check how the encoder is mounted: eccentric disc, tilted head; adjust its signals"
     colour = "#17869e"

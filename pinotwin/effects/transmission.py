@@ -228,7 +228,6 @@ class Backlash(OneAxis):
     name = "backlash"
     family = TRANSMISSION
     causes = ("flexibility",)
-    title = "Backlash"
     words = "play: at reversal the motor moves before the load does"
     remedy = "hold the load and turn the motor to and fro: measure the lost motion; adjust nut or gear"
     colour = "#c44e52"
